@@ -252,7 +252,7 @@ impl Run<'_> {
             } else if let Some(cause) = &dead {
                 (report.verdict, report.reason) = (Verdict::Inconclusive, cause.clone());
             } else {
-                let airborne = rule.needs.iter().any(|need| need == "airborne");
+                let airborne = flies(rule);
                 if flying && !airborne {
                     flying = false;
                     self.land();
@@ -661,6 +661,13 @@ fn loi_bit(need: &str) -> i64 {
     }
 }
 
+/// Whether its scene leaves the vehicle in the air: where the rule is about flying, or judged in flight as well.
+fn flies(rule: &Rule) -> bool {
+    rule.hazard == Hazard::Flight
+        || rule.needs.iter().any(|need| need == "airborne")
+        || ["ROUTE-004", "CONF-005"].contains(&rule.id.as_str())
+}
+
 /// From harmless to hostile; rules in flight together.
 fn rank(rule: &Rule) -> (u8, String) {
     let set = match rule.profile.as_str() {
@@ -677,7 +684,7 @@ fn rank(rule: &Rule) -> (u8, String) {
         "robust" => 12,
         _ => 10,
     };
-    let airborne = rule.needs.iter().any(|need| need == "airborne");
+    let airborne = flies(rule);
     let rank = match rule.hazard {
         // A station that has sent heartbeats is watched for its silence from then on, in all that follows.
         _ if ["HB-001", "HB-003", "HB-004"].contains(&rule.id.as_str()) => 23,
@@ -686,7 +693,11 @@ fn rank(rule: &Rule) -> (u8, String) {
             20
         }
         Hazard::Destructive => 21,
-        _ if ["AUTH-018", "STAT-015", "LINK-004", "ALERT-002"].contains(&rule.id.as_str()) => 19,
+        _ if ["AUTH-018", "DISC-005", "STAT-015", "LINK-004", "ALERT-002"]
+            .contains(&rule.id.as_str()) =>
+        {
+            19
+        }
         _ if airborne => 10,
         _ => set,
     };

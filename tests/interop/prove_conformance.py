@@ -21,18 +21,19 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cucs_operator
+from cucs_operator import profile as cucs_profile
 from lossy_relay import Relay
-from second_cucs.faults import FAULTS as CUCS_FAULTS
+from second_cucs.program import FAULTS as CUCS_FAULTS
 from second_scenarios import PROGRAM, free_port
 from second_vsm.program import CIRCUMSTANCES, FAULTS
 from second_vsm.variants import VARIANTS
 
 LIMIT_S = 1200
-HEAD_CUCS = """# The proof of the conformance suite on a CUCS
+HEAD_CUCS = """# On a CUCS
 
-Written by `tests/interop/prove_conformance.py --cucs`: `dli-check cucs` plays a vehicle to the second CUCS of `tests/interop`;
-`cucs_operator.py` acts and looks for its operator.
+Written by `tests/interop/prove_conformance.py --cucs`: `dli-check cucs` plays a vehicle to the second CUCS of `tests/interop`, whose steps and
+eyes are `tests/interop/cucs_operator.py`. C01 to C25 are the faults of the suite's own table; the others are named after the rule that has to
+find them.
 """
 HEAD = """# The proof of the conformance suite
 
@@ -44,7 +45,7 @@ that its first rule does not find, with the verdict and its reason.
 LOSS = 0.05
 # Rules that hold on most faulty VSMs: where they fail as well, the reason is looked for.
 UNTOUCHED = ("DISC-001", "AUTH-001", "ACK-001")
-TWO_VEHICLES = {"MULTI-002", "V12", "V13", "V27", "two-vehicles"}
+TWO_VEHICLES = {"MULTI-002", "MULTI-002b", "V12", "V13", "V27", "two-vehicles"}
 STATIONS = (("1b:00:00:a0", "2345", True), ("1b:00:00:a1", "2345", True), ("1b:00:00:a2", "2345", False), ("1b:00:00:a3", "24", False),
             ("1b:00:00:a4", "2", False))
 
@@ -199,18 +200,19 @@ def judge(run, args):
 def cucs_runs():
     yield Run("lawful", "the second CUCS as it is")
     for id, fault in CUCS_FAULTS.items():
-        yield Run(id, fault.title, ["--fault", id], fault.caught_by)
+        yield Run(id, fault.title, [id], fault.caught_by)
 
 
 def judge_cucs(run, args):
     """Lets the suite's scripted vehicle judge one CUCS, scenario by scenario."""
-    began = time.monotonic()
+    began, port, control = time.monotonic(), free_port(), free_port()
     with tempfile.TemporaryDirectory() as directory:
         report, profile = Path(directory) / "report.json", Path(directory) / "profile.toml"
-        faults = [run.id] if run.faulty else []
-        profile.write_text(cucs_operator.profile(free_port(), faults))
-        command = [args.dli_check, "cucs", "--listen", f"127.0.0.1:{free_port()}", "--profile", str(profile), "--json", str(report),
+        profile.write_text(cucs_profile(control, run.options))
+        command = [args.dli_check, "cucs", "--listen", f"127.0.0.1:{port}", "--profile", str(profile), "--json", str(report),
                    *(["--strict"] if run.faulty else [])]
+        for rule in run.rules:
+            command += ["--rule", rule]
         collect(run, command, report, args.limit)
     run.seconds = time.monotonic() - began
     print(f"{run.id:12} {run.seconds:6.0f} s  {run.gap() or 'as expected'}", flush=True)
@@ -257,10 +259,12 @@ def main():
     parser.add_argument("--cucs", action="store_true", help="judge the second CUCS and its faults instead, with the scripted vehicle")
     parser.add_argument("--faults", action="store_true", help="judge the faulty only")
     parser.add_argument("--all-rules", action="store_true", help="judge the faulty by all rules")
+    parser.add_argument("--rule", action="append", default=[], metavar="ID", help="judge by this rule only (repeat)")
     parser.add_argument("--speed", type=float, default=10.0, metavar="FACTOR", help="of the simulated aircraft")
     parser.add_argument("--at-once", type=int, default=8, help="number of runs side by side")
     parser.add_argument("--limit", type=float, default=LIMIT_S, metavar="S", help="time for one run")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the table here as well")
+    parser.add_argument("--append", action="store_true", help="add the table to what the file has already")
     parser.add_argument("--details", type=Path, metavar="FILE", help="write every verdict with its reason here, as JSON")
     parser.add_argument("--restart", type=Path, metavar="DIR", help=argparse.SUPPRESS)
     args = parser.parse_args()
@@ -269,12 +273,14 @@ def main():
         return
     every, do = (cucs_runs(), judge_cucs) if args.cucs else (runs(args.all_rules), judge)
     chosen = [run for run in every if (not args.only or run.id in args.only) and (run.faulty or not args.faults)]
+    for run in chosen:
+        run.rules = tuple(args.rule) or run.rules
     with ThreadPoolExecutor(args.at_once) as pool:
         done = list(pool.map(lambda run: do(run, args), chosen))
     text = table(done, HEAD_CUCS if args.cucs else HEAD)
     print(text)
     if args.out:
-        args.out.write_text(text)
+        args.out.write_text(args.out.read_text() + "\n" + text if args.append else text)
     if args.details:
         args.details.write_text(json.dumps([{"id": r.id, "verdicts": r.verdicts, "reasons": r.reasons} for r in done], indent=1))
     sys.exit(1 if any(run.gap() for run in done) else 0)

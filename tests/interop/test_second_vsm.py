@@ -18,6 +18,7 @@ import reference_ed25 as ed25
 from cucs import Failure
 from second_scenarios import HOME, SCENARIOS, VEHICLE, Subject
 from second_vsm.faults_by_rule import BY_RULE
+from second_vsm.faults_in_detail import IN_DETAIL
 from second_vsm.mutants import MUTANTS
 from second_vsm.program import STATIONS, Options, build, parse_access
 from second_vsm.variants import VARIANTS
@@ -95,10 +96,10 @@ class FaultsByRule(unittest.TestCase):
     def test_each_is_of_a_rule_for_a_vsm(self):
         catalogue = tomllib.loads((Path(__file__).resolve().parents[2] / "conformance" / "rules.toml").read_text())
         rules = {rule["id"] for rule in catalogue["rule"] if rule["subject"] != "cucs"}
-        self.assertLessEqual(set(BY_RULE) | {rule for fault in MUTANTS.values() for rule in fault.caught_by}, rules)
+        self.assertLessEqual(set(BY_RULE) | {rule for fault in (MUTANTS | IN_DETAIL).values() for rule in fault.caught_by}, rules)
 
     def test_each_can_be_built(self):
-        for id in BY_RULE:
+        for id in BY_RULE | IN_DETAIL:
             with self.subTest(id):
                 build(Options(access=dict(map(parse_access, STATIONS)), vehicles=2), [id])
 

@@ -75,7 +75,12 @@ pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
             candidate.authorised |= answer.raw("LOI Authorized").unwrap_or_default();
             add_vehicle(&mut survey, answer);
         }
-        if candidate.authorised != 0 || candidate.claimed.is_some_and(|claimed| claimed != 0) {
+        // An id that the profile names is one that the subject knows, whatever it offers it.
+        let named = !claims.is_empty() && candidate.claimed != Some(0) && !answers.is_empty();
+        if candidate.authorised != 0
+            || candidate.claimed.is_some_and(|claimed| claimed != 0)
+            || named
+        {
             survey.cucs.push(candidate);
         }
     }
@@ -155,9 +160,9 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
             .raw("Payload Stations Available 1-16")
             .unwrap_or_default();
     }
-    survey.data_links = !station
-        .received(mark, |seen| seen.kind() == 28001)
-        .is_empty();
+    survey.data_links = station
+        .wait(mark, bench.timers.answer / 4, |seen| seen.kind() == 28001)
+        .is_some();
     let _ = station.request(0x0F, Access::Release);
     Ok(())
 }

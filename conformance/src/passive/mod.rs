@@ -4,7 +4,9 @@
 //! occur. To add one: write a function in the file of its subject, which looks at [`View::messages`] and calls
 //! [`Found`]'s methods, and name it in that file's `JUDGES`.
 
+mod dialogue;
 mod ed25;
+mod endurance;
 mod meaning;
 mod station;
 mod values;
@@ -16,10 +18,15 @@ pub use view::{Found, Judge, View};
 /// All judges.
 #[must_use]
 pub fn judges() -> Vec<&'static Judge> {
-    [wrapper::JUDGES, values::JUDGES, meaning::JUDGES]
-        .into_iter()
-        .flatten()
-        .collect()
+    [
+        wrapper::JUDGES,
+        values::JUDGES,
+        meaning::JUDGES,
+        dialogue::JUDGES,
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// All judges of a CUCS: its own, and those of the wire.
@@ -30,6 +37,7 @@ pub fn cucs_judges() -> Vec<&'static Judge> {
         values::JUDGES,
         meaning::JUDGES,
         station::JUDGES,
+        endurance::JUDGES,
     ]
     .into_iter()
     .flatten()

@@ -56,14 +56,29 @@ pub(super) const JUDGES: &[Judge] = &[
         judge: repeats_with_the_same_stamp,
     },
     Judge {
+        rule: "ACK-008",
+        judge: acknowledges_to_whom_it_may_concern,
+    },
+    Judge {
         rule: "SCALAR-003",
         judge: waypoints_in_the_west,
+    },
+    Judge {
+        rule: "WRAP-016",
+        judge: commands_are_addressed,
     },
 ];
 
 /// What a CUCS may need for a message: the bits of LOI, of which it has to hold one.
-fn needed(kind: u16) -> Option<i64> {
-    match kind {
+fn needed(seen: &Seen) -> Option<i64> {
+    match seen.kind() {
+        // Launch and recovery.
+        2016 if seen
+            .raw("Select Flight Path Control Mode")
+            .is_some_and(|mode| (19..=21).contains(&mode)) =>
+        {
+            Some(8)
+        }
         2000..=2999 | 13_000..=13_006 => Some(4 | 8),
         19_000..=20_999 => Some(2),
         _ => None,
@@ -100,6 +115,15 @@ fn held(grants: &[(f64, Id, i64)], cucs: Id, at: f64) -> (i64, f64) {
     now
 }
 
+/// Stations that the last #2 to this CUCS names.
+fn stations_of(view: &View<'_>, cucs: Id, at: f64) -> Option<i64> {
+    view.requests()
+        .filter(|seen| seen.kind() == 2 && sound(seen) && seen.piece.destination == cucs)
+        .take_while(|seen| seen.at.as_secs_f64() <= at)
+        .filter_map(|seen| seen.raw("Controlled Station 1-16"))
+        .last()
+}
+
 fn form_of_a_discovery(view: &View<'_>, found: &mut Found) {
     let first = view.messages().find(|seen| seen.kind() == 1);
     let broadcast = view
@@ -133,11 +157,27 @@ fn form_of_a_discovery(view: &View<'_>, found: &mut Found) {
 fn sends_what_its_loi_allows(view: &View<'_>, found: &mut Found) {
     let grants = grants(view);
     for seen in view.messages() {
-        let Some(needed) = needed(seen.kind()) else {
+        let Some(needed) = needed(seen) else {
             continue;
         };
         let at = seen.at.as_secs_f64();
         let (levels, since) = held(&grants, seen.piece.source, at);
+        if needed == 2
+            && let Some(stations) = seen
+                .info
+                .and_then(|info| info.field("Station Number 1-16"))
+                .and_then(|_| seen.raw("Station Number 1-16"))
+        {
+            let own = stations_of(view, seen.piece.source, at);
+            found.check(seen, own.is_none_or(|own| stations & !own == 0), || {
+                format!(
+                    "expected message {} for stations that {} was granted (0x{:04x}), got 0x{stations:04x}",
+                    seen.kind(),
+                    seen.piece.source,
+                    own.unwrap_or_default()
+                )
+            });
+        }
         // What was on its way when the rights changed is nobody's fault.
         found.check(
             seen,
@@ -221,7 +261,7 @@ fn the_holder_is_asked(view: &View<'_>, found: &mut Found) {
             let releases = seen.kind() == 1
                 && seen.raw("Requested/Handover Access") == Some(0)
                 && seen.raw("Requested/Handover LOI").unwrap_or_default() != 0;
-            (0.0..0.8).contains(&after) && (matches!(seen.kind(), 4 | 5) || releases)
+            (0.0..1.5).contains(&after) && (matches!(seen.kind(), 4 | 5) || releases)
         });
         if let Some(answer) = answer {
             found.fail(answer, format!("expected a handover request to be shown to the operator; {} came {:.2} s after it, faster than anyone decides", answer.kind(), answer.at.as_secs_f64() - at));
@@ -231,91 +271,163 @@ fn the_holder_is_asked(view: &View<'_>, found: &mut Found) {
 
 fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
     let mut numbers: BTreeSet<i64> = BTreeSet::new();
-    let mut nexts: Vec<(Arc<Seen>, i64)> = Vec::new();
+    let mut named: Vec<(Arc<Seen>, &str, i64)> = Vec::new();
     let mut load: Option<Arc<Seen>> = None;
+    let mut last: Option<Arc<Seen>> = None;
     for seen in view.messages() {
         match seen.kind() {
-            13_002 => {
-                if let (Some(load), Some(number)) = (&load, seen.raw("Waypoint Number")) {
+            13_001..=13_006 => {
+                let number = seen
+                    .info
+                    .and_then(|info| info.field("Waypoint Number"))
+                    .and_then(|_| seen.raw("Waypoint Number"));
+                // The same message again, for a network that loses some, is no new one.
+                let again = view
+                    .messages()
+                    .any(|other| other.at < seen.at && other.piece.bytes == seen.piece.bytes);
+                if let Some(load) = load.as_ref().filter(|_| !again) {
                     let late = seen.at.as_secs_f64() - load.at.as_secs_f64();
-                    found.check(seen, late > 5.0 || numbers.contains(&number), || format!("expected every waypoint before the load command; waypoint {number} came {late:.2} s after it"));
+                    found.check(seen, late > 5.0, || format!("expected all of a route before the load command; message {} came {late:.2} s after it", seen.kind()));
                 }
-                numbers.extend(seen.raw("Waypoint Number"));
-                nexts.extend(seen.raw("Next Waypoint").map(|next| (seen.clone(), next)));
+                if seen.kind() == 13_002 {
+                    found.check(
+                        seen,
+                        number.is_some_and(|number| (1..=65_534).contains(&number)),
+                        || format!("expected a Waypoint Number of 1 to 65534, got {number:?}"),
+                    );
+                    numbers.extend(number);
+                    let next = seen.raw("Next Waypoint").unwrap_or_default();
+                    found.check(seen, next == 0 || Some(next) != number, || {
+                        format!("expected another waypoint as Next Waypoint, or 0; waypoint {next} names itself")
+                    });
+                    named.push((seen.clone(), "Next Waypoint", next));
+                } else if seen.kind() == 13_001 {
+                    let first = seen.raw("Initial Waypoint Number").unwrap_or_default();
+                    named.push((seen.clone(), "Initial Waypoint Number", first));
+                } else if let Some(number) = number {
+                    named.push((seen.clone(), "Waypoint Number", number));
+                }
+                last = Some(seen.clone());
             }
             13_000 if seen.raw("Mission Plan Mode") == Some(2) => {
-                found.saw();
-                for (point, next) in &nexts {
-                    found.check(point, *next == 0 || numbers.contains(next), || format!("expected waypoint {next}, which a Next Waypoint names, before the load command; it was never sent"));
+                found.check(seen, !numbers.is_empty(), || {
+                    "expected waypoints before the load command; none was sent".into()
+                });
+                for (point, field, number) in &named {
+                    found.check(point, *number == 0 || numbers.contains(number), || format!("expected waypoint {number}, which {field} of {} names, before the load command; it was never sent", point.kind()));
                 }
+                let twice = load.as_ref().is_some_and(|load| {
+                    load.piece.bytes != seen.piece.bytes
+                        && last.as_ref().is_none_or(|last| last.at < load.at)
+                        && seen.at.as_secs_f64() - load.at.as_secs_f64() < 5.0
+                });
+                found.check(seen, !twice, || {
+                    "expected one load command for a route; another came without a new waypoint"
+                        .into()
+                });
                 load = Some(seen.clone());
             }
             _ => {}
         }
     }
+    let end = view
+        .datagrams
+        .last()
+        .map_or(0.0, |datagram| datagram.at.as_secs_f64());
+    if let Some(last) = &last {
+        let waited = end - last.at.as_secs_f64();
+        let loaded = load.as_ref().is_some_and(|load| load.at >= last.at)
+            || load
+                .as_ref()
+                .is_some_and(|load| last.at.as_secs_f64() - load.at.as_secs_f64() < 5.0);
+        found.check(last, loaded || waited < 5.0, || {
+            format!("expected a load command after the route; none came in {waited:.0} s")
+        });
+    }
 }
 
-/// Indices that 44003 of the vehicle marks as not available, with the time.
-fn unavailable(view: &View<'_>) -> Vec<(f64, i64, i64, i64)> {
+/// Whether 44003 had marked this mode as not available for at least half a second; a later 44003 may give it back.
+fn unavailable(view: &View<'_>, mode: i64, at: f64) -> bool {
     view.requests()
         .filter(|seen| {
             seen.kind() == 44_003
-                && seen
-                    .raw("Enumerated Index Enable")
-                    .is_some_and(|enable| enable < 0)
+                && seen.raw("Reported Message") == Some(2016)
+                && seen.raw("Reported Field") == Some(2)
+                && seen.raw("Reported Enumerated Index") == Some(mode)
+                && seen.at.as_secs_f64() + 0.5 < at
         })
-        .filter_map(|seen| {
-            Some((
-                seen.at.as_secs_f64(),
-                seen.raw("Reported Message")?,
-                seen.raw("Reported Field")?,
-                seen.raw("Reported Enumerated Index")?,
-            ))
-        })
-        .collect()
+        .filter_map(|seen| seen.raw("Enumerated Index Enable"))
+        .last()
+        .is_some_and(|enable| enable < 0)
 }
 
 fn only_what_is_available(view: &View<'_>, found: &mut Found) {
-    let marked = unavailable(view);
-    if marked.is_empty() {
+    if !view.requests().any(|seen| seen.kind() == 44_003) {
         return;
     }
     for seen in view.messages().filter(|seen| seen.kind() == 2016) {
         let Some(mode) = seen.raw("Select Flight Path Control Mode") else {
             continue;
         };
-        let at = seen.at.as_secs_f64();
-        let barred = marked.iter().any(|&(time, message, field, index)| {
-            time + 0.5 < at && message == 2016 && field == 2 && index == mode
-        });
+        let barred = unavailable(view, mode, seen.at.as_secs_f64());
         found.check(seen, !barred, || {
             format!("expected no mode that 44003 marks as unavailable; 2016 with mode {mode} came")
         });
     }
 }
 
+/// Every value of a command, beside what 41000, 41001 and 41003 declared of its field: integers in steps on the wire, floats
+/// in the unit of the field.
 fn declared_ranges(view: &View<'_>, found: &mut Found) {
-    let declared = view.requests().find(|seen| {
-        matches!(seen.kind(), 41_001 | 41_003)
-            && seen.raw("Requested Message") == Some(2017)
-            && seen.raw("Requested Field") == Some(3)
-    });
-    let Some(declared) = declared else { return };
-    let (Some(low), Some(high)) = (declared.value("Min Value"), declared.value("Max Value")) else {
-        return;
-    };
-    for seen in view
-        .messages()
-        .filter(|seen| seen.kind() == 2017 && seen.at > declared.at)
+    for declared in view
+        .requests()
+        .filter(|seen| matches!(seen.kind(), 41_000 | 41_001 | 41_003))
     {
-        let Some(radius) = seen.value("Loiter Radius") else {
+        let (Some(message), Some(number)) = (
+            declared.raw("Requested Message"),
+            declared.raw("Requested Field"),
+        ) else {
             continue;
         };
-        found.check(seen, radius >= low - 1.5 && radius <= high + 1.5, || {
-            format!(
-                "expected a loiter radius within the declared {low} to {high} m, got {radius} m"
-            )
-        });
+        let field = u16::try_from(message)
+            .ok()
+            .and_then(stanag_msgs::table::message)
+            .and_then(|info| info.fields.get(usize::try_from(number - 1).ok()?));
+        let Some(field) = field else { continue };
+        let supported = declared.raw("Field Supported") != Some(0);
+        let (low, high) = (declared.value("Min Value"), declared.value("Max Value"));
+        for seen in view
+            .messages()
+            .filter(|seen| i64::from(seen.kind()) == message && seen.at > declared.at)
+        {
+            let float = declared.kind() == 41_001;
+            let sent = if float {
+                seen.value(field.name)
+            } else {
+                seen.raw(field.name).map(|raw| raw as f64)
+            };
+            let Some(sent) = sent else { continue };
+            if !supported {
+                found.check(seen, sent == 0.0, || {
+                    format!(
+                        "expected no {} in message {message}, which the vehicle does not support; got {sent}",
+                        field.name
+                    )
+                });
+                continue;
+            }
+            let slack = if float { field.step() } else { 0.0 };
+            let within = low.is_none_or(|low| sent >= low - slack)
+                && high.is_none_or(|high| sent <= high + slack);
+            found.check(seen, within, || {
+                format!(
+                    "expected {} of message {message} within the declared {} to {}, got {sent}",
+                    field.name,
+                    low.unwrap_or(f64::NEG_INFINITY),
+                    high.unwrap_or(f64::INFINITY)
+                )
+            });
+        }
     }
 }
 
@@ -377,10 +489,15 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
         .filter(|seen| seen.kind() == 17_000)
         .filter_map(|seen| seen.raw("Original Message Time Stamp"))
         .collect();
+    let end = view
+        .datagrams
+        .last()
+        .map_or(0.0, |datagram| datagram.at.as_secs_f64());
     let mut open: BTreeMap<(u16, Vec<u8>), (f64, i64)> = BTreeMap::new();
+    let mut times: BTreeMap<Vec<u8>, (usize, Arc<Seen>)> = BTreeMap::new();
     for seen in view
         .messages()
-        .filter(|seen| seen.piece.ack() && matches!(seen.kind(), 2016 | 2017))
+        .filter(|seen| seen.piece.ack() && matches!(seen.kind(), 2000..=2999))
     {
         let Some(stamp) = seen.stamp() else { continue };
         let width = seen.info.map_or(0, |info| usize::from(info.presence_bytes)) + 5;
@@ -393,17 +510,41 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
             found.check(seen, stamp == first, || format!("expected the repetition of an unacknowledged {} to have the same stamp; {first} became {stamp}", seen.kind()));
         }
         open.insert((seen.kind(), content), (at, stamp));
+        times
+            .entry(seen.piece.bytes.clone())
+            .or_insert_with(|| (0, seen.clone()))
+            .0 += 1;
+    }
+    for (count, seen) in times.values() {
+        found.check(seen, *count <= 20, || {
+            format!(
+                "expected a limited number of repetitions of a {}, got {count}",
+                seen.kind()
+            )
+        });
+        // Lost, and never sent again: neither these bytes nor, which is judged above, the same with another stamp.
+        let stamp = seen.stamp().unwrap_or_default();
+        let waited = end - seen.at.as_secs_f64();
+        let sent_anew = view.messages().any(|other| {
+            other.kind() == seen.kind() && other.at > seen.at && other.stamp() != seen.stamp()
+        });
+        let lost = !acknowledged.contains(&stamp) && *count == 1 && waited > 6.0;
+        found.check(seen, !lost || sent_anew, || {
+            format!("expected a {} that nothing acknowledged to be sent again; it was not in {waited:.0} s", seen.kind())
+        });
     }
 }
 
 fn waypoints_in_the_west(view: &View<'_>, found: &mut Found) {
     let Some((latitude, longitude)) = view
         .requests()
-        .find(|seen| seen.kind() == 4000)
-        .and_then(|seen| Some((seen.value("Latitude")?, seen.value("Longitude")?)))
+        .filter(|seen| seen.kind() == 4000)
+        .filter_map(|seen| Some((seen.value("Latitude")?, seen.value("Longitude")?)))
+        .find(|(latitude, _)| latitude.abs() < std::f64::consts::FRAC_PI_2)
     else {
         return;
     };
+    let degrees = |angle: f64| angle.to_degrees();
     for seen in view.messages().filter(|seen| seen.kind() == 13_002) {
         let (Some(north), Some(east)) = (
             seen.value("Waypoint to Latitude or Relative Y"),
@@ -411,15 +552,102 @@ fn waypoints_in_the_west(view: &View<'_>, found: &mut Found) {
         ) else {
             continue;
         };
-        if (north - latitude).abs() > 0.02 {
+        // A relative position is none on the globe.
+        if seen.raw("Location Type").unwrap_or_default() != 0 {
             continue;
         }
-        found.check(seen, (east - longitude).abs() < 0.5, || {
+        found.check(
+            seen,
+            north.abs() <= std::f64::consts::FRAC_PI_2 + 1e-9,
+            || {
+                format!(
+                    "expected a latitude of -90 to 90 degrees, got {:.1}",
+                    degrees(north)
+                )
+            },
+        );
+        let raw = seen
+            .raw("Waypoint to Longitude or Relative X")
+            .unwrap_or_default();
+        found.check(seen, raw != i64::from(i32::MAX), || {
+            "expected a longitude in two's complement; the largest angle was sent, as where a longitude beyond 180 degrees is cut off".into()
+        });
+        // A route near the vehicle, seen through each of the ways to get an angle wrong.
+        let near = |a: f64, b: f64| (a - b).abs() < 0.02;
+        for (what, wrong_north, wrong_east) in [
+            ("latitude and longitude exchanged", longitude, latitude),
+            ("the opposite sign of the longitude", latitude, -longitude),
+            ("the opposite sign of the latitude", -latitude, longitude),
+            ("half of each angle", latitude / 2.0, longitude / 2.0),
+            (
+                "twice each angle",
+                latitude * 2.0,
+                crate::bench::flight::wrapped(longitude * 2.0),
+            ),
+        ] {
+            found.check(seen, !(near(north, wrong_north) && near(east, wrong_east)), || {
+                format!(
+                    "expected a waypoint near the vehicle at {:.1}, {:.1} degrees; {:.1}, {:.1} is {what}",
+                    degrees(latitude),
+                    degrees(longitude),
+                    degrees(north),
+                    degrees(east)
+                )
+            });
+        }
+        if near(north, latitude) {
+            found.check(seen, (east - longitude).abs() < 0.5, || {
+                format!(
+                    "expected a longitude near {:.1} degrees, where the vehicle is; got {:.1}",
+                    degrees(longitude),
+                    degrees(east)
+                )
+            });
+        }
+    }
+}
+
+/// Commands go to one vehicle, and come from the CUCS itself.
+fn commands_are_addressed(view: &View<'_>, found: &mut Found) {
+    let vehicles: BTreeSet<Id> = view.requests().map(|seen| seen.piece.source).collect();
+    for seen in view.messages() {
+        let (source, destination) = (seen.piece.source, seen.piece.destination);
+        found.check(seen, !vehicles.contains(&source), || {
             format!(
-                "expected a longitude near {:.1} degrees, where the vehicle is; got {:.1}",
-                longitude.to_degrees(),
-                east.to_degrees()
+                "expected the CUCS as source of message {}, got the vehicle {source}",
+                seen.kind()
             )
         });
+        let everybody = matches!(seen.kind(), 1 | 16_002 | 28_000 | 17_000);
+        found.check(seen, everybody || destination != Id::BROADCAST, || {
+            format!(
+                "expected message {} to be addressed to one vehicle, got the broadcast id",
+                seen.kind()
+            )
+        });
+    }
+}
+
+/// 17000 goes to whoever asked, with what it asked about.
+fn acknowledges_to_whom_it_may_concern(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages().filter(|seen| seen.kind() == 17_000) {
+        let (kind, stamp) = (
+            seen.raw("Original Message Type"),
+            seen.raw("Original Message Time Stamp"),
+        );
+        let asked = view.requests().find(|asked| {
+            Some(i64::from(asked.kind())) == kind && asked.stamp() == stamp && asked.at <= seen.at
+        });
+        found.check(seen, asked.is_some(), || {
+            format!("expected 17000 about a message of the vehicle; none of type {kind:?} has the stamp {stamp:?}")
+        });
+        if let Some(asked) = asked {
+            found.check(seen, seen.piece.destination == asked.piece.source, || {
+                format!(
+                    "expected 17000 to {}, which asked; it went to {}",
+                    asked.piece.source, seen.piece.destination
+                )
+            });
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! Judges of wrapper and checksum: WRAP.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::view::{Found, Judge, View};
 use crate::wire::{HEADER, checksum, trailer};
 use stanag_msgs::Id;
@@ -99,6 +101,26 @@ fn length_counts_data_only(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let length = usize::from(u16::from_be_bytes([word[0], word[1]]));
+        // The checksum at the end tells where the data really end.
+        let sum = bytes
+            .get(15)
+            .map_or(0, |properties| trailer(properties >> 6));
+        if let Some(end) = bytes
+            .len()
+            .checked_sub(sum)
+            .filter(|&end| sum > 0 && end > HEADER)
+            && checksum(bytes[15] >> 6, &bytes[..end]) == bytes[end..]
+            && length != end - HEADER
+        {
+            found.fail_at(
+                datagram,
+                format!(
+                    "expected Message Length to be that of the data, {} bytes; it is {length}",
+                    end - HEADER
+                ),
+            );
+            continue;
+        }
         if length >= HEADER && length <= bytes.len() && HEADER + length > bytes.len() {
             found.fail_at(
                 datagram,
@@ -192,6 +214,11 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
     let mut cucs: Vec<Id> = view.requests().map(|seen| seen.piece.source).collect();
     cucs.sort();
     cucs.dedup();
+    let spoken: BTreeSet<(usize, Id)> = view
+        .requests()
+        .map(|seen| (seen.socket, seen.piece.source))
+        .collect();
+    let mut strayed: BTreeMap<(usize, Id), usize> = BTreeMap::new();
     for seen in view.messages() {
         let (source, destination) = (seen.piece.source, seen.piece.destination);
         let place = format!("message {} from {source} to {destination}", seen.kind());
@@ -200,10 +227,23 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
             ![Id::NULL, Id::BROADCAST, Id(0)].contains(&source),
             || format!("expected the vehicle or VSM as source; got {place}"),
         );
-        // Responses to a flood, which is not recorded, go to ids that nothing else shows.
+        // Responses to a flood, which is not recorded, go to ids that nothing else shows; what a restarted subject or a late
+        // answer sends may come to the socket that the id had before.
         if destination != Id::BROADCAST && !cucs.is_empty() && seen.kind() != 2 {
             found.check(seen, cucs.contains(&destination), || {
                 format!("expected a CUCS or the broadcast id as destination; got {place}")
+            });
+            let there = spoken.contains(&(seen.socket, destination));
+            found.check(seen, there || !view.live, || {
+                format!("expected messages for {destination} at its own address only; got {place} at that of another CUCS")
+            });
+        }
+        // A response to a damaged question may go astray once, and no more.
+        if view.live && seen.kind() == 2 && cucs.contains(&destination) {
+            let count = strayed.entry((seen.socket, destination)).or_default();
+            *count += usize::from(!spoken.contains(&(seen.socket, destination)));
+            found.check(seen, *count < 3, || {
+                format!("expected responses to {destination} at its own address only; got {place} at that of another CUCS")
             });
         }
         // Reports about a vehicle, by which a CUCS draws it.

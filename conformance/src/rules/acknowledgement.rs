@@ -3,8 +3,10 @@
 use std::time::Duration;
 
 use super::scene::Scene;
-use crate::bench::flight::{airborne, home, mode, mode_becomes, mode_command, reported_mode};
-use crate::bench::station::{Station, information_request};
+use crate::bench::flight::{
+    airborne, home, mode, mode_becomes, mode_command, reported_mode, transfer, waypoint,
+};
+use crate::bench::station::{Station, information_request, schedule};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};
@@ -89,6 +91,42 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
             )
         })?;
     }
+    // Not a setting only: every command that asks, whether it can be carried out here or not.
+    let home = home(t, &a)?;
+    let point = waypoint(&home, 5, 0, home.latitude, home.longitude, 40.0);
+    for draft in [
+        mode_command(mode::LOITER),
+        point,
+        Draft::new(2007).raw("Set Lights", 0),
+        transfer(5, "ACK"),
+    ] {
+        let kind = draft.message_type;
+        let sent = a.send(draft.acked());
+        let mut found = None;
+        for attempt in 0..3 {
+            if attempt > 0 {
+                a.send_bytes(&sent.bytes);
+            }
+            found = a.wait(sent.mark, t.timers().ack, |seen| {
+                about(seen, kind, sent.stamp)
+            });
+            if found.is_some() {
+                break;
+            }
+        }
+        let Some(found) = found else {
+            return Err(Stop::fail(format!(
+                "expected 17000 about {kind} with stamp {}, which asked for it; none came",
+                sent.stamp
+            )));
+        };
+        t.expect_of(&found, found.piece.source == a.vehicle, || {
+            format!(
+                "expected 17000 from the vehicle {} that was commanded, got one from {}",
+                a.vehicle, found.piece.source
+            )
+        })?;
+    }
     Ok(())
 }
 
@@ -99,6 +137,21 @@ fn no_acknowledgement_unasked(t: &Trial) -> Judged {
     if let Some(found) = found {
         t.expect_of(&found, false, || {
             "expected no 17000 to a 2017 without the acknowledgement bit; one came".into()
+        })?;
+    }
+    let home = home(t, &a)?;
+    let mark = t.bench.net.mark();
+    a.send(mode_command(mode::LOITER));
+    a.send(waypoint(&home, 5, 0, home.latitude, home.longitude, 40.0));
+    a.send(transfer(5, "ACK"));
+    a.send(Draft::new(2007).raw("Set Lights", 0));
+    let found = a.wait(mark, t.timers().quiet, |seen| seen.kind() == 17000);
+    if let Some(found) = found {
+        t.expect_of(&found, false, || {
+            format!(
+                "expected no 17000 to messages without the acknowledgement bit; one about {:?} came",
+                found.raw("Original Message Type")
+            )
         })?;
     }
     Ok(())
@@ -136,11 +189,22 @@ fn a_report_is_its_own_acknowledgement(t: &Trial) -> Judged {
         })?;
     }
     let reports = a.received(mark, |seen| seen.kind() == 3).len();
-    let requests = 1;
-    if reports > requests {
+    if reports > 1 {
         t.note(format!("{reports} messages #3 came to one request"));
     }
-    let _ = information_request(3);
+    let mark = t.bench.net.mark();
+    a.send(information_request(3004));
+    a.send(Draft::new(15000).raw("Subsystem ID", 1 << 9));
+    a.send(schedule(3, 0));
+    let found = a.wait(mark, t.timers().quiet, |seen| seen.kind() == 17000);
+    if let Some(found) = found {
+        t.expect_of(&found, false, || {
+            format!(
+                "expected no 17000 to requests without the acknowledgement bit; one about {:?} came",
+                found.raw("Original Message Type")
+            )
+        })?;
+    }
     Ok(())
 }
 
@@ -230,7 +294,58 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
     })
 }
 
+/// Settings and waypoints are carried out, or refused, at once.
+fn settings_are_settled_at_once(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let home = home(t, &a)?;
+    let cases = [
+        (
+            "a good 2017",
+            Draft::new(2017).set("Loiter Radius", t.bench.fresh_radius()),
+            2,
+        ),
+        (
+            "a good 13002",
+            waypoint(&home, 5, 0, home.latitude, home.longitude, 40.0),
+            2,
+        ),
+        (
+            "a 2017 with loiter type 200",
+            Draft::new(2017).raw("Loiter Type", 200),
+            3,
+        ),
+    ];
+    for (what, draft, expected) in cases {
+        let kind = draft.message_type;
+        let sent = a.send(draft.acked());
+        let settled = |seen: &Seen| {
+            about(seen, kind, sent.stamp)
+                && seen
+                    .raw("Acknowledgement Type")
+                    .is_some_and(|kind| kind != 1)
+        };
+        let mut last = a.wait(sent.mark, t.timers().ack * 2, settled);
+        if last.is_none() {
+            a.send_bytes(&sent.bytes);
+            last = a.wait(sent.mark, t.timers().ack * 2, settled);
+        }
+        let Some(last) = last else {
+            return Err(Stop::fail(format!(
+                "expected 17000 type {expected} to {what} at once; neither 2 nor 3 came"
+            )));
+        };
+        let found = last.raw("Acknowledgement Type");
+        t.expect_of(&last, found == Some(expected), || {
+            format!("expected 17000 type {expected} to {what}, got {found:?}")
+        })?;
+    }
+    a.send(transfer(5, "ACK"));
+    a.release()?;
+    Ok(())
+}
+
 fn received_then_done_or_refused(t: &Trial) -> Judged {
+    settings_are_settled_at_once(t)?;
     let a = airborne(t)?;
     // Out of mode 12 first, so that it has to be entered.
     let other = a.send(

@@ -7,11 +7,16 @@ use crate::bench::flight::{Plan, home, load, mode_command};
 use crate::bench::station::loi;
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
+use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "ALERT-002",
         play: the_end_of_a_cause_clears_its_alert,
+    },
+    Scene {
+        rule: "ALERT-003",
+        play: the_reference_can_be_asked_for,
     },
     Scene {
         rule: "ALERT-004",
@@ -59,11 +64,40 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     let cleared = station.wait(mark, Duration::from_secs(10), |seen| {
         seen.kind() == 16000
             && seen.raw("Priority") == Some(0)
-            && seen
-                .raw("Alert (Warning) ID")
-                .is_some_and(|found| found.abs() == id)
+            && seen.raw("Alert (Warning) ID") == Some(id)
     });
     t.expect(cleared.is_some(), || format!("expected alert {id} to be cleared with priority 0 once the vehicle's link was back; it was not"))
+}
+
+/// -1 where nothing more can be asked: any other reference is answered when 15001 names it.
+fn the_reference_can_be_asked_for(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let mark = t.bench.net.mark();
+    a.send(mode_command(17).acked());
+    let Some(alert) = a.wait(mark, t.timers().answer, |seen| seen.kind() == 16000) else {
+        return Err(Stop::inconclusive(
+            "no alert came to the refusal of mode 17",
+        ));
+    };
+    t.cite(&alert);
+    let reference = alert.raw("Subsystem State Report Reference");
+    let Some(reference) = reference.filter(|&reference| reference != -1) else {
+        return Ok(());
+    };
+    let sent = a.send(
+        Draft::new(15001)
+            .raw("Subsystem State Report Reference", reference)
+            .acked(),
+    );
+    let more = a.wait(sent.mark, t.timers().answer, |seen| {
+        matches!(seen.kind(), 15_002 | 16_001 | 16_003..=16_999)
+            || seen.kind() == 17000
+                && seen.raw("Original Message Type") == Some(15001)
+                && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    t.expect_of(&alert, more.is_some(), || {
+        format!("expected report reference -1 in 16000 where nothing more can be asked, got {reference}, and 15001 with it brings nothing")
+    })
 }
 
 fn a_refusal_says_why(t: &Trial) -> Judged {
@@ -76,6 +110,7 @@ fn a_refusal_says_why(t: &Trial) -> Judged {
     t.expect(said.is_some(), || {
         "expected a 16000 with the reason after the refusal of mode 17; none came".into()
     })?;
+    let first = said.and_then(|seen| seen.text("Text")).unwrap_or_default();
     let home = home(t, &a)?;
     let mut gap = Plan::zigzag(&home, "WHY", &[71, 72, 73]);
     gap.points.remove(1);
@@ -89,6 +124,12 @@ fn a_refusal_says_why(t: &Trial) -> Judged {
     });
     t.expect(said.is_some(), || {
         "expected a 16000 with the reason after the refusal of a route with a gap; none came".into()
+    })?;
+    let other = a.received(mark, |seen| {
+        seen.kind() == 16000 && seen.text("Text").is_some_and(|text| text != first)
+    });
+    t.expect(!other.is_empty(), || {
+        format!("expected a text that names the reason; the refusals of a mode and of a route with a gap both say {first:?}")
     })
 }
 
@@ -103,6 +144,28 @@ fn no_storms(t: &Trial) -> Judged {
     let count = a.received(mark, |seen| seen.kind() == 16000).len();
     t.expect(count <= 20, || {
         format!("expected at most 20 alerts in the time of 300 refused commands, got {count}")
+    })?;
+    // A storm must not keep another alert from coming through.
+    let storm: Vec<_> = a
+        .received(mark, |seen| seen.kind() == 16000)
+        .iter()
+        .filter_map(|seen| seen.text("Text"))
+        .collect();
+    if storm.is_empty() {
+        return Ok(());
+    }
+    let home = home(t, &a)?;
+    let mut gap = Plan::zigzag(&home, "STORM", &[81, 82, 83]);
+    gap.points.remove(1);
+    let mark = t.bench.net.mark();
+    if load(t, &a, &gap)?.status == Some(1) {
+        return Ok(());
+    }
+    let other = a.wait(mark, t.timers().answer * 2, |seen| {
+        seen.kind() == 16000 && seen.text("Text").is_some_and(|text| !storm.contains(&text))
+    });
+    t.expect(other.is_some(), || {
+        "expected the alert about a refused route to come through after 300 refused commands; it did not".into()
     })
 }
 

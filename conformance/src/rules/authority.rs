@@ -1,10 +1,12 @@
 //! Authorisation, levels of interoperability, connection: AUTH.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, difference, download, home, loaded, mode, mode_command, reported_mode, transfer,
+    Plan, airborne, difference, download, home, land, loaded, mode, mode_command, reported_mode,
+    transfer,
 };
 use crate::bench::station::{Access, Station, authorisation, information_request, loi};
 use crate::bench::trial::Trial;
@@ -127,12 +129,51 @@ fn free_control_is_granted(t: &Trial) -> Judged {
     })?;
     t.expect(answer.piece.destination == a.id, || {
         format!("expected #2 to {}, got {}", a.id, answer.piece.destination)
-    })
+    })?;
+    obeyed(t, &a, "granted LOI 4")?;
+    // The second time, and together with other levels; never what was not requested.
+    a.release()?;
+    let all = t.bench.surveyed()?.with(loi::LOI4 | loi::LOI5);
+    let five = if all.iter().any(|cucs| cucs.id == a.id) {
+        loi::LOI5
+    } else {
+        0
+    };
+    for levels in [
+        loi::LOI4,
+        loi::LOI2 | loi::LOI4,
+        loi::LOI2 | loi::LOI4 | five,
+    ] {
+        let answer = a.take(levels)?;
+        let more = granted(&answer) & !levels & loi::LOI5;
+        t.expect_of(&answer, more == 0, || {
+            format!(
+                "expected LOI 5 to stay away from a CUCS that requested LOI 0x{levels:02x}; got LOI Granted 0x{:02x}",
+                granted(&answer)
+            )
+        })?;
+        let released = a.release()?;
+        t.expect_of(&released, granted(&released) & (loi::LOI4 | loi::LOI5) == 0, || {
+            format!(
+                "expected no control after the release of LOI 0x{levels:02x}, got LOI Granted 0x{:02x}",
+                granted(&released)
+            )
+        })?;
+    }
+    Ok(())
 }
 
 fn held_control_is_denied(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
+    let answer = b.request(loi::LOI4, Access::Request)?;
+    let access = answer.raw("Access Granted");
+    t.expect_of(&answer, access != Some(1), || {
+        format!(
+            "expected Access Granted 0 with the denial to {}, which holds nothing; got {access:?}",
+            b.id
+        )
+    })?;
     denied(t, &b)?;
     obeyed(t, &a, "the holder")?;
     powerless(t, &a, &b, "denied")
@@ -196,7 +237,7 @@ fn control_lasts(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
     let end = t.bench.net.now()
-        + Duration::from_secs(40).mul_f64(
+        + Duration::from_secs(61).mul_f64(
             t.bench
                 .profile
                 .timers
@@ -227,8 +268,9 @@ fn release_is_granted(t: &Trial) -> Judged {
             )
         },
     )?;
-    b.take(loi::LOI4)?;
-    Ok(())
+    b.take(loi::LOI2 | loi::LOI4)?;
+    obeyed(t, &b, "granted after the release of another")?;
+    powerless(t, &b, &a, "released")
 }
 
 fn commands_need_their_loi(t: &Trial) -> Judged {
@@ -251,22 +293,52 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
         let mark = t.bench.net.mark();
         station.send(mode_command(wanted).acked());
         for message in Plan::zigzag(&home, "FOREIGN", &[7, 8]).messages() {
-            station.send(message);
+            station.send(message.acked());
         }
-        station.send(transfer(2, "FOREIGN"));
+        station.send(transfer(2, "FOREIGN").acked());
         station.send(
             Draft::new(2008)
                 .raw("Engine Number", 1)
                 .raw("Engine Command", 1)
                 .acked(),
         );
+        station.send(
+            Draft::new(2005)
+                .raw("Commanded Flight Termination State", 1)
+                .acked(),
+        );
         station.send(Draft::new(2007).raw("Set Lights", 1).acked());
+        station.send(
+            Draft::new(2000)
+                .raw("Initial Propulsion Energy", 100)
+                .acked(),
+        );
+        station.send(transfer(1, "FOREIGN").acked());
         let done = station.wait(mark, t.timers().quiet, |seen| {
             (seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2))
                 || (seen.kind() == 14000 && seen.raw("Status") == Some(1))
         });
         if let Some(done) = done {
             t.expect_of(&done, false, || format!("expected commands of a CUCS with {why} to be refused or ignored; message {} says that one was carried out", done.kind()))?;
+        }
+        let engine = a.query(3007).ok();
+        if let Some(engine) = engine.filter(|seen| seen.raw("Engine Status") != Some(0)) {
+            t.expect_of(
+                &engine,
+                engine.raw("Reported Engine Command") != Some(1),
+                || {
+                    format!(
+                        "expected 2008 of a CUCS with {why} to start no engine; 3007 reports it"
+                    )
+                },
+            )?;
+        }
+        let armed = a.query(3005).ok();
+        if let Some(armed) = armed {
+            let state = armed.raw("Reported Flight Termination State");
+            t.expect_of(&armed, state.unwrap_or_default() == 0, || {
+                format!("expected 2005 of a CUCS with {why} to arm nothing; 3005 shows {state:?}")
+            })?;
         }
         let after = reported_mode(&a)?;
         t.expect(after == before || after != Some(wanted), || format!("expected 2016 of a CUCS with {why} to change nothing; 3001 went from {before:?} to {after:?}"))?;
@@ -390,29 +462,12 @@ fn loi_bits(t: &Trial) -> Judged {
 
 fn launch_needs_loi_5(t: &Trial) -> Judged {
     let a = t.controller()?;
-    let before = reported_mode(&a)?;
     let answer = a.request(0, Access::Request)?;
     t.expect(granted(&answer) & loi::LOI5 == 0, || {
         "LOI 5 was granted without being asked for".into()
     })
     .precondition("A has LOI 4 only")?;
-    let sent = a.send(
-        mode_command(mode::LAUNCH)
-            .raw("Altitude Command Type", 1)
-            .acked(),
-    );
-    let done = a.wait(sent.mark, t.timers().quiet, |seen| {
-        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
-    });
-    if let Some(done) = done {
-        t.expect_of(&done, false, || {
-            "expected launch with LOI 4 only to be refused; 17000 type 2 came".into()
-        })?;
-    }
-    let after = reported_mode(&a)?;
-    t.expect(after == before || after != Some(mode::LAUNCH), || {
-        format!("expected 3001 to stay at {before:?} after a launch with LOI 4 only, got {after:?}")
-    })?;
+    not_without_loi_5(t, &a, mode::LAUNCH)?;
     let engine = a.query(3007);
     if let Ok(engine) = engine {
         t.expect_of(
@@ -421,7 +476,42 @@ fn launch_needs_loi_5(t: &Trial) -> Judged {
             || "expected engines stopped in 3007 after a launch with LOI 4 only".into(),
         )?;
     }
-    Ok(())
+    a.release()?;
+    if !t.bench.flight_released.load(Ordering::SeqCst) {
+        return Ok(());
+    }
+    // In flight the landing, which a vehicle on the ground refuses for another reason.
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let answer = a.request(loi::LOI5, Access::Release)?;
+    let result = if granted(&answer) & (loi::LOI4 | loi::LOI5) == loi::LOI4 {
+        not_without_loi_5(t, &a, mode::LAND)
+    } else {
+        t.note("LOI 5 cannot be released alone: the landing is not judged");
+        Ok(())
+    };
+    a.release()?;
+    land(t)?;
+    result
+}
+
+/// A mode of launch and recovery, commanded with LOI 4 only, changes nothing.
+fn not_without_loi_5(t: &Trial, a: &Station, wanted: i64) -> Judged {
+    let before = reported_mode(a)?;
+    let sent = a.send(mode_command(wanted).raw("Altitude Command Type", 1).acked());
+    let done = a.wait(sent.mark, t.timers().quiet, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    if let Some(done) = done {
+        t.expect_of(&done, false, || {
+            format!("expected mode {wanted} with LOI 4 only to be refused; 17000 type 2 came")
+        })?;
+    }
+    let after = reported_mode(a)?;
+    t.expect(after == before || after != Some(wanted), || {
+        format!(
+            "expected 3001 to stay at {before:?} after mode {wanted} with LOI 4 only, got {after:?}"
+        )
+    })
 }
 
 fn every_request_gets_its_answer(t: &Trial) -> Judged {
@@ -453,7 +543,19 @@ fn every_request_gets_its_answer(t: &Trial) -> Judged {
             )
         })?;
     }
-    powerless(t, &a, &b, "LOI Granted shows LOI 2 only")
+    powerless(t, &a, &b, "LOI Granted shows LOI 2 only")?;
+    // The holder asks again: whatever it is shown to hold has to work.
+    for levels in [loi::LOI4, loi::LOI2, 0] {
+        let answer = a.request(levels, Access::Request)?;
+        let shown = granted(&answer) & loi::LOI4 != 0;
+        t.expect_of(&answer, shown, || {
+            format!(
+                "expected the holder to keep LOI 4 when it requests LOI 0x{levels:02x}; got LOI Granted 0x{:02x}",
+                granted(&answer)
+            )
+        })?;
+    }
+    obeyed(t, &a, "the holder that asked again")
 }
 
 fn only_the_holder_can_release(t: &Trial) -> Judged {
@@ -465,6 +567,18 @@ fn only_the_holder_can_release(t: &Trial) -> Judged {
     t.expect_of(&held, granted(&held) & loi::LOI4 != 0, || {
         format!(
             "expected {} to hold LOI 4 after a release by {}, which holds nothing; got 0x{:02x}",
+            a.id,
+            b.id,
+            granted(&held)
+        )
+    })?;
+    // Not with a level of its own to give up either.
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    b.release()?;
+    let held = a.request(0, Access::Request)?;
+    t.expect_of(&held, granted(&held) & loi::LOI4 != 0, || {
+        format!(
+            "expected {} to hold LOI 4 after {} gave up its LOI 2; got 0x{:02x}",
             a.id,
             b.id,
             granted(&held)

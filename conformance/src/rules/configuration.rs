@@ -7,10 +7,11 @@ use std::time::Duration;
 use stanag_msgs::Id;
 
 use super::scene::Scene;
-use crate::bench::station::Station;
+use crate::bench::flight::{Plan, home, load};
+use crate::bench::station::{Access, Station, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::{Draft, Seen};
+use crate::wire::{Direction, Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -28,6 +29,10 @@ pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "CONF-004",
         play: missing_values_are_listed,
+    },
+    Scene {
+        rule: "CONF-005",
+        play: a_change_of_availability_is_said,
     },
     Scene {
         rule: "CONF-006",
@@ -124,7 +129,51 @@ fn configuration_ends_with_complete(t: &Trial) -> Judged {
     let stations = t.bench.surveyed()?.stations().len();
     t.expect(count <= requests * (1 + stations), || {
         format!("expected one 41005 to a request, got {count} to {requests}")
-    })
+    })?;
+    let response = station.request(0, Access::Request)?;
+    for name in ["Vehicle Type", "Vehicle Subtype", "VSM ID"] {
+        let (offered, complete_has) = (response.raw(name), complete.raw(name));
+        t.expect_of(&complete, complete_has.is_none() || complete_has == offered, || {
+            format!("expected 41005 for the vehicle of message 2; {name} is {complete_has:?}, in message 2 {offered:?}")
+        })?;
+    }
+    t.expect_of(&complete, complete.piece.source == station.vehicle, || {
+        format!(
+            "expected 41005 from {}, got one from {}",
+            station.vehicle, complete.piece.source
+        )
+    })?;
+    // Every level that this CUCS may have, and each of them again.
+    let authorised = response.raw("LOI Authorized").unwrap_or_default();
+    for (kind, level, commands) in [
+        (1, loi::LOI2, true),
+        (3, loi::LOI4, false),
+        (4, loi::LOI5, false),
+        (kind, 0, false),
+    ] {
+        if level != 0 && authorised & level == 0 {
+            continue;
+        }
+        let mark = t.bench.net.mark();
+        station.ask(
+            request(kind),
+            t.timers().config / 3,
+            &format!("configuration complete (41005) to request type {kind}"),
+            |seen| seen.kind() == 41005,
+        )?;
+        let flight = station.received(mark, |seen| {
+            matches!(seen.kind(), 41000..=41004)
+                && seen
+                    .raw("Requested Message")
+                    .is_some_and(|message| matches!(message, 2016 | 2017 | 13002 | 13003))
+        });
+        if let Some(flight) = flight.first().filter(|_| commands) {
+            t.expect_of(flight, false, || {
+                format!("expected the configuration of LOI 2 to request type 1, got that of message {:?}, which needs LOI 4", flight.raw("Requested Message"))
+            })?;
+        }
+    }
+    Ok(())
 }
 
 fn single_parameter(t: &Trial) -> Judged {
@@ -142,6 +191,20 @@ fn single_parameter(t: &Trial) -> Judged {
     )?;
     t.cite(&answer);
     t.pause(t.timers().answer / 2)?;
+    let sends = |mark: usize| {
+        t.bench.net.recording().datagrams[mark..]
+            .iter()
+            .filter(|datagram| datagram.direction == Direction::Sent)
+            .flat_map(|datagram| &datagram.messages)
+            .filter(|seen| seen.kind() == 40000)
+            .count()
+    };
+    let answers = station
+        .received(mark, |seen| matches!(seen.kind(), 41000 | 41001 | 41003))
+        .len();
+    t.expect(answers <= sends(mark), || {
+        format!("expected one answer about field 3 of 2017, got {answers}")
+    })?;
     for seen in station.received(mark, |seen| matches!(seen.kind(), 41000..=41004)) {
         let named = (seen.raw("Requested Message"), seen.raw("Requested Field"));
         t.expect_of(&seen, named == (Some(2017), Some(3)), || {
@@ -159,11 +222,68 @@ fn single_parameter(t: &Trial) -> Judged {
         matches!(seen.kind(), 41000..=41004)
             && seen.raw("Requested Field") == Some(99)
             && seen.raw("Field Supported") == Some(1)
+            || seen.kind() == 44003
+                && seen.raw("Reported Message") == Some(2017)
+                && seen.raw("Reported Field") == Some(99)
+                && seen.raw("Field Available") == Some(1)
     });
     if let Some(claims) = claims {
         t.expect_of(&claims, false, || {
             "expected field 99 of 2017, which does not exist, not to be called supported".into()
         })?;
+    }
+    one_field_as_all_of_them(t, &station)
+}
+
+/// What is said of one field is what the whole configuration says of it, support included.
+fn one_field_as_all_of_them(t: &Trial, station: &Station) -> Judged {
+    let whole = full(t, station, 3).precondition("a full configuration")?;
+    let mut judged = 0;
+    for supported in [1, 0] {
+        let mut named: Vec<_> = whole
+            .iter()
+            .filter(|seen| {
+                matches!(seen.kind(), 41000 | 41001 | 41003)
+                    && seen.raw("Field Supported") == Some(supported)
+            })
+            .collect();
+        named.dedup_by_key(|seen| (seen.raw("Requested Message"), seen.raw("Requested Field")));
+        for known in named.into_iter().take(3) {
+            let place = (known.raw("Requested Message"), known.raw("Requested Field"));
+            let (Some(message), Some(field)) = place else {
+                continue;
+            };
+            let mark = t.bench.net.mark();
+            station.send(
+                request(0)
+                    .raw("Requested Message", message)
+                    .raw("Requested Field", field),
+            );
+            let about = |seen: &Seen| {
+                matches!(seen.kind(), 41000..=41004)
+                    && (seen.raw("Requested Message"), seen.raw("Requested Field")) == place
+            };
+            let Some(single) = station.wait(mark, t.timers().answer, about) else {
+                continue;
+            };
+            judged += 1;
+            let shown = single.raw("Field Supported");
+            t.expect_of(&single, shown.unwrap_or(1) == supported, || {
+                format!("expected Field Supported {supported} for field {field} of message {message}, as in the whole configuration; got {shown:?}")
+            })?;
+            for name in ["Min Value", "Max Value", "Default Value"] {
+                if single.kind() != known.kind() || supported == 0 {
+                    continue;
+                }
+                let (alone, among) = (single.value(name), known.value(name));
+                t.expect_of(&single, alone == among, || {
+                    format!("expected {name} {among:?} for field {field} of message {message}, as in the whole configuration; got {alone:?}")
+                })?;
+            }
+        }
+    }
+    if judged == 0 {
+        t.note("no field of the whole configuration is answered singly");
     }
     Ok(())
 }
@@ -197,8 +317,78 @@ fn missing_values_are_listed(t: &Trial) -> Judged {
     Ok(())
 }
 
+/// What a new configuration phase says otherwise than the one before has to have been said at once.
+fn a_change_of_availability_is_said(t: &Trial) -> Judged {
+    if !t
+        .bench
+        .flight_released
+        .load(std::sync::atomic::Ordering::SeqCst)
+    {
+        return Err(Stop::not_applicable(
+            "needs a vehicle in flight, where a plan makes mode 11 available",
+        ));
+    }
+    let a = crate::bench::flight::airborne(t)?;
+    let home = home(t, &a)?;
+    let phase = || -> Judged<BTreeSet<i64>> {
+        let mark = t.bench.net.mark();
+        a.ask(
+            request(3),
+            t.timers().config / 3,
+            "configuration complete (41005)",
+            |seen| seen.kind() == 41005,
+        )
+        .precondition("a full configuration")?;
+        Ok(availability(&a.received(mark, is_answer), 2016, 2))
+    };
+    crate::bench::flight::clear(t, &a)?;
+    let before = phase()?;
+    let mark = t.bench.net.mark();
+    if load(t, &a, &Plan::zigzag(&home, "AVAIL", &[1, 2]))?.status != Some(1) {
+        return Err(Stop::inconclusive("a good route was not loaded"));
+    }
+    t.pause(t.timers().answer / 2)?;
+    let said: BTreeSet<i64> = a
+        .received(mark, |seen| {
+            seen.kind() == 44003
+                && seen.raw("Reported Message") == Some(2016)
+                && seen.raw("Reported Field") == Some(2)
+        })
+        .iter()
+        .filter_map(|seen| seen.raw("Reported Enumerated Index"))
+        .collect();
+    let after = phase()?;
+    let changed: BTreeSet<i64> = before.symmetric_difference(&after).copied().collect();
+    if changed.is_empty() {
+        return Err(Stop::not_applicable(
+            "no mode becomes available by a plan, as the configuration says",
+        ));
+    }
+    t.expect(changed.is_subset(&said), || {
+        format!("expected 44003 at once about the modes {changed:?}, which the configuration lists otherwise since a plan is aboard; it came about {said:?}")
+    })
+}
+
 fn abort_stops_the_answers(t: &Trial) -> Judged {
     let station = t.any()?;
+    // As many as there are in all: a subject that sends them at once has nothing left to stop.
+    let mark = t.bench.net.mark();
+    full(t, &station, 3).precondition("a full configuration")?;
+    let whole = station
+        .received(mark, |seen| matches!(seen.kind(), 41000..=41005))
+        .len();
+    let mark = station.send_together(vec![request(3), request(6)]);
+    let aborted = t.bench.net.now();
+    t.pause(t.timers().quiet)?;
+    let came = station.received(mark, |seen| matches!(seen.kind(), 41000..=41005));
+    let last = came.last().map_or(Duration::ZERO, |seen| seen.at);
+    let late = last.saturating_sub(aborted);
+    t.expect(came.len() < whole || late < Duration::from_millis(200), || {
+        format!(
+            "expected the abort right behind the request to end the configuration; all {whole} messages came, the last {:.1} s after it",
+            late.as_secs_f64()
+        )
+    })?;
     let sent = station.send(request(3));
     let first = station.wait(sent.mark, t.timers().answer, is_answer);
     if first.is_none() {
@@ -251,7 +441,8 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
             "the declared loiter radius has no minimum and maximum",
         ));
     };
-    // Declared in metres or in steps of the wire (1.5 m): judged so that either reading is lawful.
+    // Integers are steps of the field on the wire, as this project reads it; a float is in its unit. Where a profile does
+    // not settle that, both readings are lawful, and what lies within, or beyond, both is judged.
     for radius in [low * 1.5, high] {
         if radius <= 0.0 || radius > 98_000.0 || low * 1.5 > high {
             continue;
@@ -263,12 +454,49 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
         a.set_radius(raw);
         t.expect(a.radius_becomes(raw)?, || format!("expected a loiter radius of {raw:.1} m, within the declared {low} to {high}, to be accepted; 3004 does not show it"))?;
     }
+    altitudes_within_what_is_declared(t, &a, &configuration)?;
     let beyond = (high * 1.1).ceil() * 1.5 + 3.0;
     if beyond < 98_000.0 {
         a.set_radius(beyond);
         t.pause(t.timers().answer / 2)?;
         let shown = a.radius()?;
         t.expect(shown.is_none_or(|shown| (shown - beyond).abs() > 0.8), || format!("expected a loiter radius of {beyond:.1} m, beyond the declared {high}, to be refused; 3004 shows it"))?;
+    }
+    Ok(())
+}
+
+/// The same for the altitude of a waypoint: one beyond the declared range is refused with its route.
+fn altitudes_within_what_is_declared(
+    t: &Trial,
+    a: &Station,
+    configuration: &[Arc<Seen>],
+) -> Judged {
+    let declared = configuration.iter().find(|seen| {
+        matches!(seen.kind(), 41000 | 41001)
+            && seen.raw("Requested Message") == Some(13002)
+            && seen.raw("Requested Field") == Some(6)
+            && seen.raw("Field Supported") != Some(0)
+    });
+    let Some(high) = declared.and_then(|seen| seen.value("Max Value")) else {
+        return Ok(());
+    };
+    // In steps of 0.02 m, or in metres: beyond both.
+    let beyond = high.max(high * 0.02) * 1.1 + 10.0;
+    let step = high * 0.02 * 1.1 + 10.0;
+    let home = home(t, a)?;
+    for (altitude, sure) in [
+        (beyond, true),
+        (step, declared.is_some_and(|seen| seen.kind() == 41000)),
+    ] {
+        if altitude > 167_000.0 || !sure {
+            continue;
+        }
+        let mut plan = Plan::zigzag(&home, "BEYOND", &[91, 92]);
+        plan.points[1] = plan.points[1].clone().set("Waypoint to Altitude", altitude);
+        let found = load(t, a, &plan)?;
+        t.expect(found.status != Some(1), || {
+            format!("expected a waypoint at {altitude:.0} m, beyond the declared {high}, to be refused; 14000 status 1 came")
+        })?;
     }
     Ok(())
 }

@@ -2,7 +2,8 @@
 
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, clear, deliver, difference, download, home, run_transfer, transfer,
+    Fix, Plan, clear, deliver, difference, download, fly_until, hold, home, mode, mode_becomes,
+    mode_command, run_transfer, transfer,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
@@ -17,6 +18,14 @@ pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "CURVE-002",
         play: download_returns_the_curves,
+    },
+    Scene {
+        rule: "CURVE-004",
+        play: curve_legs_are_flown,
+    },
+    Scene {
+        rule: "CURVE-003",
+        play: repeated_and_contradicting_curves,
     },
     Scene {
         rule: "CURVE-005",
@@ -107,12 +116,152 @@ fn download_returns_the_curves(t: &Trial) -> Judged {
     })
 }
 
+/// The curve messages of a download, without their stamps.
+fn curves_aboard(t: &Trial, a: &Station, mission: &str) -> Judged<Vec<Option<i64>>> {
+    let back = download(t, a, mission)?;
+    Ok(back
+        .messages
+        .iter()
+        .filter(|seen| seen.kind() == 50002)
+        .map(|seen| seen.raw("P2 Latitude"))
+        .collect())
+}
+
+fn repeated_and_contradicting_curves(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    known(t, &a)?;
+    let home = home(t, &a)?;
+    let (north, _) = home.offset(95.0, 0.0);
+    let first = curve(t, &a, 1, 2)?;
+    let second = first.clone().set("P2 Latitude", north);
+    let upload = |name: &str, curves: &[Draft]| -> Judged<Option<i64>> {
+        let plan = Plan::zigzag(&home, name, &[1, 2, 3]);
+        clear(t, &a)?;
+        for message in plan.messages() {
+            deliver(&a, message);
+        }
+        for curve in curves {
+            deliver(&a, curve.clone());
+        }
+        t.loaded.set(true);
+        Ok(run_transfer(t, &a, transfer(2, name), t.timers().load)?.status)
+    };
+    let status = upload("AGAIN", &[first.clone(), first.clone()])?;
+    t.expect(status == Some(1), || {
+        format!("expected the same curve again to be accepted, got 14000 status {status:?}")
+    })?;
+    let status = upload("OTHER", &[first.clone(), second.clone()])?;
+    t.expect(status == Some(1), || {
+        format!("expected another curve for the same two ends to be accepted, got 14000 status {status:?}")
+    })?;
+    let aboard = curves_aboard(t, &a, "OTHER")?;
+    let expected = crate::bench::flight::field(&second, "P2 Latitude");
+    t.expect(aboard == [expected], || {
+        format!("expected the second curve for the same two ends to replace the first (P2 Latitude {expected:?}); the download has {aboard:?}")
+    })?;
+    let status = upload("TWOLEGS", &[first.clone(), curve(t, &a, 1, 3)?])?;
+    t.expect(status != Some(1), || {
+        "expected two curve legs from one waypoint to be refused; 14000 status 1 came".into()
+    })?;
+    a.send(transfer(5, "TWOLEGS"));
+    // 50001 names vehicle and CUCS itself: both have to be those of the wrapper.
+    let (north, east) = home.offset(80.0, -15.0);
+    let foreign = Draft::new(50001)
+        .set("Time Stamp", 1.0)
+        .id("Vehicle ID", stanag_msgs::Id(a.vehicle.0 + 0x4200))
+        .id("CUCS ID", a.id)
+        .raw("P1 Waypoint No", 1)
+        .raw("P4 Waypoint No", 2)
+        .set("P2 Latitude", north)
+        .set("P2 Longitude", east)
+        .set("P3 Latitude", north)
+        .set("P3 Longitude", east);
+    let sent = a.send(foreign.acked());
+    let done = a.wait(sent.mark, t.timers().ack, |seen| {
+        seen.kind() == 17000
+            && seen.raw("Original Message Type") == Some(50_001)
+            && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    a.send(transfer(5, "FOREIGN"));
+    t.expect(done.is_none(), || {
+        "expected a 50001 for another vehicle than its wrapper's to be refused; 17000 type 2 came"
+            .into()
+    })
+}
+
+/// A curve leg is flown as a curve: the track comes by its middle, which lies well off the straight line.
+fn curve_legs_are_flown(t: &Trial) -> Judged {
+    let a = crate::bench::flight::airborne(t)?;
+    known(t, &a)?;
+    let home = home(t, &a)?;
+    clear(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "ARC", &[1, 2]);
+    for (point, (north, east)) in plan.points.iter_mut().zip([(60.0, 0.0), (60.0, 240.0)]) {
+        let (latitude, longitude) = home.offset(north, east);
+        *point = point
+            .clone()
+            .set("Waypoint to Latitude or Relative Y", latitude)
+            .set("Waypoint to Longitude or Relative X", longitude);
+    }
+    let ((p2n, p2e), (p3n, p3e)) = (home.offset(160.0, 60.0), home.offset(160.0, 180.0));
+    let arc = Draft::new(50002)
+        .raw("P1 Waypoint No", 1)
+        .raw("P4 Waypoint No", 2)
+        .set("P2 Latitude", p2n)
+        .set("P2 Longitude", p2e)
+        .set("P3 Latitude", p3n)
+        .set("P3 Longitude", p3e);
+    for message in plan.messages().into_iter().chain([arc]) {
+        deliver(&a, message);
+    }
+    t.loaded.set(true);
+    let status = run_transfer(t, &a, transfer(2, "ARC"), t.timers().load)?.status;
+    if status != Some(1) {
+        return Err(Stop::inconclusive(format!(
+            "a route with an arc of 100 m was not loaded: 14000 status {status:?}"
+        )));
+    }
+    a.send(crate::bench::station::schedule(
+        4000,
+        t.bench.profile.figures.largest_rate_hz.min(10),
+    ));
+    let sent = a.send(mode_command(mode::WAYPOINT).acked());
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Err(Stop::inconclusive("mode 11 was not entered"));
+    }
+    // Three quarters of 100 m north of the straight line, half way.
+    let (north, east) = home.offset(135.0, 120.0);
+    let (end_north, end_east) = home.offset(60.0, 240.0);
+    fly_until(t, &a, t.timers().flight.div_f64(2.0), |fix| {
+        fix.distance(end_north, end_east) < 20.0
+    })?;
+    hold(t, &a)?;
+    let nearest = a
+        .received(sent.mark, |seen| seen.kind() == 4000)
+        .iter()
+        .filter_map(|seen| Fix::of(seen))
+        .map(|fix| fix.distance(north, east))
+        .fold(f64::MAX, f64::min);
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    let blind = 8.0 * speed / f64::from(t.bench.profile.figures.largest_rate_hz.max(1));
+    t.expect(nearest <= 10.0 + blind, || {
+        format!("expected the track to follow the curve, whose middle lies 75 m off the straight line; its smallest distance from there is {nearest:.0} m")
+    })
+}
+
 fn curves_harm_nothing(t: &Trial) -> Judged {
     let a = t.controller()?;
+    let home = home(t, &a)?;
     if known(t, &a).is_ok() {
+        // It says so; what it has carried out comes back.
+        let plan = Plan::zigzag(&home, "KNOWN", &[1, 2, 3]);
+        let status = send(t, &a, &plan, &curve(t, &a, 1, 2)?.acked(), 4)?;
+        let aboard = curves_aboard(t, &a, "KNOWN")?;
+        t.expect(status != Some(1) || !aboard.is_empty(), || {
+            "expected a 50002 that is acknowledged as carried out to be in the plan; the download has no curve".into()
+        })?;
         return Err(Stop::not_applicable("the subject knows curve messages"));
     }
-    let home = home(t, &a)?;
     let plan = Plan::zigzag(&home, "STRAIGHT", &[1, 2, 3]);
     let status = send(t, &a, &plan, &curve(t, &a, 1, 2)?.acked(), 3)?;
     let done = t.all_received(|seen| {

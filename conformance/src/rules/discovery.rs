@@ -1,14 +1,16 @@
 //! Discovery and identification: DISC.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use stanag_msgs::Id;
 
 use super::scene::Scene;
 use crate::bench::flight::{Plan, home, load};
-use crate::bench::station::{Access, authorisation, discovery, loi};
+use crate::bench::station::{Access, authorisation, discovery, information_request, loi, schedule};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -26,6 +28,10 @@ pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "DISC-004",
         play: strangers_are_offered_nothing,
+    },
+    Scene {
+        rule: "DISC-005",
+        play: logical_ids_without_a_vehicle,
     },
     Scene {
         rule: "DISC-006",
@@ -50,6 +56,21 @@ fn broadcast_request_is_answered(t: &Trial) -> Judged {
         |seen| seen.kind() == 2,
     )?;
     t.cite(&found);
+    // Each time, and each CUCS that may connect.
+    let known: Vec<Id> = t
+        .bench
+        .surveyed()?
+        .cucs
+        .iter()
+        .filter(|cucs| cucs.authorised != 0)
+        .map(|cucs| cucs.id)
+        .collect();
+    for id in known.into_iter().chain([station.id]) {
+        let station = t.station(id)?;
+        t.expect(!station.discover()?.is_empty(), || {
+            format!("expected message 2 to every discovery of {id}; none came to a later one")
+        })?;
+    }
     Ok(())
 }
 
@@ -108,6 +129,15 @@ fn strangers_are_offered_nothing(t: &Trial) -> Judged {
         stranger.send(authorisation(loi::LOI2, access));
         stranger.send(authorisation(loi::LOI4, access));
     }
+    stranger.send(information_request(3));
+    stranger.send(information_request(4000));
+    stranger.send(schedule(3, 5));
+    stranger.send(super::configuration::request(1));
+    stranger.send(
+        Draft::new(2017)
+            .set("Loiter Radius", t.bench.fresh_radius())
+            .acked(),
+    );
     t.pause(t.timers().quiet)?;
     for seen in stranger.received(mark, |seen| seen.kind() == 2) {
         let field = |name: &str| seen.raw(name).unwrap_or_default();
@@ -120,10 +150,13 @@ fn strangers_are_offered_nothing(t: &Trial) -> Judged {
             )
         })?;
     }
-    let status = stranger.received(mark, |seen| matches!(seen.kind(), 3000..=4001));
+    let status = stranger.received(mark, |seen| {
+        matches!(seen.kind(), 3 | 3000..=4001 | 41000..=41005 | 44003)
+            || seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
     t.expect(status.is_empty(), || {
         format!(
-            "expected no status to {}, which has no rights; message {} came",
+            "expected no status, configuration or 'carried out' to {}, which has no rights; message {} came",
             stranger.id,
             status[0].kind()
         )
@@ -132,6 +165,51 @@ fn strangers_are_offered_nothing(t: &Trial) -> Judged {
     good.request(0, Access::Release)
         .precondition("the subject still answers")?;
     Ok(())
+}
+
+fn logical_ids_without_a_vehicle(t: &Trial) -> Judged {
+    let means = &t.bench.profile.means;
+    let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
+        return Err(Stop::not_applicable(
+            "needs means.cut_vehicle_link and means.restore_vehicle_link in the profile",
+        ));
+    };
+    let station = t.any()?;
+    let real = station.vehicle;
+    crate::means::shell(cut).map_err(Stop::Inconclusive)?;
+    let result = (|| {
+        t.pause(Duration::from_secs(6))?;
+        let offers = station.discover()?;
+        let Some(offer) = offers.first() else {
+            return Err(Stop::fail(
+                "expected a logical vehicle id on offer while no vehicle is connected; no message 2 came",
+            ));
+        };
+        for seen in &offers {
+            let others = t
+                .bench
+                .surveyed()?
+                .vehicles
+                .iter()
+                .any(|vehicle| vehicle.id == seen.piece.source && vehicle.id != real);
+            t.expect_of(seen, others || seen.piece.source.owner() == 0, || {
+                format!(
+                    "expected a logical vehicle id (first byte 0) while no vehicle is connected, got {}",
+                    seen.piece.source
+                )
+            })?;
+        }
+        Ok(offer.piece.source)
+    })();
+    let mark = t.bench.net.mark();
+    crate::means::shell(restore).map_err(Stop::Inconclusive)?;
+    let update = station.wait(mark, Duration::from_secs(10), |seen| {
+        seen.kind() == 3 && seen.raw("Vehicle ID Update").map(|raw| Id(raw as u32)) == Some(real)
+    });
+    let logical = result?;
+    t.expect(update.is_some(), || {
+        format!("expected #3 with Vehicle ID Update {real} from {logical} once the vehicle is connected; none came")
+    })
 }
 
 fn type_and_subtype_are_filled(t: &Trial) -> Judged {

@@ -23,6 +23,14 @@ pub(super) const SCENES: &[Scene] = &[
         play: positive_handover,
     },
     Scene {
+        rule: "HAND-004",
+        play: waits_for_the_data_link,
+    },
+    Scene {
+        rule: "HAND-005",
+        play: a_handover_that_lapses,
+    },
+    Scene {
         rule: "HAND-007",
         play: an_upload_is_not_mixed,
     },
@@ -84,6 +92,9 @@ fn handover_is_reported(t: &Trial) -> Judged {
             "expected {} as acquiring CUCS in 35000, got {acquiring:?}",
             b.id
         )
+    })?;
+    t.expect_of(&report, acquiring.is_some(), || {
+        "expected the acquiring CUCS in 35000; its field is absent".into()
     })?;
     let relinquishing = id("CUCS ID (relinquishing control)");
     t.expect_of(
@@ -178,7 +189,113 @@ fn positive_handover(t: &Trial) -> Judged {
     t.expect(after == before, || format!("expected nothing to move without the holder's consent; B's 2017 changed the radius from {before:?} to {after:?}"))?;
     t.expect(a.commands_work()?, || {
         "expected the holder's commands to work after a #4 that it did not answer".into()
+    })?;
+    // The holder gives up what was requested of it: that is its consent.
+    let mark = t.bench.net.mark();
+    b.send(
+        Draft::new(4)
+            .id("VSM ID", stanag_msgs::Id::BROADCAST)
+            .raw("Requested/Handover LOI", loi::LOI4)
+            .id("Requesting CUCS ID", b.id),
+    );
+    t.pause(Duration::from_millis(300))?;
+    a.request(loi::LOI4, Access::Release)?;
+    let said = b.wait(mark, t.timers().answer, |seen| {
+        seen.kind() == 5 && seen.raw("LOI Authorized").unwrap_or_default() != 0
+    });
+    let Some(said) = said else {
+        return Err(Stop::fail(
+            "expected #5 to the requester of #4 once the holder consented; none came",
+        ));
+    };
+    let (levels, to) = (said.raw("LOI Authorized"), said.raw("Requesting CUCS ID"));
+    t.expect_of(
+        &said,
+        levels.is_some_and(|levels| levels & loi::LOI4 != 0),
+        || format!("expected LOI 4 in LOI Authorized of #5, got {levels:?}"),
+    )?;
+    t.expect_of(
+        &said,
+        to.map(|to| stanag_msgs::Id(to as u32)) == Some(b.id),
+        || format!("expected {} as Requesting CUCS ID in #5, got {to:?}", b.id),
+    )?;
+    t.expect(b.commands_work()?, || {
+        "expected the commands of the CUCS that #5 names to work".into()
     })
+}
+
+fn waits_for_the_data_link(t: &Trial) -> Judged {
+    let b = t.b()?;
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    let mark = t.bench.net.mark();
+    b.send(authorisation(loi::LOI4, Access::Request).raw(
+        "Wait for Vehicle Data Link Transition Coordination Message",
+        1,
+    ));
+    let early = b.wait(mark, t.timers().quiet, |seen| {
+        seen.kind() == 2 && granted(seen) & loi::LOI4 != 0
+    });
+    if let Some(early) = early {
+        t.expect_of(&early, false, || {
+            format!(
+                "expected a request that waits for the data link not to be granted before 34000; #2 grants LOI 0x{:02x}",
+                granted(&early)
+            )
+        })?;
+    }
+    // The transition, by the CUCS that is to have the link.
+    b.send(Draft::new(34000).id("Acquiring CUCS ID", b.id));
+    let passed = b.wait(mark, t.timers().answer, |seen| {
+        seen.kind() == 2 && granted(seen) & loi::LOI4 != 0
+            || seen.kind() == 35000 && matches!(seen.raw("Status"), Some(2 | 3))
+    });
+    if passed.is_none() {
+        t.note("neither a grant nor 35000 came for 34000 by the acquiring CUCS");
+    }
+    Ok(())
+}
+
+fn a_handover_that_lapses(t: &Trial) -> Judged {
+    let a = t.controller()?;
+    let b = t.b()?;
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    let mark = t.bench.net.mark();
+    b.send(
+        Draft::new(4)
+            .id("VSM ID", stanag_msgs::Id::BROADCAST)
+            .raw("Requested/Handover LOI", loi::LOI4)
+            .id("Requesting CUCS ID", b.id),
+    );
+    // B does not answer any more, and A never does.
+    let status = |wanted: i64| {
+        move |seen: &crate::wire::Seen| seen.kind() == 35000 && seen.raw("Status") == Some(wanted)
+    };
+    let begun = a.wait(mark, t.timers().answer, status(1)).is_some();
+    let limit = Duration::from_secs_f64(t.bench.profile.figures.act_s) + t.timers().answer * 3;
+    let failed = a.wait(mark, limit, status(3));
+    let successful = a.received(mark, status(2));
+    t.expect(successful.is_empty(), || {
+        "expected a handover to which nobody consented not to succeed; 35000 status 2 came".into()
+    })?;
+    let held = a.request(0, Access::Request)?;
+    t.expect_of(&held, granted(&held) & loi::LOI4 != 0, || {
+        format!(
+            "expected the holder to be in control after a handover that lapsed, got LOI Granted 0x{:02x}",
+            granted(&held)
+        )
+    })?;
+    t.expect(a.commands_work()?, || {
+        "expected the holder's 2017 to work after a handover that lapsed".into()
+    })?;
+    if failed.is_none() {
+        let why = if begun {
+            "35000 said in progress and never failed within the time of the profile"
+        } else {
+            "no 35000 came for a #4"
+        };
+        return Err(Stop::inconclusive(why));
+    }
+    Ok(())
 }
 
 fn an_upload_is_not_mixed(t: &Trial) -> Judged {
@@ -240,6 +357,7 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     }
     let figures = &t.bench.profile.figures;
     let began = t.bench.net.now();
+    let mark = t.bench.net.mark();
     // The last heartbeat was a second ago.
     t.pause(Duration::from_secs_f64((figures.offer_s - 2.5).max(0.0)))?;
     let early = b.request(loi::LOI4, Access::Request)?;
@@ -249,11 +367,35 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     let wait =
         Duration::from_secs_f64(figures.offer_s + 0.6).saturating_sub(t.bench.net.now() - began);
     t.pause(wait)?;
+    let warned = a.received(mark, |seen| seen.kind() == 16000);
+    t.expect(!warned.is_empty(), || {
+        "expected a 16000 about the silence of the holder before its control is offered; none came"
+            .into()
+    })?;
     let late = b.request(loi::LOI4, Access::Request)?;
     t.expect_of(&late, granted(&late) & loi::LOI4 != 0, || {
         format!(
             "expected B's request to be granted {:.0} s after the holder's last heartbeat",
             figures.offer_s + 1.6
+        )
+    })?;
+    // In a second run nobody asks: then it is taken.
+    b.release()?;
+    t.grant(&a, loi::LOI2 | loi::LOI4)?;
+    for _ in 0..3 {
+        a.send(Draft::new(16002));
+        t.pause(Duration::from_secs(1))?;
+    }
+    t.pause(Duration::from_secs_f64(figures.act_s + 0.5))?;
+    let radius = t.bench.fresh_radius();
+    let sent = a.send(Draft::new(2017).set("Loiter Radius", radius).acked());
+    let done = a.wait(sent.mark, t.timers().answer, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    t.expect(done.is_none(), || {
+        format!(
+            "expected a 2017 of the holder to be refused {:.0} s after its last heartbeat, when control was taken; 17000 type 2 came",
+            figures.act_s + 1.5
         )
     })
 }

@@ -1,19 +1,28 @@
 //! Data links, the vehicle's link, and clocks: LINK, TIME.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::mode_command;
-use crate::bench::station::{Access, loi};
+use crate::bench::station::{Access, Station, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
-use crate::wire::Draft;
+use crate::wire::{Direction, Draft};
 use stanag_msgs::Id;
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "LINK-001",
         play: data_links_are_found_by_broadcast,
+    },
+    Scene {
+        rule: "LINK-002",
+        play: a_link_is_held_by_one,
+    },
+    Scene {
+        rule: "LINK-003",
+        play: the_state_of_a_link_on_request,
     },
     Scene {
         rule: "LINK-004",
@@ -32,16 +41,112 @@ fn data_links_are_found_by_broadcast(t: &Trial) -> Judged {
         .id("VSM ID", Id::BROADCAST)
         .id("Data Link ID", Id::BROADCAST)
         .raw("Control Assignment Request", 0);
+    let mark = t.bench.net.mark();
     let found = station.ask(
         draft,
         t.timers().answer,
         "28001 to a broadcast 28000",
         |seen| seen.kind() == 28001,
     )?;
-    let availability = found.raw("Data Link Control Availability");
-    t.expect_of(&found, availability != Some(2), || {
-        "expected 'available' or 'unavailable' in 28001 to a broadcast, got 'granted'".into()
+    t.pause(t.timers().answer / 4)?;
+    let requests = t.bench.net.recording().datagrams[mark..]
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+        .filter(|seen| seen.direction == Direction::Sent && seen.kind() == 28000)
+        .count();
+    let mut links: BTreeMap<(stanag_msgs::Id, Vec<u8>), usize> = BTreeMap::new();
+    for seen in station.received(mark, |seen| seen.kind() == 28001) {
+        let availability = seen.raw("Data Link Control Availability");
+        t.expect_of(&seen, matches!(availability, Some(0 | 1)), || {
+            format!("expected 'available' (0) or 'unavailable' (1) in 28001 to a broadcast, got {availability:?}; 2 is 'granted'")
+        })?;
+        // All but the stamp tells one link from another.
+        let width = seen.info.map_or(0, |info| usize::from(info.presence_bytes)) + 5;
+        let content = seen.piece.data.get(width..).unwrap_or_default().to_vec();
+        *links.entry((seen.piece.source, content)).or_default() += 1;
+    }
+    let most = links.values().max().copied().unwrap_or_default();
+    t.expect_of(&found, most <= requests, || {
+        format!("expected one 28001 for each link and vehicle type, got {most} of one to {requests} requests")
     })
+}
+
+/// 28000 for the link that a broadcast showed: 0 requests, 1 releases.
+fn directed(station: &Station, link: i64, assignment: i64) -> Judged<Option<i64>> {
+    let answer = station.ask(
+        Draft::new(28000)
+            .id("VSM ID", Id::BROADCAST)
+            .raw("Data Link ID", link)
+            .raw("Control Assignment Request", assignment),
+        station.bench().timers.answer,
+        "28001 to a directed 28000",
+        |seen| seen.kind() == 28001,
+    )?;
+    Ok(answer.raw("Data Link Control Availability"))
+}
+
+fn a_link_is_held_by_one(t: &Trial) -> Judged {
+    let (a, b) = (t.a()?, t.b()?);
+    t.grant(&a, loi::LOI2)?;
+    t.grant(&b, loi::LOI2)?;
+    let link = 0;
+    let first = directed(&a, link, 0);
+    if !matches!(first, Ok(Some(2))) {
+        let _ = directed(&a, link, 1);
+        // An answer to the request shows that the link is known, and 0 that it is free.
+        t.expect(!matches!(first, Ok(Some(0))), || {
+            "expected a directed request (0) for a free link to be granted (2); 28001 says that the link is still available".into()
+        })?;
+        return Err(Stop::inconclusive(format!(
+            "the id of the link is not known to the suite: a directed request brings {first:?}"
+        )));
+    }
+    let result = (|| {
+        for (station, assignment, expected, what) in [
+            (&b, 0, 1, "unavailable (1) to B while A holds the link"),
+            (
+                &b,
+                1,
+                1,
+                "unavailable (1) to a release by B, which holds nothing",
+            ),
+            (&a, 1, 0, "available (0) once A has released the link"),
+            (&b, 0, 2, "granted (2) to B for a link that is free"),
+        ] {
+            let found = directed(station, link, assignment)?;
+            t.expect(found == Some(expected), || {
+                format!("expected {what} in 28001, got {found:?}")
+            })?;
+        }
+        Ok(())
+    })();
+    for station in [&a, &b] {
+        let _ = directed(station, link, 1);
+    }
+    result
+}
+
+fn the_state_of_a_link_on_request(t: &Trial) -> Judged {
+    let station = t.monitor()?;
+    let mark = t.bench.net.mark();
+    let found = station.query(32005)?;
+    t.cite(&found);
+    t.pause(t.timers().answer / 4)?;
+    let reports = station.received(mark, |seen| seen.kind() == 32005);
+    let terminals: BTreeSet<_> = reports
+        .iter()
+        .filter_map(|seen| seen.raw("Addressed Terminal"))
+        .collect();
+    t.expect(terminals.len() != 1 || reports.is_empty(), || {
+        format!("expected 32005 for the terminal in the air and the one on the ground, got {terminals:?}")
+    })?;
+    for seen in &reports {
+        let state = seen.raw("Data Link State").unwrap_or(-1);
+        t.expect_of(seen, state >= 0, || {
+            "expected a Data Link State in 32005".into()
+        })?;
+    }
+    Ok(())
 }
 
 fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {

@@ -2,8 +2,8 @@
 
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, clear, deliver, difference, download, home, load, loaded, route_head, run_transfer,
-    transfer,
+    Plan, clear, deliver, difference, download, field, home, load, loaded, route_head,
+    run_transfer, transfer,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::{Player, Trial};
@@ -22,10 +22,6 @@ pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "ROUTE-003",
         play: order_of_arrival_does_not_matter,
-    },
-    Scene {
-        rule: "ROUTE-004",
-        play: numbers_need_not_be_contiguous,
     },
     Scene {
         rule: "ROUTE-005",
@@ -91,7 +87,29 @@ fn a_good_route_is_loaded(t: &Trial) -> Judged {
             found.status
         )
     })?;
-    aboard(t, &a, &plan, "aboard once 14000 said complete")
+    aboard(t, &a, &plan, "aboard once 14000 said complete")?;
+    // The second route takes the place of the first.
+    let second = Plan::zigzag(&home, "GOOD2", &[1, 2, 3]);
+    let found = load(t, &a, &second)?;
+    t.expect(found.status == Some(1), || {
+        format!(
+            "expected 14000 status 1 for a second good route, got {:?}",
+            found.status
+        )
+    })?;
+    let back = download(t, &a, &second.mission)?;
+    let route = Plan {
+        points: second.points.clone(),
+        ..second
+    };
+    let differs =
+        difference(&route, &back, &t.bench).filter(|text| !text.contains("waypoints came back"));
+    t.expect(differs.is_none(), || {
+        format!(
+            "expected the second route aboard once 14000 said complete; {}",
+            differs.unwrap_or_default()
+        )
+    })
 }
 
 fn nothing_is_loaded_before_the_load_command(t: &Trial) -> Judged {
@@ -122,11 +140,22 @@ fn nothing_is_loaded_before_the_load_command(t: &Trial) -> Judged {
 fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
-    for (round, order) in [[4, 2, 0, 3, 1], [1, 3, 2, 4, 0], [0, 4, 3, 2, 1]]
+    // A loiter before its waypoint as well: 3 is the loiter of the waypoint that is 2.
+    for (round, order) in [[5, 3, 2, 0, 4, 1], [1, 4, 2, 3, 5, 0], [0, 5, 4, 3, 2, 1]]
         .into_iter()
         .enumerate()
     {
-        let plan = Plan::zigzag(&home, &format!("ORDER{round}"), &[1, 2, 3, 4]);
+        let mut plan = Plan::zigzag(&home, &format!("ORDER{round}"), &[1, 2, 3, 4]);
+        plan.points.insert(
+            2,
+            Draft::new(13003)
+                .raw("Waypoint Number", 2)
+                .raw("Waypoint Loiter Type", 1)
+                .set("Loiter Radius", 120.0)
+                .raw("Loiter Direction", 1)
+                .raw("Loiter Duration", 60)
+                .raw("Loiter Duration Units", 0),
+        );
         clear(t, &a)?;
         let messages = plan.messages();
         for index in order {
@@ -142,21 +171,6 @@ fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
         aboard(t, &a, &plan, "whatever the order of its messages")?;
     }
     Ok(())
-}
-
-fn numbers_need_not_be_contiguous(t: &Trial) -> Judged {
-    let a = t.controller()?;
-    let home = home(t, &a)?;
-    clear(t, &a)?;
-    let plan = Plan::zigzag(&home, "GAPS", &[10, 40, 20, 65_534]);
-    let found = load(t, &a, &plan)?;
-    t.expect(found.status == Some(1), || {
-        format!(
-            "expected 14000 status 1 for waypoints 10, 40, 20, 65534; got {:?}",
-            found.status
-        )
-    })?;
-    aboard(t, &a, &plan, "with its own numbers")
 }
 
 /// A plan that has to be refused, and that leaves the one aboard as it was.
@@ -175,6 +189,14 @@ fn refused(t: &Trial, a: &Station, aboard_before: &Plan, bad: &Plan, what: &str)
         .reports
         .iter()
         .any(|seen| seen.raw("Waypoint Request").unwrap_or_default() != 0);
+    let ends = found
+        .reports
+        .iter()
+        .filter(|seen| seen.raw("Status") == Some(1))
+        .count();
+    t.expect(ends == 0, || {
+        format!("expected no 14000 status 1 for a route with {what}; it came after status 2")
+    })?;
     t.expect(
         found.status == Some(2) || !acknowledged.is_empty() || asks,
         || format!("expected 14000 status 2 for a route with {what}; no end of the transfer came"),
@@ -225,7 +247,17 @@ fn a_route_with_a_gap_is_refused(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     let mut bad = Plan::zigzag(&home, "GAP", &[21, 22, 23]);
     bad.points.remove(1);
-    refused(t, &a, &plan, &bad, "a Next Waypoint that was never sent")
+    refused(t, &a, &plan, &bad, "a Next Waypoint that was never sent")?;
+    // The route message names a waypoint as well.
+    let mut headless = Plan::zigzag(&home, "GAP2", &[24, 25]);
+    headless.head = Some(route_head(&headless.route, 26, 2));
+    refused(
+        t,
+        &a,
+        &plan,
+        &headless,
+        "an Initial Waypoint that was never sent",
+    )
 }
 
 fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
@@ -281,7 +313,26 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
             .raw("Loiter Duration", 60)
             .raw("Loiter Duration Units", 0),
     );
-    let found = load(t, &a, &plan)?;
+    // With every field that a lawful vehicle may not have first; without them where that is refused.
+    let mut rich = plan.clone();
+    for (index, point) in rich.points.iter_mut().enumerate() {
+        if point.message_type == 13002 {
+            *point = point
+                .clone()
+                .raw("Altitude Change Behaviour", (index % 2) as i64)
+                .raw("Optional Messages for Waypoint", 0)
+                .raw("Waypoint Type", 0)
+                .raw("Limit Type", 0)
+                .raw("Loop Limit", 0);
+        }
+    }
+    let mut found = load(t, &a, &rich)?;
+    if found.status == Some(1) {
+        plan = rich;
+    } else {
+        clear(t, &a)?;
+        found = load(t, &a, &plan)?;
+    }
     if found.status != Some(1) {
         return Err(Stop::inconclusive(format!(
             "the plan with a loiter waypoint was not loaded: 14000 status {:?}",
@@ -300,10 +351,32 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
             "expected the download to return the uploader's values; {difference}"
         )));
     }
-    t.expect(
-        found.messages.iter().any(|seen| seen.kind() == 13001),
-        || "expected 13001 in the download; none came".into(),
-    )
+    let head = found.messages.iter().find(|seen| seen.kind() == 13001);
+    let Some(head) = head else {
+        return Err(Stop::fail("expected 13001 in the download; none came"));
+    };
+    let sent = plan.head.as_ref();
+    for name in ["Initial Waypoint Number", "Route Type"] {
+        let expected = sent.and_then(|sent| field(sent, name));
+        t.expect_of(head, head.raw(name) == expected, || {
+            format!(
+                "expected 13001 as it was uploaded; {name} is {:?}, expected {expected:?}",
+                head.raw(name)
+            )
+        })?;
+    }
+    let route = head.text("Route ID");
+    t.expect_of(head, route.as_deref() == Some(plan.route.as_str()), || {
+        format!("expected Route ID {:?} back, got {route:?}", plan.route)
+    })?;
+    // A second download is the same.
+    let again = download(t, &a, "VALUES")?;
+    if let Some(difference) = difference(&plan, &again, &t.bench) {
+        return Err(Stop::fail(format!(
+            "expected a second download to return the uploader's values; {difference}"
+        )));
+    }
+    Ok(())
 }
 
 fn route_type_and_its_default(t: &Trial) -> Judged {
@@ -333,8 +406,32 @@ fn route_type_and_its_default(t: &Trial) -> Judged {
         t.expect(back_kind == Some(kind), || {
             format!("expected route {route} back with type {kind}, got {back_kind:?}")
         })?;
+        let first = if kind == 2 { 1 } else { 101 };
+        let back_first = back.and_then(|seen| seen.raw("Initial Waypoint Number"));
+        t.expect(back_first == Some(first), || {
+            format!("expected route {route} back with initial waypoint {first}, got {back_first:?}")
+        })?;
     }
-    Ok(())
+    // Without a route message it is a flight.
+    clear(t, &a)?;
+    let mut plain = Plan::zigzag(&home, "PLAIN", &[1, 2, 3]);
+    plain.head = None;
+    let found = load(t, &a, &plain)?;
+    if found.status != Some(1) {
+        return Err(Stop::fail(format!(
+            "expected waypoints without a 13001 to be a route of type flight; 14000 status {:?} came",
+            found.status
+        )));
+    }
+    let found = download(t, &a, "PLAIN")?;
+    let kind = found
+        .messages
+        .iter()
+        .find(|seen| seen.kind() == 13001)
+        .map(|seen| seen.raw("Route Type"));
+    t.expect(kind.is_none() || kind == Some(Some(2)), || {
+        format!("expected route type 2 for waypoints without a 13001, got {kind:?}")
+    })
 }
 
 fn deleting_a_route_keeps_its_waypoints(t: &Trial) -> Judged {
@@ -369,7 +466,7 @@ fn unflyable_waypoints_are_refused(t: &Trial) -> Judged {
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let home = home(t, &a)?;
     type Change = fn(Draft) -> Draft;
-    let cases: [(&str, Change); 3] = [
+    let cases: [(&str, Change); 4] = [
         ("an altitude of 150 km", |point| {
             point.set("Waypoint to Altitude", 150_000.0)
         }),
@@ -377,6 +474,9 @@ fn unflyable_waypoints_are_refused(t: &Trial) -> Judged {
             point.raw("Waypoint Altitude Type", 9)
         }),
         ("location type 7", |point| point.raw("Location Type", 7)),
+        ("a speed of 32 km/s", |point| {
+            point.set("Waypoint to Speed", 32_000.0)
+        }),
     ];
     for (index, (what, change)) in cases.into_iter().enumerate() {
         let mut bad = Plan::zigzag(&home, &format!("UNFLY{index}"), &[31, 32, 33]);

@@ -23,6 +23,7 @@ mod robust;
 mod scalar;
 mod scene;
 mod status;
+mod steering;
 mod transfer;
 mod wrapper;
 
@@ -43,6 +44,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         mode::SCENES,
         flight::SCENES,
         maneuver::SCENES,
+        steering::SCENES,
         status::SCENES,
         configuration::SCENES,
         alerts::SCENES,
@@ -60,18 +62,10 @@ pub fn scenes() -> Vec<&'static Scene> {
 
 /// Rules of the catalogue that have neither scene nor judge, with the reason.
 pub const WITHOUT_CODE: &[(&str, &str)] = &[
+    ("CONF-011", "needs a value driven under its declared limit"),
     (
-        "HAND-004",
-        "needs a data link that the DLI controls, and a vehicle that waits for its transition",
-    ),
-    (
-        "DISC-005",
-        "needs a command that connects and disconnects the vehicle under another id",
-    ),
-    ("PAYL-007", "needs a camera with a known terrain below it"),
-    (
-        "AUTH-012",
-        "judged through the profile's claims of each CUCS",
+        "LINK-005",
+        "needs to know which behaviour was provisioned for the loss of the CUCS",
     ),
 ];
 

@@ -8,13 +8,12 @@ use super::acknowledgement::about;
 use super::configuration::{availability, full};
 use super::scene::Scene;
 use crate::bench::flight::{
-    airborne, fix, fly_until, home, land, mode, mode_becomes, mode_command, reported_mode,
-    run_transfer, transfer,
+    airborne, fix, fly_until, home, land, mode, mode_command, reported_mode, run_transfer, transfer,
 };
-use crate::bench::station::loi;
+use crate::bench::station::information_request;
 use crate::bench::trial::Trial;
-use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::Draft;
+use crate::verdict::{Judged, Stop};
+use crate::wire::{Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -46,6 +45,11 @@ pub(super) const SCENES: &[Scene] = &[
         play: lights_are_set_as_a_whole,
     },
 ];
+
+/// Every defined light of 2007.
+const ALL_LIGHTS: i64 = 0xDF;
+/// The bit of 2007 that is none.
+const RESERVED_LIGHT: i64 = 0x20;
 
 fn no_mode_is_reported_that_was_not_entered(t: &Trial) -> Judged {
     let a = t.controller()?;
@@ -197,6 +201,11 @@ fn termination_state_is_reported(t: &Trial) -> Judged {
                 "expected 3005 with state {step} after {name}; none came"
             )));
         }
+        let asked = a.query(3005)?;
+        let state = asked.raw("Reported Flight Termination State");
+        t.expect_of(&asked, state == Some(step), || {
+            format!("expected 3005 on request to show state {step} after {name}, got {state:?}")
+        })?;
     }
     Ok(())
 }
@@ -248,34 +257,71 @@ fn launch_landing_and_wave_off(t: &Trial) -> Judged {
 
 fn engine_command_and_report_agree(t: &Trial) -> Judged {
     let a = t.launcher()?;
+    let mark = t.bench.net.mark();
     let before = a.query(3007)?;
-    let engine = before.raw("Engine Number").unwrap_or(1);
-    let sent = a.send(
-        Draft::new(2008)
-            .raw("Engine Number", engine)
-            .raw("Engine Command", 1)
-            .acked(),
-    );
-    let refused = a.wait(sent.mark, t.timers().answer, |seen| {
-        about(seen, 2008, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
-    });
-    if refused.is_some() {
-        return Err(Stop::not_applicable("engine commands are refused"));
-    }
-    let deadline = t.bench.net.now() + t.timers().begin;
-    let mut started = false;
-    while !started && t.bench.net.now() < deadline {
-        let report = a.query(3007)?;
-        started = matches!(report.raw("Engine Status"), Some(1 | 2));
-        if started {
-            let command = report.raw("Reported Engine Command");
-            t.expect_of(&report, command == Some(1), || {
-                format!("expected Reported Engine Command 1 in 3007 after a start, got {command:?}")
-            })?;
+    t.pause(t.timers().answer / 4)?;
+    let numbers: BTreeSet<i64> = a
+        .received(mark, |seen| seen.kind() == 3007)
+        .iter()
+        .filter_map(|seen| seen.raw("Engine Number"))
+        .collect();
+    let first = before.raw("Engine Number").unwrap_or(1);
+    let report_of = |number: i64| -> Judged<std::sync::Arc<Seen>> {
+        a.ask(
+            information_request(3007),
+            t.timers().answer,
+            &format!("message 3007 of engine {number}"),
+            |seen| {
+                seen.kind() == 3007
+                    && seen
+                        .raw("Engine Number")
+                        .is_none_or(|found| found == number)
+            },
+        )
+    };
+    // The last of them first, so that a number off by one shows; some vehicles start all by the first.
+    let start = |engine: i64| -> Judged<Option<bool>> {
+        let sent = a.send(
+            Draft::new(2008)
+                .raw("Engine Number", engine)
+                .raw("Engine Command", 1)
+                .acked(),
+        );
+        let refused = a.wait(sent.mark, t.timers().answer, |seen| {
+            about(seen, 2008, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+        });
+        if refused.is_some() {
+            return Ok(None);
         }
-        t.pause(Duration::from_millis(200))?;
+        let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 5);
+        while t.bench.net.now() < deadline {
+            let report = report_of(engine)?;
+            if matches!(report.raw("Engine Status"), Some(1 | 2)) {
+                let command = report.raw("Reported Engine Command");
+                t.expect_of(&report, command == Some(1), || {
+                    format!(
+                        "expected Reported Engine Command 1 in 3007 after a start, got {command:?}"
+                    )
+                })?;
+                return Ok(Some(true));
+            }
+            t.pause(Duration::from_millis(200))?;
+        }
+        Ok(Some(false))
+    };
+    let last = numbers.last().copied().unwrap_or(first);
+    let (mut engine, mut started) = (last, start(last)?);
+    if started != Some(true) && first != last {
+        let again = start(first)?;
+        if again == Some(true) || started.is_none() {
+            t.note(format!("engine {last} does not start by itself"));
+            (engine, started) = (first, again);
+        }
     }
-    a.send(
+    let Some(started) = started else {
+        return Err(Stop::not_applicable("engine commands are refused"));
+    };
+    let stop = a.send(
         Draft::new(2008)
             .raw("Engine Number", engine)
             .raw("Engine Command", 0)
@@ -285,6 +331,28 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
     t.expect(started, || {
         format!("expected 3007 to show engine {engine} started after 2008; it does not")
     })?;
+    let refused = a.received(stop.mark, |seen| {
+        about(seen, 2008, stop.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_empty() {
+        let report = report_of(engine)?;
+        let command = report.raw("Reported Engine Command");
+        t.expect_of(&report, command == Some(0), || {
+            format!("expected Reported Engine Command 0 in 3007 after a stop, got {command:?}")
+        })?;
+        let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 5);
+        let mut last = report;
+        while last.raw("Engine Status") != Some(0) && t.bench.net.now() < deadline {
+            t.pause(Duration::from_millis(200))?;
+            last = report_of(engine)?;
+        }
+        let status = last.raw("Engine Status");
+        t.expect_of(&last, status.unwrap_or_default() == 0, || {
+            format!(
+                "expected engine {engine} stopped (Engine Status 0) after a stop, got {status:?}"
+            )
+        })?;
+    }
     let wrong = a.send(
         Draft::new(2008)
             .raw("Engine Number", 99)
@@ -307,7 +375,7 @@ fn lights_are_set_as_a_whole(t: &Trial) -> Judged {
             "3006 does not come: the vehicle has no lights",
         ));
     };
-    for wanted in [0x05, 0x04] {
+    let set = |wanted: i64| -> Judged<i64> {
         let sent = a.send(Draft::new(2007).raw("Set Lights", wanted).acked());
         let refused = a.wait(sent.mark, t.timers().ack, |seen| {
             about(seen, 2007, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
@@ -318,18 +386,31 @@ fn lights_are_set_as_a_whole(t: &Trial) -> Judged {
         t.pause(t.timers().answer / 2)?;
         let shown = a.query(3006)?;
         let lights = shown.raw("Navigation Lights State").unwrap_or_default();
-        t.expect_of(&shown, lights & 0x20 == 0, || {
+        t.expect_of(&shown, lights & RESERVED_LIGHT == 0, || {
             format!("expected no reserved bit in 3006, got 0x{lights:02x}")
         })?;
-        t.expect_of(&shown, lights & !wanted & 0x05 == 0, || {
-            format!("expected lights 0x{wanted:02x} after 2007, 3006 shows 0x{lights:02x}")
+        t.expect_of(&shown, lights & !wanted == 0, || {
+            format!(
+                "expected lights 0x{wanted:02x} after 2007 and no other, 3006 shows 0x{lights:02x}"
+            )
+        })?;
+        Ok(lights)
+    };
+    // Those that come on are there; each has to answer to its own bit, and to go out.
+    let aboard = set(ALL_LIGHTS)?;
+    for bit in (0..8).map(|bit| 1 << bit).filter(|bit| aboard & bit != 0) {
+        let shown = set(bit)?;
+        t.expect(shown == bit, || {
+            format!("expected light 0x{bit:02x} alone after 2007, 3006 shows 0x{shown:02x}")
         })?;
     }
+    let shown = set(0)?;
+    t.expect(shown == 0, || {
+        format!("expected all lights off after 2007 with 0, 3006 shows 0x{shown:02x}")
+    })?;
     let _ = a.send(Draft::new(2007).raw(
         "Set Lights",
         before.raw("Navigation Lights State").unwrap_or_default(),
     ));
-    let _ = mode_becomes;
-    let _ = loi::LOI4;
-    Ok::<(), Stop>(()).precondition("lights")
+    Ok(())
 }

@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use super::acknowledgement::about;
 use super::scene::Scene;
-use crate::bench::flight::wrapped;
+use crate::bench::flight::{fix, wrapped};
 use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
@@ -33,6 +34,10 @@ pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "PAYL-006",
         play: laser_fires_on_its_code_only,
+    },
+    Scene {
+        rule: "PAYL-007",
+        play: no_image_centre_above_the_horizon,
     },
     Scene {
         rule: "AUTH-007",
@@ -114,9 +119,34 @@ fn one_configuration_for_each_station(t: &Trial) -> Judged {
         .iter()
         .filter_map(|seen| seen.raw("Station Number 1-16"))
         .collect();
+    let reports = a.received(mark, |seen| seen.kind() == 21000);
+    for seen in &reports {
+        let named = seen.raw("Station Number 1-16").unwrap_or_default();
+        t.expect_of(seen, named.count_ones() <= 1, || {
+            format!("expected one station in each 21000, got the bits 0x{named:04x}")
+        })?;
+        if let Some(available) = seen.raw("Payload Stations Available 1-16") {
+            t.expect_of(seen, available & named == named, || {
+                format!("expected station 0x{named:04x} among Payload Stations Available, got 0x{available:04x}")
+            })?;
+        }
+    }
     for station in expected {
         t.expect(found.contains(&bit(station)), || {
             format!("expected 21000 for station {station}; got those of the bits {found:02x?}")
+        })?;
+        // And its own only, when it alone is named.
+        let mark = t.bench.net.mark();
+        a.send(information_request(21000).raw("Station Number 1-16", bit(station)));
+        let one = a.wait(mark, t.timers().answer, |seen| seen.kind() == 21000);
+        let named = one
+            .as_ref()
+            .and_then(|seen| seen.raw("Station Number 1-16"));
+        t.expect(named.is_none_or(|named| named == bit(station)), || {
+            format!(
+                "expected 21000 of station {station} when it alone is named, got 0x{:04x}",
+                named.unwrap_or_default()
+            )
         })?;
     }
     Ok(())
@@ -130,6 +160,10 @@ fn take_station(t: &Trial, station: &Station, number: u8) -> Judged {
             "expected LOI 3 of station {number} granted to {}, got LOI Granted 0x{granted:02x}",
             station.id
         )
+    })?;
+    let stations = answer.raw("Controlled Station 1-16");
+    t.expect_of(&answer, stations.is_none_or(|bits| bits & bit(number) != 0), || {
+        format!("expected the bit of station {number} in Controlled Station 1-16 of its grant, got {stations:04x?}")
     })
 }
 
@@ -215,7 +249,63 @@ fn pointing_mode_decides(t: &Trial) -> Judged {
     let elevation = state.value("Actual Centreline Elevation Angle");
     t.expect_of(&state, elevation.is_none_or(|found| wrapped(found + 0.2).abs() < 0.1), || {
         format!("expected an elevation of -0.2 rad (down) as commanded, the report shows {elevation:?}")
-    })
+    })?;
+    a.send(steer(station, -target).acked());
+    t.expect(turns(t, &a, station, -target, t.timers().begin)?, || {
+        "expected the sensor 30 degrees to the left in pointing mode 1; its report does not show it"
+            .into()
+    })?;
+    let shown = state.raw("Pointing Mode State");
+    t.expect_of(&state, shown.is_none_or(|shown| shown == 1), || {
+        format!("expected pointing mode 1 in 21101 after 19100 with it, got {shown:?}")
+    })?;
+    ground_point(t, &a, station)
+}
+
+/// Pointing mode 4 looks at the ground point, whatever the angles of the same message say.
+fn ground_point(t: &Trial, a: &Station, station: u8) -> Judged {
+    let now = fix(t, a)?;
+    let Some(heading) = now.heading else {
+        return Ok(());
+    };
+    let sent = a.send(
+        Draft::new(19100)
+            .raw("Station Number 1-16", bit(station))
+            .raw("System Operating Mode", 5)
+            .raw("Set EO/IR Pointing Mode", 4)
+            .acked(),
+    );
+    let refused = a.wait(sent.mark, t.timers().ack, |seen| {
+        about(seen, 19100, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_some() {
+        t.note("pointing mode 4 (ground point) is refused");
+        return Ok(());
+    }
+    for (north, east) in [(0.0, 400.0), (300.0, -300.0)] {
+        let bearing = wrapped(f64::atan2(east, north) - heading);
+        let (latitude, longitude) = now.offset(north, east);
+        let sent = a.send(
+            steer(station, wrapped(bearing + 1.5))
+                .set("Latitude", latitude)
+                .set("Longitude", longitude)
+                .set("Altitude", now.altitude)
+                .raw("Altitude Type", now.altitude_type)
+                .acked(),
+        );
+        let refused = a.wait(sent.mark, t.timers().ack, |seen| {
+            about(seen, 19001, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+        });
+        if refused.is_some() {
+            t.note("a ground point is refused");
+            return Ok(());
+        }
+        t.expect(turns(t, a, station, bearing, t.timers().begin)?, || {
+            format!("expected the sensor to look at the ground point {bearing:.2} rad from the nose in pointing mode 4; 21101 does not show it")
+        })?;
+    }
+    a.send(by_angles(station));
+    Ok(())
 }
 
 fn messages_of_the_payload_type(t: &Trial) -> Judged {
@@ -260,19 +350,33 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
         )
     };
     let before = lasing(&*state().precondition("the payload reports its state")?);
+    // A message for other fields leaves it as it is.
+    a.send(by_angles(station));
+    a.send(steer(station, 0.1).acked());
+    t.pause(Duration::from_millis(150))?;
+    let after = state()?;
+    t.expect_of(&after, lasing(&after) == before, || {
+        format!("expected 19100 and 19001 without a firing field to leave the lasers as they were ({before:?}); 21101 shows {:?}", lasing(&after))
+    })?;
     for field in [
         "Fire Laser Pointer",
         "Fire Laser Rangefinder",
         "Initiate Laser Designator",
     ] {
-        for code in [0xEE ^ 2, 0x55 ^ 1, 0xFF, 1] {
+        // One bit away from 238 and 85, the codes for firing, and what a careless test for "not 0" takes.
+        let near = |code: i64| (0..8).map(move |bit| code ^ (1 << bit));
+        for code in [0xFF, 1, 2].into_iter().chain(near(238)).chain(near(85)) {
+            // Codes that are defined for something else.
+            if [0, 51, 68, 85, 238].contains(&code) {
+                continue;
+            }
             a.send(
                 Draft::new(19100)
                     .raw("Station Number 1-16", bit(station))
                     .raw(field, code)
                     .acked(),
             );
-            t.pause(Duration::from_millis(150))?;
+            t.pause(Duration::from_millis(60))?;
             let after = state()?;
             t.expect_of(&after, lasing(&after) == before, || {
                 format!("expected {field} 0x{code:02x}, which is no code for firing, to leave the lasers as they were ({before:?}); 21101 shows {:?}", lasing(&after))
@@ -280,6 +384,37 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
         }
     }
     Ok(())
+}
+
+fn no_image_centre_above_the_horizon(t: &Trial) -> Judged {
+    let station = stations(t)?[0];
+    let (a, _) = t.payload_pair()?;
+    take_station(t, &a, station).precondition("LOI 3 is granted")?;
+    a.send(by_angles(station));
+    a.send(
+        steer(station, 0.0)
+            .set("Set Centreline Elevation Angle", 0.35)
+            .acked(),
+    );
+    let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 3);
+    while t.bench.net.now() < deadline {
+        let state = a.query(21101)?;
+        let up = state
+            .value("Actual Centreline Elevation Angle")
+            .is_some_and(|elevation| elevation > 0.1);
+        if up {
+            let valid = state.raw("Image Position");
+            t.expect_of(&state, valid.unwrap_or_default() == 0, || {
+                format!("expected no valid image centre in 21101 while the camera looks above the horizon, got Image Position {valid:?}")
+            })?;
+            a.send(steer(station, 0.0).acked());
+            return Ok(());
+        }
+        t.pause(Duration::from_millis(100))?;
+    }
+    Err(Stop::not_applicable(
+        "the camera does not look above the horizon",
+    ))
 }
 
 fn vehicle_controller_may_take_a_station(t: &Trial) -> Judged {

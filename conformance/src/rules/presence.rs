@@ -6,7 +6,7 @@ use super::scene::Scene;
 use crate::bench::station::{Access, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::Draft;
+use crate::wire::{Direction, Draft};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -74,6 +74,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
     t.expect(a.radius_becomes(150.0)?, || {
         "expected 3004 to show the radius of 150 m that a 2017 with the radius only set".into()
     })?;
+    let mut last = a.query(3004)?;
     for (field, value) in [
         ("Loiter Direction", 1),
         ("Loiter Type", 1),
@@ -81,7 +82,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
     ] {
         a.send(Draft::new(2017).raw(field, value));
         t.pause(t.timers().answer / 4)?;
-        let report = a.query(3004)?;
+        let mut report = a.query(3004)?;
         if field == "Loiter Direction" {
             // The other direction: one that is shown already would say nothing.
             let other = if report.raw(field) == Some(1) { 2 } else { 1 };
@@ -94,7 +95,26 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
             t.expect_of(&turned, turned.raw(field) == Some(other) || !refused.is_empty() && turned.raw(field).is_none(), || {
                 format!("expected a 2017 with {field} only to be carried out; 3004 shows {:?}, expected {other}", turned.raw(field))
             })?;
+            report = turned;
         }
+        // Each setting for itself: none of the others goes with it.
+        for other in [
+            "Loiter Type",
+            "Loiter Direction",
+            "Loiter Length",
+            "Loiter Bearing",
+            "Loiter Duration",
+            "Flying Behaviour",
+        ] {
+            if other == field {
+                continue;
+            }
+            let (was, is) = (last.raw(other), report.raw(other));
+            t.expect_of(&report, was == is, || {
+                format!("expected {other} to stay {was:?} after a 2017 with {field} only; 3004 shows {is:?}")
+            })?;
+        }
+        last = report.clone();
         let radius = report.value("Loiter Radius");
         t.expect_of(&report, radius.is_some_and(|radius| (radius - 150.0).abs() < 0.8), || {
             format!("expected the radius of 150 m to stay after a 2017 with {field} only; 3004 shows {radius:?}")
@@ -128,8 +148,54 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
             .or_default()
             .insert(seen.piece.data[..width.min(seen.piece.data.len())].to_vec());
     }
+    // What is sent on request only.
+    for kind in [3, 3004, 3006, 3009, 3010] {
+        let width = |seen: &crate::wire::Seen| {
+            let width = seen.info.map_or(1, |info| usize::from(info.presence_bytes));
+            seen.piece.data[..width.min(seen.piece.data.len())].to_vec()
+        };
+        for _ in 0..2 {
+            let sent = station.send(information_request(kind));
+            let found = station.wait(sent.mark, t.timers().answer / 2, |seen| {
+                seen.kind() == kind && seen.piece.source == station.vehicle
+            });
+            let Some(found) = found else { break };
+            vectors.entry(kind).or_default().insert(width(&found));
+        }
+    }
     if vectors.is_empty() {
         return Err(Stop::inconclusive("no status message came"));
+    }
+    // What was there before must not be left out because it has not changed since.
+    for (kind, now) in vectors
+        .iter()
+        .filter(|(kind, _)| [3, 3002, 3004].contains(*kind))
+    {
+        let bits = |vector: &Vec<u8>| {
+            vector
+                .iter()
+                .fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte))
+        };
+        let before = {
+            let recording = t.bench.net.recording();
+            recording.datagrams[..t.mark]
+                .iter()
+                .filter(|datagram| datagram.direction == Direction::Received)
+                .flat_map(|datagram| &datagram.messages)
+                .filter(|seen| seen.kind() == *kind && seen.piece.source == station.vehicle)
+                .map(|seen| {
+                    let width = seen.info.map_or(1, |info| usize::from(info.presence_bytes));
+                    bits(&seen.piece.data[..width.min(seen.piece.data.len())].to_vec())
+                })
+                .fold(0, |all, bits| all | bits)
+        };
+        let lost = now
+            .iter()
+            .map(|vector| before & !bits(vector))
+            .fold(0, |all, bits| all | bits);
+        t.expect(lost == 0, || {
+            format!("expected {kind} with all fields that it had before, since partial vectors were not allowed; the bits 0x{lost:x} are left out")
+        })?;
     }
     let several = vectors.iter().find(|(_, found)| found.len() > 1);
     match several {

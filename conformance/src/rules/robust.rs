@@ -134,6 +134,9 @@ fn truncated_messages(t: &Trial) -> Judged {
         ),
         a.stamped(mode_command(12).acked()),
         a.stamped(Draft::new(13002).raw("Waypoint Number", 1).acked()),
+        a.stamped(transfer(3, "CUT")),
+        a.stamped(information_request(3)),
+        a.stamped(super::configuration::request(0)),
     ];
     for message in &messages {
         let bytes = a.encode(message);
@@ -240,7 +243,7 @@ fn random_bytes(t: &Trial) -> Judged {
 
 fn datagrams_of_unusual_size(t: &Trial) -> Judged {
     let (a, mark) = watched(t)?;
-    let sizes = [0, 549, 1_472, 65_507];
+    let sizes = [0, 1, 15, 549, 1_472, 65_507];
     for round in 0..20 {
         for size in sizes {
             let mut bytes = a.encode(&a.stamped(discovery()));
@@ -297,8 +300,17 @@ fn text_without_an_end(t: &Trial) -> Judged {
                 .text("Mission ID", &[byte; 20])
                 .raw("Mission Plan Mode", 3),
         );
+        a.send(
+            Draft::new(13001)
+                .raw("Initial Waypoint Number", 0)
+                .text("Route ID", &[byte; 33])
+                .raw("Route Type", 2),
+        );
         t.pause(t.timers().answer / 2)?;
     }
+    a.send(transfer(5, "TEXT"));
+    a.send(information_request(3));
+    t.pause(t.timers().answer / 4)?;
     for seen in a.received(mark, |seen| seen.kind() == 14000) {
         let text = seen.text("Mission ID").unwrap_or_default();
         t.expect_of(&seen, text.len() <= 20 && seen.fields.is_ok(), || {

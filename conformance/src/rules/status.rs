@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use super::scene::Scene;
-use crate::bench::flight::{fix, home, mode_command};
+use crate::bench::flight::{Plan, download, fix, home, load, mode_command};
 use crate::bench::station::{Station, information_request, loi, schedule};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::Draft;
+use crate::wire::{Direction, Draft};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -97,7 +97,17 @@ fn position_comes_by_itself(t: &Trial) -> Judged {
     let mark = t.bench.net.mark();
     t.pause(t.timers().status / 2)?;
     let count = station.received(mark, |seen| seen.kind() == 4000).len();
-    t.expect(count >= 2, || format!("expected at least two 4000 in {:.0} s after LOI 2 was granted, without asking; got {count}", t.timers().status.as_secs_f64() / 2.0))
+    t.expect(count >= 2, || format!("expected at least two 4000 in {:.0} s after LOI 2 was granted, without asking; got {count}", t.timers().status.as_secs_f64() / 2.0))?;
+    // Given back and granted again, it begins again.
+    station.release()?;
+    t.pause(Duration::from_millis(300))?;
+    station.take(loi::LOI2)?;
+    let mark = t.bench.net.mark();
+    t.pause(t.timers().status / 4)?;
+    let count = station.received(mark, |seen| seen.kind() == 4000).len();
+    t.expect(count >= 2, || {
+        format!("expected 4000 by itself after LOI 2 was granted a second time; got {count}")
+    })
 }
 
 fn default_rate_2_hz(t: &Trial) -> Judged {
@@ -151,6 +161,17 @@ fn scheduled_rate_is_kept(t: &Trial) -> Judged {
             format!("expected 4000 at {hertz} Hz within 20 % after 17001, got {found:.1} Hz")
         })?;
     }
+    // Another pushed message, and one that is sent on request only.
+    for (kind, hertz) in [(3001, 5_u16), (3, 4)] {
+        station.send(schedule(kind, hertz));
+        t.pause(Duration::from_millis(700))?;
+        let time = t.timers().status / 4;
+        let (found, _) = rate(t, &station, kind, time)?;
+        let tolerance = 0.2 * f64::from(hertz) + 1.0 / time.as_secs_f64();
+        t.expect((found - f64::from(hertz)).abs() <= tolerance, || {
+            format!("expected {kind} at {hertz} Hz within 20 % after 17001, got {found:.1} Hz")
+        })?;
+    }
     Ok(())
 }
 
@@ -186,13 +207,37 @@ fn asked_once_answered_once(t: &Trial) -> Judged {
     })?;
     // A push of another time would look like a second answer.
     t.pause(Duration::from_millis(500))?;
-    for kind in [3, 3000] {
+    let other = t.b().ok();
+    if let Some(other) = &other {
+        t.grant(other, loi::LOI2)?;
+        t.pause(Duration::from_millis(300))?;
+    }
+    for kind in [3, 3000, 3004] {
         let mark = t.bench.net.mark();
         a.query(kind)?;
         t.pause(t.timers().quiet.min(Duration::from_secs(2)))?;
-        let repeated = a.received(mark, |seen| seen.kind() == kind).len();
-        t.expect(repeated <= 2, || {
-            format!("expected one {kind} to one 17002, got {repeated}")
+        let requests = t.bench.net.recording().datagrams[mark..]
+            .iter()
+            .flat_map(|datagram| &datagram.messages)
+            .filter(|seen| seen.direction == Direction::Sent && seen.kind() == 17002)
+            .count();
+        let came = a.received(mark, |seen| seen.kind() == kind);
+        let stamps: BTreeSet<_> = came.iter().map(|seen| seen.stamp()).collect();
+        t.expect(stamps.len() <= requests, || {
+            format!(
+                "expected one {kind} to one 17002, got {} to {requests}",
+                stamps.len()
+            )
+        })?;
+        let elsewhere = other.as_ref().map_or(0, |other| {
+            other
+                .received(mark, |seen| {
+                    seen.kind() == kind && seen.piece.destination == other.id
+                })
+                .len()
+        });
+        t.expect(elsewhere == 0, || {
+            format!("expected {kind} to the CUCS that asked only; another was sent it")
         })?;
     }
     a.query(3001)?;
@@ -222,7 +267,15 @@ fn higher_status_for_a_lower_loi(t: &Trial) -> Judged {
             "expected LOI 2 to stay after a request for status of a higher LOI, got LOI Granted 0x{granted:02x}"
         )));
     }
-    Ok(())
+    t.expect(granted & !loi::LOI2 == 0, || {
+        format!("expected LOI 2 and nothing above it after a request for status of a higher LOI, got LOI Granted 0x{granted:02x}")
+    })?;
+    let mark = t.bench.net.mark();
+    let continues = station.wait(mark, t.timers().answer, |seen| seen.kind() == 4000);
+    t.expect(continues.is_some(), || {
+        "expected status to continue after a request for status of a higher LOI; no 4000 came"
+            .into()
+    })
 }
 
 fn altitude_says_its_datum(t: &Trial) -> Judged {
@@ -281,7 +334,57 @@ fn waypoint_number_0_means_no_data(t: &Trial) -> Judged {
     Ok(())
 }
 
+/// In flight, what is accepted is shown, with its type.
+fn accepted_values_are_shown(t: &Trial) -> Judged {
+    if !t
+        .bench
+        .flight_released
+        .load(std::sync::atomic::Ordering::SeqCst)
+    {
+        return Ok(());
+    }
+    let Ok(a) = crate::bench::flight::airborne(t) else {
+        return Ok(());
+    };
+    let now = fix(t, &a)?;
+    let good = mode_command(12)
+        .raw("Altitude Command Type", 1)
+        .set("Commanded Altitude", now.altitude + 6.0)
+        .raw("Altitude Type", now.altitude_type)
+        .acked();
+    let raw = crate::bench::flight::field(&good, "Commanded Altitude");
+    let sent = a.send(good);
+    let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 3);
+    let mut shown = a.query(3002)?;
+    while shown.raw("Commanded Altitude") != raw && t.bench.net.now() < deadline {
+        t.pause(Duration::from_millis(100))?;
+        shown = a.query(3002)?;
+    }
+    let refused = a.received(sent.mark, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_empty() && shown.has("Commanded Altitude") {
+        t.expect_of(&shown, shown.raw("Commanded Altitude") == raw, || {
+            format!(
+                "expected 3002 to show the accepted altitude of {:.1} m, got {:?}",
+                now.altitude + 6.0,
+                shown.value("Commanded Altitude")
+            )
+        })?;
+        let kind = shown.raw("Altitude Type");
+        t.expect_of(&shown, kind == Some(now.altitude_type), || {
+            format!(
+                "expected 3002 to show altitude type {}, as commanded; got {kind:?}",
+                now.altitude_type
+            )
+        })?;
+    }
+    a.release()?;
+    Ok(())
+}
+
 fn commanded_values_are_the_accepted_ones(t: &Trial) -> Judged {
+    accepted_values_are_shown(t)?;
     let a = t.controller()?;
     let home = home(t, &a)?;
     let before = a.query(3002)?.raw("Commanded Altitude");
@@ -369,6 +472,29 @@ fn subsystems_answer_for_themselves(t: &Trial) -> Judged {
     )?;
     t.pause(t.timers().answer / 2)?;
     let reports = station.received(mark, |seen| seen.kind() == 16001);
+    let all: BTreeSet<_> = reports
+        .iter()
+        .map(|seen| seen.raw("Subsystem ID"))
+        .collect();
+    // Each alone, whose report has to be its own.
+    for bit in asked {
+        let mark = t.bench.net.mark();
+        station.send(Draft::new(15000).raw("Subsystem ID", 1_i64 << bit));
+        let first = station.wait(mark, t.timers().answer, |seen| seen.kind() == 16001);
+        t.pause(Duration::from_millis(300))?;
+        let found: BTreeSet<_> = station
+            .received(mark, |seen| seen.kind() == 16001)
+            .iter()
+            .map(|seen| seen.raw("Subsystem ID"))
+            .collect();
+        let exists = all.contains(&Some(bit));
+        t.expect(first.is_some() || !exists, || {
+            format!("expected a report of subsystem {bit} when it alone is asked for, as among others; none came")
+        })?;
+        t.expect(found.iter().all(|&id| id == Some(bit)), || {
+            format!("expected the report of subsystem {bit} only, got {found:?}")
+        })?;
+    }
     for seen in &reports {
         let subsystem = seen.raw("Subsystem ID").unwrap_or(-1);
         t.expect_of(seen, asked.contains(&subsystem), || {
@@ -436,6 +562,22 @@ fn commands_reach_their_vehicle_only(t: &Trial) -> Judged {
                 vehicles[0], vehicles[1]
             )
         })?;
+        // A plan of one is no plan of the other.
+        let home = home(t, &stations[0])?;
+        let plan = Plan::zigzag(&home, "ONLY1", &[211, 212]);
+        if load(t, &stations[0], &plan)?.status == Some(1) {
+            let other = download(t, &stations[1], "ONLY1")?;
+            let foreign = other
+                .messages
+                .iter()
+                .any(|seen| seen.kind() == 13002 && seen.raw("Waypoint Number") == Some(211));
+            t.expect(!foreign, || {
+                format!(
+                    "expected the plan of {} to stay its own; a download from {} has it",
+                    vehicles[0], vehicles[1]
+                )
+            })?;
+        }
         let mark = t.bench.net.mark();
         t.pause(Duration::from_secs(2))?;
         for vehicle in &vehicles[..2] {

@@ -2,7 +2,9 @@
 
 use super::mission::{aboard, with_plan};
 use super::scene::Scene;
-use crate::bench::flight::{Plan, deliver, download, home, run_transfer, transfer};
+use crate::bench::flight::{
+    Plan, deliver, difference, download, field, home, run_transfer, transfer,
+};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 
@@ -31,22 +33,38 @@ pub(super) const SCENES: &[Scene] = &[
 
 fn single_waypoint_download(t: &Trial) -> Judged {
     let (a, plan) = with_plan(t, &[10, 40, 20])?;
-    let found = run_transfer(
-        t,
-        &a,
-        transfer(4, &plan.mission).raw("Waypoint Number", 20),
-        t.timers().load,
-    )?;
-    let numbers: Vec<_> = found
-        .messages
-        .iter()
-        .filter(|seen| seen.kind() == 13002)
-        .filter_map(|seen| seen.raw("Waypoint Number"))
-        .collect();
-    t.expect(
-        !numbers.is_empty() && numbers.iter().all(|&number| number == 20),
-        || format!("expected waypoint 20 and no other to 13000 mode 4; got {numbers:?}"),
-    )?;
+    for wanted in [20, 10, 40] {
+        let found = run_transfer(
+            t,
+            &a,
+            transfer(4, &plan.mission).raw("Waypoint Number", wanted),
+            t.timers().load,
+        )?;
+        let numbers: Vec<_> = found
+            .messages
+            .iter()
+            .filter(|seen| seen.kind() == 13002)
+            .filter_map(|seen| seen.raw("Waypoint Number"))
+            .collect();
+        t.expect(
+            !numbers.is_empty() && numbers.iter().all(|&number| number == wanted),
+            || format!("expected waypoint {wanted} and no other to 13000 mode 4; got {numbers:?}"),
+        )?;
+        let alone = Plan {
+            points: plan
+                .points
+                .iter()
+                .filter(|point| field(point, "Waypoint Number") == Some(wanted))
+                .cloned()
+                .collect(),
+            ..plan.clone()
+        };
+        if let Some(difference) = difference(&alone, &found, &t.bench) {
+            return Err(Stop::fail(format!(
+                "expected waypoint {wanted} as it was uploaded to 13000 mode 4; {difference}"
+            )));
+        }
+    }
     let unknown = run_transfer(
         t,
         &a,
@@ -98,6 +116,7 @@ fn clear_empties_the_plan(t: &Trial) -> Judged {
 }
 
 fn cancel_stops_a_transfer(t: &Trial) -> Judged {
+    cancel_stops_a_download(t)?;
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let home = home(t, &a)?;
     let half = Plan::zigzag(&home, "HALF", &[51, 52, 53, 54]);
@@ -123,13 +142,68 @@ fn cancel_stops_a_transfer(t: &Trial) -> Judged {
     aboard(t, &a, &plan, "unchanged after a cancelled upload")
 }
 
+/// A download that the vehicle sends bit by bit ends when it is cancelled; one that came at once cannot be stopped.
+fn cancel_stops_a_download(t: &Trial) -> Judged {
+    let (a, plan) = with_plan(t, &(1..=100).collect::<Vec<i64>>())?;
+    let sent = a.send(transfer(3, &plan.mission));
+    let begun = a.wait(sent.mark, t.timers().load, |seen| seen.kind() == 13002);
+    if begun.is_none() {
+        return Err(Stop::inconclusive(
+            "a download of 100 waypoints did not begin",
+        ));
+    }
+    a.send(transfer(5, &plan.mission));
+    let cancelled = t.bench.net.now();
+    t.pause(t.timers().quiet)?;
+    let came = a.received(sent.mark, |seen| seen.kind() == 13002);
+    let last = came
+        .last()
+        .map_or(std::time::Duration::ZERO, |seen| seen.at);
+    let late = last.saturating_sub(cancelled);
+    t.expect(
+        came.len() < 100 || late < std::time::Duration::from_millis(200),
+        || {
+            format!(
+                "expected the cancelled download to end; all {} waypoints came, the last {:.1} s after 13000 mode 5",
+                came.len(),
+                late.as_secs_f64()
+            )
+        },
+    )?;
+    a.release()?;
+    Ok(())
+}
+
 fn progress_ends(t: &Trial) -> Judged {
     // The values are judged on the traffic of the whole run; here is a transfer of each kind.
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let found = download(t, &a, &plan.mission)?;
     t.expect(found.status.is_some(), || {
         "expected a download to end with 14000 status 1 or 2; no end came".into()
-    })
+    })?;
+    let one = run_transfer(
+        t,
+        &a,
+        transfer(4, &plan.mission).raw("Waypoint Number", 2),
+        t.timers().load.min(t.timers().answer * 5),
+    )?;
+    t.expect(one.status.is_some(), || {
+        "expected the download of one waypoint to end with 14000 status 1 or 2; no end came".into()
+    })?;
+    for (what, transfer) in [
+        ("a download", &found),
+        ("the download of one waypoint", &one),
+    ] {
+        let ends = transfer
+            .reports
+            .iter()
+            .filter(|seen| seen.raw("Status").is_some_and(|status| status != 0))
+            .count();
+        t.expect(ends == 1, || {
+            format!("expected {what} to end once, got {ends} messages 14000 with status 1 or 2")
+        })?;
+    }
+    Ok(())
 }
 
 fn status_echoes_what_it_is_about(t: &Trial) -> Judged {

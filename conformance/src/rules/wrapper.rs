@@ -254,6 +254,17 @@ fn foreign_version_is_not_guessed_at(t: &Trial) -> Judged {
         let after = a.radius()?;
         t.expect(after == before, || format!("expected a 2017 of IDD version {version} to change nothing; the radius went from {before:?} to {after:?}"))?;
     }
+    if let Ok(b) = t.b() {
+        let mut draft = authorisation(loi::LOI2, Access::Request);
+        draft.idd = Some(99);
+        let sent = b.send(draft);
+        let granted = b.wait(sent.mark, t.timers().quiet, |seen| {
+            seen.kind() == 2 && seen.raw("LOI Granted").unwrap_or_default() != 0
+        });
+        t.expect(granted.is_none(), || {
+            "expected #1 of IDD version 99 to be granted nothing; LOI 2 was granted".into()
+        })?;
+    }
     t.expect(a.commands_work()?, || {
         "expected the same in the right version to work".into()
     })
@@ -307,6 +318,29 @@ fn only_what_is_addressed_to_it(t: &Trial) -> Judged {
     }
     let after = a.radius()?;
     t.expect(after == before, || format!("expected a 2017 for {foreign} to change nothing; the radius of {} went from {before:?} to {after:?}", a.vehicle))?;
+    // To everybody, to nobody, to the station itself: a setting is for one vehicle.
+    for (to, what) in [
+        (Id::BROADCAST, "everybody"),
+        (Id::NULL, "nobody"),
+        (a.id, "the CUCS itself"),
+    ] {
+        let sent = a.send(
+            Draft::new(2017)
+                .set("Loiter Radius", t.bench.fresh_radius())
+                .acked()
+                .to(to),
+        );
+        let done = a.wait(sent.mark, t.timers().quiet / 2, |seen| {
+            seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+        });
+        t.expect(done.is_none(), || {
+            format!(
+                "expected no 'carried out' for a 2017 addressed to {what} ({to}); 17000 type 2 came"
+            )
+        })?;
+        let after = a.radius()?;
+        t.expect(after == before, || format!("expected a 2017 addressed to {what} ({to}) to change nothing; the radius of {} went from {before:?} to {after:?}", a.vehicle))?;
+    }
     let now = reported_mode(&a)?;
     t.expect(now == mode || now != Some(12), || format!("expected a 2016 for {foreign} to change nothing; 3001 of {} went from {mode:?} to {now:?}", a.vehicle))
 }

@@ -10,9 +10,11 @@ import time
 from second_vsm import units
 from second_vsm.wire import parse_id
 
-from .faults import FAULTS
+from .faults import FAULTS as KNOWN
+from .faults_in_detail import IN_DETAIL
 from .station import OVERRIDE, Impossible, Station
 
+FAULTS = KNOWN | IN_DETAIL
 STEPS = """steps, in the order in which they are done:
   discover              search for vehicles; the first that answers is this station's
   take[:BITS]           request LOI bits (default 4: LOI 4), such as take:15

@@ -1,0 +1,264 @@
+//! Judges of what belongs together: an acknowledgement and its message, a grant and its request, a report and who asked.
+//!
+//! They look at whole runs, so that a fault shows that appears only the second time, only to one CUCS, or only beside
+//! something else.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::view::{Found, Judge, View};
+use crate::wire::Direction;
+
+pub(super) const JUDGES: &[Judge] = &[
+    Judge {
+        rule: "ACK-001",
+        judge: acknowledgements_name_what_was_sent,
+    },
+    Judge {
+        rule: "ACK-007",
+        judge: a_command_ends_once,
+    },
+    Judge {
+        rule: "AUTH-016",
+        judge: nothing_is_granted_unrequested,
+    },
+    Judge {
+        rule: "DISC-006",
+        judge: one_type_for_one_vehicle,
+    },
+    Judge {
+        rule: "STAT-005",
+        judge: pull_messages_are_pulled,
+    },
+    Judge {
+        rule: "TIME-002",
+        judge: stamps_have_milliseconds,
+    },
+    Judge {
+        rule: "TIME-003",
+        judge: stamps_are_recent,
+    },
+];
+
+/// How often a message was sent, and its contents, by source, type and time stamp.
+type Sent = BTreeMap<(u32, i64, i64), (usize, BTreeSet<Vec<u8>>)>;
+
+/// What each CUCS sent, by source, type and time stamp: how often, and with how many contents.
+fn sent(view: &View<'_>) -> Sent {
+    let mut sent = Sent::new();
+    for seen in view.requests() {
+        let key = (
+            seen.piece.source.0,
+            i64::from(seen.kind()),
+            seen.stamp().unwrap_or_default(),
+        );
+        let entry = sent.entry(key).or_default();
+        entry.0 += 1;
+        entry.1.insert(seen.piece.bytes.clone());
+    }
+    sent
+}
+
+fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
+    let sent = sent(view);
+    let kinds: BTreeSet<(u32, i64)> = sent.keys().map(|&(id, kind, _)| (id, kind)).collect();
+    for seen in view.messages().filter(|seen| seen.kind() == 17000) {
+        let (Some(kind), Some(stamp)) = (
+            seen.raw("Original Message Type"),
+            seen.raw("Original Message Time Stamp"),
+        ) else {
+            found.fail(
+                seen,
+                "expected Original Message Type and Time Stamp in 17000; one is absent",
+            );
+            continue;
+        };
+        let receiver = seen.piece.destination.0;
+        // Discoveries of a flood are not recorded, and messages that were broken on purpose have no stamp.
+        if kind == 1 {
+            continue;
+        }
+        let known =
+            sent.contains_key(&(receiver, kind, stamp)) || sent.contains_key(&(receiver, kind, 0));
+        found.check(seen, known, || {
+            let why = if kinds.contains(&(receiver, kind)) {
+                format!("none with the stamp {stamp}")
+            } else {
+                "none of that type".into()
+            };
+            format!(
+                "expected 17000 to {} about a message that it sent; it names message {kind}, and {} has sent {why}",
+                seen.piece.destination, seen.piece.destination
+            )
+        });
+    }
+}
+
+fn a_command_ends_once(view: &View<'_>, found: &mut Found) {
+    let sent = sent(view);
+    let mut ends: BTreeMap<(u32, i64, i64), Vec<i64>> = BTreeMap::new();
+    for seen in view.messages().filter(|seen| seen.kind() == 17000) {
+        let (Some(kind), Some(stamp), Some(step)) = (
+            seen.raw("Original Message Type"),
+            seen.raw("Original Message Time Stamp"),
+            seen.raw("Acknowledgement Type"),
+        ) else {
+            continue;
+        };
+        let key = (seen.piece.destination.0, kind, stamp);
+        let Some((times, contents)) = sent.get(&key) else {
+            continue;
+        };
+        // The same stamp with other content is another message; a doubled message is answered twice.
+        if *times != 1 || contents.len() != 1 {
+            continue;
+        }
+        let before = ends.entry(key).or_default();
+        let ended = before.iter().find(|&&before| before != 1).copied();
+        found.check(seen, ended.is_none(), || {
+            format!(
+                "expected one end of a message {kind}; 17000 type {step} came after type {}",
+                ended.unwrap_or_default()
+            )
+        });
+        before.push(step);
+    }
+}
+
+fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
+    let mut requested: BTreeMap<u32, i64> = BTreeMap::new();
+    for seen in view
+        .datagrams
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+    {
+        match (seen.direction, seen.kind()) {
+            (Direction::Sent, 1) if seen.raw("Requested/Handover Access") != Some(0) => {
+                *requested.entry(seen.piece.source.0).or_default() |=
+                    seen.raw("Requested/Handover LOI").unwrap_or_default();
+            }
+            // A handover grants as well.
+            (Direction::Sent, 4) => {
+                *requested.entry(seen.piece.source.0).or_default() |= 0x0F;
+                if let Some(id) = seen.raw("Requesting CUCS ID") {
+                    *requested.entry(id as u32).or_default() |= 0x0F;
+                }
+            }
+            (Direction::Received, 2) => {
+                let Some(granted) = seen.raw("LOI Granted") else {
+                    continue;
+                };
+                // Whoever has sent nothing yet may hold what it held before the run; LOI 2 comes with every level.
+                let Some(&requested) = requested.get(&seen.piece.destination.0) else {
+                    continue;
+                };
+                let more = granted & !requested & 0x0E;
+                found.check(seen, more == 0 || requested == 0, || {
+                    format!(
+                        "expected {} to be granted what it requested (LOI 0x{requested:02x} so far); LOI Granted is 0x{granted:02x}",
+                        seen.piece.destination
+                    )
+                });
+            }
+            _ => {}
+        }
+    }
+}
+
+fn one_type_for_one_vehicle(view: &View<'_>, found: &mut Found) {
+    let mut types: BTreeMap<u32, (u16, i64, i64)> = BTreeMap::new();
+    for seen in view
+        .messages()
+        .filter(|seen| matches!(seen.kind(), 2 | 3 | 41005))
+    {
+        let (Some(kind), Some(subtype)) = (seen.raw("Vehicle Type"), seen.raw("Vehicle Subtype"))
+        else {
+            continue;
+        };
+        let first = *types
+            .entry(seen.piece.source.0)
+            .or_insert((seen.kind(), kind, subtype));
+        found.check(seen, (first.1, first.2) == (kind, subtype), || {
+            format!(
+                "expected one Vehicle Type and Subtype of {}; message {} has {} and {}, message {} has {kind} and {subtype}",
+                seen.piece.source, first.0, first.1, first.2, seen.kind()
+            )
+        });
+    }
+}
+
+fn pull_messages_are_pulled(view: &View<'_>, found: &mut Found) {
+    let mut asked: BTreeSet<(usize, i64)> = BTreeSet::new();
+    for seen in view
+        .datagrams
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+    {
+        match (seen.direction, seen.kind()) {
+            (Direction::Sent, 17001) => {
+                asked.extend(
+                    seen.raw("Requested Message Type")
+                        .map(|kind| (seen.socket, kind)),
+                );
+            }
+            (Direction::Sent, 17002) => {
+                asked.extend(seen.raw("Message Type").map(|kind| (seen.socket, kind)));
+            }
+            (Direction::Received, kind @ 3000) => {
+                let pulled = asked.contains(&(seen.socket, kind.into()));
+                found.check(seen, pulled, || {
+                    format!(
+                        "expected {kind} on request or schedule only; it came to {}, which did not ask",
+                        seen.piece.destination
+                    )
+                });
+            }
+            _ => {}
+        }
+    }
+}
+
+fn stamps_have_milliseconds(view: &View<'_>, found: &mut Found) {
+    let mut stamps: BTreeMap<u16, (usize, usize)> = BTreeMap::new();
+    let mut last = None;
+    for seen in view
+        .messages()
+        .filter(|seen| matches!(seen.kind(), 2 | 3001 | 4000 | 17000))
+    {
+        let Some(stamp) = seen.stamp() else { continue };
+        let count = stamps.entry(seen.kind()).or_default();
+        count.0 += 1;
+        count.1 += usize::from(stamp % 1000 == 0);
+        last = Some(seen);
+    }
+    let Some(last) = last else { return };
+    for (kind, (all, whole)) in stamps {
+        found.check(last, all < 20 || whole < all, || {
+            format!("expected time stamps in milliseconds; all {all} of message {kind} are whole seconds")
+        });
+    }
+}
+
+fn stamps_are_recent(view: &View<'_>, found: &mut Found) {
+    if !view.live {
+        return;
+    }
+    let mut ages = Vec::new();
+    for seen in view.messages().filter(|seen| seen.kind() == 4000) {
+        let Some(stamp) = seen.stamp() else { continue };
+        let age = seen.wall_ms as i64 - stamp;
+        // Another epoch or time zone is TIME-002's.
+        if (0..1_200_000).contains(&age) {
+            ages.push((age, seen));
+        }
+    }
+    ages.sort_by_key(|(age, _)| *age);
+    let Some((median, seen)) = ages.get(ages.len() / 2) else {
+        return;
+    };
+    if ages.len() < 20 {
+        return;
+    }
+    found.check(seen, *median <= 3_000, || {
+        format!("expected stamps of 4000 that tell when the data were captured; half of them are more than {:.1} s old when they arrive", *median as f64 / 1000.0)
+    });
+}
