@@ -161,7 +161,7 @@ fn sends_what_its_loi_allows(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let at = seen.at.as_secs_f64();
-        let (levels, since) = held(&grants, seen.piece.source, at);
+        let (levels, _) = held(&grants, seen.piece.source, at);
         if needed == 2
             && let Some(stations) = seen
                 .info
@@ -181,7 +181,7 @@ fn sends_what_its_loi_allows(view: &View<'_>, found: &mut Found) {
         // What was on its way when the rights changed is nobody's fault.
         found.check(
             seen,
-            levels & needed != 0 || at - since < 0.5 && since > 0.0,
+            levels & needed != 0 || held(&grants, seen.piece.source, at - 0.5).0 & needed != 0,
             || {
                 format!(
                     "expected no message {} of {}, which holds LOI 0x{levels:02x} at that moment",
@@ -203,7 +203,7 @@ fn in_control_only_when_granted(view: &View<'_>, found: &mut Found) {
         let (levels, since) = held(&grants, seen.piece.source, at);
         found.check(
             seen,
-            levels & 0x0C != 0 || at - since < 2.0 && since > 0.0,
+            levels & 0x0C != 0 || held(&grants, seen.piece.source, at - 2.0).0 & 0x0C != 0,
             || {
                 let when = if since > 0.0 {
                     format!("{:.1} s after #2 took it away", at - since)
