@@ -199,7 +199,10 @@ impl Bridge {
             silent_s: station
                 .received
                 .map(|at| now.saturating_sub(at).as_secs_f64()),
-            profile: station.profile.lines(),
+            profile: match station.spoken {
+                Some((true, _)) => vec!["edition = \"2.5\"".to_owned()],
+                _ => station.profile.lines(),
+            },
         });
         let vehicles = self.aircraft.iter().map(|aircraft| {
             let telemetry = &aircraft.vehicle.telemetry;
