@@ -212,10 +212,7 @@ fn the_second_ground_station_passes_and_its_faults_do_not() {
                 "PV-008",
             ],
         ),
-        (
-            &["revoke", "damaged"],
-            &["AUTH-014", "AUTH-015", "WRAP-010"],
-        ),
+        (&["revoke", "damaged"], &["AUTH-015", "WRAP-010"]),
         (&["handover", "odd"], &["HAND-008", "ROBUST-011"]),
     ];
     // What is found on the wire, by the operator's eyes, and by a station that no longer answers.
