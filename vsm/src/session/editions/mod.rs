@@ -460,7 +460,17 @@ impl Translator {
     fn caution(&mut self, of: &Record, text: &str) -> Record {
         self.cautions += 1;
         let mut alert = new(1100);
-        alert.set(1, of.number(1).unwrap_or_default());
+        let stamp = of.number(1).unwrap_or_default();
+        // 50001 has milliseconds as a float.
+        let later = TimeStamp(stamp as u64).unix_ms() as f64 / 1e3;
+        alert.set(
+            1,
+            if times().contains(&stamp) {
+                stamp
+            } else {
+                later
+            },
+        );
         for (field, value) in [(4, 2.0), (5, -1.0), (6, 9.0), (7, 3.0), (10, 30.0)] {
             alert.set(field, value);
         }
@@ -545,10 +555,14 @@ fn authorisation(record: &Record, at: &Addressed) -> Result<Message, Refusal> {
     to(&record, CucsAuthorisationRequest::ID)
 }
 
-/// The messages of Edition 2.5 that a VSM sends for one of Edition 4.
+/// The messages of Edition 2.5 that a VSM sends for one of Edition 4: those that have their Time Stamp of it, since one may
+/// be made of several.
 pub(crate) fn counterparts(ed4: u16) -> impl Iterator<Item = u16> {
     ed25::messages()
-        .filter(move |info| info.direction != Direction::ToVsm && info.ed4_messages.contains(&ed4))
+        .filter(move |info| {
+            let stamp = info.fields.first().and_then(|field| field.ed4);
+            info.direction != Direction::ToVsm && stamp.is_some_and(|(of, _)| of == ed4)
+        })
         .map(|info| info.id)
 }
 
