@@ -156,6 +156,10 @@ fn form_of_a_discovery(view: &View<'_>, found: &mut Found) {
 
 fn sends_what_its_loi_allows(view: &View<'_>, found: &mut Found) {
     let grants = grants(view);
+    // To be granted or denied and to send nothing beyond it is what the rule asks for.
+    if !grants.is_empty() {
+        found.saw();
+    }
     for seen in view.messages() {
         let Some(needed) = needed(seen) else {
             continue;
