@@ -18,6 +18,8 @@
 mod brake;
 mod compile;
 mod curve;
+#[cfg(test)]
+mod curves_become_chords;
 mod error;
 mod item;
 mod landing;
