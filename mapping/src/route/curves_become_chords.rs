@@ -1,12 +1,12 @@
 //! A curved leg becomes chords that PX4 flies, within the tolerance, or is refused with the waypoint.
 
-use curve_paths::{BezierLeg, Control, Position};
 use crate::altitude::{Agl, Altimeter};
 use crate::limits::{Limits, Performance, metres};
 use crate::parameter::Parameters;
 use crate::plan::Plan;
 use crate::route::{CompiledMission, Curving, Reason, RouteError, Site, Vertices, compile};
 use crate::telemetry::Place;
+use curve_paths::{BezierLeg, Control, Position};
 use stanag_msgs::enums::{AltitudeType, LimitType, WaypointType};
 use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaPositionWaypoint, UaRoute};
 use stanag_msgs::{Bam32, Id, Message, Scaled};
