@@ -38,6 +38,22 @@ pub struct Commanded {
     pub speed_leg: Option<usize>,
     /// Loiter position: degrees north and east.
     pub loiter_position: Option<(f64, f64)>,
+    /// Direction that is steered (mode 15).
+    pub direction: Option<CommandedDirection>,
+}
+
+/// A direction as 2016 commands it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CommandedDirection {
+    /// Where nose and track point, as far as each is commanded.
+    Steady {
+        /// Commanded Heading.
+        heading: Option<Bam16>,
+        /// Commanded Course.
+        course: Option<Bam16>,
+    },
+    /// Commanded Turn Rate, rad/s, clockwise.
+    Turning(f64),
 }
 
 /// 3001: the mode that the vehicle is in, never the requested one. `None` before it has reported one.
@@ -92,6 +108,16 @@ pub fn operating_states(
     if let Some((latitude, longitude)) = commanded.loiter_position {
         states.commanded_loiter_position_latitude = Some(Bam32::from_degrees(latitude));
         states.commanded_loiter_position_longitude = Some(Bam32::from_degrees(longitude));
+    }
+    match commanded.direction {
+        Some(CommandedDirection::Steady { heading, course }) => {
+            states.commanded_heading = heading;
+            states.commanded_course = course;
+        }
+        Some(CommandedDirection::Turning(rate)) => {
+            states.commanded_turn_rate = scaled(Some(rate));
+        }
+        None => {}
     }
     states.commanded_waypoint_number = to_leg(vehicle, compiled).map(|leg| leg.number);
     states

@@ -7,6 +7,7 @@ use mapping::alert::Alert;
 use mapping::health::HealthFault;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use super::allowance::{Allowance, Rate};
 use super::findings::Code;
 
 /// A cause that lasts. One alert stands for each at a time, per vehicle.
@@ -53,8 +54,36 @@ pub(crate) struct Alerts {
     lately: Vec<(Duration, AlertPriority, String)>,
     /// Answers that stand, the oldest first.
     answers: VecDeque<Answered>,
+    /// By station.
+    refusals: Vec<Refusals>,
     /// That AGL is flown as height above home has been sent.
     agl_sent: bool,
+}
+
+/// What stations are sent of the commands that were refused to them.
+#[derive(Debug, Default)]
+struct Refusals {
+    to: Vec<usize>,
+    /// Of all texts.
+    all: Allowance,
+    /// Of each that was sent lately.
+    texts: Vec<(String, Allowance)>,
+    left_out: u32,
+}
+
+impl Refusals {
+    /// Whether one more with this text is sent.
+    fn takes(&mut self, now: Duration, text: &str) -> bool {
+        self.texts.retain(|(_, same)| !same.is_full(now));
+        let known = self.texts.iter().position(|(known, _)| known == text);
+        let mut same = known.map_or_else(Allowance::default, |at| self.texts.swap_remove(at).1);
+        let sent = same.take(now, SAME_REFUSAL) && self.all.take(now, REFUSALS);
+        // No more of them than the other bucket lets through.
+        if sent || known.is_some() {
+            self.texts.push((text.to_owned(), same));
+        }
+        sent
+    }
 }
 
 /// An answer to one message.
@@ -83,6 +112,7 @@ impl Alerts {
             standing: Vec::new(),
             lately: Vec::new(),
             answers: VecDeque::new(),
+            refusals: Vec::new(),
             agl_sent: false,
         }
     }
@@ -193,6 +223,34 @@ impl Alerts {
         }
     }
 
+    /// The reason why a command is refused. Of a storm of refusals only some are sent, so that an alarm between them is
+    /// seen: `None` for the others, which the next one that is sent counts. 17000 answers each of them all the same.
+    pub(crate) fn refusal(
+        &mut self,
+        now: Duration,
+        to: &[usize],
+        mut text: String,
+    ) -> Option<Raised> {
+        let at = self.refusals.iter().position(|one| one.to == to);
+        let at = at.unwrap_or_else(|| {
+            self.refusals.push(Refusals {
+                to: to.to_vec(),
+                ..Refusals::default()
+            });
+            self.refusals.len() - 1
+        });
+        let one = self.refusals.get_mut(at)?;
+        if !one.takes(now, &text) {
+            one.left_out += 1;
+            return None;
+        }
+        match std::mem::take(&mut one.left_out) {
+            0 => {}
+            left_out => text += &format!(" ({left_out} refusals before it are not reported)"),
+        }
+        Some(self.answer(now, to, text))
+    }
+
     /// The same for messages that nothing keeps a station from repeating: `None` where the same text went out less
     /// than [`QUIET`] ago.
     pub(crate) fn answer_sometimes(
@@ -279,6 +337,16 @@ const IDS_A_VEHICLE: i32 = 1_000_000;
 const QUIET: Duration = Duration::from_secs(2);
 /// Most different texts within [`QUIET`].
 const MAX_LATELY: usize = 50;
+/// The same reason of a refusal to one station: one a second, two at once.
+const SAME_REFUSAL: Rate = Rate {
+    cost: Duration::from_secs(1),
+    burst: Duration::from_secs(2),
+};
+/// All of them: four a second, 32 at once.
+const REFUSALS: Rate = Rate {
+    cost: Duration::from_millis(250),
+    burst: Duration::from_secs(8),
+};
 /// The answer to a command is shown for so long.
 const ANSWER_STANDS: Duration = Duration::from_secs(15);
 /// Answers that stand at once, at most: the oldest is cleared before its time.
@@ -323,6 +391,39 @@ mod tests {
             "and one".to_owned()
         ));
         assert_eq!(alerts.lately.len(), MAX_LATELY);
+    }
+
+    #[test]
+    fn of_a_storm_of_refusals_some_are_sent_and_the_rest_is_counted() {
+        for (differ, least, most) in [(false, 4, 6), (true, 32, 48)] {
+            let mut alerts = Alerts::new(0);
+            let mut sent = 0;
+            for n in 0..300 {
+                let text = format!("refused {}", if differ { n } else { 0 });
+                let raised = alerts.refusal(Duration::from_millis(10 * n), &[0], text);
+                sent += u32::from(raised.is_some());
+            }
+            assert!((least..=most).contains(&sent), "{differ}: {sent}");
+            assert!(alerts.refusals[0].texts.len() <= 40);
+            // Another reason, another station, and what matters more.
+            let now = Duration::from_secs(4);
+            let other = alerts.refusal(now, &[0], "another".to_owned());
+            let left_out = 300 - sent;
+            let text = other.expect("it is sent").alert.text;
+            assert_eq!(
+                text,
+                format!("another ({left_out} refusals before it are not reported)")
+            );
+            let next = alerts.refusal(now, &[1], "refused 0".to_owned());
+            assert_eq!(next.expect("it is sent").alert.text, "refused 0");
+            assert!(notice(
+                &mut alerts,
+                AlertPriority::Emergency,
+                "engine".to_owned()
+            ));
+            alerts.refusal(Duration::from_secs(60), &[0], "late".to_owned());
+            assert_eq!(alerts.refusals[0].texts.len(), 1);
+        }
     }
 
     #[test]

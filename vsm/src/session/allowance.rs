@@ -22,6 +22,11 @@ pub(crate) struct Allowance {
 }
 
 impl Allowance {
+    /// Whether nothing has been taken out of it lately.
+    pub(crate) fn is_full(&self, now: Duration) -> bool {
+        self.full_at <= now
+    }
+
     /// Takes one message out of it; false where there is none left.
     pub(crate) fn take(&mut self, now: Duration, rate: Rate) -> bool {
         let full_at = self.full_at.max(now) + rate.cost;

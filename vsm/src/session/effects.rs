@@ -475,7 +475,9 @@ impl Effects<'_> {
             Some(origin) => {
                 self.acknowledge(&origin, AckType::Refused);
                 let text = format!("{} refused: {why}", origin.message_type);
-                self.answer(&[origin.station], text);
+                let to = [origin.station];
+                let raised = self.alerts.refusal(self.dli.now.mono, &to, text);
+                self.dli.alert(self.id, &to, raised);
             }
             None => {
                 let to = self.listeners.clone();

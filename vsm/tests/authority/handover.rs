@@ -4,6 +4,7 @@ use crate::scene::{A, B, C, CONTROL, Scene, TABLES};
 use kit::bridge::{Setup, orders};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, HandoverStatus, RequestedAccess};
+use stanag_msgs::messages::GenericInformationRequestMessage;
 use vsm::session::Stations;
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
@@ -473,4 +474,57 @@ fn every_case_of_the_page_is_a_test_that_draws_it() {
     }
     let drawn = tests.matches("\n    scene.drawn(\"").count();
     assert_eq!(drawn, cases.len());
+}
+
+#[test]
+fn who_asks_is_sent_how_control_has_passed_last() {
+    let mut scene = Scene::new();
+    let asked = |scene: &mut Scene, by: usize| {
+        let mark = scene.rig.stations[by].received.len();
+        let request = GenericInformationRequestMessage {
+            message_type: Some(35_000),
+            ..GenericInformationRequestMessage::default()
+        };
+        let ticket = scene.rig.send_as(by, 0, request);
+        assert_eq!(scene.end(by, ticket), DONE);
+        let id = |by: usize| scene.rig.stations[by].id;
+        let mut received = scene.rig.stations[by].received[mark..].iter();
+        let report = received.find_map(|(_, _, message)| match message {
+            Message::HandoverStatusReport(report) => Some(report.clone()),
+            _ => None,
+        });
+        let report = report.expect("35000");
+        let station = |named| [A, B, C].into_iter().find(|by| Some(id(*by)) == named);
+        (
+            report.status.expect("a status"),
+            station(report.cucs_id_relinquishing_control),
+            station(report.cucs_id_acquiring_control),
+        )
+    };
+    let listen = scene.ask(C, RequestedAccess::Request, 1);
+    assert_eq!(scene.end(C, listen), DONE);
+    assert_eq!(
+        asked(&mut scene, C),
+        (HandoverStatus::NotRequested, None, None)
+    );
+    scene.take(A);
+    assert_eq!(
+        asked(&mut scene, A),
+        (HandoverStatus::NotRequested, None, None)
+    );
+    // Released, and taken by another.
+    let release = scene.ask(A, RequestedAccess::Relinquish, CONTROL);
+    assert_eq!(scene.end(A, release), DONE);
+    scene.take(B);
+    let passed = (HandoverStatus::Successful, Some(A), Some(B));
+    assert_eq!(asked(&mut scene, B), passed);
+    assert_eq!(asked(&mut scene, C), passed);
+    let wish = scene.hand_over(A, A, CONTROL);
+    scene.rig.run(0.3);
+    let asks = (HandoverStatus::InProgress, Some(B), Some(A));
+    assert_eq!(asked(&mut scene, C), asks);
+    let refusal = scene.hand_over(B, A, 0);
+    assert_eq!((scene.end(B, refusal), scene.end(A, wish)), (DONE, NO));
+    let refused = (HandoverStatus::Failed, Some(B), Some(A));
+    assert_eq!(asked(&mut scene, C), refused);
 }

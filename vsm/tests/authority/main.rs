@@ -5,6 +5,7 @@ mod audit_log;
 mod every_state;
 mod handover;
 mod histories;
+mod interleaved_uploads;
 mod lossy_links;
 mod model;
 mod release;

@@ -158,30 +158,38 @@ fn the_vehicles_own_radius_is_read_and_braked_for_where_it_is_small() {
 }
 
 #[test]
-fn a_landing_is_broken_off_where_the_vehicle_is() {
+fn a_landing_is_broken_off_with_a_climb() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    let early = rig.carry_out(orders::mode(Mode::AutolandWaveOff));
-    assert_eq!(early, Some(AckType::Refused), "it does not land");
-    assert!(
-        rig.station().has_alert("nothing to abort"),
-        "{:?}",
-        rig.station().alerts()
-    );
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
-    rig.run(5.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandWaveOff)),
-        Some(AckType::CarriedOut)
-    );
-    let height = -rig.truth().position.d;
-    assert!(height > 5.0, "{height} m");
-    rig.run(20.0);
-    let drift = (-rig.truth().position.d - height).abs();
-    assert!(drift < 3.0, "it is {drift} m off");
+    let wave_off = || orders::mode(Mode::AutolandWaveOff);
+    let height = |rig: &Rig| -rig.truth().position.d;
+    assert_eq!(rig.carry_out(wave_off()), Some(AckType::Refused));
+    assert!(rig.station().has_alert("nothing to abort"));
+    // Back to where the landing began, or to the commanded altitude, and never down.
+    let commanded = |up: f64| VehicleOperatingModeCommand {
+        select_flight_path_control_mode: Some(Mode::AutolandWaveOff),
+        ..orders::launch(up)
+    };
+    for (order, reached) in [(wave_off(), 20.0), (commanded(32.0), 32.0)] {
+        assert_eq!(
+            rig.carry_out(orders::mode(Mode::AutolandEngage)),
+            Some(AckType::CarriedOut)
+        );
+        rig.run(5.0);
+        let low = height(&rig);
+        assert!((5.0..reached - 3.0).contains(&low), "{low} m");
+        assert_eq!(rig.carry_out(commanded(4.0)), Some(AckType::Refused));
+        assert!(rig.station().has_alert("mode 20 (wave-off) climbs"));
+        assert_eq!(
+            rig.carry_out(order),
+            Some(AckType::CarriedOut),
+            "{:?}",
+            rig.station().alerts()
+        );
+        rig.run(20.0);
+        assert!((height(&rig) - reached).abs() < 2.0, "{} m", height(&rig));
+        assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
+    }
 }
 
 /// 50001 carries its Time Stamp as a float; the acknowledgement names it as that of any other message.

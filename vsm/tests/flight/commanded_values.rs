@@ -3,13 +3,13 @@
 
 use kit::bridge::{Rig, orders, vehicle_id};
 use stanag_msgs::enums::{
-    AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, LoiterDirection,
-    LoiterType, SpeedType,
+    AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, HeadingCommandType,
+    LoiterDirection, LoiterType, SpeedType,
 };
 use stanag_msgs::messages::{
     LoiterConfiguration, UaPositionWaypoint, VehicleOperatingModeCommand, VehicleOperatingStates,
 };
-use stanag_msgs::{Bam32, Message, Scaled};
+use stanag_msgs::{Bam16, Bam32, Message, Scaled};
 
 fn states(rig: &mut Rig) -> VehicleOperatingStates {
     rig.run(0.6);
@@ -182,4 +182,31 @@ fn nothing_in_flight_commands_an_altitude_below_home() {
         let why = alerts.last().expect("a reason");
         assert!(why.contains("m below home (48"), "{mode:?} {kind:?} {why}");
     }
+}
+
+#[test]
+fn a_direction_is_reported_as_it_was_commanded_and_ends_with_mode_15() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let turn = |kind| VehicleOperatingModeCommand {
+        heading_command_type: Some(kind),
+        commanded_turn_rate: Some(Scaled::from_raw(500)),
+        commanded_heading: Some(Bam16::from_degrees(90.0)),
+        ..orders::mode(Mode::Autopilot)
+    };
+    done(&mut rig, turn(HeadingCommandType::TurnRate));
+    let turning = states(&mut rig);
+    assert_eq!(turning.commanded_turn_rate, Some(Scaled::from_raw(500)));
+    assert_eq!(turning.commanded_heading, None);
+    // A speed alone turns nothing.
+    done(&mut rig, at_speed(Mode::Autopilot, 3.0));
+    let turning = states(&mut rig);
+    assert_eq!(turning.commanded_turn_rate, Some(Scaled::from_raw(500)));
+    done(&mut rig, turn(HeadingCommandType::Heading));
+    let steady = states(&mut rig);
+    assert_eq!(steady.commanded_turn_rate, None);
+    assert_eq!(steady.commanded_heading, Some(Bam16::from_degrees(90.0)));
+    assert_eq!(steady.commanded_course, None);
+    done(&mut rig, orders::mode(Mode::Loiter));
+    assert_eq!(states(&mut rig).commanded_heading, None);
 }

@@ -739,6 +739,9 @@ fn one_timeout_after_the_controller_is_lost() {
             "B 35000 Failed",
             // 4 and 8: a mode can be commanded now.
             "A 44003",
+            // 4: the Mission ID is another since the load.
+            "A 3",
+            "B 3",
             // 9: the ping was in vain.
             "A 17000 50014 Refused",
             "A 16000 Caution VsmStatus 11 new",

@@ -272,8 +272,25 @@ fn a_loiter_that_cannot_be_flown_is_refused_at_once_and_the_one_before_stays() {
             },
             "Loiter Radius 1500 m, at most 1000",
         ),
+        (
+            LoiterConfiguration {
+                loiter_radius: Some(Scaled::saturating_from_si(0.0)),
+                ..LoiterConfiguration::default()
+            },
+            "Loiter Radius 0 m, expected more than 0",
+        ),
     ] {
         refused(&mut rig, change, why);
+    }
+    // A hover has none: a full presence vector carries 0 for it, which is no radius for the next circle.
+    for kind in [LoiterType::Hover, LoiterType::Circular] {
+        let radius = (kind == LoiterType::Hover).then(|| Scaled::saturating_from_si(0.0));
+        let change = LoiterConfiguration {
+            loiter_type: Some(kind),
+            loiter_radius: radius,
+            ..LoiterConfiguration::default()
+        };
+        assert_eq!(rig.carry_out(change), Some(AckType::CarriedOut), "{kind:?}");
     }
     let request = GenericInformationRequestMessage {
         message_type: Some(3004),
@@ -439,4 +456,26 @@ fn copies_to_the_group_are_addressed_to_the_station_that_they_are_for() {
         counts.iter().all(|count| (24..=27).contains(count)),
         "{counts:?}"
     );
+}
+
+#[test]
+fn of_a_storm_of_refusals_each_is_acknowledged_and_some_are_explained() {
+    let mut rig = Rig::ready();
+    let mark = rig.station().received.len();
+    let tickets: Vec<_> = (0..300)
+        .map(|_| {
+            rig.run(0.01);
+            rig.send(orders::mode(Mode::from_raw(17)))
+        })
+        .collect();
+    rig.run(1.0);
+    let ends = tickets.iter().map(|ticket| rig.station().end(*ticket));
+    assert!(ends.into_iter().all(|end| end == Some(AckType::Refused)));
+    let alerts = reasons(&rig, 0, mark).len();
+    assert!((1..=20).contains(&alerts), "{alerts}");
+    // Something else is reported all the same.
+    rig.mav.faults.loss = 1.0;
+    assert!(rig.until(8.0, |rig| {
+        rig.station().has_alert("no data from the vehicle")
+    }));
 }

@@ -3,13 +3,14 @@
 use kit::bridge::{Rig, Setup, orders};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
-    AckType, AlertPriority, AltitudeType, EngineStatus, FlightPathControlMode as Mode, SubsystemId,
+    AckType, AlertPriority, AltitudeType, EngineStatus, FlightPathControlMode as Mode,
+    MissionPlanMode, SubsystemId,
 };
 use stanag_msgs::messages::{
-    GenericInformationRequestMessage, LoiterConfiguration, ScheduleMessageUpdateCommand,
-    VehicleOperatingModeCommand,
+    GenericInformationRequestMessage, LoiterConfiguration, MissionTransferCommand,
+    ScheduleMessageUpdateCommand, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Scaled, enums::LoiterType};
+use stanag_msgs::{Scaled, Text, enums::LoiterType};
 
 fn ask(message: u16) -> GenericInformationRequestMessage {
     GenericInformationRequestMessage {
@@ -308,4 +309,34 @@ fn a_loiter_configuration_is_returned_and_a_schedule_is_kept() {
     let before = count(&rig);
     rig.run(3.0);
     assert_eq!(count(&rig), before);
+}
+
+#[test]
+fn message_3_is_sent_unrequested_where_the_mission_id_changes() {
+    let mut rig = Rig::ready();
+    let missions = |rig: &Rig, mark: usize| -> Vec<Option<String>> {
+        let received = rig.station().received[mark..].iter();
+        let of = |(_, _, message): &(_, _, Message)| match message {
+            Message::VehicleId(id) => Some(id.mission_id.map(|id| id.as_str().to_owned())),
+            _ => None,
+        };
+        received.filter_map(of).collect()
+    };
+    rig.send_plan(orders::square());
+    for (name, reported) in [("M1", true), ("M2", true), ("M2", false)] {
+        let mark = rig.station().received.len();
+        let load = MissionTransferCommand {
+            mission_id: Some(Text::new(name)),
+            ..orders::load()
+        };
+        assert_eq!(rig.carry_out(load), Some(AckType::CarriedOut));
+        rig.run(1.0);
+        let expected = reported.then(|| Some(name.to_owned()));
+        assert_eq!(missions(&rig, mark), Vec::from_iter(expected));
+    }
+    let mark = rig.station().received.len();
+    let clear = orders::transfer(MissionPlanMode::Clear);
+    assert_eq!(rig.carry_out(clear), Some(AckType::CarriedOut));
+    rig.run(1.0);
+    assert_eq!(missions(&rig, mark), [None]);
 }

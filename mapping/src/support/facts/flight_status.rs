@@ -16,6 +16,9 @@ facts! {
         "Time Stamp": STAMP;
         "Commanded Altitude": "the last command that the vehicle took";
         "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
+        "Commanded Heading": "in mode 15, where 2016 has commanded it";
+        "Commanded Course": "in mode 15, where 2016 has commanded it";
+        "Commanded Turn Rate": "in mode 15, where 2016 has commanded it";
         "Commanded Speed": "the last command that the vehicle took";
         "Speed Type": "as it is flown: 2 of a multicopter, 0 of a fixed wing";
         "Power Level": "VFR_HUD.throttle";

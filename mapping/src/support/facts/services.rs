@@ -60,7 +60,7 @@ facts! {
         "Set Return Link Carrier Frequency (ADT)": "0; others are refused";
         "Set PN Code (ADT)": "0; others are refused";
     }
-    35000 sends "when a handover begins or ends, unless dli.provisional is off" {
+    35000 sends "when a handover begins or ends, and on 17002, unless dli.provisional is off" {
         "Time Stamp": STAMP;
         "CUCS ID (relinquishing control)": "the holder, or null";
         "CUCS ID (acquiring control)": "the successor, or null";

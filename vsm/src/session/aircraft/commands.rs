@@ -3,10 +3,10 @@
 use mapping::airframe;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, LoiBitmap};
-use stanag_msgs::messages::VsmAuthorisationResponse;
+use stanag_msgs::messages::{HandoverStatusReport, VsmAuthorisationResponse};
 
 use super::{Aircraft, Effects};
-use crate::config;
+use crate::config::{self, Provisional};
 use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
 use crate::session::{authority, flight, mission, reports};
@@ -32,18 +32,22 @@ impl Aircraft {
         dli: &mut DliEffects<'_>,
         input: reports::Input<'_>,
     ) -> Result<(), String> {
-        // Message 2 is the one report that the authority composes: it alone knows what is held.
-        if let reports::Input::ReportOnce { station, request } = input
-            && request.message_type == Some(VsmAuthorisationResponse::ID)
-        {
-            self.authority(
-                dli,
-                authority::Input::Again {
+        // Messages 2 and 35000 are the reports that the authority composes: it alone knows what is held, and handed over.
+        if let reports::Input::ReportOnce { station, request } = input {
+            let input = match request.message_type {
+                Some(VsmAuthorisationResponse::ID) => Some(authority::Input::Again {
                     station,
                     request: None,
-                },
-            );
-            return Ok(());
+                }),
+                Some(HandoverStatusReport::ID) if self.settings.provisional != Provisional::Off => {
+                    Some(authority::Input::ReportHandover { station })
+                }
+                _ => None,
+            };
+            if let Some(input) = input {
+                self.authority(dli, input);
+                return Ok(());
+            }
         }
         let answer = self.reports(dli, input);
         self.run_until_idle(dli);

@@ -137,6 +137,7 @@ impl Aircraft {
         self.flight(dli, flight::Input::WatchLossAction);
         self.run_until_idle(dli);
         self.observe(dli, reports::Input::WatchModes);
+        self.observe(dli, reports::Input::WatchIdentity);
         self.mission(dli, mission::Input::CompareWithVehicle);
         self.flight(dli, flight::Input::EndCutOffLaunch);
         self.hold_operator_control(dli);

@@ -130,6 +130,7 @@ impl AuthorityMachine {
     ) {
         let Unstored { decision, of, .. } = one;
         let before = std::mem::replace(&mut self.rights, one.rights);
+        self.note_handover(&decision);
         self.update_listeners(context, effects);
         if one.changed {
             effects.clear(Cause::Store, "authority is stored again");

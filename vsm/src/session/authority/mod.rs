@@ -28,7 +28,9 @@ use std::ops::Deref;
 use std::time::Duration;
 
 use mavlink_link::store::{Changes, StoreError};
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, HandoverStatus, LoiBitmap, RequestedAccess,
+};
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, PositiveHandoverAuthorisationRequest,
     VehicleDataLinkTransitionCoordination,
@@ -56,6 +58,16 @@ pub(crate) struct AuthorityMachine {
     /// What each CUCS of the configuration may still change.
     allowances: BTreeMap<Id, Allowance>,
     record: AuthorityRecord,
+    passed: LastHandover,
+}
+
+/// How control has passed last, for who asks later: 35000 that was sent may not have arrived. Not kept over a restart.
+#[derive(Debug, Default)]
+struct LastHandover {
+    /// Who has had control last.
+    holder: Option<Id>,
+    /// The latest handover that has ended: relinquishing, acquiring, and how.
+    ended: Option<(Option<Id>, Id, HandoverStatus)>,
 }
 
 /// A decision that takes effect once the disk has it.
@@ -125,6 +137,8 @@ pub(crate) enum Input<'a> {
         station: usize,
         request: Option<&'a CucsAuthorisationRequest>,
     },
+    /// A request for 35000.
+    ReportHandover { station: usize },
     /// Message 4.
     HandOver {
         origin: &'a Origin,
@@ -215,6 +229,7 @@ impl AuthorityMachine {
     ) -> Result<Vec<KnownStation>, StoreError> {
         let (rights, known) = self.record.restore(context, effects)?;
         self.decided.clone_from(&rights);
+        self.passed.holder = rights.controller();
         self.rights = rights;
         self.update_listeners(context, effects);
         self.record.restore_audit(&self.rights, context, effects)?;
@@ -276,6 +291,9 @@ impl AuthorityMachine {
             }
             Input::HandOver { origin, request } => {
                 return self.hand_over(context, origin, request, effects);
+            }
+            Input::ReportHandover { station } => {
+                self.answer_handover(station, effects);
             }
             Input::Again { station, request } => self.answer(context, station, request, effects),
             Input::HandOverAgain { station } => {

@@ -159,6 +159,44 @@ impl AuthorityMachine {
         }
     }
 
+    /// 35000 on request: the handover of control that is in progress, else how the latest one has ended.
+    pub(super) fn answer_handover(&self, station: usize, effects: &mut Effects<'_>) {
+        let pending = self.rights.pending().iter();
+        let pending = pending
+            .filter(|one| !one.rights.control().is_empty())
+            .last();
+        let (from, to, status) = match (pending, self.passed.ended) {
+            (Some(one), _) => (one.from, Some(one.to), HandoverStatus::InProgress),
+            (None, Some((from, to, status))) => (from, Some(to), status),
+            (None, None) => (None, None, HandoverStatus::NotRequested),
+        };
+        let report = messages::handover_status(from, to, status, effects.stamp());
+        effects.send(station, &report);
+    }
+
+    /// Notes how control has passed by a decision: handed over, or taken after another had released it, or lost it.
+    pub(super) fn note_handover(&mut self, decision: &Decision) {
+        for ended in &decision.ended {
+            let Handover {
+                from, to, rights, ..
+            } = ended.handover;
+            if !rights.control().is_empty() {
+                let status = match ended.outcome {
+                    Outcome::Completed(_) => HandoverStatus::Successful,
+                    _ => HandoverStatus::Failed,
+                };
+                self.passed.ended = Some((from, to, status));
+            }
+        }
+        let Some(holder) = self.rights.controller() else {
+            return;
+        };
+        if let Some(from) = self.passed.holder.filter(|from| *from != holder) {
+            self.passed.ended = Some((Some(from), holder, HandoverStatus::Successful));
+        }
+        self.passed.holder = Some(holder);
+    }
+
     /// 35000, to the two and to all who listen. The null id stands for nobody.
     pub(super) fn report_handover(
         &self,

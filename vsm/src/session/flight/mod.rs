@@ -65,6 +65,8 @@ pub(crate) struct Flight {
     /// The last 2008.
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
+    /// Where AUTO.LAND began, while the vehicle is in it, m above mean sea level.
+    landing_from_m: Option<f64>,
     /// A restart of the VSM cut off a launch, and what became of it is not known yet.
     launch_cut_off: bool,
 }
@@ -200,7 +202,14 @@ impl Flight {
                     self.fail(context, origin, why, effects);
                 }
             }
-            Input::ModeChanged => self.forget_commanded(context),
+            Input::ModeChanged => {
+                self.forget_commanded(context);
+                // Also where PX4's own failsafe lands.
+                let telemetry = &context.vehicle.telemetry;
+                let lands = telemetry.mode == Some(Px4Mode::LAND);
+                let here = telemetry.position.filter(|_| lands);
+                self.landing_from_m = here.map(|place| place.amsl_m);
+            }
             Input::Advance => {
                 // Streams before modes: PX4 rejects POSCTL without sticks and OFFBOARD without set points.
                 self.stream_sticks(context, effects);
@@ -344,6 +353,7 @@ impl Flight {
             just_loaded,
             entering: context.mission.waiting_command().is_some()
                 || self.maneuver.as_ref().is_some_and(enters),
+            landing_from_m: self.landing_from_m,
             loiter: &self.loiter,
             commanded: self.commanded,
             agl: context.bounds.agl,

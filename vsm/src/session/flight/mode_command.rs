@@ -72,6 +72,11 @@ pub(crate) fn task(
         },
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
+        Mode::AutolandWaveOff
+            if at.telemetry.hovers() && at.telemetry.mode == Some(Px4Mode::LAND) =>
+        {
+            wave_off(command, at)
+        }
         Mode::AutolandWaveOff => wings::wave_off(at),
         Mode::FlightDirector => Ok(Task::Manual),
         Mode::Autopilot if at.wings.is_some() && !at.telemetry.hovers() => {
@@ -254,6 +259,43 @@ fn is_current(uploaded: &UploadedMission, route: RouteType, at: &Situation<'_>) 
             .plan
             .route_of_type(route)
             .is_none_or(|sent| at.plan.part(sent) == uploaded.plan)
+}
+
+/// Mode 20 of a vehicle in AUTO.LAND: up to the commanded altitude, else to the one at which the landing began, through
+/// which it has come down just now; where neither is known it holds. DO_GO_AROUND is for wings.
+fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
+    // DO_REPOSITION would take it off.
+    if at.telemetry.stands() {
+        return Err("mode 20 (wave-off): the vehicle is on the ground already".to_owned());
+    }
+    let commanded = match altitude(command) {
+        Some(metres) => {
+            let home = at.telemetry.home.ok_or("mode 20: home is not known yet")?;
+            Some(checked_level(metres, command, at)?.amsl(home.amsl_m))
+        }
+        None => None,
+    };
+    let present = at.telemetry.position.map(|place| place.amsl_m);
+    if let (Some(wanted), Some(present)) = (commanded, present)
+        && wanted < present
+    {
+        return Err(format!(
+            "mode 20 (wave-off) climbs: commanded {wanted:.1} m AMSL, the vehicle is at {present:.1} m"
+        ));
+    }
+    match (commanded.or(at.landing_from_m), present) {
+        (Some(amsl_m), Some(present))
+            if at.telemetry.hovers() && at.telemetry.airborne() && amsl_m > present + NEAR_M =>
+        {
+            let commanded = Commanded {
+                altitude_amsl_m: Some(amsl_m),
+                ..Commanded::default()
+            };
+            let steps = maneuver::reposition(None, amsl_m, None);
+            Ok(Task::Steps(steps.into(), commanded))
+        }
+        _ => Ok(plain(&[Px4Mode::LOITER], at)),
+    }
 }
 
 /// Mode 21: to an altitude, and on along the launch route where there is one.
@@ -541,6 +583,10 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         commanded.speed_type = Some(SpeedType::Ground);
     }
     commanded.loiter_position = None;
+    // What turns no heading leaves the one that is steered.
+    if order.direction.is_some() {
+        commanded.direction = steering::reported(command);
+    }
     Ok(Task::Steer(order, commanded))
 }
 
@@ -592,6 +638,7 @@ mod tests {
                 plan: &Plan::default(),
                 just_loaded: false,
                 entering: false,
+                landing_from_m: None,
                 loiter: &LoiterConfiguration::default(),
                 commanded: Commanded::default(),
                 agl: Agl::AboveHome,
@@ -649,6 +696,7 @@ mod tests {
                 plan: &Plan::default(),
                 just_loaded: false,
                 entering: false,
+                landing_from_m: None,
                 loiter: &LoiterConfiguration::default(),
                 commanded: Commanded::default(),
                 agl: Agl::AboveHome,

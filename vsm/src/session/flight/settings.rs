@@ -66,7 +66,14 @@ pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Resul
             "Loiter Radius {radius_m:.0} m, at most {WIDEST_CIRCLE_M:.0}"
         ));
     }
-    // 0 is what a full presence vector carries for none.
+    // Clipped, or taken for the vehicle's own, a circle would be flown otherwise than it was sent.
+    if radius_m == Some(0.0) && matches!(loiter.loiter_type, None | Some(LoiterType::Circular)) {
+        return Err(
+            "Loiter Radius 0 m, expected more than 0; leave it out for the vehicle's own, or command Loiter Type 4 (hover)"
+                .to_owned(),
+        );
+    }
+    // Of a figure 8, 0 is what a full presence vector carries for none.
     let above_zero = |m: &f64| *m > 0.0;
     let radius_m = radius_m.filter(above_zero);
     match loiter.loiter_type {
@@ -103,10 +110,16 @@ pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Resul
 
 /// 2017 is a configuration message: an absent field keeps its last value.
 fn merge(old: &LoiterConfiguration, new: &LoiterConfiguration) -> LoiterConfiguration {
+    let loiter_type = new.loiter_type.or(old.loiter_type);
+    // A hover has no radius: 0 is what a full presence vector carries for it, and takes none away.
+    let hover = loiter_type == Some(LoiterType::Hover);
+    let radius = new
+        .loiter_radius
+        .filter(|radius| !hover || radius.si() > 0.0);
     LoiterConfiguration {
         time_stamp: new.time_stamp.or(old.time_stamp),
-        loiter_type: new.loiter_type.or(old.loiter_type),
-        loiter_radius: new.loiter_radius.or(old.loiter_radius),
+        loiter_type,
+        loiter_radius: radius.or(old.loiter_radius),
         loiter_length: new.loiter_length.or(old.loiter_length),
         loiter_length_units: new.loiter_length_units.or(old.loiter_length_units),
         loiter_bearing: new.loiter_bearing.or(old.loiter_bearing),

@@ -64,6 +64,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) just_loaded: bool,
     /// A command that enters a mode is being carried out.
     pub(crate) entering: bool,
+    /// Where AUTO.LAND began, m above mean sea level.
+    pub(crate) landing_from_m: Option<f64>,
     pub(crate) loiter: &'a LoiterConfiguration,
     pub(crate) commanded: Commanded,
     pub(crate) agl: Agl,

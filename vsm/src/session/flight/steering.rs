@@ -21,6 +21,7 @@ use std::time::Duration;
 
 use mapping::limits::Limits;
 use mapping::mode::Px4Mode;
+use mapping::report::CommandedDirection;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::{
     MavFrame, MavMessage, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
@@ -110,6 +111,22 @@ pub(crate) fn direction(
             other.raw()
         )),
     }
+}
+
+/// What 3002 reports of the direction that a command asks for.
+pub(crate) fn reported(command: &VehicleOperatingModeCommand) -> Option<CommandedDirection> {
+    use HeadingCommandType as H;
+    let kind = command.heading_command_type?;
+    if kind == H::TurnRate {
+        let rate = command.commanded_turn_rate?;
+        return Some(CommandedDirection::Turning(rate.si()));
+    }
+    let heading = command.commanded_heading;
+    let course = command.commanded_course;
+    Some(CommandedDirection::Steady {
+        heading: heading.filter(|_| matches!(kind, H::Heading | H::HeadingAndCourse)),
+        course: course.filter(|_| matches!(kind, H::Course | H::HeadingAndCourse)),
+    })
 }
 
 /// The machine.

@@ -58,9 +58,13 @@ pub(crate) struct Reports {
     parameters: ParameterRequests,
     settings: SettingsReading,
     health: HealthWatch,
+    identity: Option<Identity>,
     /// Fields without effect that stations were already sent: station, message, field.
     ignored: BTreeSet<(usize, u16, u8)>,
 }
+
+/// What message 3 has reported last and can change: tail number and Mission ID.
+type Identity = (String, Option<String>);
 
 /// What it reads.
 #[derive(Debug, Clone, Copy)]
@@ -138,6 +142,8 @@ pub(crate) enum Input<'a> {
     },
     /// Reports by 44003 which modes can be commanded now, where that has changed.
     WatchModes,
+    /// Sends message 3 where tail number or Mission ID has changed.
+    WatchIdentity,
     SendConfiguration,
     WatchRequests,
     WatchHealth,
@@ -240,6 +246,7 @@ impl Reports {
                 self.configuration
                     .watch_modes(common, mission, answers, effects);
             }
+            Input::WatchIdentity => self.watch_identity(context, effects),
             Input::SendConfiguration => answers.send_due(effects),
             Input::WatchRequests => self.requests.watch(common, effects),
             Input::WatchHealth => {
@@ -268,6 +275,26 @@ impl Reports {
         .into_iter()
         .flatten()
         .min()
+    }
+
+    /// A load, or another configuration, has changed what message 3 says; a new listener is sent it at its grant.
+    fn watch_identity(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let tail_number = &context.config.tail_number;
+        let mission_id = context
+            .mission
+            .uploaded
+            .map(|uploaded| &uploaded.mission_name);
+        let known = self.identity.as_ref();
+        if known
+            .is_some_and(|(tail, mission)| tail == tail_number && mission.as_ref() == mission_id)
+        {
+            return;
+        }
+        let now = (tail_number.clone(), mission_id.cloned());
+        if self.identity.replace(now).is_some() {
+            let report = context.vehicle_id(&context.mission, effects.stamp());
+            effects.publish_to_listeners(&report.into());
+        }
     }
 
     fn sources<'a>(&'a self, context: &Context<'a>) -> Sources<'a> {

@@ -10,6 +10,7 @@ use stanag_msgs::messages::{MissionTransferCommand, UaLoiterWaypoint, UaPosition
 use super::messages::waypoint_2;
 use super::scenes::{
     as_loiter, as_route, as_waypoint, control, one, plane, then_5_s, with_two_routes,
+    with_two_routes_loaded,
 };
 use crate::scene::Trial;
 use kit::bridge::orders;
@@ -29,7 +30,7 @@ pub(super) fn routes() -> Vec<Trial> {
         ),
         trial!(
             one,
-            with_two_routes,
+            with_two_routes_loaded,
             then_5_s,
             MissionTransferCommand {
                 waypoint_number: Some(101),

@@ -101,6 +101,11 @@ pub(super) fn with_two_routes(rig: &mut Rig) {
     ]);
 }
 
+pub(super) fn with_two_routes_loaded(rig: &mut Rig) {
+    with_two_routes(rig);
+    done(rig, orders::load());
+}
+
 pub(super) fn then_5_s(rig: &mut Rig, message: &Message) {
     send(rig, message);
     rig.run(5.0);
