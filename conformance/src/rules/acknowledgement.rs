@@ -242,6 +242,19 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
     if !a.radius_becomes(r1)? {
         return Err(Stop::inconclusive("2017 does not change 3004"));
     }
+    // The same stamp with other content is a new message. Not after one with a later stamp: that would be overtaken, and
+    // a subject that lets it undo the later one does what this rule is about.
+    a.send(
+        Draft::new(2017)
+            .raw("Time Stamp", first.stamp)
+            .set("Loiter Radius", r3)
+            .acked(),
+    );
+    if !a.radius_becomes(r3)? {
+        t.warn(format!(
+            "a 2017 with the stamp of the one before and another radius ({r3} m) is not carried out"
+        ));
+    }
     a.set_radius(r2);
     if !a.radius_becomes(r2)? {
         return Err(Stop::inconclusive("2017 does not change 3004"));
@@ -258,18 +271,6 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
     t.expect(shown.is_some_and(|shown| (shown - r2).abs() < 0.8), || {
         format!("expected the radius to stay {r2} m after the bytes of an older 2017 came again; 3004 shows {shown:?}")
     })?;
-    // The same stamp with other content is a new message.
-    a.send(
-        Draft::new(2017)
-            .raw("Time Stamp", first.stamp)
-            .set("Loiter Radius", r3)
-            .acked(),
-    );
-    if !a.radius_becomes(r3)? {
-        t.warn(format!(
-            "a 2017 with the stamp of an older one and another radius ({r3} m) is not carried out"
-        ));
-    }
     a.release()?;
     let Ok(a) = airborne(t) else {
         t.note("not judged in flight: the vehicle could not be launched");

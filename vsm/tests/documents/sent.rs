@@ -190,6 +190,21 @@ fn everything(airframe: Airframe) -> Rig {
     let _ = rig.carry_out(loiter);
     rig.run(2.0);
     done(&mut rig, request(3004));
+    // Directions that were commanded.
+    for kind in [
+        HeadingCommandType::TurnRate,
+        HeadingCommandType::HeadingAndCourse,
+    ] {
+        let steer = VehicleOperatingModeCommand {
+            heading_command_type: Some(kind),
+            commanded_turn_rate: Some(Scaled::from_raw(500)),
+            commanded_heading: Some(Bam16::from_degrees(90.0)),
+            commanded_course: Some(Bam16::from_degrees(90.0)),
+            ..orders::mode(Mode::Autopilot)
+        };
+        done(&mut rig, steer);
+        rig.run(1.0);
+    }
     // An alert that stands, and what is behind it; a long text in parts.
     rig.vehicles[0]
         .vehicle_mut()
@@ -232,7 +247,13 @@ fn request(message: u16) -> GenericInformationRequestMessage {
 fn services() -> Rig {
     let mut rig = Rig::ready();
     for curve in [filled(curve().into()), paper_curve().into()] {
-        done(&mut rig, curve);
+        rig.send_plan(vec![
+            orders::route(1).into(),
+            orders::waypoint(1, 2, 50.0, 0.0, 20.0).into(),
+            orders::waypoint(2, 0, 50.0, 200.0, 20.0).into(),
+            curve,
+        ]);
+        done(&mut rig, orders::load());
         done(&mut rig, orders::transfer(MissionPlanMode::Download));
     }
     done(&mut rig, filled(circle().into()));

@@ -89,7 +89,7 @@ facts! {
     }
     2016 taken "a mode, and what goes with it; answered by what the vehicle then does: HEARTBEAT, CURRENT_MODE, MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT, ORBIT_EXECUTION_STATUS, EXTENDED_SYS_STATE" {
         "Time Stamp": RECEIVED_STAMP;
-        "Select Flight Path Control Mode": "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD, on wings the course mode of PX4; 19 AUTO.LAND, on wings the landing pattern in AUTO.MISSION; 20 while it lands, of a fixed wing DO_GO_AROUND; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF, of a VTOL NAV_VTOL_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode";
+        "Select Flight Path Control Mode": "2 POSCTL once MANUAL_CONTROL runs; 11 MISSION_SET_CURRENT where a waypoint is commanded, AUTO.MISSION; 12 AUTO.LOITER, or DO_REPOSITION, DO_ORBIT, refused on the ground; 15 SET_POSITION_TARGET_LOCAL_NED, 20 a second, then OFFBOARD, on wings the course mode of PX4; 19 AUTO.LAND, on wings the landing pattern in AUTO.MISSION; 20 while it lands, of a multicopter up to the commanded altitude, else to where the landing began, of a fixed wing DO_GO_AROUND; 21 AUTO.LOITER, COMPONENT_ARM_DISARM, NAV_TAKEOFF, of a VTOL NAV_VTOL_TAKEOFF; 23, 24 the upload of such a route where one is stored, AUTO.MISSION, else AUTO.RTL, AUTO.LAND; others are refused; absent or 0: the present mode";
         "Altitude Command Type": "1 altitude, 0 none: the altitude is not flown; 2 and 3 in 15, elsewhere refused";
         "Commanded Altitude": "12, 15: flown to; 21: taken off to; refused in 11, and below home unless vehicle.limits.below_home is true";
         "Commanded Vertical Speed": "15: flown, or the limit of the way to an altitude; elsewhere 16000 reports that it is ignored";
@@ -109,7 +109,7 @@ facts! {
     2017 taken "kept, field by field, for the loiters that 2016 commands" {
         "Time Stamp": RECEIVED_STAMP;
         "Loiter Type": "4 hover (not of a fixed wing), 1 circle, 3 figure 8 (on wings, DO_FIGURE_EIGHT); others are refused; a VTOL transitions for it";
-        "Loiter Radius": "of the circle, or of the ends of a figure 8; 0: none; above 1000 m it is refused";
+        "Loiter Radius": "of the circle, or of the ends of a figure 8 (0: none); above 1000 m, and 0 of a circle, it is refused";
         "Loiter Length": "of a figure 8; 0: none";
         "Loiter Bearing": "of the long axis of a figure 8";
         "Loiter Direction": "2 counter-clockwise, 0 and 1 clockwise; others are refused";

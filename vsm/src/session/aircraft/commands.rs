@@ -11,6 +11,12 @@ use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
 use crate::session::{authority, flight, mission, reports};
 
+/// Whether a station is sent messages whose layout is derived from Edition 2.
+fn has_provisional(dli: &DliEffects<'_>, station: usize) -> bool {
+    let one = dli.stations.get(station);
+    one.is_some_and(|one| one.profile.provisional != Provisional::Off)
+}
+
 impl Aircraft {
     /// A message of the authority's, 1, 4 or 34000. The answer is for the caller to acknowledge.
     pub(crate) fn ask_authority(
@@ -39,7 +45,7 @@ impl Aircraft {
                     station,
                     request: None,
                 }),
-                Some(HandoverStatusReport::ID) if self.settings.provisional != Provisional::Off => {
+                Some(HandoverStatusReport::ID) if has_provisional(dli, station) => {
                     Some(authority::Input::ReportHandover { station })
                 }
                 _ => None,
