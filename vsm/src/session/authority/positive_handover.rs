@@ -161,10 +161,8 @@ impl AuthorityMachine {
 
     /// 35000 on request: the handover of control that is in progress, else how the latest one has ended.
     pub(super) fn answer_handover(&self, station: usize, effects: &mut Effects<'_>) {
-        let pending = self.rights.pending().iter();
-        let pending = pending
-            .filter(|one| !one.rights.control().is_empty())
-            .last();
+        let mut pending = self.rights.pending().iter();
+        let pending = pending.rfind(|one| !one.rights.control().is_empty());
         let (from, to, status) = match (pending, self.passed.ended) {
             (Some(one), _) => (one.from, Some(one.to), HandoverStatus::InProgress),
             (None, Some((from, to, status))) => (from, Some(to), status),
