@@ -12,7 +12,8 @@ use mavlink_link::dialect::{
 use px4_sim::{Airframe, HealthFaults};
 use stanag_msgs::enums::{
     AckType, AreaPlanMode, CommandedEngineState, ConfigRequestType, FlightPathControlMode as Mode,
-    LoiterDirection, LoiterType, MissionPlanMode, PingTarget, SpeedType, WaypointSpeedType,
+    HeadingCommandType, LoiterDirection, LoiterType, MissionPlanMode, PingTarget, SpeedType,
+    WaypointSpeedType,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, EngineCommand, FieldConfigurationRequest,
@@ -20,7 +21,7 @@ use stanag_msgs::messages::{
     PositiveHandoverAuthorisationRequest, SubsystemStatusDetailRequest, SubsystemStatusRequest,
     UaLoiterWaypoint, UaPositionWaypoint, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Bam32, Message, Scaled, TimeStamp, table};
+use stanag_msgs::{Bam16, Bam32, Message, Scaled, TimeStamp, table};
 
 use super::scene::{altered, done, raw_fields};
 use super::trials::messages::{areas, circle, corner, curve, paper_curve, sticks};
