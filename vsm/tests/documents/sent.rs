@@ -203,7 +203,8 @@ fn everything(airframe: Airframe) -> Rig {
             commanded_course: Some(Bam16::from_degrees(90.0)),
             ..orders::mode(Mode::Autopilot)
         };
-        done(&mut rig, steer);
+        // Wings take a course alone.
+        let _ = rig.carry_out(steer);
         rig.run(1.0);
     }
     // An alert that stands, and what is behind it; a long text in parts.
