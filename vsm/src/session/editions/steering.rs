@@ -130,19 +130,17 @@ impl Steering {
             command.set(16, pascal);
         }
         let mut notice = None;
-        match mode {
-            Some(mode @ (AUTOPILOT | WAYPOINT | LOITER)) => {
-                self.rule(mode, Some(record), &mut command);
-                if mode == WAYPOINT && self.is_new_waypoint(record) {
-                    name_waypoint(record, &mut command);
-                }
-                if mode == LOITER && self.preference[2] == 0 && has_place(record) {
-                    notice = Some(
-                        "#43: Loiter Position is not flown to while #48 says configuration for course".to_owned(),
-                    );
-                }
+        if let Some(mode @ (AUTOPILOT | WAYPOINT | LOITER)) = mode {
+            self.rule(mode, Some(record), &mut command);
+            if mode == WAYPOINT && self.is_new_waypoint(record) {
+                name_waypoint(record, &mut command);
             }
-            _ => {}
+            if mode == LOITER && self.preference[2] == 0 && has_place(record) {
+                notice = Some(
+                    "#43: Loiter Position is not flown to while #48 says configuration for course"
+                        .to_owned(),
+                );
+            }
         }
         let acts = (2..=23).any(|field| field != 16 && command.number(field).is_some());
         if let Some((mode, _)) = entered.filter(|_| acts) {
