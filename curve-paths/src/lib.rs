@@ -11,6 +11,7 @@ mod free;
 mod leg;
 mod local;
 mod reading;
+pub mod terrain;
 pub mod vector;
 mod walk;
 pub mod wgs84;

@@ -21,6 +21,8 @@ pub struct Limits {
     pub below_home: bool,
     /// Highest waypoint, m above home.
     pub highest_m: f64,
+    /// Lowest place of a route, m above the terrain where that is known; negative: so far below it.
+    pub above_terrain_m: f64,
     /// Fastest commanded speed, m/s; the vehicle's own counts where it is lower
     /// ([`Performance`]).
     pub speed_m_s: f64,
@@ -38,6 +40,7 @@ impl Default for Limits {
             lowest_m: -500.0,
             below_home: false,
             highest_m: 5_000.0,
+            above_terrain_m: 0.0,
             speed_m_s: 100.0,
             transition_m: 20.0,
             items: 500,

@@ -331,7 +331,14 @@ fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
     };
     let distance_m = metres(start, to.place());
     match from {
-        None if distance_m > max_m => Err(Reason::FarFromHome { distance_m, max_m }),
+        None if distance_m > max_m => {
+            let (latitude, longitude) = to.place();
+            Err(Reason::FarFromHome {
+                distance_m,
+                max_m,
+                swapped: metres(start, (longitude, latitude)) <= max_m,
+            })
+        }
         Some(_) if distance_m > max_m => Err(Reason::LongLeg { distance_m, max_m }),
         _ => Ok(()),
     }

@@ -1,5 +1,7 @@
 //! Why a route is refused: at which waypoint, which value, and what was expected of it.
 
+use curve_paths::terrain::Clearance;
+
 use crate::altitude::AltitudeError;
 use crate::limits::{HeightError, SpeedError, WIDEST_CIRCLE_M};
 
@@ -46,13 +48,21 @@ pub enum Reason {
     /// Below home, too low or too high.
     #[error(transparent)]
     Height(#[from] HeightError),
+    /// Too low over the terrain on the way to it.
+    #[error(transparent)]
+    Terrain(#[from] TerrainError),
     /// The first waypoint is too far from home.
-    #[error("{distance_m:.0} m from home, at most {max_m:.0}")]
+    #[error(
+        "{distance_m:.0} m from home, at most {max_m:.0}{}",
+        if *swapped { " (with latitude and longitude exchanged it would be near: are they swapped?)" } else { "" }
+    )]
     FarFromHome {
         /// Metres.
         distance_m: f64,
         /// Metres.
         max_m: f64,
+        /// With latitude and longitude exchanged it would be near.
+        swapped: bool,
     },
     /// A leg is too long.
     #[error("{distance_m:.0} m from the waypoint before, at most {max_m:.0}")]
@@ -272,3 +282,44 @@ pub enum CurveError {
 
 /// How a curve is got rid of.
 const DROPPED: &str = "a 13002 that changes its Next Waypoint drops the curve to the one before";
+
+/// A place of a route that is too low over the terrain.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TerrainError {
+    /// It is at the ground, below it, or not as high above it as configured.
+    #[error("{}", low(found, *needed_m))]
+    Low {
+        /// Where, and how high above the ground.
+        found: Clearance,
+        /// `vehicle.limits.above_terrain_m`.
+        needed_m: f64,
+    },
+    /// Comparing it would keep the bridge from its other work.
+    #[error(
+        "the route is longer than what is compared with the terrain, {MAX_PLACES} places each {spacing_m:.0} m: divide it"
+    )]
+    Long {
+        /// Between two places, m.
+        spacing_m: f64,
+    },
+}
+
+fn low(found: &Clearance, needed_m: f64) -> String {
+    let Clearance { clearance_m, at } = found;
+    let place = format!("at {:.6}, {:.6}", at.lat_deg, at.lon_deg);
+    let ground_m = at.alt_m - clearance_m;
+    let how = if *clearance_m > 0.0 {
+        format!(
+            "{clearance_m:.1} m above the terrain ({ground_m:.1} m), expected over {needed_m:.1} m"
+        )
+    } else {
+        format!("{:.1} m below the terrain ({ground_m:.1} m)", -clearance_m)
+    };
+    format!(
+        "on the way to it, {place}, {:.1} m AMSL is {how}: raise it, or allow it by vehicle.limits.above_terrain_m",
+        at.alt_m
+    )
+}
+
+/// Places of a route that are compared at most: 4,000 km over tiles of an arc second, some 20 ms.
+pub(super) const MAX_PLACES: usize = 400_000;

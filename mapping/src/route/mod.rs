@@ -13,7 +13,7 @@
 //!
 //! In the order that they are read best: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`,
 //! `loiter` and `curve` (the items of each), `brake` (where PX4 must stop), `wings` (what wings can), `landing` (how a route
-//! ends), `mission` (the result), `error` (each refusal).
+//! ends), `mission` (the result), `terrain` (the result beside the ground), `error` (each refusal).
 
 mod brake;
 mod compile;
@@ -26,13 +26,15 @@ mod landing;
 mod loiter;
 mod mission;
 mod site;
+mod terrain;
 mod waypoint;
 mod wings;
 
 pub use compile::compile;
-pub use error::{CurveError, Reason, RouteError};
+pub use error::{CurveError, Reason, RouteError, TerrainError};
 pub(crate) use item::degrees_e7;
 pub use landing::complete;
 pub use mission::{CompiledMission, Curved, Leg};
 pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices};
+pub use terrain::check_way;
 pub use wings::{Pattern, Wings};

@@ -14,6 +14,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use dli_group::{Group, Interface};
 use stanag_msgs::Id;
 
+use crate::operator::error::READER_GONE;
 use crate::operator::file_kind::{self, Reader};
 use crate::{Line, Operator, SessionConfig, Station, StationError, Style, Verb, parse_line};
 
@@ -97,6 +98,8 @@ pub fn main() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        // Quietly, as other programs end there.
+        Err(Failure { status, .. }) if status == READER_GONE => ExitCode::from(status),
         Err(Failure { text, status }) => {
             report(&format!("cucs: {text}"));
             ExitCode::from(status)

@@ -50,22 +50,32 @@ pub(crate) struct Command {
     #[arg(long)]
     below_home: bool,
     /// Fly at this speed, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = 5.0)]
+    #[arg(
+        long,
+        value_name = "M/S",
+        default_value_t = 5.0,
+        allow_negative_numbers = true
+    )]
     speed: f64,
     /// Check for this airframe.
     #[arg(long, value_enum, default_value_t = Kind::Quad)]
     airframe: Kind,
     /// Limit the bank of a plane to this, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = bank)]
+    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = bank, allow_negative_numbers = true)]
     bank: f64,
     /// Keep a plane at or above this speed, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = 10.0)]
+    #[arg(
+        long,
+        value_name = "M/S",
+        default_value_t = 10.0,
+        allow_negative_numbers = true
+    )]
     slowest: f64,
     /// Limit the horizontal acceleration of a quad to this, m/s^2 (MPC_ACC_HOR).
-    #[arg(long, default_value_t = 3.0, value_parser = positive)]
+    #[arg(long, default_value_t = 3.0, value_parser = positive, allow_negative_numbers = true)]
     acceleration: f64,
     /// Limit the jerk of a quad to this, m/s^3 (MPC_JERK_AUTO).
-    #[arg(long, default_value_t = 4.0, value_parser = positive)]
+    #[arg(long, default_value_t = 4.0, value_parser = positive, allow_negative_numbers = true)]
     jerk: f64,
     /// Fly a turn that is too tight slower, or refuse the route.
     #[arg(long, value_enum, default_value_t = Tightness::Slow)]

@@ -27,7 +27,12 @@ pub(crate) struct Compare {
     #[arg(long)]
     closed: bool,
     /// Stay within this deviation both ways, m; may be given several times.
-    #[arg(long = "tolerance", value_name = "M", required = true)]
+    #[arg(
+        long = "tolerance",
+        value_name = "M",
+        required = true,
+        allow_negative_numbers = true
+    )]
     tolerances: Vec<f64>,
     /// Print JSON.
     #[arg(long)]

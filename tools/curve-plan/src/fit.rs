@@ -23,7 +23,12 @@ pub(crate) struct Command {
     #[command(flatten)]
     addresses: Addresses,
     /// Stay within this deviation both ways on the ground, m.
-    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
     tolerance: f64,
     #[command(flatten)]
     selection: Selection,
@@ -40,10 +45,13 @@ pub(crate) struct Command {
     #[arg(long)]
     g1: bool,
     /// Keep a fix as a corner where the track turns by more than this, degrees.
-    #[arg(long, value_name = "DEG")]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     corner: Option<f64>,
     #[command(flatten)]
     level: Level,
+    /// Fit and write nothing where something of the file cannot be taken.
+    #[arg(long)]
+    strict: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -52,8 +60,8 @@ pub(crate) struct Command {
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let mut read = formats::read_track(&self.file, &self.selection)?;
-        read.losses
-            .report(&self.file.display().to_string(), false)?;
+        read.lost_beside_places()
+            .report(&self.file.display().to_string(), self.strict)?;
         let closed = self.closed || read.closed;
         let last = self.to.unwrap_or(usize::MAX);
         let fixes = std::mem::take(&mut read.points).into_iter().enumerate();
@@ -87,7 +95,7 @@ impl Command {
                 // Between joints a leg climbs evenly, whatever the ground does there.
                 route.above_ground(terrain, &self.file)?;
             }
-            write(output, &route, &self.addresses, false)?;
+            write(output, &route, &self.addresses, self.strict)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
         // Where some fixes have no altitude, there is none to compare with.

@@ -12,7 +12,12 @@ use crate::failure::Failure;
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Densify {
     /// Stay within this deviation both ways, in three dimensions, rounding included, m.
-    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 1.0,
+        allow_negative_numbers = true
+    )]
     pub(crate) tolerance: f64,
     /// Use at most this many items, by the smallest tolerance that allows it, never below --tolerance.
     #[arg(long, value_name = "N")]
@@ -21,7 +26,12 @@ pub(crate) struct Densify {
     #[arg(long)]
     pub(crate) free: bool,
     /// Keep chords between vertices of a curved leg at least this long, m.
-    #[arg(long, value_name = "M", default_value_t = 4.0)]
+    #[arg(
+        long,
+        value_name = "M",
+        default_value_t = 4.0,
+        allow_negative_numbers = true
+    )]
     pub(crate) min_chord: f64,
     #[command(flatten)]
     pub(crate) import: Import,

@@ -44,7 +44,7 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t = Frame::Quad)]
     airframe: Frame,
     /// Speed of simulated time, 0.01 to 100 times real time. Signing timestamps count packets and are not affected.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     speed: f64,
     /// Seed of all noise: the same seed gives the same flight.
     #[arg(long, default_value_t = 1)]

@@ -18,7 +18,8 @@
 //!
 //! What the ground may ask is `crate::relay_policy`. From the bottom up: `phase` how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
 //! `watch`, `relay`, `fallback` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
-//! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins; this file is the router.
+//! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins, `trace` puts into words what became of a datagram; this file is the
+//! router.
 
 mod agent;
 mod exchange;
@@ -30,6 +31,7 @@ mod phase;
 mod relay;
 mod start;
 mod status;
+mod trace;
 mod transmit;
 mod watch;
 
@@ -39,6 +41,7 @@ pub use keys::{Held, Keys};
 pub use output::{Note, Side, Transmit};
 pub use start::AgentError;
 pub use status::{AirsideStatus, SideStatus};
+pub use trace::{Trace, sent_text};
 
 use std::time::Duration;
 

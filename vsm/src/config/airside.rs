@@ -113,10 +113,7 @@ impl AirsideConfig {
     /// # Errors
     /// The file cannot be read, is not TOML, has an unknown or missing key, or a value out of its range.
     pub fn load(path: &Path) -> Result<AirsideConfig, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|cause| ConfigError::Unreadable {
-            path: path.to_owned(),
-            cause,
-        })?;
+        let text = ConfigError::read(path, "examples/airside.toml is one to begin with")?;
         let folder = path.parent().unwrap_or(Path::new(""));
         AirsideConfig::parse(&text, folder).map_err(|cause| {
             match explain::other_kind(&text, true) {

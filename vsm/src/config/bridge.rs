@@ -15,6 +15,7 @@ use super::forward::Forward;
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
 use super::station::Cucs;
+use super::terrain::{self, TerrainFault};
 use super::value::{
     LinkAddress, OnLoss, Provisional, Signing, bytes_a_second, group, hops, id, interface, lease,
     messages_a_second, silence,
@@ -243,10 +244,7 @@ impl Config {
     /// # Errors
     /// The file cannot be read, is not TOML, has an unknown or missing key, or a value out of its range.
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|cause| ConfigError::Unreadable {
-            path: path.to_owned(),
-            cause,
-        })?;
+        let text = ConfigError::read(path, "`vsm init` writes one to begin with")?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Config::parse(&text, folder).map_err(|cause| match explain::other_kind(&text, false) {
             Some((kind, command)) => ConfigError::OtherKind {
@@ -416,7 +414,9 @@ impl Config {
     }
 
     fn check_forwards(&self) -> Result<(), Fault> {
-        let (mut names, mut links) = (Vec::new(), self.links());
+        let links = self.links();
+        let mut links: Vec<String> = links.iter().map(ToString::to_string).collect();
+        let mut names = Vec::new();
         for spanned in &self.forward {
             let (forward, at) = (spanned.get_ref(), spanned.span().start);
             forward.check(at)?;
@@ -425,11 +425,12 @@ impl Config {
                 return fault(at, "forward.name", &forward.name, expected);
             }
             names.push(&forward.name);
-            if links.contains(&&forward.link) {
+            let link = forward.link.to_string();
+            if links.contains(&link) {
                 let expected = "a link of its own, which no vehicle and no other [[forward]] has";
                 return fault(at, "forward.link", &forward.link, expected);
             }
-            links.push(&forward.link);
+            links.push(link);
             let known = |id: &Id| self.vehicles().any(|one| one.id == *id);
             if let Some(id) = forward.vehicles.iter().find(|id| !known(id)) {
                 return fault(
@@ -450,6 +451,15 @@ impl Config {
         Ok(())
     }
 
+    /// Reads the elevation files of its vehicles.
+    ///
+    /// # Errors
+    /// A folder cannot be read, has none or too many, or one of them is damaged.
+    pub fn read_terrain(&mut self) -> Result<(), TerrainFault> {
+        let vehicles = self.vehicle.iter_mut().map(Spanned::get_mut);
+        terrain::read(vehicles.filter_map(|vehicle| vehicle.terrain.as_mut()))
+    }
+
     fn resolve(&mut self, folder: &Path) {
         for forward in &mut self.forward {
             if let Some(file) = &mut forward.get_mut().key_file {
@@ -461,8 +471,12 @@ impl Config {
             record.dir = folder.join(&record.dir);
         }
         for vehicle in &mut self.vehicle {
-            if let Signing::KeyFile(file, _) = &mut vehicle.get_mut().signing {
+            let vehicle = vehicle.get_mut();
+            if let Signing::KeyFile(file, _) = &mut vehicle.signing {
                 *file = folder.join(&*file);
+            }
+            if let Some(terrain) = &mut vehicle.terrain {
+                terrain.dir = folder.join(&terrain.dir);
             }
         }
     }

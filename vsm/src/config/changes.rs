@@ -9,6 +9,7 @@ use stanag_msgs::Id;
 
 use super::bridge::Config;
 use super::error::Fault;
+use super::forward::Forward;
 use super::station::Cucs;
 use super::vehicle::Vehicle;
 
@@ -74,10 +75,8 @@ impl Config {
         self.compare_stations(new, &mut report);
         config.cucs.clone_from(&new.cucs);
         self.change_vehicles(new, &mut config, &mut report);
-        let shown = |config: &Config| format!("{:?}", config.forwards().collect::<Vec<_>>());
-        if shown(self) != shown(new) {
-            report.restart.push("forward".to_owned());
-        }
+        self.compare_forwards(new, &mut report);
+        config.forward.clone_from(&new.forward);
         config.check().map_err(|fault| conflict(&fault))?;
         Ok(Changes { config, report })
     }
@@ -112,6 +111,25 @@ impl Config {
         for station in self.stations() {
             if find(new, station.id).is_none() {
                 report.applied.push(format!("cucs {} removed", station.id));
+            }
+        }
+    }
+
+    fn compare_forwards(&self, new: &Config, report: &mut Report) {
+        for forward in new.forwards() {
+            let name = &forward.name;
+            match self.forwards().find(|one| one.name == *name) {
+                None => report.applied.push(format!("forward {name} added")),
+                Some(before) => {
+                    let keys = Forward::differing(before, forward);
+                    report.changed("forward", name, &keys);
+                }
+            }
+        }
+        for before in self.forwards() {
+            let name = &before.name;
+            if new.forwards().all(|one| one.name != *name) {
+                report.applied.push(format!("forward {name} removed"));
             }
         }
     }
@@ -159,7 +177,7 @@ impl Report {
         }
     }
 
-    fn changed(&mut self, what: &str, id: Id, keys: &[&str]) {
+    fn changed(&mut self, what: &str, id: impl std::fmt::Display, keys: &[&str]) {
         if !keys.is_empty() {
             self.applied
                 .push(format!("{what} {id}: {}", keys.join(", ")));

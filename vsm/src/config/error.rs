@@ -1,5 +1,6 @@
 //! What can be wrong with a configuration file, with line, key and expectation.
 
+use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
 /// A configuration that is refused.
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub enum ConfigError {
     /// The file cannot be read.
     #[error(
-        "cannot read the configuration {path}: {cause}; `vsm init` writes one to begin with",
+        "cannot read the configuration {path}: {cause}; {advice}",
         path = path.display()
     )]
     Unreadable {
@@ -15,6 +16,8 @@ pub enum ConfigError {
         path: PathBuf,
         /// The system's reason.
         cause: std::io::Error,
+        /// What to do.
+        advice: &'static str,
     },
     /// A file of another kind.
     #[error("{path} is {kind}, expected {expected}: {command}", path = path.display())]
@@ -64,6 +67,47 @@ pub enum ConfigError {
 }
 
 impl ConfigError {
+    /// Reads the text of a configuration; `new`: how to come to one where there is none.
+    pub(super) fn read(path: &Path, new: &'static str) -> Result<String, ConfigError> {
+        let read = || {
+            let mut bytes = Vec::new();
+            // A file that never ends, such as a device, is none of ours.
+            std::fs::File::open(path)?
+                .take(MAX_BYTES + 1)
+                .read_to_end(&mut bytes)?;
+            if bytes.len() as u64 > MAX_BYTES {
+                let cause = format!("over {} kB", MAX_BYTES / 1_000);
+                return Err(std::io::Error::new(ErrorKind::FileTooLarge, cause));
+            }
+            String::from_utf8(bytes).map_err(|cause| {
+                let at = cause.utf8_error().valid_up_to();
+                let cause = format!("byte {at} is no text in UTF-8");
+                std::io::Error::new(ErrorKind::InvalidData, cause)
+            })
+        };
+        read().map_err(|cause| {
+            let advice = match cause.kind() {
+                ErrorKind::NotFound => new,
+                ErrorKind::IsADirectory => {
+                    "it is a folder, expected a file, such as vsm.toml in it"
+                }
+                ErrorKind::PermissionDenied => {
+                    "run as a user that may read it, or let its group read it"
+                }
+                ErrorKind::InvalidData | ErrorKind::FileTooLarge => {
+                    "expected a configuration in TOML: is it the right file?"
+                }
+                _ => "expected a configuration in TOML",
+            };
+            let path = path.to_owned();
+            ConfigError::Unreadable {
+                path,
+                cause,
+                advice,
+            }
+        })
+    }
+
     pub(super) fn in_file(self, path: &Path) -> ConfigError {
         ConfigError::InFile {
             path: path.to_owned(),
@@ -71,6 +115,9 @@ impl ConfigError {
         }
     }
 }
+
+/// More is no configuration: one of a hundred vehicles has 30 kB.
+const MAX_BYTES: u64 = 1_000_000;
 
 /// A fault at a byte of the text, before the line is known.
 pub(super) struct Fault {

@@ -40,6 +40,9 @@ impl<'a> Place<'a> {
         };
         let mut statement = 0;
         let mut begin = 0;
+        if text.is_empty() {
+            place.line = 1;
+        }
         for line in text.split_inclusive('\n') {
             if begin > offset {
                 break;
@@ -182,6 +185,9 @@ pub(super) fn explain(cause: &toml::de::Error, text: &str, keys: &'static [Key])
         _ if syntax => expected_in_toml(found),
         Some((_, expected)) => in_words(expected).to_owned(),
         // "invalid socket address syntax" and the like
+        None if message.contains("socket address") => {
+            "an IP address, which is no name, and a port of 1 to 65535".to_owned()
+        }
         None => message
             .strip_prefix("invalid ")
             .unwrap_or(message)

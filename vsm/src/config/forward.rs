@@ -1,5 +1,7 @@
 //! `[[forward]]`: other ground stations beside the bridge, what they receive and whether they may command.
 
+use std::fmt;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use serde::de::value::MapAccessDeserializer;
@@ -21,9 +23,9 @@ table! {
         /// In a `[[forward]]`, which passes the verified frames of vehicles on to another ground station such as QGroundControl: its
         /// name in log, status and store, 1 to 32 letters, digits, `-` and `_`
         pub name: String => Required,
-        /// Where the ground station is: `udpout:HOST:PORT`, `udpin:ADDRESS:PORT` or `serial:DEVICE:BAUD`. Without `key_file` a
-        /// `udpin` is on a loopback address only: it would send to whoever writes any sender into a datagram
-        pub link: LinkAddress => Required,
+        /// Where the ground station is: `udpout:HOST:PORT`, `udpin:ADDRESS:PORT`, `tcpout:HOST:PORT`, `tcpin:ADDRESS:PORT` or
+        /// `serial:DEVICE:BAUD`. Without `key_file` a `udpin` or `tcpin` is on a loopback address only: it would send to whoever asks
+        pub link: ForwardLink => Required,
         /// Identification numbers of the vehicles whose frames are passed on
         #[serde(default, deserialize_with = "ids")]
         pub vehicles: Vec<Id> => Nothing("all"),
@@ -107,6 +109,63 @@ impl<'de> Deserialize<'de> for Commands {
     }
 }
 
+/// `forward.link`: those of vehicles, and TCP, which is for other ground stations alone.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ForwardLink {
+    /// As a vehicle's.
+    Shared(LinkAddress),
+    /// Wait for connections.
+    TcpIn(SocketAddr),
+    /// Connect to host and port.
+    TcpOut(String),
+}
+
+impl fmt::Display for ForwardLink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ForwardLink::Shared(link) => link.fmt(f),
+            ForwardLink::TcpIn(address) => write!(f, "tcpin:{address}"),
+            ForwardLink::TcpOut(host) => write!(f, "tcpout:{host}"),
+        }
+    }
+}
+
+impl ForwardLink {
+    const EXPECTED: &'static str = "\"udpout:HOST:PORT\", \"udpin:ADDRESS:PORT\", \"tcpout:HOST:PORT\", \"tcpin:ADDRESS:PORT\" or \
+                                    \"serial:DEVICE:BAUD\", such as \"udpout:127.0.0.1:14551\"";
+
+    /// The address at which it waits to be called.
+    #[must_use]
+    pub fn waits_at(&self) -> Option<&SocketAddr> {
+        match self {
+            ForwardLink::Shared(LinkAddress::UdpIn(address)) | ForwardLink::TcpIn(address) => {
+                Some(address)
+            }
+            ForwardLink::Shared(_) | ForwardLink::TcpOut(_) => None,
+        }
+    }
+
+    fn parse(text: &str) -> Option<ForwardLink> {
+        match text.split_once(':')? {
+            ("tcpin", rest) => rest.parse().ok().map(ForwardLink::TcpIn),
+            ("tcpout", rest) => {
+                let (host, port) = rest.rsplit_once(':')?;
+                let good = !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0);
+                good.then(|| ForwardLink::TcpOut(rest.to_owned()))
+            }
+            _ => text.parse().ok().map(ForwardLink::Shared),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for ForwardLink {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        ForwardLink::parse(&text)
+            .ok_or_else(|| de::Error::invalid_value(de::Unexpected::Str(&text), &Self::EXPECTED))
+    }
+}
+
 impl Forward {
     /// Its ranges. `at` is where its table begins.
     pub(super) fn check(&self, at: usize) -> Result<(), Fault> {
@@ -122,9 +181,9 @@ impl Forward {
             let expected = "a key_file of its own beside it: commands are taken signed only; `vsm keygen FILE` makes one";
             return fault(at, "forward.commands", "given", expected);
         }
-        match &self.link {
-            LinkAddress::UdpIn(address) if !address.ip().is_loopback() => {
-                let expected = "a key_file beside it, a loopback address, or udpout:HOST:PORT: without a key it would send to \
+        match self.link.waits_at() {
+            Some(address) if !address.ip().is_loopback() => {
+                let expected = "a key_file beside it, a loopback address, or udpout or tcpout: without a key it would send to \
                                 whoever asks";
                 fault(at, "forward.link", &self.link, expected)
             }

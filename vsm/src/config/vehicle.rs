@@ -7,6 +7,7 @@ use stanag_msgs::Id;
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
+use super::terrain::TerrainFolder;
 use super::value::{self, LinkAddress, Signing, SigningTable, id, logical_id};
 
 table! {
@@ -47,6 +48,10 @@ table! {
         /// 3600; `0` for no watch ([px4.md](../guide/px4.md))
         #[serde(default = "value::default_stall", deserialize_with = "value::stall")]
         pub stall_s: Option<f64> => Value("30.0"),
+        /// Folder of elevation files (SRTM tiles such as `N47E008.hgt`, ESRI grids `.asc`): a route that is anywhere below their
+        /// ground, between waypoints too, is refused ([mapping.md](../guide/mapping.md)). All are read at the start, 1 GiB at most
+        #[serde(default)]
+        pub terrain: Option<TerrainFolder> => Nothing("routes are compared with home alone"),
         /// Bounds of a route.
         #[serde(default)]
         pub limits: Limits => Table(Limits::KEYS),
@@ -134,6 +139,9 @@ table! {
         pub below_home: bool => Value("false"),
         /// Highest waypoint, m above home
         pub highest_m: f64 => Value("5000.0"),
+        /// Lowest place of a route, m above the terrain where `vehicle.terrain` covers it, -500 to 1000: what elevation files are
+        /// off by belongs into it (SRTM: up to 16 m); a negative one allows a route below their ground
+        pub above_terrain_m: f64 => Value("0.0"),
         /// Fastest commanded speed, m/s; the vehicle's own limit (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) applies where it is lower
         pub speed_m_s: f64 => Value("100.0"),
         /// Lowest transition of a VTOL, m above home; VT_FW_MIN_ALT applies where it is higher
@@ -149,6 +157,7 @@ impl Default for Limits {
             lowest_m,
             below_home,
             highest_m,
+            above_terrain_m,
             speed_m_s,
             transition_m,
             ..
@@ -159,6 +168,7 @@ impl Default for Limits {
             lowest_m,
             below_home,
             highest_m,
+            above_terrain_m,
             speed_m_s,
             transition_m,
         }
@@ -346,6 +356,10 @@ impl Limits {
         if !(lowest_m.is_finite() && highest_m.is_finite() && lowest_m < highest_m) {
             let found = format!("lowest_m {lowest_m} and highest_m {highest_m}");
             return fault(at, "vehicle.limits", found, "lowest_m below highest_m");
+        }
+        if !(-500.0..=1000.0).contains(&self.above_terrain_m) {
+            let (key, expected) = ("vehicle.limits.above_terrain_m", "-500 to 1000 (metres)");
+            return fault(at, key, self.above_terrain_m, expected);
         }
         Ok(())
     }

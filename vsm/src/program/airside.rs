@@ -105,8 +105,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
         // Nobody is left to tell when standard output is gone.
         let _ = writeln!(io::stdout(), "{line}");
     })
-    .with_context(|| status::no_answer("agent", &config.store.dir))
-    .map_err(failed)?;
+    .map_err(|cause| failed(status::no_answer("agent", &config.store.dir, cause)))?;
     if paired {
         Ok(())
     } else {

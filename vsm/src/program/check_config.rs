@@ -21,7 +21,8 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     if std::fs::read_to_string(path).is_ok_and(|text| AirsideConfig::is_meant_by(&text)) {
         return check_airside(path);
     }
-    let config = Config::load(path).map_err(bad)?;
+    let mut config = Config::load(path).map_err(bad)?;
+    config.read_terrain().map_err(bad)?;
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
     if let Some(group) = config.dli.group() {
@@ -86,6 +87,11 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             vehicle.link,
             owner(vehicle.id)
         );
+        if let Some(terrain) = &vehicle.terrain {
+            let (files, dir) = (terrain.ground().grids(), terrain.dir.display());
+            text +=
+                &format!("    routes are compared with the terrain of {files} files in {dir}\n");
+        }
     }
     for forward in config.forwards() {
         let signing = match &forward.key_file {

@@ -1,6 +1,6 @@
 //! `vsm check-vehicle`: which of PX4's own settings weaken the link. It reads parameters and changes nothing.
 
-use std::io;
+use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -11,16 +11,29 @@ use serde_json::{Value, json};
 use super::process::{Failure, bad, failed, print, runtime};
 use crate::config::Config;
 use crate::session::VehicleSettings;
-use crate::shell::settings_link::SettingsLink;
+use crate::shell::settings_link::{NOTHING_FOR, SettingsLink};
 use crate::shell::status_socket;
 
 /// Status 0: nothing weakens the link, and everything that the vehicle has was read.
 pub(crate) fn run(path: &Path, json: bool, wait_s: u64) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let patience = Duration::from_secs(wait_s);
+    if config.vehicle.is_empty() {
+        let fault = anyhow!(
+            "{}: no [[vehicle]] in it, expected one to read",
+            path.display()
+        );
+        return Err(bad(fault));
+    }
+    // Who waits must know how long. Nothing is left to do when standard error is closed.
+    let _ = writeln!(
+        io::stderr(),
+        "vsm: reading settings, for at most {wait_s} s a vehicle (--wait-s)"
+    );
+    let mut silent = vec![];
     let vehicles = match ask_bridge(&config.store.dir, patience) {
         Ok(vehicles) => vehicles,
-        Err(fault) if is_not_running(&fault) => read_alone(&config, patience)?,
+        Err(fault) if is_not_running(&fault) => read_alone(&config, patience, &mut silent)?,
         Err(fault) => {
             let fault = anyhow!(fault).context("the running bridge does not answer");
             return Err(failed(fault));
@@ -40,7 +53,12 @@ pub(crate) fn run(path: &Path, json: bool, wait_s: u64) -> Result<(), Failure> {
     }
     let complaints: Vec<String> = judged
         .iter()
-        .filter_map(|(of, all)| complaint(of, all, wait_s))
+        .filter_map(
+            |(of, all)| match silent.iter().find(|(id, _)| *id == of.id) {
+                Some((_, why)) => Some(why.clone()),
+                None => complaint(of, all, wait_s),
+            },
+        )
         .collect();
     if complaints.is_empty() {
         return Ok(());
@@ -71,14 +89,29 @@ fn is_not_running(fault: &io::Error) -> bool {
     )
 }
 
-fn read_alone(config: &Config, patience: Duration) -> Result<Vec<VehicleSettings>, Failure> {
+/// `silent`: the vehicles on whose links nothing arrives, with what to do.
+fn read_alone(
+    config: &Config,
+    patience: Duration,
+    silent: &mut Vec<(String, String)>,
+) -> Result<Vec<VehicleSettings>, Failure> {
     let runtime = runtime()?;
     let each = config.vehicles().map(|vehicle| {
         runtime.block_on(async {
             let link = SettingsLink::open(config, vehicle)
                 .with_context(|| format!("vehicle {}", vehicle.id))
                 .map_err(failed)?;
-            Ok(link.read(patience).await)
+            let (settings, nothing) = link.read(patience).await;
+            if nothing {
+                let (id, link) = (&settings.id, &vehicle.link);
+                let waited_s = patience.min(NOTHING_FOR).as_secs();
+                let why = format!(
+                    "vehicle {id}: nothing at all arrived on {link} within {waited_s} s: is it switched on, and does it send \
+                     there? `vsm doctor` looks closer while `vsm run` runs"
+                );
+                silent.push((id.clone(), why));
+            }
+            Ok(settings)
         })
     });
     each.collect()

@@ -176,6 +176,35 @@ pub fn main() -> ExitCode {
         Err(Failure::Failed(error)) => (1, error),
         Err(Failure::Bad(error)) => (2, error),
     };
-    announce("ERROR", &format!("{error:#}"));
+    announce("ERROR", &in_one_line(&error));
     ExitCode::from(status)
+}
+
+/// An error with its causes, each once: many name their cause in their own text already.
+fn in_one_line(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::key_file;
+
+    #[test]
+    fn a_cause_that_is_in_the_text_already_is_not_repeated() {
+        let folder = tempfile::tempdir().unwrap();
+        let fault = anyhow::Error::from(key_file::read(folder.path()).expect_err("it is a folder"));
+        let text = in_one_line(&fault);
+        assert_eq!(text.matches("regular file").count(), 1, "{text}");
+        let outer = anyhow::anyhow!("inner").context("outer");
+        assert_eq!(in_one_line(&outer), "outer: inner");
+    }
 }

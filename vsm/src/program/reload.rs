@@ -14,8 +14,7 @@ use super::status::no_answer;
 pub(crate) fn reload(path: &Path, json: bool) -> Result<(), Failure> {
     let store = store_of(path).map_err(bad)?;
     let text = status_socket::ask(&store, status_socket::RELOAD, ANSWER_WITHIN)
-        .with_context(|| no_answer("vsm", &store))
-        .map_err(failed)?;
+        .map_err(|cause| failed(no_answer("vsm", &store, cause)))?;
     let report: Report = serde_json::from_str(&text)
         .context("the running vsm answers with something else")
         .map_err(failed)?;

@@ -14,7 +14,10 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let runtime = runtime()?;
     runtime.block_on(async {
         let mut server = Server::open(&config).map_err(|fault| match fault {
-            StartError::Key(_) | StartError::Keys(_) | StartError::SameKey { .. } => bad(fault),
+            StartError::Key(_)
+            | StartError::Keys(_)
+            | StartError::SameKey { .. }
+            | StartError::Terrain(_) => bad(fault),
             other => failed(other),
         })?;
         server.reload_from(path).map_err(failed)?;

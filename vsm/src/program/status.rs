@@ -1,5 +1,6 @@
 //! `vsm status`.
 
+use std::io;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -25,8 +26,7 @@ pub(super) fn report(
     readable: fn(&Value) -> String,
 ) -> Result<(), Failure> {
     let text = status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN)
-        .with_context(|| no_answer(who, store))
-        .map_err(failed)?;
+        .map_err(|cause| failed(no_answer(who, store, cause)))?;
     if json {
         return print(&(text + "\n"));
     }
@@ -38,9 +38,24 @@ pub(super) fn report(
 
 const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 
-pub(super) fn no_answer(who: &str, store: &Path) -> String {
+/// Why nobody answers on a socket of the store, and what to do.
+pub(super) fn no_answer(who: &str, store: &Path, cause: io::Error) -> anyhow::Error {
     let store = store.display();
-    format!("no {who} answers for the store {store}: is it running?")
+    let text = match cause.kind() {
+        io::ErrorKind::PermissionDenied => {
+            format!("the store {store} is another user's: run this as that user, or as root")
+        }
+        io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused => {
+            let start = if who == "vsm" {
+                "vsm run"
+            } else {
+                "vsm airside"
+            };
+            format!("no {who} answers for the store {store}: is it running? `{start}` starts it")
+        }
+        _ => format!("no {who} answers for the store {store}: is it running?"),
+    };
+    anyhow::Error::new(cause).context(text)
 }
 
 fn readable(status: &Value) -> String {

@@ -45,6 +45,28 @@ pub(crate) enum Cause {
     Finding(Code, u32),
 }
 
+impl Cause {
+    /// Whether it says why the vehicle is not received. A vehicle that receives nothing itself is.
+    fn explains_silence(self) -> bool {
+        matches!(
+            self,
+            Cause::Finding(
+                Code::MavlinkNone
+                    | Code::MavlinkUnreadable
+                    | Code::MavlinkVersion
+                    | Code::MavlinkOtherSystem
+                    | Code::MavlinkUnsigned
+                    | Code::MavlinkOtherKey
+                    | Code::MavlinkLinkId
+                    | Code::MavlinkStale
+                    | Code::MavlinkAhead
+                    | Code::MavlinkTwoSenders,
+                _
+            )
+        )
+    }
+}
+
 /// The alerts of one vehicle.
 #[derive(Debug)]
 pub(crate) struct Alerts {
@@ -58,6 +80,8 @@ pub(crate) struct Alerts {
     refusals: Vec<Refusals>,
     /// That AGL is flown as height above home has been sent.
     agl_sent: bool,
+    /// That the vehicle is silent, while a finding stands in its place that says why: one fault is one alert.
+    silence: Option<Alert>,
 }
 
 /// What stations are sent of the commands that were refused to them.
@@ -114,6 +138,7 @@ impl Alerts {
             answers: VecDeque::new(),
             refusals: Vec::new(),
             agl_sent: false,
+            silence: None,
         }
     }
 
@@ -142,24 +167,62 @@ impl Alerts {
                 first: false,
             });
         }
-        let alert = Alert {
-            id: self.take_id(),
+        let mut alert = Alert {
+            id: 0,
             priority,
             subsystem,
             text,
             lasting: true,
         };
+        if let Some((_, finding)) = self
+            .standing
+            .iter()
+            .find(|(known, _)| cause == Cause::VehicleSilent && known.explains_silence())
+        {
+            alert.id = finding.id;
+            self.silence = Some(alert);
+            return None;
+        }
+        let silent = |(known, _): &(Cause, Alert)| *known == Cause::VehicleSilent;
+        if let (true, Some(at)) = (
+            cause.explains_silence(),
+            self.standing.iter().position(silent),
+        ) {
+            let (_, silence) = self.standing.remove(at);
+            alert.id = silence.id;
+            self.silence = Some(silence);
+            self.standing.push((cause, alert.clone()));
+            return Some(Raised {
+                alert,
+                first: false,
+            });
+        }
+        alert.id = self.take_id();
         self.standing.push((cause, alert.clone()));
         Some(Raised { alert, first: true })
     }
 
     /// The cause is gone; `None` where it did not stand.
     pub(crate) fn clear(&mut self, cause: Cause, text: &str) -> Option<Raised> {
+        if cause == Cause::VehicleSilent {
+            // The finding in its place is looked at by itself, within a second.
+            self.silence = None;
+        }
         let at = self
             .standing
             .iter()
             .position(|(known, _)| *known == cause)?;
         let (_, mut alert) = self.standing.remove(at);
+        if cause.explains_silence()
+            && let Some(silence) = self.silence.take()
+        {
+            // Why is not known any more, and that it is silent still is.
+            self.standing.push((Cause::VehicleSilent, silence.clone()));
+            return Some(Raised {
+                alert: silence,
+                first: false,
+            });
+        }
         alert.priority = AlertPriority::Cleared;
         text.clone_into(&mut alert.text);
         Some(Raised {
@@ -424,6 +487,55 @@ mod tests {
             alerts.refusal(Duration::from_secs(60), &[0], "late".to_owned());
             assert_eq!(alerts.refusals[0].texts.len(), 1);
         }
+    }
+
+    #[test]
+    fn why_the_vehicle_is_silent_stands_in_place_of_that_it_is() {
+        let mut alerts = Alerts::new(0);
+        let caution = AlertPriority::Caution;
+        let (silent, why) = (
+            Cause::VehicleSilent,
+            Cause::Finding(Code::MavlinkUnsigned, 0),
+        );
+        let raise = |alerts: &mut Alerts, cause, text: &str| {
+            let raised = alerts.raise(cause, caution, SubsystemId::Comms, text.to_owned());
+            raised.map(|raised| (raised.alert.id, raised.alert.text, raised.first))
+        };
+        let texts = |alerts: &Alerts| -> Vec<String> {
+            alerts.standing().map(|alert| alert.text.clone()).collect()
+        };
+        assert_eq!(
+            raise(&mut alerts, silent, "silent"),
+            Some((1, "silent".into(), true))
+        );
+        assert_eq!(
+            raise(&mut alerts, why, "unsigned"),
+            Some((1, "unsigned".into(), false))
+        );
+        assert_eq!(texts(&alerts), ["unsigned"]);
+        assert_eq!(raise(&mut alerts, silent, "silent again"), None);
+        // Why is over, and it is still silent; then it is received.
+        let back = alerts.clear(why, "cleared").expect("it stood").alert;
+        assert_eq!(
+            (back.id, back.text.as_str(), back.priority),
+            (1, "silent again", caution)
+        );
+        assert_eq!(
+            raise(&mut alerts, why, "unsigned"),
+            Some((1, "unsigned".into(), false))
+        );
+        assert!(alerts.clear(silent, "received").is_none());
+        let over = alerts.clear(why, "cleared").expect("it stood").alert;
+        assert_eq!((over.id, over.priority), (1, AlertPriority::Cleared));
+        assert!(texts(&alerts).is_empty());
+        // Another kind of finding stands for itself.
+        let other = Cause::Finding(Code::MavlinkUnanswered, 0);
+        raise(&mut alerts, silent, "silent");
+        assert_eq!(
+            raise(&mut alerts, other, "deaf").map(|(_, _, first)| first),
+            Some(true)
+        );
+        assert_eq!(texts(&alerts), ["silent", "deaf"]);
     }
 
     #[test]

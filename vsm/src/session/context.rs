@@ -3,8 +3,10 @@
 //! Read-only, and borrowed for one call. What a machine must know of a sibling comes beside it as a view (such as
 //! [`FlightView`]) that the router takes just before the call: a machine never holds on to another.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use curve_paths::terrain::Terrain;
 use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
 use mapping::limits::{Limits, Performance};
@@ -53,6 +55,8 @@ pub(crate) struct Settings {
 pub(crate) struct Bounds {
     pub(crate) agl: Agl,
     pub(crate) limits: Limits,
+    /// What routes are compared with beside home, where that is configured.
+    pub(crate) terrain: Option<Arc<Terrain>>,
     /// Without what the vehicle's parameters add to it.
     pub(crate) curving: Curving,
     /// Where wings land without an approach route.
@@ -274,6 +278,7 @@ impl Bounds {
             lowest_m,
             below_home,
             highest_m,
+            above_terrain_m,
             speed_m_s,
             transition_m,
         } = config.limits;
@@ -288,10 +293,12 @@ impl Bounds {
                 lowest_m,
                 below_home,
                 highest_m,
+                above_terrain_m,
                 speed_m_s,
                 transition_m,
                 items: usize::from(config.curve.max_items),
             },
+            terrain: config.terrain.as_ref().map(config::TerrainFolder::ground),
             curving: Curving {
                 tolerance_m: config.curve.tolerance_m,
                 policy: match config.curve.policy {

@@ -24,7 +24,7 @@ use mavlink_link::frame::{
 };
 use mavlink_link::link::{Auth, Event, Link};
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
-use mavlink_link::signing::sign;
+use mavlink_link::signing::{KeyId, sign};
 use mavlink_link::store::Disk;
 use serde::Serialize;
 use stanag_msgs::Id;
@@ -38,6 +38,8 @@ use crate::relay_policy::{Denied, RelayPolicy};
 /// One ground station.
 #[derive(Debug)]
 pub(crate) struct Forward {
+    /// Its place, by which the shell knows it.
+    pub(crate) number: usize,
     pub(crate) config: config::Forward,
     link: Link<Peer>,
     key: Option<KeyState>,
@@ -88,8 +90,14 @@ pub struct ForwardStatus {
 }
 
 impl Forward {
-    pub(crate) fn new(config: config::Forward, link: Link<Peer>, key: Option<KeyState>) -> Forward {
+    pub(crate) fn new(
+        number: usize,
+        config: config::Forward,
+        link: Link<Peer>,
+        key: Option<KeyState>,
+    ) -> Forward {
         Forward {
+            number,
             policy: config.commands.0.as_ref().map(config::Relay::policy),
             config,
             link,
@@ -99,6 +107,17 @@ impl Forward {
             sent: 0,
             taken: 0,
         }
+    }
+
+    /// Continues with another configuration, of which key, link and ids are the same.
+    pub(crate) fn reconfigure(&mut self, config: config::Forward) {
+        self.policy = config.commands.0.as_ref().map(config::Relay::policy);
+        self.config = config;
+    }
+
+    /// Which key it has.
+    pub(crate) fn key_id(&self) -> Option<KeyId> {
+        self.key.as_ref().map(KeyState::id)
     }
 
     /// Whether it is for this vehicle.
@@ -127,7 +146,7 @@ impl Forward {
 
     /// Whether somebody is there to be sent something. Who waits to be called is, until it has been silent for a while.
     fn is_there(&self, now: Now) -> bool {
-        let calls = matches!(self.config.link, config::LinkAddress::UdpIn(_));
+        let calls = self.config.link.waits_at().is_some();
         let accepted = self.link.accepted_at();
         !calls || accepted.is_some_and(|at| now.mono.saturating_sub(at) < CLIENT_LEASE)
     }
@@ -317,7 +336,7 @@ impl Forward {
             link: self.config.link.to_string(),
             peer: self.link.peer().map(|peer| peer.to_string()),
             state: link_state_name(&self.link, mono),
-            key_id: self.key.as_ref().map(|key| key.id().to_string()),
+            key_id: self.key_id().map(|id| id.to_string()),
             commands: self.policy.is_some(),
             sent: self.sent,
             taken: self.taken,

@@ -91,7 +91,7 @@ mod station_profile;
 pub(crate) mod store;
 #[cfg(test)]
 mod testing;
-mod trace;
+pub(crate) mod trace;
 
 pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
 pub(crate) use authority::record::examine as examine_audit;
@@ -101,7 +101,7 @@ pub use authority::rules::{
 };
 pub(crate) use authority::trail::{Kind as AuditKind, MAX_FILES as MAX_AUDIT_FILES};
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
-pub use bridge::{Bridge, BridgeError, LinkEnd, Tap, link_config};
+pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_config};
 pub use counters::{ByType, Counters};
 pub use forward::ForwardStatus;
 pub use link::frame::{OutFrame, Peer};

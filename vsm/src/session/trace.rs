@@ -61,6 +61,11 @@ impl LinkTrace {
         LinkTrace(stats)
     }
 
+    /// How many datagrams had been read.
+    pub(crate) fn datagrams(&self) -> u64 {
+        self.0.datagrams
+    }
+
     /// What became of the datagram.
     pub(crate) fn end(self, after: LinkStats, from: Peer, bytes: &[u8]) -> String {
         let mut text = format!("MAVLink received from {from}, {} bytes:", bytes.len());
@@ -156,7 +161,11 @@ fn messages(profile: &Profile, bytes: &[u8]) -> Vec<String> {
 
 /// A frame for a vehicle.
 pub(crate) fn mavlink_sent(frame: &OutFrame) -> String {
-    let (to, bytes) = (frame.to, frame.bytes());
+    sent(frame.to, frame.bytes())
+}
+
+/// The bytes of a frame that goes to a peer.
+pub(crate) fn sent(to: Peer, bytes: &[u8]) -> String {
     let name = FrameView::parse(bytes).map_or_else(
         |_| "no frame".to_owned(),
         |view| {

@@ -33,7 +33,8 @@ use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::TaskFault;
 use crate::airside::{
-    Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, Settings, Side,
+    Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, Settings, Side, Trace,
+    sent_text,
 };
 use crate::config::airside::AirsideConfig;
 use crate::key_exchange::{self, ExchangeRecord};
@@ -205,8 +206,10 @@ impl AirsideServer {
                         let bytes = from_radio.get(..length).unwrap_or_default();
                         let now = self.clock.now();
                         let mut random = system_random;
+                        let trace = self.begin_trace(Side::Radio);
                         self.agent
                             .handle_radio(now, from, bytes, &mut random, &mut self.disk);
+                        self.end_trace(trace, from, bytes);
                     }
                     Err(cause) => pause_after("the ground's link", &cause).await,
                 },
@@ -214,11 +217,13 @@ impl AirsideServer {
                     Ok((length, from)) => {
                         let bytes = from_px4.get(..length).unwrap_or_default();
                         let now = self.clock.now();
+                        let trace = self.begin_trace(Side::Px4);
                         if self.px4_peers.admits(now.mono, from) {
                             self.agent.handle_px4(now, from, bytes, &mut self.disk);
                         } else {
                             self.agent.count_held_back(FOREIGN);
                         }
+                        self.end_trace(trace, from, bytes);
                     }
                     Err(cause) => pause_after("PX4's link", &cause).await,
                 },
@@ -257,6 +262,18 @@ impl AirsideServer {
         self.disk.store.wait(LAST_WRITES);
         self.disk.ordered.files.wait(end);
         Ok(self.picture())
+    }
+
+    /// For a log that shows each datagram.
+    fn begin_trace(&self, side: Side) -> Option<Trace> {
+        let traced = tracing::enabled!(tracing::Level::DEBUG);
+        traced.then(|| self.agent.begin_trace(side))
+    }
+
+    fn end_trace(&self, trace: Option<Trace>, from: Peer, bytes: &[u8]) {
+        if let Some(trace) = trace {
+            tracing::debug!("{}", self.agent.end_trace(trace, from, bytes));
+        }
     }
 
     fn picture(&self) -> AirsideStatus {
@@ -320,6 +337,9 @@ impl AirsideServer {
                 Side::Radio => (&mut self.radio.1, "writer of the ground's serial port"),
                 Side::Px4 => (&mut self.px4.1, "writer of PX4's serial port"),
             };
+            if tracing::enabled!(tracing::Level::DEBUG) {
+                tracing::debug!("{}", sent_text(sent.side, sent.to, frame));
+            }
             let stranger = sent.secret.then(|| self.px4_peers.may_have_key(sent.to));
             if let Some(Err(stranger)) = stranger {
                 tracing::error!("PX4's key is NOT sent: {stranger}");

@@ -79,6 +79,10 @@ impl FileDisk {
             folder: folder.to_owned(),
             cause,
         };
+        if folder.is_file() {
+            let problem = "it is a file, expected a folder, which is made where it is missing";
+            return Err(fault(io::Error::new(io::ErrorKind::NotADirectory, problem)));
+        }
         DirBuilder::new()
             .recursive(true)
             .mode(0o700)

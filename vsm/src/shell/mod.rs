@@ -34,4 +34,5 @@ pub mod settings_link;
 pub mod sockets;
 pub mod status_socket;
 pub mod tasks;
+pub mod tcp;
 mod test_fault;

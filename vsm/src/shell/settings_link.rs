@@ -113,8 +113,9 @@ impl SettingsLink {
         })
     }
 
-    /// Reads every setting that [`hardening`] judges, for at most `patience`; what is not answered stays unknown.
-    pub async fn read(mut self, patience: Duration) -> VehicleSettings {
+    /// Reads every setting that [`hardening`] judges, for at most `patience`; what is not answered stays unknown. Where nothing
+    /// at all arrives it ends after [`NOTHING_FOR`], and says so by `true`: PX4 sends a heartbeat each second.
+    pub async fn read(mut self, patience: Duration) -> (VehicleSettings, bool) {
         let mut names = hardening::SETTINGS
             .iter()
             .filter_map(|setting| param::Name::new(setting.name).ok());
@@ -129,11 +130,12 @@ impl SettingsLink {
                 self.requested = None;
                 match names.next() {
                     Some(name) => drop(self.parameters.read(now, name)),
-                    None => return self.found,
+                    None => return (self.found, false),
                 }
             }
-            if now >= patience {
-                return self.found;
+            let nothing = self.link.stats().datagrams == 0;
+            if now >= patience || nothing && now >= NOTHING_FOR {
+                return (self.found, nothing);
             }
             self.send().await;
             let due = self.parameters.poll_timeout();
@@ -203,5 +205,7 @@ fn auth<'a>(key: &'a mut Option<KeyState>, store: &'a mut FileDisk) -> Auth<'a> 
     }
 }
 
+/// How long nothing at all may arrive before there is nothing to wait for.
+pub const NOTHING_FOR: Duration = Duration::from_secs(8);
 /// The least pause between looks at the clock.
 const LOOK: Duration = Duration::from_millis(50);

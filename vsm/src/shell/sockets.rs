@@ -12,7 +12,8 @@ use tokio::time::{Duration, Instant};
 use tokio_serial::{SerialPortBuilderExt, SerialStream};
 use zeroize::Zeroizing;
 
-use crate::config::{Config, Dli, LinkAddress, Vehicle};
+use super::tcp::{self, TcpReader, TcpWriter};
+use crate::config::{Config, Dli, ForwardLink, LinkAddress, Vehicle};
 use crate::session::Peer;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 
@@ -114,6 +115,8 @@ impl DliSockets {
 pub enum VehicleReader {
     /// Datagrams.
     Udp(std::rc::Rc<UdpSocket>),
+    /// Connections of TCP.
+    Tcp(TcpReader),
     /// A stream of bytes.
     Serial(ReadHalf<SerialStream>),
 }
@@ -123,6 +126,8 @@ pub enum VehicleReader {
 pub enum VehicleWriter {
     /// Datagrams.
     Udp(std::rc::Rc<UdpSocket>),
+    /// Connections of TCP, each with a queue.
+    Tcp(TcpWriter),
     /// A stream of bytes, written by a task of its own: a port that takes nothing (flow control, a pulled plug) holds
     /// up no other link. What it has no room for is lost, as on any link.
     Serial(SerialQueue),
@@ -159,6 +164,7 @@ impl VehicleReader {
                 }
                 tracing::debug!("a datagram of over {MAX_AT_ONCE} bytes from {from} is dropped");
             },
+            VehicleReader::Tcp(connections) => connections.receive(bytes).await,
             VehicleReader::Serial(port) => match port.read(bytes).await? {
                 0 => Err(io::ErrorKind::UnexpectedEof.into()),
                 length => Ok((length, Peer::Serial)),
@@ -177,8 +183,11 @@ impl VehicleWriter {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
                 socket.try_send_to(bytes, to).map(|_| ())
             }
+            (VehicleWriter::Tcp(connections), Peer::Tcp(to)) => connections.push(bytes, to),
             (VehicleWriter::Serial(queue), _) => queue.push(bytes),
-            (VehicleWriter::Udp(_), Peer::Serial) => Err(io::ErrorKind::AddrNotAvailable.into()),
+            (VehicleWriter::Udp(_) | VehicleWriter::Tcp(_), _) => {
+                Err(io::ErrorKind::AddrNotAvailable.into())
+            }
         }
     }
 
@@ -192,8 +201,11 @@ impl VehicleWriter {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
                 socket.send_to(bytes, to).await.map(|_| ())
             }
+            (VehicleWriter::Tcp(connections), Peer::Tcp(to)) => connections.push(bytes, to),
             (VehicleWriter::Serial(queue), _) => queue.push(bytes),
-            (VehicleWriter::Udp(_), Peer::Serial) => Err(io::ErrorKind::AddrNotAvailable.into()),
+            (VehicleWriter::Udp(_) | VehicleWriter::Tcp(_), _) => {
+                Err(io::ErrorKind::AddrNotAvailable.into())
+            }
         }
     }
 }
@@ -261,14 +273,7 @@ pub fn open_link(
             (socket, None)
         }
         LinkAddress::UdpOut(host) => {
-            let to = host
-                .to_socket_addrs()
-                .and_then(|mut all| all.next().ok_or_else(|| io::ErrorKind::NotFound.into()))
-                .map_err(|cause| SocketError::Resolve {
-                    key,
-                    address: host.clone(),
-                    cause,
-                })?;
+            let to = resolve(key, host)?;
             let socket = same_port(to, record, store)
                 .map_err(|cause| SocketError::bind(key, link, cause))?;
             (socket, Some(Peer::Udp(to)))
@@ -295,6 +300,41 @@ pub fn open_link(
         VehicleWriter::Udp(socket),
         peer,
     ))
+}
+
+/// Opens the link of another ground station: those of vehicles, and TCP.
+///
+/// # Errors
+/// As [`open_link`].
+pub fn open_forward(
+    link: &ForwardLink,
+    record: &str,
+    store: &mut dyn Disk,
+) -> Result<(VehicleReader, VehicleWriter, Option<Peer>), SocketError> {
+    const KEY: &str = "forward.link";
+    let ((reader, writer), peer) = match link {
+        ForwardLink::Shared(link) => return open_link(KEY, link, record, store),
+        ForwardLink::TcpIn(address) => {
+            let opened = tcp::listen(*address);
+            let opened = opened.map_err(|cause| SocketError::bind(KEY, link, cause))?;
+            (opened, None)
+        }
+        ForwardLink::TcpOut(host) => {
+            let to = resolve(KEY, host)?;
+            (tcp::connect(to), Some(Peer::Tcp(to)))
+        }
+    };
+    Ok((VehicleReader::Tcp(reader), VehicleWriter::Tcp(writer), peer))
+}
+
+fn resolve(key: &'static str, host: &str) -> Result<SocketAddr, SocketError> {
+    host.to_socket_addrs()
+        .and_then(|mut all| all.next().ok_or_else(|| io::ErrorKind::NotFound.into()))
+        .map_err(|cause| SocketError::Resolve {
+            key,
+            address: host.to_owned(),
+            cause,
+        })
 }
 
 fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<UdpSocket> {

@@ -62,6 +62,21 @@ fn three_cucs_for_control_and_a_station() {
     check(scope, 200);
 }
 
+/// A CUCS is taken out of the configuration and listed again, and another may hold less and more, also while it controls, while a
+/// handover waits, and while it is silent.
+#[test]
+fn two_cucs_while_the_configuration_is_read_again() {
+    let scope = Scope {
+        cucs: 2,
+        stations: 1,
+        monitors: false,
+        phases: false,
+        reloads: true,
+        ..FULL
+    };
+    check(scope, 100);
+}
+
 /// The scope whose every state is visited in minutes, here to the depth that seconds allow.
 #[test]
 fn every_history_of_three_inputs_in_the_whole_scope() {

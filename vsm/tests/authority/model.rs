@@ -2,7 +2,8 @@
 //!
 //! At every state every CUCS may send anything that is in scope, as often as it likes: a datagram that is lost, comes
 //! twice, late or in another order is such a history too, so that all of them are covered without a network in the
-//! state. Restart, silence, loads and launches come between any two inputs.
+//! state. Restart, silence, loads and launches come between any two inputs, and where `reloads` is in scope the configuration is read
+//! again between any two: a CUCS goes and comes back, another may hold less and more.
 //!
 //! What keeps the states few, and what each leaves out: how a state was reached is no part of it. Handovers that wait
 //! have one order, by their rights. Time stands still but for one step in which all that waits lapses: what a single
@@ -39,6 +40,8 @@ pub struct Scope {
     pub phases: bool,
     /// LOI 2 by itself.
     pub monitors: bool,
+    /// The configuration is read again: a CUCS goes and comes, another may hold less and more.
+    pub reloads: bool,
 }
 
 /// The whole of what the properties are about.
@@ -48,11 +51,14 @@ pub const FULL: Scope = Scope {
     silence: true,
     phases: true,
     monitors: true,
+    reloads: false,
 };
 
 pub struct AuthorityModel {
     pub scope: Scope,
     roster: Vec<Asker>,
+    /// What the configuration can become: as it is, without the last CUCS, and with one that may hold less.
+    rosters: Vec<Vec<Asker>>,
     /// What any step did so far, so that a model that does not move cannot pass.
     seen: Seen,
 }
@@ -62,6 +68,7 @@ impl AuthorityModel {
         AuthorityModel {
             scope,
             roster: roster(scope.cucs),
+            rosters: rosters(scope.cucs),
             seen: Seen::default(),
         }
     }
@@ -72,6 +79,7 @@ impl AuthorityModel {
             cucs,
             silence,
             phases,
+            reloads,
             ..
         } = self.scope;
         let seen = |what: &AtomicBool| what.load(Relaxed);
@@ -89,6 +97,10 @@ impl AuthorityModel {
             seen(&self.seen.after_load) || !phases,
             "no handover waits for a load"
         );
+        assert!(
+            seen(&self.seen.withdrawn) || !reloads,
+            "no reload takes anything away"
+        );
     }
 }
 
@@ -100,6 +112,8 @@ pub struct State {
     /// Index of the CUCS that loads a mission; the number of CUCSs for the VSM.
     pub loading: Option<usize>,
     pub launch_or_landing: bool,
+    /// The configuration, an index of the model's rosters.
+    pub roster: usize,
     /// What a step did that it must not.
     pub flaw: Option<&'static str>,
 }
@@ -112,6 +126,7 @@ struct Seen {
     lapsed: AtomicBool,
     taken_in_silence: AtomicBool,
     after_load: AtomicBool,
+    withdrawn: AtomicBool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -124,6 +139,8 @@ pub enum Input {
     LaunchOrLanding(bool),
     Lapse,
     Restart,
+    /// The configuration becomes this one.
+    Reload(usize),
 }
 
 pub fn roster(cucs: usize) -> Vec<Asker> {
@@ -145,6 +162,15 @@ pub fn roster(cucs: usize) -> Vec<Asker> {
     .collect()
 }
 
+fn rosters(cucs: usize) -> Vec<Vec<Asker>> {
+    let all = roster(cucs);
+    let without = all[..cucs - 1].to_vec();
+    let mut less = all.clone();
+    // LOI 2 only.
+    less[0].authorised = LoiBitmap::LOI2;
+    vec![all, without, less]
+}
+
 fn control() -> Rights {
     Rights::of_control(CONTROL)
 }
@@ -158,16 +184,28 @@ impl AuthorityModel {
         self.roster.iter().position(|asker| asker.id == id)
     }
 
+    /// A CUCS in the configuration of a state; none where that does not list it.
+    fn asker(&self, state: &State, index: usize) -> Option<&Asker> {
+        let id = self.roster.get(index)?.id;
+        self.rosters[state.roster].iter().find(|one| one.id == id)
+    }
+
+    fn may_hold(&self, state: &State, index: usize) -> Rights {
+        let asker = self.asker(state, index);
+        asker.map_or(Rights::NONE, Asker::may_hold)
+    }
+
     /// One input to the machine under test, and what its step must and must not do.
     fn step(&self, last: &State, input: Input) -> State {
-        let roster = &self.roster;
         let mut state = last.clone();
         match input {
+            Input::Reload(to) => state.roster = to,
             Input::Loading(owner) => state.loading = owner,
             Input::LaunchOrLanding(on) => state.launch_or_landing = on,
             _ => {}
         }
-        let owner = |index: usize| roster.get(index).map_or(Id::NULL, |asker| asker.id);
+        let (roster, every) = (&self.rosters[state.roster], &self.roster);
+        let owner = |index: usize| every.get(index).map_or(Id::NULL, |asker| asker.id);
         let at = Circumstances {
             now: if input == Input::Lapse {
                 CONSENT_WITHIN
@@ -179,17 +217,22 @@ impl AuthorityModel {
             launch_or_landing: state.launch_or_landing,
         };
         let decision = match input {
+            // Who is not listed does not come as far as the machine.
+            Input::Request(by, ..) | Input::Handover(by, ..)
+                if self.asker(&state, by).is_none() =>
+            {
+                Decision::default()
+            }
             Input::Request(by, access, wanted) => {
-                state
-                    .machine
-                    .request(&at, &roster[by], access, wanted, true)
+                let asker = self.asker(last, by).unwrap_or(&every[by]);
+                state.machine.request(&at, asker, access, wanted, true)
             }
             Input::Handover(by, to, wanted) => {
-                state
-                    .machine
-                    .handover(&at, &roster[by], roster[to].id, wanted)
+                let asker = self.asker(last, by).unwrap_or(&every[by]);
+                state.machine.handover(&at, asker, every[to].id, wanted)
             }
-            Input::Silence(of, silence) => state.machine.silence_of(&at, roster[of].id, silence),
+            Input::Silence(of, silence) => state.machine.silence_of(&at, every[of].id, silence),
+            Input::Reload(_) => state.machine.reconfigured(&at),
             Input::Restart => {
                 // The load dies with the process; what was stored is what there is.
                 state.loading = None;
@@ -208,7 +251,13 @@ impl AuthorityModel {
             state.flaw = state.flaw.or(self.flaw_of(last, &state, input, change));
             self.book(&mut state, change);
         }
-        state.flaw = state.flaw.or(self.flaw_of_answer(&state, input, &decision));
+        let listed = match input {
+            Input::Request(by, ..) => self.asker(&state, by).is_some(),
+            _ => true,
+        };
+        if listed {
+            state.flaw = state.flaw.or(self.flaw_of_answer(&state, input, &decision));
+        }
         self.note(last, &decision);
         state
     }
@@ -222,7 +271,7 @@ impl AuthorityModel {
             state.ledger[from] = state.ledger[from].without(change.lost);
         }
         if let Some(to) = change.to.and_then(|id| self.index(id)) {
-            if !self.roster[to].may_hold().contains(change.gained) {
+            if !self.may_hold(state, to).contains(change.gained) {
                 state.flaw = Some("more is given than the configuration allows");
             }
             state.ledger[to] = state.ledger[to].with(change.gained);
@@ -256,8 +305,13 @@ impl AuthorityModel {
             Reason::Released => {
                 matches!(input, Input::Request(by, Access::Release, _) if Some(by) == from)
             }
-            // The configuration stays as it is in these histories.
-            Reason::Withdrawn => false,
+            // What the new configuration does not allow, and no more.
+            Reason::Withdrawn => {
+                matches!(input, Input::Reload(_))
+                    && to.is_none()
+                    && from
+                        .is_some_and(|from| change.lost.both(self.may_hold(state, from)).is_empty())
+            }
             Reason::Lost => matches!(input, Input::Silence(of, Silence::Lost) if Some(of) == from),
             Reason::OfferedInSilence => from.is_some_and(|from| {
                 silence(from) >= Silence::Offered
@@ -349,6 +403,7 @@ impl AuthorityModel {
                 Reason::HandedOver => self.seen.handed_over.store(true, Relaxed),
                 Reason::Overridden => self.seen.overridden.store(true, Relaxed),
                 Reason::OfferedInSilence => self.seen.taken_in_silence.store(true, Relaxed),
+                Reason::Withdrawn => self.seen.withdrawn.store(true, Relaxed),
                 _ => {}
             }
         }
@@ -360,7 +415,7 @@ impl AuthorityModel {
 
     /// Whatever order they do it in, all let go, and everything is free.
     fn released_is_free(&self, state: &State) -> bool {
-        let roster = &self.roster;
+        let roster = &self.rosters[state.roster];
         let at = Circumstances {
             now: Duration::ZERO,
             roster,
@@ -373,7 +428,7 @@ impl AuthorityModel {
         let orders: &[[usize; 3]] = &[[0, 1, 2], [2, 1, 0], [1, 2, 0]];
         orders.iter().all(|order| {
             let mut machine = state.machine.clone();
-            for asker in order.iter().filter_map(|index| roster.get(*index)) {
+            for asker in order.iter().filter_map(|index| self.asker(state, *index)) {
                 machine.request(&at, asker, Access::Release, Rights::NONE, false);
             }
             machine.is_free()
@@ -391,6 +446,7 @@ impl Model for AuthorityModel {
             ledger: vec![Rights::NONE; self.scope.cucs],
             loading: None,
             launch_or_landing: false,
+            roster: 0,
             flaw: None,
         }]
     }
@@ -432,6 +488,9 @@ impl Model for AuthorityModel {
             inputs.extend((0..=cucs).map(|owner| Input::Loading(Some(owner))));
             inputs.extend([false, true].map(Input::LaunchOrLanding));
         }
+        if self.scope.reloads {
+            inputs.extend((0..self.rosters.len()).map(Input::Reload));
+        }
         inputs.extend([Input::Lapse, Input::Restart]);
     }
 
@@ -471,7 +530,7 @@ impl Model for AuthorityModel {
             Property::always(
                 "a restart changes nothing",
                 |model: &Self, state: &State| {
-                    let roster = &model.roster;
+                    let roster = &model.rosters[state.roster];
                     let again =
                         Authority::restored(&state.machine.record(), Duration::ZERO, roster);
                     let holders = |machine: &Authority| machine.holders().collect::<Vec<_>>();
@@ -480,6 +539,13 @@ impl Model for AuthorityModel {
                 },
             ),
             Property::always("a release leads to free", Self::released_is_free),
+            Property::always(
+                "nobody holds what the configuration does not allow",
+                |model: &Self, state: &State| {
+                    let mut held = state.ledger.iter().enumerate();
+                    held.all(|(index, held)| model.may_hold(state, index).contains(*held))
+                },
+            ),
             Property::always("no two handovers are of one right", |_, state: &State| {
                 let pending = state.machine.pending();
                 (0..pending.len())

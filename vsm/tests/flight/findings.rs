@@ -37,10 +37,42 @@ fn a_fault_is_raised_once_and_cleared_when_it_is_gone() {
     rig.run(60.0);
     assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
     assert_eq!(logged(&rig, LogLevel::Warning, words), 1);
+    // It stands in place of the alert that the vehicle is silent, under its id: one fault is one alert, which ends once.
+    let id = ids(&rig, words);
+    assert_eq!(
+        ids(&rig, "no data from the vehicle: state unknown").last(),
+        id.last()
+    );
     rig.vehicles = vehicles;
     rig.run(5.0);
-    let cleared = alerts(&rig, "cleared: nothing arrives on udpin:");
-    assert_eq!(cleared, [AlertPriority::Cleared]);
+    assert_eq!(
+        priorities(&rig, id[0]).last(),
+        Some(&AlertPriority::Cleared)
+    );
+}
+
+/// The ids of the 16000s that begin like this, and the priorities of those of an id, in their order.
+fn ids(rig: &Rig, words: &str) -> Vec<i32> {
+    let begins = |text: &str| text.starts_with(words);
+    let found = shown(rig).filter(|(_, _, text)| begins(text));
+    found.map(|(id, ..)| id).collect()
+}
+
+fn priorities(rig: &Rig, of: i32) -> Vec<AlertPriority> {
+    let found = shown(rig).filter(|(id, ..)| *id == of);
+    found.map(|(_, priority, _)| priority).collect()
+}
+
+fn shown(rig: &Rig) -> impl Iterator<Item = (i32, AlertPriority, String)> + '_ {
+    let received = rig.station().received.iter();
+    received.filter_map(|(_, _, message)| match message {
+        Message::SubsystemStatusAlert(alert) => {
+            let text = alert.text.as_ref()?.as_str().to_owned();
+            // The first instance of an id has its negative.
+            Some((alert.alert_warning_id?.abs(), alert.priority?, text))
+        }
+        _ => None,
+    })
 }
 
 #[test]

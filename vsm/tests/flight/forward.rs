@@ -373,3 +373,48 @@ fn one_that_takes_nothing_costs_a_bounded_queue_and_no_more() {
     let request = rig.carry_out(orders::request_control());
     assert_eq!(request, Some(stanag_msgs::enums::AckType::CarriedOut));
 }
+
+#[test]
+fn a_reload_changes_what_it_may_and_what_was_proven_stays() {
+    let mut rig = rig(COMMANDER);
+    send(&mut rig, 0, &heartbeat());
+    let text = rig.text.clone();
+    let listens = text.replace("commands = true", "commands = false");
+    let report = rig.reload(&listens).expect("it is good");
+    assert_eq!(report.applied, ["forward qgc: commands"]);
+    assert!(report.restart.is_empty(), "{report:?}");
+    let recorded = send(&mut rig, 0, &arm());
+    rig.run(1.0);
+    let armed = |rig: &Rig| rig.vehicles[0].vehicle().truth().armed;
+    assert!(!armed(&rig));
+    assert_eq!(
+        status(&rig, 0)
+            .refused
+            .get("this ground station may not command"),
+        1
+    );
+    // It is where it was: nobody has to prove anything again.
+    rig.forwarded.clear();
+    rig.run(0.5);
+    assert!(!rig.forwarded.is_empty());
+    // What was sent meanwhile is a recording now.
+    rig.reload(&text).expect("it is good");
+    deliver(&mut rig, 0, at(50_000), &recorded);
+    rig.run(1.0);
+    assert!(!armed(&rig));
+    send(&mut rig, 0, &arm());
+    rig.run(1.0);
+    assert!(armed(&rig));
+    let none = text.replace(COMMANDER, "");
+    let report = rig.reload(&none).expect("it is good");
+    assert_eq!(report.applied, ["forward qgc removed"]);
+    rig.forwarded.clear();
+    rig.run(1.0);
+    assert!(rig.forwarded.is_empty());
+    let report = rig.reload(&(none + LISTENER)).expect("it is good");
+    assert_eq!(report.applied, ["forward qgc added"]);
+    let beat = frame(&rig, None, &heartbeat());
+    deliver(&mut rig, 0, at(50_001), &beat);
+    rig.run(1.0);
+    assert!(!rig.forwarded.is_empty());
+}

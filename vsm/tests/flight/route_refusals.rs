@@ -8,7 +8,7 @@ use stanag_msgs::enums::{
     AckType, AltitudeType, LimitType, LocationType, LoiterDurationUnits, MissionTransferStatus,
     WaypointType,
 };
-use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
+use stanag_msgs::messages::{CurveSegment, UaLoiterWaypoint, UaPositionWaypoint};
 use stanag_msgs::{Bam32, Scaled};
 
 /// Loads a plan that must be refused; the number in 14000, and the text of 16000.
@@ -341,4 +341,130 @@ fn a_route_below_home_is_refused_whatever_its_altitudes_are_above_unless_it_is_a
     let (named, text) = refused(&mut rig, second_at(-600.0, AltitudeType::Agl));
     assert_eq!(named, Some(8));
     assert!(text.contains("expected -500 to 5000"), "{text}");
+}
+
+/// A folder with one elevation file: the ground at home's height, and a ridge of 60 m across, 100 m to 160 m north of home.
+fn ridge() -> tempfile::TempDir {
+    let home = Config::default().home;
+    let (step, rows, columns) = (0.0002, 40_u32, 40_u32);
+    let mut text = format!(
+        "ncols {columns}\nnrows {rows}\nxllcenter {}\nyllcenter {}\ncellsize {step}\n",
+        home.longitude_deg - 0.004,
+        home.latitude_deg - 0.004
+    );
+    for row in (0..rows).rev() {
+        let north_m = (f64::from(row) * step - 0.004) * 111_195.0;
+        let ridge_m = if (100.0..160.0).contains(&north_m) {
+            60.0
+        } else {
+            0.0
+        };
+        let height = format!("{:.1} ", home.altitude_m + ridge_m);
+        text += &height.repeat(columns as usize);
+        text.push('\n');
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("ridge.asc"), text).expect("it can be written");
+    folder
+}
+
+#[test]
+fn a_route_through_a_ridge_is_refused_between_its_waypoints_and_on_its_curves() {
+    let ground = ridge();
+    let keys =
+        |more: &str| -> &'static str { format!("terrain = {:?}\n{more}", ground.path()).leak() };
+    // Each waypoint is 30 m above the ground below it.
+    let over = |height_m| -> Vec<Message> {
+        vec![
+            orders::route(7).into(),
+            orders::waypoint(7, 8, 50.0, 0.0, height_m).into(),
+            orders::waypoint(8, 0, 250.0, 0.0, height_m).into(),
+        ]
+    };
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: keys(""),
+        ..Setup::default()
+    });
+    let (named, text) = refused(&mut rig, over(30.0));
+    assert_eq!(named, Some(8), "{text}");
+    for part in [
+        "m below the terrain (548.0 m)",
+        "m AMSL is 30.",
+        "vehicle.limits.above_terrain_m",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    // A curve that bulges into the ridge, between waypoints that are both south of it.
+    let control = |north, east| {
+        let (latitude, longitude) = orders::place(north, east);
+        (
+            Some(Bam32::from_degrees(latitude)),
+            Some(Bam32::from_degrees(longitude)),
+        )
+    };
+    let (p2, p3) = (control(180.0, -60.0), control(180.0, 60.0));
+    let bulge = CurveSegment {
+        p1_waypoint_no: Some(7),
+        p4_waypoint_no: Some(8),
+        p2_latitude: p2.0,
+        p2_longitude: p2.1,
+        p3_latitude: p3.0,
+        p3_longitude: p3.1,
+        ..CurveSegment::default()
+    };
+    let curved: Vec<Message> = vec![
+        orders::route(7).into(),
+        orders::waypoint(7, 8, 50.0, -80.0, 30.0).into(),
+        orders::waypoint(8, 0, 50.0, 80.0, 30.0).into(),
+        bulge.into(),
+    ];
+    let (named, text) = refused(&mut rig, curved);
+    assert_eq!(named, Some(8), "{text}");
+    assert!(text.contains("m below the terrain ("), "{text}");
+    // Above it both are flown, and where the files end a note says so.
+    rig.send_plan(over(70.0));
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.send_plan(vec![
+        orders::route(7).into(),
+        orders::waypoint(7, 8, 250.0, 0.0, 70.0).into(),
+        orders::waypoint(8, 0, 900.0, 0.0, 70.0).into(),
+    ]);
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    let notes = rig.station().alerts().join("; ");
+    assert!(notes.contains("vehicle.terrain does not cover"), "{notes}");
+    // Closer than configured, and below the ground where that is allowed.
+    for (more, height_m, expected) in [
+        ("limits = { above_terrain_m = 20 }", 70.0, false),
+        ("limits = { above_terrain_m = -40 }", 30.0, true),
+    ] {
+        let mut rig = Rig::ready_with(Setup {
+            vehicle_keys: keys(more),
+            ..Setup::default()
+        });
+        rig.send_plan(over(height_m));
+        let done = rig.carry_out(orders::load()) == Some(AckType::CarriedOut);
+        assert_eq!(done, expected, "{more} {:?}", rig.station().alerts());
+    }
+}
+
+#[test]
+fn latitude_and_longitude_that_are_exchanged_are_named_as_that() {
+    let mut rig = Rig::ready();
+    let mut first = orders::waypoint(7, 0, 50.0, 0.0, 30.0);
+    std::mem::swap(
+        &mut first.waypoint_to_latitude_or_relative_y,
+        &mut first.waypoint_to_longitude_or_relative_x,
+    );
+    let (named, text) = refused(&mut rig, vec![orders::route(7).into(), first.into()]);
+    assert_eq!(named, Some(7));
+    assert!(
+        text.contains("m from home, at most 5000 (with latitude and longitude exchanged"),
+        "{text}"
+    );
+    let far = orders::waypoint(7, 0, 9_000.0, 0.0, 30.0);
+    let (_, text) = refused(&mut rig, vec![orders::route(7).into(), far.into()]);
+    assert!(
+        text.contains("from home, at most 5000") && !text.contains("exchanged"),
+        "{text}"
+    );
 }

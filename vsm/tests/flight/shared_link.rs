@@ -11,7 +11,7 @@ use mavlink_link::signing::{Stamp, sign};
 use mavlink_link::store::MemoryDisk;
 use px4_sim::{Autopilot, Signing};
 use vsm::config::Config;
-use vsm::session::{Bridge, LinkEnd, Peer, Status};
+use vsm::session::{Bridge, LinkEnd, LogLevel, Peer, Status};
 
 fn heartbeat(system_id: u8, incompat: u8, out: &mut [u8; MAX_FRAME]) -> usize {
     let header = Header {
@@ -114,7 +114,22 @@ fn a_system_that_nobody_has_is_counted_and_named_once() {
         "MAVLink system 7 sends on udpin:{}, where the configuration has system 1 and 2: its frames are ignored",
         bridge_mav(0)
     );
-    assert_eq!(named[0].text, expected);
+    assert_eq!(
+        (named[0].level, &named[0].text),
+        (LogLevel::Warning, &expected)
+    );
+    // What it has sent since is named once more five minutes later, with how often, and not at each frame.
+    rig.run(300.0);
+    let texts = |rig: &Rig| {
+        let named = rig.log.iter().filter(|line| line.text.contains("system 7"));
+        named.map(|line| line.text.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(texts(&rig)[1..], [format!("{expected} (3 so far)")]);
+    let (now, from) = (rig.clock.elapsed(), SocketAddr::from(([127, 0, 0, 1], 9)));
+    rig.mav
+        .send(now, from, bridge_mav(0), frame[..length].to_vec());
+    rig.run(2.0);
+    assert_eq!(texts(&rig).len(), 2);
 }
 
 /// Both on one line: every byte is received by all, in pieces that are no frames.

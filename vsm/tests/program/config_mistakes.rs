@@ -43,6 +43,21 @@ const MISTAKES: &[Mistake] = &[
         "[[vehicle]]\n[store]",
         &["line 21", "vehicle.id is missing", "id = \"1b:00:01:01\""],
     ),
+    // Addresses.
+    (
+        "\"127.0.0.1:4586\"",
+        "\"localhost:4586\"",
+        &[
+            "line 6",
+            "dli.listen is \"localhost:4586\"",
+            "an IP address, which is no name, and a port of 1 to 65535",
+        ],
+    ),
+    (
+        "\"127.0.0.1:4586\"",
+        "\"127.0.0.1:99999\"",
+        &["line 6", "a port of 1 to 65535"],
+    ),
     // What is not quoted, or quoted for nothing.
     (
         "\"127.0.0.1:4586\"",
@@ -380,4 +395,87 @@ fn a_key_written_into_the_configuration_is_not_repeated() {
         assert!(!answer.contains("5a5a"), "{answer}");
         assert!(answer.contains("signing"), "{answer}");
     }
+}
+
+#[test]
+fn what_is_no_text_file_is_answered_with_what_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir(path("folder")).unwrap();
+    std::fs::write(path("binary.toml"), [b'a', 0xff, 0xfe]).unwrap();
+    std::fs::write(path("huge.toml"), vec![b'#'; 1_000_001]).unwrap();
+    for (name, parts) in [
+        (
+            "missing.toml",
+            ["No such file", "`vsm init` writes one to begin with"],
+        ),
+        (
+            "folder",
+            ["Is a directory", "it is a folder, expected a file"],
+        ),
+        (
+            "binary.toml",
+            ["byte 1 is no text in UTF-8", "is it the right file?"],
+        ),
+        ("huge.toml", ["over 1000 kB", "is it the right file?"]),
+    ] {
+        let fault = Config::load(&path(name)).expect_err(name).to_string();
+        for part in parts {
+            assert!(fault.contains(part), "{name}: {part}: {fault}");
+        }
+        let new = fault.contains("vsm init");
+        assert_eq!(new, name == "missing.toml", "{fault}");
+    }
+    // A device that never ends is none either, and is answered at once.
+    let fault = Config::load(Path::new("/dev/zero")).expect_err("it is none");
+    assert!(fault.to_string().contains("over 1000 kB"), "{fault}");
+}
+
+#[test]
+fn elevation_files_are_checked_before_anything_is_served() {
+    let folder = tempfile::tempdir().unwrap();
+    let tiles = folder.path().join("tiles");
+    let read = |text: &str| {
+        let text = text.replace("system_id = 1", "system_id = 1\nterrain = \"tiles\"");
+        let mut config = Config::parse(&text, folder.path()).expect("good");
+        let read = config.read_terrain().map_err(|fault| fault.to_string());
+        read.map(|()| config)
+    };
+    let fault = read(GOOD).expect_err("there is no folder");
+    assert!(
+        fault.contains("vehicle.terrain: ") && fault.contains("expected a folder"),
+        "{fault}"
+    );
+    std::fs::create_dir(&tiles).unwrap();
+    let fault = read(GOOD).expect_err("it is empty");
+    assert!(
+        fault.contains("no .hgt and no .asc in it, expected"),
+        "{fault}"
+    );
+    std::fs::write(tiles.join("N47E008.hgt"), [0; 7]).unwrap();
+    let fault = read(GOOD).expect_err("it is cut short");
+    assert!(fault.contains("N47E008.hgt: 7 bytes, expected "), "{fault}");
+    std::fs::write(tiles.join("N47E008.hgt"), vec![0; 1_201 * 1_201 * 2]).unwrap();
+    let config = read(GOOD).expect("a good tile");
+    let ground = config
+        .vehicles()
+        .next()
+        .and_then(|one| one.terrain.as_ref());
+    assert_eq!(
+        ground.map(|one| one.ground().height_m(47.5, 8.5)),
+        Some(Some(0.0))
+    );
+    // What is not read is no ground that is known, and not a flat one.
+    let text = GOOD.replace("system_id = 1", "system_id = 1\nterrain = \"tiles\"");
+    let config = Config::parse(&text, folder.path()).expect("good");
+    let ground = config
+        .vehicles()
+        .next()
+        .and_then(|one| one.terrain.as_ref());
+    assert_eq!(
+        ground.map(|one| one.ground().height_m(47.5, 8.5)),
+        Some(None)
+    );
+    let high = text.replace("terrain =", "limits.above_terrain_m = 2000\nterrain =");
+    assert!(refusal(&high).contains("expected -500 to 1000 (metres)"));
 }

@@ -140,6 +140,46 @@ fn what_becomes_of_each_datagram_is_logged_on_both_sides_and_no_key() {
 }
 
 #[test]
+fn the_agent_logs_what_becomes_of_each_datagram_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let (radio, px4) = (free_udp_port(), free_udp_port());
+    let text = format!(
+        "[agent]\nvehicle_id = \"1b:00:01:01\"\nvsm_id = \"1b:00:00:01\"\nkey_file = \"airside.key\"\n[radio]\n\
+         link = \"udpin:127.0.0.1:{radio}\"\ntalkers = [{{ system_id = 245, component_id = 190 }}]\n[px4]\n\
+         link = \"udpin:127.0.0.1:{px4}\"\nsystem_id = 1\n[store]\ndir = \"state\"\n"
+    );
+    fs::write(folder.path().join("airside.toml"), text).unwrap();
+    write_key(&folder.path().join("airside.key"), &KEY);
+    let mut command = Command::new(program("vsm"));
+    command.arg("airside").current_dir(folder.path());
+    command.env("RUST_LOG", "debug").env_remove("NO_COLOR");
+    let mut agent = Running::spawn(&mut command);
+    agent.wait_for("ready", Duration::from_secs(30));
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let own = socket.local_addr().unwrap();
+    let mut out = [0; MAX_FRAME];
+    let header = Header {
+        system_id: 1,
+        component_id: 1,
+        ..Header::default()
+    };
+    let message = MavMessage::ATTITUDE(ATTITUDE_DATA::default());
+    let length = encode(&message, header, &mut out);
+    for port in [radio, px4] {
+        socket.send_to(&out[..length], ("127.0.0.1", port)).unwrap();
+    }
+    for line in [
+        format!("ground: MAVLink received from {own}, {length} bytes: ATTITUDE of 1/1; dropped:"),
+        format!("PX4: MAVLink received from {own}, {length} bytes: ATTITUDE of 1/1; "),
+    ] {
+        agent.wait_for(&line, Duration::from_secs(10));
+    }
+    agent.terminate();
+    agent.wait(Duration::from_secs(5));
+    assert!(!agent.output().to_lowercase().contains("5a5a5a5a"));
+}
+
+#[test]
 fn in_json_each_line_is_an_object_and_the_last_error_too() {
     let folder = tempfile::tempdir().unwrap();
     let (dli, _) = laid_out(folder.path());

@@ -2,13 +2,16 @@
 //! and the command says what the bridge answered.
 
 use std::fs;
-use std::net::UdpSocket;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpStream, UdpSocket};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use kit::process::{Running, free_udp_port, program, write_key};
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage};
+use mavlink_link::frame::{Header, MAX_FRAME, encode};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -205,4 +208,68 @@ fn a_bad_file_changes_nothing_and_is_named_by_the_command_and_in_the_log() {
         Duration::from_secs(10),
     );
     assert!(is_live(&world.status(), 0));
+}
+
+#[test]
+fn ground_stations_beside_the_bridge_come_and_go_and_no_key_is_used_twice() {
+    let world = World::new();
+    world.until("the first is live", |status| is_live(status, 0));
+    let port = free_udp_port();
+    let forward = |keys: &str| {
+        format!("[[forward]]\nname = \"qgc\"\nlink = \"udpin:127.0.0.1:{port}\"\n{keys}")
+    };
+    world.write(&(text(world.ports, 1) + &forward("")));
+    let (report, code) = world.reload();
+    assert_eq!(
+        (report["applied"][0].as_str(), code),
+        (Some("forward qgc added"), Some(0))
+    );
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    socket
+        .set_read_timeout(Some(Duration::from_secs(10)))
+        .expect("it can be set");
+    let header = Header {
+        system_id: 255,
+        component_id: 190,
+        ..Header::default()
+    };
+    let mut bytes = [0; MAX_FRAME];
+    let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let length = encode(&beat, header, &mut bytes);
+    socket
+        .send_to(&bytes[..length], ("127.0.0.1", port))
+        .expect("sent");
+    let (received, from) = socket.recv_from(&mut bytes).expect("frames of the vehicle");
+    assert!(received > 0 && from.port() == port);
+
+    // A vehicle is added whose key the ground station has: all of it is refused.
+    write_key(&world.folder.path().join("q.key"), &[2; 32]);
+    world.write(&(text(world.ports, 2) + &forward("key_file = \"q.key\"\n")));
+    let (report, code) = world.reload();
+    let refused = report["refused"].as_str().unwrap_or_default();
+    assert!(
+        code != Some(0) && refused.contains("[[forward]] qgc has the key"),
+        "{report}"
+    );
+    assert_eq!(world.status()["vehicles"].as_array().map(Vec::len), Some(1));
+
+    world.write(&text(world.ports, 1));
+    let (report, _) = world.reload();
+    assert_eq!(report["applied"][0], "forward qgc removed");
+    let end = Instant::now() + Duration::from_secs(5);
+    while UdpSocket::bind(("127.0.0.1", port)).is_err() {
+        assert!(Instant::now() < end, "its link is still open");
+        sleep(Duration::from_millis(50));
+    }
+
+    // The same over TCP.
+    world.write(&(text(world.ports, 1) + &forward("").replace("udpin", "tcpin")));
+    assert_eq!(world.reload().1, Some(0));
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
+    stream
+        .set_read_timeout(Some(Duration::from_secs(10)))
+        .expect("it can be set");
+    let length = encode(&beat, header, &mut bytes);
+    stream.write_all(&bytes[..length]).expect("sent");
+    assert!(stream.read(&mut bytes).expect("frames of the vehicle") > 0);
 }

@@ -122,8 +122,9 @@ impl Rig {
     /// Everything has just been switched on.
     pub fn new(setup: Setup) -> Rig {
         let text = toml(&setup);
-        let config = Config::parse(&text, Path::new("/nowhere"))
+        let mut config = Config::parse(&text, Path::new("/nowhere"))
             .expect("the configuration of the test is good");
+        config.read_terrain().expect("elevation files of the test");
         let vehicles = setup.vehicles.iter().enumerate().map(|(index, vehicle)| {
             let vehicle = px4_sim::Config {
                 system_id: index as u8 + 1,
@@ -239,7 +240,9 @@ impl Rig {
     /// # Errors
     /// It is refused: why.
     pub fn reload(&mut self, text: &str) -> Result<Report, String> {
-        let new = Config::parse(text, Path::new("/nowhere")).map_err(|fault| fault.to_string())?;
+        let mut new =
+            Config::parse(text, Path::new("/nowhere")).map_err(|fault| fault.to_string())?;
+        new.read_terrain().map_err(|fault| fault.to_string())?;
         let Changes { config, report } = self.config.changes(&new)?;
         let added = config
             .vehicles()
@@ -248,10 +251,28 @@ impl Rig {
             key: Some(key(usize::from(vehicle.system_id) - 1)),
             peer: None,
         });
+        // By their names, and those of a name that was there stay: with the key of their place in the file.
+        let places = |config: &Config| -> Vec<String> {
+            config.forwards().map(|one| one.name.clone()).collect()
+        };
+        let before = places(&self.config);
+        let mut next = before.len();
+        let forwards = config.forwards().map(|one| {
+            if let Some(number) = before.iter().position(|name| *name == one.name) {
+                return (number, None);
+            }
+            next += 1;
+            let key = one.key_file.is_some().then(|| key(FORWARD_KEYS + next - 1));
+            (next - 1, Some(LinkEnd { key, peer: None }))
+        });
+        let forwards = forwards.collect();
         let (ends, now) = (ends.collect(), self.now());
         let bridge = self.bridge.as_mut().expect("it runs");
+        let prepared = bridge.prepare_forwards(&config, forwards, now, START, &mut self.store);
+        let prepared = prepared.map_err(|fault| fault.to_string())?;
         let reloaded = bridge.reload(&config, ends, now, START, &mut self.store);
         reloaded.map_err(|fault| fault.to_string())?;
+        bridge.take_forwards(prepared);
         (self.config, self.text) = (config, text.to_owned());
         Ok(report)
     }

@@ -4,12 +4,12 @@
 
 use stanag_msgs::enums::{LimitType, LoiterDirection};
 
-use super::draft::{Conduct, Repeat, TakeOff};
+use super::draft::{Conduct, LoiterExit, Repeat, TakeOff};
 use crate::route::form::{DIRECTIONS, LIMITS, LOITERS, Names, SPEED_TYPES, TURNS};
 use crate::route::model::{Loiter, LoiterSpan};
 
 /// Every key.
-pub(super) const KEYS: [&str; 14] = [
+pub(super) const KEYS: [&str; 15] = [
     "speed_m_s",
     "speed_type",
     "turn",
@@ -24,6 +24,7 @@ pub(super) const KEYS: [&str; 14] = [
     "loop_to",
     "loop_limit",
     "take_off",
+    "loiter_exit",
 ];
 
 /// The pairs of a point.
@@ -64,6 +65,11 @@ pub(super) fn of(conduct: &Conduct) -> Vec<(&'static str, String)> {
             let plain = kind == TakeOff::Plain;
             if plain { "plain" } else { "vtol" }.to_owned()
         }),
+    );
+    let exit = conduct.exit;
+    put(
+        "loiter_exit",
+        exit.map(|exit| format!("{} {}", exit.heading, exit.tangent)),
     );
     out
 }
@@ -115,6 +121,12 @@ pub(super) fn set(conduct: &mut Conduct, key: &str, text: &str) -> Result<bool, 
                 "vtol" => TakeOff::Vtol,
                 _ => return Err(format!("{text:?}, expected plain or vtol")),
             });
+        }
+        "loiter_exit" => {
+            let pair = text.split_once(' ');
+            let (heading, tangent) =
+                pair.ok_or_else(|| format!("{text:?}, expected two numbers such as 1 1"))?;
+            conduct.exit = LoiterExit::of(number(heading)?, number(tangent.trim())?);
         }
         _ => return Ok(false),
     }

@@ -34,6 +34,8 @@ pub struct Draft {
     pub areas: Vec<Area>,
     /// Places to return to instead of home.
     pub rally: Vec<Position>,
+    /// Cruise and hover speed that a .plan estimates its times by, m/s: commanded to nobody, and only there.
+    pub planned_m_s: Option<[f64; 2]>,
     /// Mission items that are no part of the path: only mission files hold them.
     pub extras: Vec<Extra>,
     /// What of the file is not in here.
@@ -74,6 +76,30 @@ pub struct Conduct {
     pub repeat: Option<Repeat>,
     /// It is where a take-off ends.
     pub take_off: Option<TakeOff>,
+    /// How a loiter is left, where the file says so.
+    pub exit: Option<LoiterExit>,
+}
+
+/// How a loiter is left: parameters of a mission item that no waypoint of a ground station has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoiterExit {
+    /// Param2 of a loiter by time or turns: other than 0, only once the vehicle heads for the next waypoint.
+    pub heading: f64,
+    /// Param4: 1 on the tangent to the next waypoint, 0 from the middle.
+    pub tangent: f64,
+}
+
+impl LoiterExit {
+    /// `None` for what is the vehicle's own way: 0, or nothing.
+    #[must_use]
+    pub fn of(heading: f64, tangent: f64) -> Option<Self> {
+        let given = |x: f64| x.is_finite() && x != 0.0;
+        let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
+        (given(heading) || given(tangent)).then(|| Self {
+            heading: finite(heading),
+            tangent: finite(tangent),
+        })
+    }
 }
 
 /// The end of a loop.
@@ -161,7 +187,12 @@ pub struct Level {
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     altitude: Option<f64>,
     /// Put a route without altitudes at this height, m: above home, or above the ground with --terrain.
-    #[arg(long, value_name = "M", conflicts_with = "altitude")]
+    #[arg(
+        long,
+        value_name = "M",
+        conflicts_with = "altitude",
+        allow_negative_numbers = true
+    )]
     height: Option<f64>,
     /// Read the ground from this file (.hgt, .asc) or folder of SRTM tiles, and refuse a route below it.
     #[arg(long, value_name = "PATH")]

@@ -16,7 +16,7 @@
 use curve_paths::Position;
 use stanag_msgs::enums::{LimitType, LoiterDirection, LoiterType, TurnType, WaypointSpeedType};
 
-use super::draft::{Conduct, Datum, Draft, Extra, NoAltitude, Point, Repeat, TakeOff};
+use super::draft::{Conduct, Datum, Draft, Extra, LoiterExit, NoAltitude, Point, Repeat, TakeOff};
 use super::losses::Losses;
 use crate::fence::{Area, Keep, Shape};
 use crate::route::model::{Loiter, LoiterSpan};
@@ -178,14 +178,24 @@ impl Reader {
         match item.command {
             NAV_LOITER_UNLIM => conduct.loiter = circle(p3, None),
             NAV_LOITER_TURNS => {
+                conduct.exit = LoiterExit::of(p2, p4);
                 let turns = LoiterSpan::Turns(whole("turns", p1));
                 conduct.loiter = circle(p3, Some(turns));
             }
             NAV_LOITER_TIME => {
+                conduct.exit = LoiterExit::of(p2, p4);
                 let seconds = LoiterSpan::Seconds(whole("loiter time, s,", p1));
                 conduct.loiter = circle(p3, Some(seconds));
             }
-            NAV_LOITER_TO_ALT => lost.push("loiter until the altitude is reached".into()),
+            NAV_LOITER_TO_ALT => {
+                lost.push("loiter until the altitude is reached".into());
+                if p2.is_finite() && p2 != 0.0 {
+                    lost.push(format!("its loiter radius {p2} m"));
+                }
+                if LoiterExit::of(p1, p4).is_some() {
+                    lost.push(LOITER_EXIT.into());
+                }
+            }
             NAV_TAKEOFF | NAV_VTOL_TAKEOFF => {
                 conduct.take_off = Some(if item.command == NAV_TAKEOFF {
                     TakeOff::Plain
@@ -447,12 +457,18 @@ fn place(point: &Point, losses: &mut Losses) -> (u16, [f64; 7]) {
         _ => 1.0,
     };
     let radius = loiter.radius_m.map_or(0.0, |m| sign * m);
+    let (p2, p4) = conduct
+        .exit
+        .map_or((0.0, 0.0), |exit| (exit.heading, exit.tangent));
     match loiter.span {
         None => (NAV_LOITER_UNLIM, there(0.0, 0.0, radius, f64::NAN)),
-        Some(LoiterSpan::Seconds(s)) => (NAV_LOITER_TIME, there(f64::from(s), 0.0, radius, 0.0)),
-        Some(LoiterSpan::Turns(n)) => (NAV_LOITER_TURNS, there(f64::from(n), 0.0, radius, 0.0)),
+        Some(LoiterSpan::Seconds(s)) => (NAV_LOITER_TIME, there(f64::from(s), p2, radius, p4)),
+        Some(LoiterSpan::Turns(n)) => (NAV_LOITER_TURNS, there(f64::from(n), p2, radius, p4)),
     }
 }
+
+/// What is lost where a format has no word for how a loiter is left.
+pub(super) const LOITER_EXIT: &str = "how the loiter is left (its exit heading, its tangent)";
 
 /// What of a loiter no item says.
 fn unfit(loiter: &Loiter) -> Vec<String> {

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::draft::Draft;
 use super::items;
 use super::losses::{Losses, counted};
+use super::qgc_plan;
 use crate::fence::Area;
 use crate::route::form::ROUTE_TYPES;
 
@@ -12,6 +13,44 @@ use crate::route::form::ROUTE_TYPES;
 pub(super) fn extras(draft: &Draft, losses: &mut Losses) {
     for extra in &draft.extras {
         losses.add(extra.item, items::describe(extra));
+    }
+    planned(draft, losses);
+}
+
+impl Draft {
+    /// What is lost where only the places of its points are taken, as a fit does: what was lost on reading too.
+    #[must_use]
+    pub fn lost_beside_places(&self) -> Losses {
+        let mut losses = self.losses.clone();
+        for point in &self.points {
+            let conduct = &point.conduct;
+            let speed = conduct.speed_m_s.map(|speed| format!("speed {speed} m/s"));
+            let others = [
+                (point.curve.is_some(), "curve of the leg that begins there"),
+                (conduct.turn.is_some(), "kind of the turn"),
+                (conduct.loiter.is_some(), "loiter"),
+                (conduct.repeat.is_some(), "loop"),
+                (conduct.take_off.is_some(), "take-off"),
+            ];
+            let others = others.into_iter().filter(|(is, _)| *is);
+            for what in speed
+                .into_iter()
+                .chain(others.map(|(_, what)| what.to_owned()))
+            {
+                losses.add(point.item, what);
+            }
+        }
+        extras(self, &mut losses);
+        fence(self, &mut losses);
+        rally(self, &mut losses);
+        losses
+    }
+}
+
+/// Speeds that only a .plan has.
+pub(super) fn planned(draft: &Draft, losses: &mut Losses) {
+    if let Some(what) = qgc_plan::planned_speeds(draft) {
+        losses.add_whole(what);
     }
 }
 

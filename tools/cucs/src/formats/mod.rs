@@ -34,6 +34,7 @@ mod tests;
 mod waypoints;
 mod xml;
 
+use std::io::Read as _;
 use std::path::Path;
 
 use clap::Args;
@@ -281,8 +282,30 @@ fn parse(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {
 }
 
 fn bytes(file: &Path) -> Result<Vec<u8>, FormatError> {
-    std::fs::read(file).map_err(|e| FormatError::file(file, e))
+    let fault = |e: std::io::Error| FormatError::file(file, e);
+    let open = std::fs::File::open(file).map_err(fault)?;
+    let mut bytes = Vec::new();
+    // A device may never end, and a recording of hours is no route.
+    let mut all = open.take(MAX_BYTES + 1);
+    all.read_to_end(&mut bytes).map_err(fault)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        let problem = format!(
+            "over {} MB, expected a route or a track",
+            MAX_BYTES / 1_000_000
+        );
+        return Err(FormatError::file(file, problem));
+    }
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(FormatError::file(
+            file,
+            "empty, expected a route or a track",
+        ));
+    }
+    Ok(bytes)
 }
+
+/// A day's track at a fix a tenth of a second has some 60 MB as GPX.
+const MAX_BYTES: u64 = 100_000_000;
 
 /// The text of a file, without the mark that spreadsheets and editors of Windows put before it.
 fn text(file: &Path, bytes: Vec<u8>) -> Result<String, FormatError> {

@@ -38,6 +38,10 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
             "missing, expected an altitude: some items are relative to home and some are not";
         fault("mission.plannedHomePosition[2]", problem)
     })?;
+    let speed = |name: &str| plan["mission"][name].as_f64();
+    draft.planned_m_s = speed("cruiseSpeed")
+        .zip(speed("hoverSpeed"))
+        .map(|(cruise, hover)| [cruise, hover]);
     fence(file, text, &plan["geoFence"], &mut draft)?;
     let rally = plan["rallyPoints"]["points"].as_array();
     for (k, point) in rally.into_iter().flatten().enumerate() {
@@ -204,17 +208,29 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
             }
         }
     }
+    let [cruise, hover] = draft.planned_m_s.unwrap_or(PLANNED_M_S);
     let plan = json!({
         "fileType": "Plan", "groundStation": "QGroundControl", "version": 1,
         "geoFence": { "circles": circles, "polygons": polygons, "version": 2 },
         "mission": {
-            "cruiseSpeed": 15, "hoverSpeed": 5, "firmwareType": 12, "vehicleType": 2, "globalPlanAltitudeMode": mode,
+            "cruiseSpeed": cruise, "hoverSpeed": hover, "firmwareType": 12, "vehicleType": 2, "globalPlanAltitudeMode": mode,
             "items": list, "plannedHomePosition": home(draft).as_ref().map(position), "version": 2,
         },
         "rallyPoints": { "points": draft.rally.iter().map(position).collect::<Vec<_>>(), "version": 2 },
     });
     format!("{plan:#}\n")
 }
+
+/// The planned speeds, in words; `None` where they are those that QGroundControl writes into every file, which nobody chose.
+pub(super) fn planned_speeds(draft: &Draft) -> Option<String> {
+    let [cruise, hover] = draft.planned_m_s.filter(|speeds| *speeds != PLANNED_M_S)?;
+    Some(format!(
+        "planned speeds for estimates: cruise {cruise} m/s, hover {hover} m/s"
+    ))
+}
+
+/// Cruise and hover speed of a new plan of QGroundControl, m/s.
+const PLANNED_M_S: [f64; 2] = [15.0, 5.0];
 
 /// Home: the file's, or else the first point; at height 0 where heights are above it.
 pub(super) fn home(draft: &Draft) -> Option<Position> {

@@ -32,6 +32,7 @@ use toml::Spanned;
 
 use super::draft::{Conduct, Datum, Draft, Point, Repeat};
 use super::fault::FormatError;
+use super::items::LOITER_EXIT;
 use super::losses::Losses;
 use super::lost;
 use crate::fence::{self, Area, FenceFileError};
@@ -92,6 +93,7 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
                     })
                 }),
                 take_off: None,
+                exit: None,
             },
             ..Point::straight(
                 Position::new(w.latitude_deg, w.longitude_deg, w.altitude_m),
@@ -258,6 +260,9 @@ impl Draft {
             if conduct.take_off.is_some() {
                 let what = "take-off (flown to as a waypoint: launch first)";
                 losses.add(point.item, what);
+            }
+            if conduct.exit.is_some() {
+                losses.add(point.item, LOITER_EXIT);
             }
             let last = k + 1 == ends;
             // A route ends with its loop: what would follow has no way out of it.

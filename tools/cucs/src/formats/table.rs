@@ -36,6 +36,20 @@ pub(super) fn read(file: &Path, text: &str, lap: Option<i64>) -> Result<Draft, F
             FormatError::at(file, Some(1), names[0], problem)
         })
     };
+    let in_feet = |h: &&&str| {
+        let h = h.to_ascii_lowercase();
+        ["alt", "height", "ele"]
+            .iter()
+            .any(|begin| h.starts_with(begin))
+            && ["ft", "feet", "_f"]
+                .iter()
+                .any(|end| h.trim_end_matches([')', ']']).ends_with(end))
+    };
+    if let Some(column) = header.iter().collect::<Vec<_>>().iter().find(in_feet) {
+        let problem =
+            "in feet, expected metres: a column alt_m (above sea level) or height_m (above home)";
+        return Err(FormatError::at(file, Some(1), *column, problem));
+    }
     let (lat, lon) = (need(LATITUDE)?, need(LONGITUDE)?);
     let height = find(HEIGHT);
     let alt = height.or_else(|| find(ALTITUDE));

@@ -111,6 +111,7 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
         }
         let _ = writeln!(out, "\t{lat:.8}\t{lon:.8}\t{alt:.3}\t1");
     }
+    lost::planned(draft, losses);
     lost::fence(draft, losses);
     lost::rally(draft, losses);
     out

@@ -72,7 +72,7 @@ pub enum OperatorError {
 }
 
 impl OperatorError {
-    /// 2 where the request was wrong, 1 where it was refused or not answered.
+    /// 2 where the request was wrong, 1 where it was refused or not answered, [`READER_GONE`].
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
@@ -81,13 +81,29 @@ impl OperatorError {
                 2
             }
             Self::Station(fault) => fault.exit_status(),
+            Self::Output(fault) if fault.kind() == std::io::ErrorKind::BrokenPipe => READER_GONE,
             _ => 1,
         }
     }
 }
 
+/// Nobody reads the output any more, such as `head` that has seen enough: what a shell reports for programs that SIGPIPE ends.
+pub(crate) const READER_GONE: u8 = 141;
+
 impl From<Refused> for OperatorError {
     fn from(refused: Refused) -> Self {
         OperatorError::Station(refused.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reader_that_is_gone_is_no_refusal() {
+        let status = |kind: std::io::ErrorKind| OperatorError::Output(kind.into()).exit_status();
+        assert_eq!(status(std::io::ErrorKind::BrokenPipe), READER_GONE);
+        assert_eq!(status(std::io::ErrorKind::StorageFull), 1);
     }
 }

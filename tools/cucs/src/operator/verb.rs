@@ -67,7 +67,7 @@ pub enum Verb {
         #[arg(long, value_name = "WAYPOINT")]
         from: Option<u16>,
         /// Speed over ground, m/s.
-        #[arg(long)]
+        #[arg(long, allow_negative_numbers = true)]
         speed: Option<f64>,
     },
     /// Loiter, here or at a position (mode 12).
@@ -82,7 +82,7 @@ pub enum Verb {
         #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
         altitude_type: AltitudeType,
         /// Speed over ground, m/s.
-        #[arg(long)]
+        #[arg(long, allow_negative_numbers = true)]
         speed: Option<f64>,
     },
     /// Change the speed over ground in the present mode.
@@ -98,16 +98,22 @@ pub enum Verb {
         #[command(subcommand)]
         condition: Condition,
         /// Longest time to wait, seconds.
-        #[arg(long, default_value_t = 120.0, value_name = "SECONDS", global = true)]
+        #[arg(
+            long,
+            default_value_t = 120.0,
+            value_name = "SECONDS",
+            global = true,
+            allow_negative_numbers = true
+        )]
         within: f64,
     },
     /// Print the vehicle's state periodically, and its alerts.
     Watch {
         /// Duration, seconds.
-        #[arg(long, default_value_t = 10.0)]
+        #[arg(long, default_value_t = 10.0, allow_negative_numbers = true)]
         seconds: f64,
         /// Time between lines, seconds.
-        #[arg(long, default_value_t = 1.0)]
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         every: f64,
     },
     /// Pause a script; the station keeps receiving.
@@ -279,7 +285,7 @@ pub struct ModeArguments {
     #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
     pub altitude_type: AltitudeType,
     /// Speed over ground, m/s.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub speed: Option<f64>,
     /// Waypoint to fly to (Commanded Waypoint Number).
     #[arg(long)]

@@ -364,7 +364,7 @@ impl Source<'_> {
             key: content
                 .split_once('=')
                 .map(|(key, _)| key.trim().to_owned()),
-            message: fault.message().trim().replace('\n', ", "),
+            message: in_words(fault.message()),
         }
     }
 
@@ -372,6 +372,29 @@ impl Source<'_> {
         let before = self.text.as_bytes().iter().take(offset);
         before.filter(|byte| **byte == b'\n').count() + 1
     }
+}
+
+/// The parser's message without the names that Rust has for kinds of values.
+fn in_words(message: &str) -> String {
+    let message = message.trim().replace('\n', ", ");
+    if let Some(name) = message.strip_prefix("missing field `") {
+        let name = name.trim_end_matches('`');
+        return match name {
+            "waypoint" => "no waypoints, expected at least one table [[waypoint]]".to_owned(),
+            name => format!("{name} is missing"),
+        };
+    }
+    let Some((found, expected)) = message.rsplit_once("expected ") else {
+        return message;
+    };
+    let expected = match expected {
+        "u8" | "u16" | "u32" | "u64" | "i64" | "usize" => "a whole number",
+        "f64" | "f32" => "a number, without quotes and unit",
+        "a sequence" => "a list in brackets",
+        table if table.starts_with("struct ") => "a table",
+        other => other,
+    };
+    format!("{found}expected {expected}")
 }
 
 /// `[defaults]`, read.

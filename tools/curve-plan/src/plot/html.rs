@@ -20,11 +20,12 @@ pub(crate) fn page(scene: &Scene, theme: &Theme) -> String {
     )
 }
 
-const STYLE: &str = "body{margin:0;font-family:sans-serif}p{margin:.4em 1em;color:#888}\
-body>svg{display:block;width:100vw;height:calc(100vh - 2.2em);cursor:grab;touch-action:none}\
+// The picture takes what the line above it leaves: a page that scrolls would show two answers to the wheel.
+const STYLE: &str = "html,body{height:100%;overflow:hidden}body{margin:0;font-family:sans-serif;display:flex;flex-direction:column}\
+p{margin:.4em 1em;color:#888}body>svg{flex:1;min-height:0;width:100%;cursor:grab;touch-action:none}\
 #values{position:fixed;display:none;padding:.3em .6em;background:#222e;color:#fff;font-size:13px;white-space:pre;pointer-events:none;border-radius:4px}\
-#scale{position:fixed;left:1em;bottom:1em;height:6px;border:2px solid #888;border-top:0;pointer-events:none}\
-#scale span{position:absolute;bottom:8px;left:0;font-size:13px;color:#888;white-space:nowrap}";
+#scale{position:fixed;right:1em;top:1.6em;height:6px;border:2px solid #888;border-top:0;pointer-events:none}\
+#scale span{position:absolute;bottom:8px;right:0;font-size:13px;color:#888;white-space:nowrap}";
 
 const SCRIPT: &str = r#"
 const svg = document.querySelector('svg'), all = svg.getAttribute('viewBox').split(' ').map(Number);

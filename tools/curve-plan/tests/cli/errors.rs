@@ -93,3 +93,59 @@ fn errors_name_the_file_the_line_and_the_field() {
     let (status, printed) = files.refused(&["densify", "missing.toml"]);
     assert!(status == 2 && printed.contains("missing.toml"), "{printed}");
 }
+
+#[test]
+fn mistakes_of_units_and_kinds_of_files_are_answered_in_words() {
+    let files = Files::new();
+    let refuses_with = |arguments: &[&str], expected: &str| {
+        let (_, printed) = files.refused(arguments);
+        assert!(
+            printed.contains(expected),
+            "{printed:?}, expected {expected:?}"
+        );
+    };
+    files.put(
+        "unit.toml",
+        &ROUTE.replacen("altitude = 510.0", "altitude = \"510 m\"", 1),
+    );
+    refuses_with(
+        &["densify", "unit.toml"],
+        "altitude: invalid type: string \"510 m\", expected a number, without quotes and unit",
+    );
+    files.put("none.toml", "id = \"a\"\n");
+    refuses_with(
+        &["densify", "none.toml"],
+        "no waypoints, expected at least one table [[waypoint]]",
+    );
+    for name in ["empty.toml", "empty.plan", "empty.kml", "empty.csv"] {
+        files.put(name, "\r\n");
+        refuses_with(
+            &["densify", name],
+            &format!("{name}: empty, expected a route"),
+        );
+    }
+    files.put(
+        "feet.csv",
+        "lat,lon,alt_ft\n47.39,8.54,1700\n47.40,8.55,1710\n",
+    );
+    refuses_with(
+        &["densify", "feet.csv"],
+        "alt_ft: in feet, expected metres: a column alt_m",
+    );
+    // Sparse: it takes no room.
+    let huge = std::fs::File::create(files.path("huge.kml")).unwrap();
+    huge.set_len(100_000_001).unwrap();
+    refuses_with(&["densify", "huge.kml"], "over 100 MB, expected a route");
+    files.put("good.toml", ROUTE);
+    refuses_with(
+        &[
+            "check",
+            "good.toml",
+            "--speed",
+            "-5",
+            "--home",
+            "47.4,8.5,400",
+        ],
+        "speed is -5 m/s, expected more than 0",
+    );
+}

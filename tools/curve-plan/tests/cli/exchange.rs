@@ -55,10 +55,11 @@ fn a_plan_of_qgroundcontrol_keeps_speeds_loiters_and_its_geofence() {
     let (error, losses) = files.convert("qgroundcontrol.plan", "route.toml", &[]);
     assert_eq!(
         error,
-        "route.toml: 4 of 7 items taken; lost: camera at item 5, return to launch at item 7, \
-         take-off (flown to as a waypoint: launch first) at item 1, 1 rally point\n"
+        "route.toml: 3 of 7 items taken; lost: camera at item 5, return to launch at item 7, \
+         take-off (flown to as a waypoint: launch first) at item 1, \
+         how the loiter is left (its exit heading, its tangent) at item 4, 1 rally point\n"
     );
-    assert_eq!((&losses["items"], &losses["taken"]), (&json!(7), &json!(4)));
+    assert_eq!((&losses["items"], &losses["taken"]), (&json!(7), &json!(3)));
     assert_eq!(
         losses["lost"][1],
         json!({ "what": "return to launch", "item": 7 })
@@ -97,12 +98,7 @@ fn a_plan_comes_back_from_each_format_with_all_that_it_can_hold() {
     let numbers = |plan: &Value| {
         let items = plan["mission"]["items"].as_array().unwrap();
         let all = items.iter().map(|item| {
-            // Whether a loiter waits for its exit heading, and leaves it on its tangent, are the vehicle's own there.
-            let mut params = item["params"].as_array().unwrap().clone();
-            if item["command"] == 19 {
-                params[1] = json!(0.0);
-                params[3] = json!(0.0);
-            }
+            let params = item["params"].as_array().unwrap();
             let params: Vec<_> = params.iter().map(Value::as_f64).collect();
             (item["command"].clone(), item["frame"].clone(), params)
         });
@@ -168,6 +164,63 @@ fn strict_writes_nothing_where_something_is_lost() {
             && printed.contains("return to launch at item 7")
             && printed.contains("cucs fence qgroundcontrol.plan"),
         "{printed}"
+    );
+}
+
+#[test]
+fn planned_speeds_of_a_plan_come_back_and_are_listed_where_there_is_no_place_for_them() {
+    let files = files();
+    let mut plan: Value = serde_json::from_str(&files.get("qgroundcontrol.plan")).unwrap();
+    plan["mission"]["cruiseSpeed"] = json!(18.0);
+    plan["mission"]["hoverSpeed"] = json!(4.5);
+    files.put("fast.plan", &plan.to_string());
+    files.convert("fast.plan", "same.plan", &["--strict"]);
+    let same: Value = serde_json::from_str(&files.get("same.plan")).unwrap();
+    assert_eq!(same["mission"]["cruiseSpeed"], 18.0);
+    assert_eq!(same["mission"]["hoverSpeed"], 4.5);
+    for there in ["x.toml", "x.waypoints", "x.kml", "x.csv"] {
+        let (error, _) = files.convert("fast.plan", there, &[]);
+        let expected = "planned speeds for estimates: cruise 18 m/s, hover 4.5 m/s";
+        assert!(error.contains(expected), "{there}: {error}");
+        // Those that every new plan has are nobody's choice.
+        let (error, _) = files.convert("qgroundcontrol.plan", there, &[]);
+        assert!(!error.contains("planned speeds"), "{there}: {error}");
+    }
+}
+
+#[test]
+fn a_loiter_until_an_altitude_names_all_that_it_loses() {
+    let files = files();
+    let mut plan: Value = serde_json::from_str(&files.get("qgroundcontrol.plan")).unwrap();
+    let item = &mut plan["mission"]["items"][3];
+    item["command"] = json!(31);
+    item["params"][0] = json!(1.0);
+    item["params"][1] = json!(-60.0);
+    files.put("climb.plan", &plan.to_string());
+    let (_, losses) = files.convert("climb.plan", "climb.toml", &[]);
+    let texts = texts(&losses);
+    for what in [
+        "loiter until the altitude is reached",
+        "its loiter radius -60 m",
+        "how the loiter is left (its exit heading, its tangent)",
+    ] {
+        assert!(texts.iter().any(|text| text == what), "{what}: {texts:?}");
+    }
+}
+
+#[test]
+fn a_strict_fit_refuses_what_it_cannot_take() {
+    let files = files();
+    // Items without a place are no part of a track, and are named.
+    let (status, printed) = files.refused(&["fit", "qgroundcontrol.plan", "--strict"]);
+    assert_eq!(status, 1, "{printed}");
+    assert!(printed.contains(" taken; lost: "), "{printed}");
+    let fitted = files.run(&["fit", "qgroundcontrol.plan"]);
+    assert!(fitted.status.success());
+    assert!(
+        String::from_utf8(fitted.stderr)
+            .unwrap()
+            .contains(" taken; lost: ")
     );
 }
 

@@ -7,16 +7,28 @@ use mavlink_link::clock::Origin;
 use mavlink_link::frame::FrameView;
 use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::Stamp;
+use mavlink_link::signing::{KeyId, Stamp};
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 
 use super::{Bridge, LinkEnd};
-use crate::config::Config;
+use crate::config::{self, Config};
 use crate::session::aircraft::Aircraft;
 use crate::session::forward::{Forward, Request, Situation};
 use crate::session::link::frame::{OutFrame, Peer};
 use crate::session::log::LogLevel;
+
+/// Other ground stations that are ready to be served, in place of those before.
+#[derive(Debug)]
+pub struct PreparedForwards(Vec<Place>);
+
+#[derive(Debug)]
+struct Place {
+    number: usize,
+    config: config::Forward,
+    /// None where what is there stays.
+    new: Option<Forward>,
+}
 
 impl Bridge {
     /// Serves the other ground stations of a configuration, with one [`LinkEnd`] for each, in order.
@@ -31,26 +43,85 @@ impl Bridge {
         not_before: Duration,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
+        let ends = ends.into_iter().map(Some).enumerate().collect();
+        let prepared = self.prepare_forwards(config, ends, now, not_before, disk)?;
+        self.take_forwards(prepared);
+        Ok(())
+    }
+
+    /// Prepares the other ground stations of a configuration, and changes nothing yet. `ends`, in their order: the place of each,
+    /// and the end of its link; none where the one in this place stays, with its key, its ids and what it has proven.
+    ///
+    /// # Errors
+    /// The signing clock of a key cannot be read.
+    pub fn prepare_forwards(
+        &self,
+        config: &Config,
+        ends: Vec<(usize, Option<LinkEnd>)>,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<PreparedForwards, StoreError> {
         let not_before = Stamp::from_unix(not_before);
-        for (forward, end) in config.forwards().zip(ends) {
-            let security = match end.key {
-                Some(_) => Security::Signed,
-                None => Security::Off,
+        let mut places = Vec::new();
+        for (forward, (number, end)) in config.forwards().zip(ends) {
+            let mut place = Place {
+                number,
+                config: forward.clone(),
+                new: None,
             };
-            let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
-            let mut link = LinkConfig::new(forward.system_id, security, endpoint);
-            link.own_system = self.own.system;
-            link.own_component = self.own.component;
-            link.link_id = forward.link_id;
-            link.accept_unsigned = &[];
-            let key = end
-                .key
-                .map(|key| KeyState::start(key, Origin::KeyFile, not_before, now, disk));
-            let forward = Forward::new(forward.clone(), Link::new(link), key.transpose()?);
-            self.forwards.push(forward);
+            if let Some(end) = end {
+                let security = match end.key {
+                    Some(_) => Security::Signed,
+                    None => Security::Off,
+                };
+                let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+                let mut link = LinkConfig::new(forward.system_id, security, endpoint);
+                link.own_system = self.own.system;
+                link.own_component = self.own.component;
+                link.link_id = forward.link_id;
+                link.accept_unsigned = &[];
+                let key = end
+                    .key
+                    .map(|key| KeyState::start(key, Origin::KeyFile, not_before, now, disk));
+                let link = Link::new(link);
+                place.new = Some(Forward::new(
+                    number,
+                    forward.clone(),
+                    link,
+                    key.transpose()?,
+                ));
+            }
+            places.push(place);
+        }
+        Ok(PreparedForwards(places))
+    }
+
+    /// Serves them. What was served before and is not among them is not any more.
+    pub fn take_forwards(&mut self, prepared: PreparedForwards) {
+        let mut before = std::mem::take(&mut self.forwards);
+        for Place {
+            number,
+            config,
+            new,
+        } in prepared.0
+        {
+            let kept = before.iter().position(|one| one.number == number);
+            let kept = kept.map(|at| before.swap_remove(at));
+            let stays = |mut kept: Forward| {
+                kept.reconfigure(config);
+                kept
+            };
+            self.forwards.extend(new.or_else(|| kept.map(stays)));
         }
         self.name_commanders();
-        Ok(())
+    }
+
+    /// The key of the ground station in this place.
+    #[must_use]
+    pub fn forward_key(&self, number: usize) -> Option<KeyId> {
+        let mut forwards = self.forwards.iter();
+        forwards.find(|one| one.number == number)?.key_id()
     }
 
     /// Lets each vehicle know under which system ids others may command it through this VSM.
@@ -62,16 +133,18 @@ impl Bridge {
         }
     }
 
-    /// Takes what arrived from the other ground station with this index.
+    /// Takes what arrived from the other ground station in this place.
     pub fn handle_forward(
         &mut self,
         now: Now,
-        index: usize,
+        number: usize,
         from: Peer,
         bytes: &[u8],
         disk: &mut dyn Disk,
     ) {
-        let Some(forward) = self.forwards.get_mut(index) else {
+        let index = self.forwards.iter().position(|one| one.number == number);
+        let Some((index, forward)) = index.and_then(|at| Some((at, self.forwards.get_mut(at)?)))
+        else {
             return;
         };
         let requests = forward.receive(now, from, bytes, disk);
@@ -135,10 +208,10 @@ impl Bridge {
         }
     }
 
-    /// The next frame for another ground station: (its index, frame).
+    /// The next frame for another ground station: (its place, frame).
     pub fn poll_forward(&mut self) -> Option<(usize, OutFrame)> {
-        let mut forwards = self.forwards.iter_mut().enumerate();
-        forwards.find_map(|(index, one)| Some((index, one.poll_transmit()?)))
+        let mut forwards = self.forwards.iter_mut();
+        forwards.find_map(|one| Some((one.number, one.poll_transmit()?)))
     }
 }
 

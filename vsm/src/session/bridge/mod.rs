@@ -29,6 +29,7 @@ use mavlink_link::store::{Changes, Disk, StoreError};
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::{Id, Profile};
 
+pub use self::forwards::PreparedForwards;
 use self::port::Port;
 pub use self::vehicles::link_config;
 use super::aircraft::Aircraft;

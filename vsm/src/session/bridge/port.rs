@@ -4,6 +4,8 @@
 //! by the system ids in their headers, and each piece is for the vehicle that has the id. What is no such row (a serial
 //! line, a frame that is cut in two) is for all of them, and each takes what is its own.
 
+use std::time::Duration;
+
 use mavlink_link::frame;
 
 use crate::config::LinkAddress;
@@ -16,7 +18,17 @@ pub(super) struct Port {
     /// Who sent the beginning of a frame last: what this peer sends next may be the rest of it.
     cut: Option<Peer>,
     /// Systems that no vehicle of the link has, and that have been logged.
-    pub(super) named: Vec<u8>,
+    pub(super) named: Vec<NamedSystem>,
+}
+
+/// A system that no vehicle of the link has.
+#[derive(Debug)]
+pub(super) struct NamedSystem {
+    pub(super) system: u8,
+    /// When it was logged last.
+    pub(super) at: Duration,
+    /// How many frames of it there were then.
+    pub(super) frames: u32,
 }
 
 /// A part of what arrived: so many bytes, of this system where they are whole frames of one.

@@ -11,7 +11,7 @@ use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
 use mavlink_link::store::{Disk, Store as _, StoreError};
 
-use super::port::{Piece, Port};
+use super::port::{NamedSystem, Piece, Port};
 use super::{Bridge, BridgeError, LinkEnd, Tap};
 use crate::config::{self, LinkAddress};
 use crate::session::aircraft::Aircraft;
@@ -140,31 +140,42 @@ impl Bridge {
         others.filter(move |(system, _)| !ours(*system))
     }
 
-    /// Logs each system that sends on a link and is configured nowhere there, once.
+    /// Logs each system that sends on a link and is configured nowhere there: a second autopilot or ground station beside a healthy
+    /// vehicle is what nobody looks for. Again once in a while, as long as it sends.
     pub(super) fn name_others(&mut self, now: Now, disk: &mut dyn Disk) {
         for index in 0..self.aircraft.len() {
             let one = &self.aircraft[index];
             let port = one.port;
             let named = &self.ports[port].named;
-            // Anybody can send with any system id: the log has room for some of them.
-            if named.len() >= MAX_NAMED {
-                continue;
-            }
-            let new = |(system, _): &(u8, u32)| !named.contains(system);
-            let found = self.others_on_link(one).find(new);
-            let Some((system, _)) = found else {
+            let is_due = |(system, frames): &(u8, u32)| {
+                match named.iter().find(|known| known.system == *system) {
+                    Some(known) => *frames > known.frames && now.mono >= known.at + NAMED_AGAIN,
+                    // Anybody can send with any system id: the log has room for some of them.
+                    None => named.len() < MAX_NAMED,
+                }
+            };
+            let found = self.others_on_link(one).find(is_due);
+            let Some((system, frames)) = found else {
                 continue;
             };
             let configured = self.aircraft.iter().filter(|other| other.port == port);
             let configured: Vec<_> = configured.map(|one| one.system().to_string()).collect();
-            let text = format!(
+            let mut text = format!(
                 "MAVLink system {system} sends on {}, where the configuration has system {}: its frames are ignored",
                 self.ports[port].link,
                 configured.join(" and ")
             );
-            self.ports[port].named.push(system);
+            let named = &mut self.ports[port].named;
+            let at = now.mono;
+            match named.iter_mut().find(|known| known.system == system) {
+                Some(known) => {
+                    text += &format!(" ({frames} so far)");
+                    (known.at, known.frames) = (at, frames);
+                }
+                None => named.push(NamedSystem { system, at, frames }),
+            }
             let vsm = self.vsm;
-            self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
+            self.effects(now, disk).0.note(LogLevel::Warning, vsm, text);
         }
     }
 }
@@ -196,3 +207,5 @@ pub fn link_config(
 
 /// Systems of one link that are named in the log, at the most.
 const MAX_NAMED: usize = 8;
+/// One that still sends is named again after this time.
+const NAMED_AGAIN: Duration = Duration::from_secs(300);

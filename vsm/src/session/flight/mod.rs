@@ -359,6 +359,7 @@ impl Flight {
             agl: context.bounds.agl,
             altimeter,
             limits: context.bounds.limits,
+            terrain: context.bounds.terrain.as_deref(),
             performance: context.parameters.performance(context),
             route_performance: context.parameters.route_performance(context),
             wings: context.parameters.wings(context),

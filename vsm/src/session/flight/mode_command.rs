@@ -3,10 +3,12 @@
 //! [`task`] comes first, then the modes: routes (11, 19, 23, 24), launch (21), loiter (12), steering (15). What wings do
 //! otherwise is in [`wings`].
 
+use curve_paths::Position;
 use mapping::altitude::Level;
 use mapping::limits::HeightError;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
+use mapping::route::check_way;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MissionState;
 use stanag_msgs::enums::{
@@ -463,6 +465,12 @@ fn go(
         return Err(format!("mode 12 without an altitude: the present {fault}"));
     }
     let amsl_m = level.amsl(home.amsl_m);
+    if let Some(terrain) = at.terrain {
+        let to = place.unwrap_or((present.latitude, present.longitude));
+        let from = Position::new(present.latitude, present.longitude, present.amsl_m);
+        let to = Position::new(to.0, to.1, amsl_m);
+        check_way(from, to, &at.limits, terrain).map_err(|fault| format!("mode 12: {fault}"))?;
+    }
     let here = (present.latitude, present.longitude);
     // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
     let keeps = place.is_none()
@@ -644,6 +652,7 @@ mod tests {
                 agl: Agl::AboveHome,
                 altimeter: Altimeter::STANDARD,
                 limits: Limits::default(),
+                terrain: None,
                 performance: Performance::default(),
                 route_performance: Performance::default(),
                 wings: None,
@@ -705,6 +714,7 @@ mod tests {
                     below_home,
                     ..Limits::default()
                 },
+                terrain: None,
                 performance: Performance::default(),
                 route_performance: Performance::default(),
                 wings: None,

@@ -3,6 +3,7 @@
 //! A field that is absent is not commanded. Neither are the values that a full presence vector carries for "nothing": an
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
+use curve_paths::terrain::Terrain;
 use mapping::altitude::{self, Agl, Altimeter, Level};
 use mapping::limits::{Limits, Performance, metres};
 use mapping::mode::Px4Mode;
@@ -71,6 +72,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) agl: Agl,
     pub(crate) altimeter: Altimeter,
     pub(crate) limits: Limits,
+    /// What is compared with beside home, where that is configured.
+    pub(crate) terrain: Option<&'a Terrain>,
     /// As it flies now.
     pub(crate) performance: Performance,
     /// As it flies a route: a VTOL on its wings.
@@ -228,7 +231,13 @@ pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
 /// Whether a route aboard is still above home: it was compiled for home as it was at its load.
 pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
     let home = at.telemetry.home.ok_or("home is not known yet")?;
-    let checked = uploaded.compiled.check_heights(home.amsl_m, &at.limits);
+    let (compiled, home_m) = (&uploaded.compiled, home.amsl_m);
+    let mut checked = compiled.check_heights(home_m, &at.limits);
+    // Heights above home move with it, and the elevation files may have been configured since.
+    if let Some(terrain) = at.terrain {
+        let above = |()| compiled.check_terrain(home_m, &at.limits, terrain);
+        checked = checked.and_then(above).map(|_| ());
+    }
     checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
 }
 

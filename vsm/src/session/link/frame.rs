@@ -9,6 +9,8 @@ use mavlink_link::frame::MAX_FRAME;
 pub enum Peer {
     /// A UDP address.
     Udp(SocketAddr),
+    /// A connection of TCP: its far end.
+    Tcp(SocketAddr),
     /// The other end of a serial line.
     Serial,
 }
@@ -16,7 +18,7 @@ pub enum Peer {
 impl std::fmt::Display for Peer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Peer::Udp(address) => address.fmt(f),
+            Peer::Udp(address) | Peer::Tcp(address) => address.fmt(f),
             Peer::Serial => f.write_str("serial"),
         }
     }

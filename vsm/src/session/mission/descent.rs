@@ -9,7 +9,8 @@
 //!
 //! - *multicopter*, 5 m: where a leg climbs PX4 v1.18 swings about the altitude of its item, by up to 4 m above and 1 m below
 //!   (docs/guide/curves.md); the whole of it counts, since nothing keeps a heavier one from swinging as far down;
-//! - *wings*, 20 m: they trade height for speed in gusts and turns, and a VTOL loses some in a transition;
+//! - *wings*, 20 m: they trade height for speed in gusts and turns, and a VTOL loses some in a transition. The figure is chosen and not
+//!   measured: PX4 states none, and no aircraft has flown for it;
 //! - *a low mission*, half of its height: 3 m above home are left of 6, not 1.
 //!
 //! Below that a vehicle may still climb to its mission after a take-off or a mode by hand: what counts is height lost since.

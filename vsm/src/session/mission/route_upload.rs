@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use curve_paths::terrain::Terrain;
 use mapping::altitude::AltitudeError;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -131,12 +132,12 @@ impl RouteUpload {
         &mut self,
         now: Duration,
         plan: &Plan,
-        site: Option<&Site>,
+        (site, terrain): (Option<&Site>, Option<&Terrain>),
         state: &VehicleState,
         vehicle: &mut Services,
     ) -> Outcome {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
-            Phase::Site { deadline } => match self.compile(now < deadline, plan, site) {
+            Phase::Site { deadline } => match self.compile(now < deadline, plan, site, terrain) {
                 Ok(Some(compiled)) => self.begin(now, compiled, state, vehicle),
                 Ok(None) => {
                     self.phase = Phase::Site { deadline };
@@ -256,6 +257,7 @@ impl RouteUpload {
         wait: bool,
         plan: &Plan,
         site: Option<&Site>,
+        terrain: Option<&Terrain>,
     ) -> Result<Option<CompiledMission>, Option<RouteError>> {
         let route = self.route.as_ref();
         let initial = route.and_then(|route| route.initial_waypoint_number);
@@ -282,6 +284,10 @@ impl RouteUpload {
             Some(Err(fault)) => return Err(Some(fault)),
             None => return Err(None),
         };
+        if let (Some(terrain), Some(site)) = (terrain, site) {
+            let checked = compiled.check_terrain(site.home.amsl_m, &site.limits, terrain);
+            compiled.notes.extend(checked.map_err(Some)?);
+        }
         // What is loaded stays as it is now, whatever a CUCS sends of the route during the upload.
         if let Some(route) = route {
             self.plan = judged.part(route);

@@ -330,7 +330,8 @@ impl Transfers {
         } else {
             store.plan()
         };
-        let outcome = upload.advance(now, plan, site.as_ref(), state, vehicle);
+        let beside = (site.as_ref(), context.bounds.terrain.as_deref());
+        let outcome = upload.advance(now, plan, beside, state, vehicle);
         if upload.held && !held {
             effects.advise(
                 "the vehicle flies its mission: it is put on hold (mode 12) while another plan is uploaded",

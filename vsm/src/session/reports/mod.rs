@@ -388,7 +388,10 @@ impl Reports {
             }
         }
         if reports.is_empty() {
-            return Err(format!("no data received yet for message {message}"));
+            return Err(format!(
+                "no data received yet for message {}",
+                named(message)
+            ));
         }
         Ok(())
     }
@@ -571,8 +574,17 @@ fn known_report(message: u16) -> Result<(), String> {
     if REPORTS.contains(&message) || DETAILS.contains(&message) {
         Ok(())
     } else {
-        Err(format!("message {message} is not a report of this VSM"))
+        Err(format!(
+            "message {} is not a report of this VSM",
+            named(message)
+        ))
     }
+}
+
+/// A message by its number and its name.
+fn named(message: u16) -> String {
+    let name = table::message(message).map_or("unknown", |info| info.name);
+    format!("{message} ({name})")
 }
 
 /// Subsystem ID of what the autopilot reports of itself: VSM specific.

@@ -8,6 +8,7 @@ use mavlink_link::provisioning::StartError as HandoverError;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
+use crate::config::TerrainFault;
 use crate::session::BridgeError;
 use crate::shell::disk::OpenError;
 use crate::shell::key_file::KeyFileError;
@@ -23,6 +24,9 @@ pub enum StartError {
     /// The thread that writes to the store.
     #[error("the [store] dir: {0}")]
     Writer(io::Error),
+    /// Elevation files.
+    #[error(transparent)]
+    Terrain(#[from] TerrainFault),
     /// A key.
     #[error(transparent)]
     Key(#[from] KeyFileError),

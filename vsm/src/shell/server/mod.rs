@@ -2,6 +2,7 @@
 //! thread synchronises the disk.
 
 mod error;
+mod forward;
 mod open;
 mod reload;
 mod shared;
@@ -21,6 +22,7 @@ use tokio::net::{TcpListener, UnixListener};
 use tokio::sync::Notify;
 use tokio::task::LocalSet;
 
+use self::forward::ForwardReader;
 use self::shared::Shared;
 use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
@@ -40,7 +42,7 @@ pub struct Server {
     /// One a link: its index, and what ends it.
     readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
     /// One for each other ground station.
-    forwards: Vec<VehicleReader>,
+    forwards: Vec<ForwardReader>,
     status: UnixListener,
     settings: UnixListener,
     page: Option<(TcpListener, Vec<String>)>,
@@ -62,7 +64,7 @@ impl Server {
     pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {
         match self.shared.core.borrow().writers.get(index)? {
             VehicleWriter::Udp(socket) => socket.local_addr().ok(),
-            VehicleWriter::Serial(_) => None,
+            VehicleWriter::Tcp(_) | VehicleWriter::Serial(_) => None,
         }
     }
 
@@ -131,10 +133,10 @@ impl Server {
                 receive_vehicle(shared, beat, port, reader, close)
             });
         }
-        for (index, reader) in forwards.into_iter().enumerate() {
+        for (number, reader, close) in forwards {
             let shared = shared.clone();
             tasks.spawn(&local, "ground station receiver", |beat| {
-                receive_forward(shared, beat, index, reader)
+                receive_forward(shared, beat, number, reader, close)
             });
         }
         let of_all = shared.clone();

@@ -7,12 +7,11 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use mavlink_link::Now;
-use mavlink_link::signing::{KeyId, SigningKey};
 use mavlink_link::store::Disk;
-use stanag_msgs::Id;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
+use super::forward;
 use super::shared::{Core, OpenPort, Shared};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle, share};
 use super::{Server, StartError};
@@ -24,8 +23,8 @@ use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
-use crate::shell::sockets::{self, DliSockets, VehicleReader, VehicleWriter};
-use crate::shell::{key_file, status_socket};
+use crate::shell::sockets::DliSockets;
+use crate::shell::status_socket;
 
 impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
@@ -42,6 +41,9 @@ impl Server {
     /// # Errors
     /// As [`Server::open`].
     pub fn open_on(config: &Config, mut store: FileDisk) -> Result<Server, StartError> {
+        let mut config = config.clone();
+        config.read_terrain()?;
+        let config = &config;
         let clock = Clock::default();
         let now = clock.now();
         let dli = DliSockets::open(&config.dli)?;
@@ -79,13 +81,10 @@ impl Server {
                 exchanges.extend(exchange.map(|exchange| (at.0, exchange)));
             }
         }
-        let (forward_readers, forward_ends) = open_forwards(config, &key_ids, &mut store)?;
-        let (mut forward_writers, mut forward_links) = (vec![], vec![]);
-        for (writer, end) in forward_ends {
-            forward_writers.push(writer);
-            forward_links.push(end);
-        }
-        bridge.serve_forwards(config, forward_links, now, NOT_BEFORE, &mut store)?;
+        let forwards = forward::open(config, &key_ids, None, &mut store)?;
+        let prepared =
+            bridge.prepare_forwards(config, forwards.ends, now, NOT_BEFORE, &mut store)?;
+        bridge.take_forwards(prepared);
         let page = config
             .http
             .as_ref()
@@ -113,7 +112,7 @@ impl Server {
                 config: config.clone(),
                 ports,
                 writers,
-                forwards: forward_writers,
+                forwards: forwards.opened,
                 store,
                 recordings,
                 dli_recording,
@@ -128,7 +127,7 @@ impl Server {
             shared: Rc::new(shared),
             dli,
             readers,
-            forwards: forward_readers,
+            forwards: forwards.readers,
             status,
             settings,
             page,
@@ -147,42 +146,6 @@ fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartEr
         folder: record.dir.clone(),
         cause,
     })
-}
-
-type Forwards = (Vec<VehicleReader>, Vec<(VehicleWriter, LinkEnd)>);
-
-/// Keys and links of other ground stations; none has the key of a vehicle, or of another.
-fn open_forwards(
-    config: &Config,
-    vehicles: &[(Id, KeyId)],
-    store: &mut dyn Disk,
-) -> Result<Forwards, StartError> {
-    let vehicles = vehicles
-        .iter()
-        .map(|(id, key)| (format!("vehicle {id}"), *key));
-    let mut known: Vec<(String, KeyId)> = vehicles.collect();
-    let (mut readers, mut ends) = (vec![], vec![]);
-    for forward in config.forwards() {
-        let name = forward.name.clone();
-        let key = forward
-            .key_file
-            .as_deref()
-            .map(key_file::read)
-            .transpose()?;
-        if let Some(key) = key.as_ref().map(SigningKey::id) {
-            if let Some((other, _)) = known.iter().find(|(_, known)| *known == key) {
-                let other = other.clone();
-                return Err(StartError::ForwardKey { name, other, key });
-            }
-            known.push((format!("[[forward]] {name}"), key));
-        }
-        let record = format!("port-forward-{name}");
-        let (reader, writer, peer) =
-            sockets::open_link("forward.link", &forward.link, &record, store)?;
-        readers.push(reader);
-        ends.push((writer, LinkEnd { key, peer }));
-    }
-    Ok((readers, ends))
 }
 
 fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {

@@ -15,8 +15,9 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::Notify;
 
 use super::StartError;
+use super::forward::{self, Forwards, OpenForward, Served};
 use super::shared::{Core, OpenPort, Shared};
-use super::tasks::receive_vehicle;
+use super::tasks::{receive_forward, receive_vehicle};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle};
 use crate::config::{Changes, Config, Report, Signing, Vehicle};
 use crate::key_exchange::KeyExchange;
@@ -101,21 +102,42 @@ struct Added {
 type Opened = Vec<(VehicleReader, OpenPort)>;
 
 fn reload(shared: &Rc<Shared>, later: &Later, path: &Path) -> Report {
-    let new = match Config::load(path) {
+    let mut new = match Config::load(path) {
         Ok(new) => new,
         Err(fault) => return Report::refused(fault.to_string()),
     };
+    if let Err(fault) = new.read_terrain() {
+        return Report::refused(fault.to_string());
+    }
     let stored = shared.stored.clone();
     let applied = shared.with(|core, now| {
         let Changes { config, report } = core.config.changes(&new)?;
         check_removed(core, &config)?;
-        let opened = open_added(core, &config, &stored, now).map_err(|fault| fault.to_string())?;
+        let opened = open_added(core, &config, &stored, now);
+        let (opened, forwards) = opened.map_err(|fault| fault.to_string())?;
+        let Forwards {
+            ends,
+            opened: new,
+            readers,
+        } = forwards;
+        let numbers: Vec<usize> = ends.iter().map(|(number, _)| *number).collect();
+        let Core { bridge, store, .. } = core;
+        let prepared = bridge.prepare_forwards(&config, ends, now, NOT_BEFORE, store);
+        let prepared = prepared.map_err(|fault| fault.to_string())?;
         let receivers = apply(core, config, opened, now).map_err(|fault| fault.to_string())?;
-        Ok::<_, String>((report, receivers))
+        core.bridge.take_forwards(prepared);
+        change_forwards(core, &numbers, new);
+        Ok::<_, String>((report, receivers, readers))
     });
     match applied {
         Err(why) => Report::refused(why),
-        Ok((report, receivers)) => {
+        Ok((report, receivers, readers)) => {
+            for (number, reader, close) in readers {
+                let shared = shared.clone();
+                later.spawn("ground station receiver", move |beat| {
+                    receive_forward(shared, beat, number, reader, close)
+                });
+            }
             for (port, reader, close) in receivers {
                 let shared = shared.clone();
                 later.spawn("vehicle receiver", move |beat| {
@@ -156,13 +178,13 @@ fn check_removed(core: &Core, config: &Config) -> Result<(), String> {
     Ok(())
 }
 
-/// Keys, links and recordings of the vehicles that are added.
+/// Keys, links and recordings of the vehicles that are added, and what other ground stations need. No key is anybody's twice.
 fn open_added(
     core: &mut Core,
     config: &Config,
     stored: &std::sync::Arc<Notify>,
     now: Now,
-) -> Result<(Vec<Added>, Opened), StartError> {
+) -> Result<((Vec<Added>, Opened), Forwards), StartError> {
     let mut known: Vec<(Id, KeyId)> = vec![];
     for (id, keys) in core.bridge.vehicles().zip(&core.key_stores) {
         let held = keys.as_ref().map(|keys| keys.keys.ids()).transpose()?;
@@ -194,7 +216,13 @@ fn open_added(
             recording: record_vehicle(config, vehicle, now)?,
         });
     }
-    Ok((added, opened))
+    let served = Served {
+        config: &core.config,
+        bridge: &core.bridge,
+        forwards: &core.forwards,
+    };
+    let forwards = forward::open(config, &known, Some(served), &mut core.store)?;
+    Ok(((added, opened), forwards))
 }
 
 /// Lets the bridge continue with `config`. Returns what has to be received.
@@ -303,6 +331,18 @@ fn change_ports(core: &mut Core, opened: Opened) -> Vec<(usize, VehicleReader, R
         }
     }
     receivers
+}
+
+/// Puts links that were opened where the rest is, and closes those that no ground station is on.
+fn change_forwards(core: &mut Core, ends: &[usize], opened: Vec<OpenForward>) {
+    core.forwards.extend(opened);
+    core.forwards.retain(|one| {
+        let stays = ends.contains(&one.number);
+        if !stays {
+            one.close.notify_one();
+        }
+        stays
+    });
 }
 
 const PAUSE: Duration = Duration::from_millis(500);

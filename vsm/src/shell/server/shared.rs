@@ -8,6 +8,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use tokio::sync::Notify;
 
+use super::forward::OpenForward;
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status};
@@ -65,7 +66,7 @@ pub(super) struct Core {
     /// The links, as the bridge numbers them; `None` where one is not needed any more.
     pub(super) ports: Vec<Option<OpenPort>>,
     /// One for each other ground station.
-    pub(super) forwards: Vec<VehicleWriter>,
+    pub(super) forwards: Vec<OpenForward>,
     /// One a vehicle.
     pub(super) writers: Vec<VehicleWriter>,
     pub(super) store: QueuedDisk,

@@ -109,15 +109,26 @@ pub(super) async fn receive_vehicle(
 pub(super) async fn receive_forward(
     shared: Rc<Shared>,
     beat: Rc<Beat>,
-    index: usize,
+    number: usize,
     mut reader: VehicleReader,
+    close: Rc<Notify>,
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     loop {
-        match beat.during(reader.receive(&mut bytes)).await {
+        let received = async {
+            tokio::select! {
+                received = reader.receive(&mut bytes) => Some(received),
+                () = close.notified() => None,
+            }
+        };
+        let Some(received) = beat.during(received).await else {
+            // The configuration has it no more; its socket closes with this task.
+            return beat.finish();
+        };
+        match received {
             Ok((length, from)) => shared.with(|Core { bridge, store, .. }, now| {
                 let bytes = bytes.get(..length).unwrap_or_default();
-                bridge.handle_forward(now, index, from, bytes, store);
+                bridge.handle_forward(now, number, from, bytes, store);
             }),
             Err(cause) => pause_after("the link of a ground station", &cause).await,
         }
@@ -198,9 +209,9 @@ pub(super) async fn send(
 /// Sends what is for other ground stations, last of all. A socket that has no room loses it, as on any link.
 fn send_forwards(shared: &Shared) {
     let mut core = shared.core.borrow_mut();
-    while let Some((index, frame)) = core.bridge.poll_forward() {
-        if let Some(writer) = core.forwards.get(index)
-            && let Err(cause) = writer.try_send(frame.bytes(), frame.to)
+    while let Some((number, frame)) = core.bridge.poll_forward() {
+        if let Some(open) = core.forwards.iter().find(|one| one.number == number)
+            && let Err(cause) = open.writer.try_send(frame.bytes(), frame.to)
         {
             tracing::debug!("a frame to a ground station was not sent: {cause}");
         }

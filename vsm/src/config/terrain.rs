@@ -1,0 +1,113 @@
+//! `vehicle.terrain`: the elevation files that routes are compared with, read whole before anything is served.
+//!
+//! Read at the start and not where a route needs them: a machine does no I/O, a file of 26 MB takes a slow disk a second, and what
+//! is wrong with one must be known before the flight.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use curve_paths::terrain::{Grid, Terrain};
+use serde::Deserialize;
+
+/// A folder of elevation files.
+#[derive(Clone, Deserialize)]
+#[serde(from = "PathBuf")]
+pub struct TerrainFolder {
+    /// Where it is.
+    pub dir: PathBuf,
+    /// What is in it; none before `Config::read_terrain`.
+    ground: Option<Arc<Terrain>>,
+}
+
+/// Elevation files that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("vehicle.terrain: {path}: {problem}", path = path.display())]
+pub struct TerrainFault {
+    /// The folder, or a file of it.
+    path: PathBuf,
+    problem: String,
+}
+
+impl From<PathBuf> for TerrainFolder {
+    fn from(dir: PathBuf) -> Self {
+        TerrainFolder { dir, ground: None }
+    }
+}
+
+impl fmt::Debug for TerrainFolder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.dir)
+    }
+}
+
+impl TerrainFolder {
+    /// The ground. Where it has not been read no place is known, which is reported with each route.
+    #[must_use]
+    pub fn ground(&self) -> Arc<Terrain> {
+        self.ground.clone().unwrap_or_default()
+    }
+}
+
+/// Reads the files of each of these folders, each folder once.
+///
+/// # Errors
+/// A folder cannot be read, has none or too many, or one of them is damaged.
+pub(super) fn read<'a>(
+    folders: impl Iterator<Item = &'a mut TerrainFolder>,
+) -> Result<(), TerrainFault> {
+    let mut read: BTreeMap<PathBuf, Arc<Terrain>> = BTreeMap::new();
+    for folder in folders {
+        let ground = match read.get(&folder.dir) {
+            Some(ground) => ground.clone(),
+            None => Arc::new(read_folder(&folder.dir)?),
+        };
+        read.insert(folder.dir.clone(), ground.clone());
+        folder.ground = Some(ground);
+    }
+    Ok(())
+}
+
+fn read_folder(dir: &Path) -> Result<Terrain, TerrainFault> {
+    let fault = |path: &Path, problem: String| TerrainFault {
+        path: path.to_owned(),
+        problem,
+    };
+    let unreadable = |cause: std::io::Error| fault(dir, format!("{cause}, expected a folder"));
+    let mut files = Vec::new();
+    let mut all = 0;
+    for entry in std::fs::read_dir(dir).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        let ending = ending.unwrap_or_default().to_ascii_lowercase();
+        if ["hgt", "asc"].contains(&ending.as_str()) {
+            let length = std::fs::metadata(&path).map_or(0, |file| file.len());
+            all += length;
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        let problem = "no .hgt and no .asc in it, expected elevation files such as N47E008.hgt";
+        return Err(fault(dir, problem.to_owned()));
+    }
+    if all > MAX_BYTES {
+        let problem = format!(
+            "{} MB of elevation files, expected at most {}: keep those of the area that is flown in",
+            all / 1_000_000,
+            MAX_BYTES / 1_000_000
+        );
+        return Err(fault(dir, problem));
+    }
+    // Where two cover a place the first counts: the same one on every system.
+    files.sort();
+    let grids = files.iter().map(|path| {
+        let bytes = std::fs::read(path).map_err(|cause| fault(path, cause.to_string()))?;
+        let name = path.file_name().and_then(|name| name.to_str());
+        Grid::read(name.unwrap_or_default(), bytes).map_err(|cause| fault(path, cause.to_string()))
+    });
+    Ok(Terrain::new(grids.collect::<Result<_, _>>()?))
+}
+
+/// They stay in memory: forty tiles of an arc second.
+const MAX_BYTES: u64 = 1 << 30;

@@ -1,0 +1,122 @@
+//! The links of other ground stations (`[[forward]]`): opened at the start, and changed when the configuration is read again.
+//!
+//! A place belongs to a link: as long as the configuration has a `[[forward]]` on it, its socket stays open, whatever else of it
+//! changes. Who is on it is asked again only where the key or the ids by which it is known have changed.
+
+use std::rc::Rc;
+
+use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::store::Disk;
+use stanag_msgs::Id;
+use tokio::sync::Notify;
+
+use super::StartError;
+use crate::config::{Config, Forward, ForwardLink};
+use crate::session::{Bridge, LinkEnd, Peer};
+use crate::shell::key_file;
+use crate::shell::sockets::{self, VehicleReader, VehicleWriter};
+
+/// A link that is open; a task reads it.
+#[derive(Debug)]
+pub(super) struct OpenForward {
+    /// Its place, by which the bridge knows it as long as it is open.
+    pub(super) number: usize,
+    pub(super) link: ForwardLink,
+    pub(super) writer: VehicleWriter,
+    /// The fixed peer of a udpout or serial link.
+    peer: Option<Peer>,
+    /// Ends the task that reads it.
+    pub(super) close: Rc<Notify>,
+}
+
+/// What a task reads: the place, the link, and what ends it.
+pub(super) type ForwardReader = (usize, VehicleReader, Rc<Notify>);
+/// The end of a link for the bridge, by its place; none where what is there stays.
+pub(super) type ForwardEnds = Vec<(usize, Option<LinkEnd>)>;
+
+/// What a configuration needs of links.
+#[derive(Default)]
+pub(super) struct Forwards {
+    pub(super) ends: ForwardEnds,
+    pub(super) opened: Vec<OpenForward>,
+    pub(super) readers: Vec<ForwardReader>,
+}
+
+/// What serves already, where anything does.
+#[derive(Clone, Copy)]
+pub(super) struct Served<'a> {
+    pub(super) config: &'a Config,
+    pub(super) bridge: &'a Bridge,
+    pub(super) forwards: &'a [OpenForward],
+}
+
+/// Keys and links of other ground stations, beside those that are open and stay.
+pub(super) fn open(
+    config: &Config,
+    vehicles: &[(Id, KeyId)],
+    served: Option<Served<'_>>,
+    store: &mut dyn Disk,
+) -> Result<Forwards, StartError> {
+    let mut forwards = Forwards::default();
+    let open = served.map_or(&[][..], |served| served.forwards);
+    let mut next = open.iter().map(|one| one.number + 1).max().unwrap_or(0);
+    for (forward, key) in config.forwards().zip(keys(config, vehicles)?) {
+        let is_there = open.iter().find(|one| one.link == forward.link);
+        if let Some((served, open)) = served.zip(is_there) {
+            let stays = stays(&served, open.number, forward, key.as_ref());
+            let peer = open.peer;
+            let end = (!stays).then_some(LinkEnd { key, peer });
+            forwards.ends.push((open.number, end));
+            continue;
+        }
+        let record = format!("port-forward-{}", forward.name);
+        let (reader, writer, peer) = sockets::open_forward(&forward.link, &record, store)?;
+        let close = Rc::new(Notify::new());
+        forwards.ends.push((next, Some(LinkEnd { key, peer })));
+        forwards.readers.push((next, reader, close.clone()));
+        forwards.opened.push(OpenForward {
+            number: next,
+            link: forward.link.clone(),
+            writer,
+            peer,
+            close,
+        });
+        next += 1;
+    }
+    Ok(forwards)
+}
+
+/// Whether who is on the link is known by the same key and ids as before.
+fn stays(served: &Served<'_>, number: usize, forward: &Forward, key: Option<&SigningKey>) -> bool {
+    let mut before = served.config.forwards();
+    let before = before.find(|one| one.link == forward.link);
+    let ids = |one: &Forward| (one.system_id, one.link_id);
+    before.is_some_and(|before| ids(before) == ids(forward))
+        && served.bridge.forward_key(number) == key.map(SigningKey::id)
+}
+
+/// The key of each; none has the key of a vehicle, or of another.
+fn keys(config: &Config, vehicles: &[(Id, KeyId)]) -> Result<Vec<Option<SigningKey>>, StartError> {
+    let vehicles = vehicles
+        .iter()
+        .map(|(id, key)| (format!("vehicle {id}"), *key));
+    let mut known: Vec<(String, KeyId)> = vehicles.collect();
+    let mut keys = vec![];
+    for forward in config.forwards() {
+        let name = forward.name.clone();
+        let key = forward
+            .key_file
+            .as_deref()
+            .map(key_file::read)
+            .transpose()?;
+        if let Some(key) = key.as_ref().map(SigningKey::id) {
+            if let Some((other, _)) = known.iter().find(|(_, known)| *known == key) {
+                let other = other.clone();
+                return Err(StartError::ForwardKey { name, other, key });
+            }
+            known.push((format!("[[forward]] {name}"), key));
+        }
+        keys.push(key);
+    }
+    Ok(keys)
+}
