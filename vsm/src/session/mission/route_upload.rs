@@ -269,7 +269,7 @@ impl RouteUpload {
             route::complete(&mut compiled, plan, self.route_type, site)?;
             Ok(compiled)
         });
-        let compiled = match compiled {
+        let mut compiled = match compiled {
             Some(Ok(compiled)) => compiled,
             // Home and the geoid separation are reported within seconds; any other fault would be the same later.
             Some(Err(RouteError {
