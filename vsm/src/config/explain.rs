@@ -332,6 +332,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.landing.glide_deg", "4.0"),
     ("vehicle.landing.radius_m", "-80.0"),
     ("vehicle.landing.place", "[47.0, 8.0]"),
+    ("vehicle.terrain", "\"terrain/\""),
     ("vehicle.area.keep", "\"in\""),
     (
         "vehicle.area.vertices",

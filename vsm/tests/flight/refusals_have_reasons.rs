@@ -88,12 +88,20 @@ fn a_missing_right_is_reported_once_and_cleared_though_the_command_is_repeated()
 fn what_is_no_report_or_too_often_is_refused_with_the_reason() {
     let mut rig = Rig::ready();
     refused(&mut rig, schedule(4000, 101), "Frequency 101 Hz");
-    refused(&mut rig, schedule(2016, 1), "2016 is not a report");
+    refused(
+        &mut rig,
+        schedule(2016, 1),
+        "(Vehicle Operating Mode Command) is not a report",
+    );
     let request = |message| GenericInformationRequestMessage {
         message_type: message,
         ..GenericInformationRequestMessage::default()
     };
-    refused(&mut rig, request(Some(6000)), "6000 is not a report");
+    refused(
+        &mut rig,
+        request(Some(6000)),
+        "(IFF/SSR Status Report) is not a report",
+    );
     refused(
         &mut rig,
         request(Some(3011)),

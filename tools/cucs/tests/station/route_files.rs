@@ -304,7 +304,7 @@ fn every_error_names_file_line_and_field() {
         (
             "number = 3\n",
             "number = 70000\n",
-            "a.route.toml:18: number: invalid value: integer `70000`, expected u16",
+            "a.route.toml:18: number: invalid value: integer `70000`, expected a whole number",
         ),
         (
             "latitude = -47.399",
