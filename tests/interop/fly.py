@@ -320,8 +320,9 @@ class Flight:
         now = (time.time() - dli.EPOCH_2000_S) * 1000
         late = [s[-1][0] for s in stamps.values() if s[-1][0] is not None and abs(now - s[-1][0]) > 600_000]
         self.check("stamps are of today", not late, late)
-        others = [m.value for m in c.inbox if m.value["destination"] not in (c.id, 0xFFFFFFFF) or m.value["idd"] != 32]
-        self.check("all is addressed to this CUCS, in edition 4", not others, others[:1])
+        others = [m.value for m in c.inbox if m.value["destination"] not in (c.id, 0xFFFFFFFF) or m.value["idd"] not in (30, 32)]
+        # It speaks both in turn, and is answered as it spoke last.
+        self.check("all is addressed to this CUCS, in edition 3 or 4", not others, others[:1])
         sources = {m.value["source"] for m in c.inbox}
         self.check("all comes from the vehicle", sources <= {c.vehicle}, [dli.text(s) for s in sources])
         addresses = {m.address for m in c.inbox}
