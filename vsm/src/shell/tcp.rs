@@ -1,7 +1,7 @@
 //! MAVLink over TCP, for other ground stations (`[[forward]]`) alone: a vehicle's link would queue what is stale.
 //!
 //! A connection is a peer as an address of UDP is one: the machine decides which of them is the ground station, and only that one
-//! is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for [`PATIENCE`] is
+//! is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for `PATIENCE` is
 //! closed. Few may connect at once; what comes after them is turned away.
 
 use std::collections::HashMap;

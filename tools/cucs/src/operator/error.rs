@@ -72,7 +72,7 @@ pub enum OperatorError {
 }
 
 impl OperatorError {
-    /// 2 where the request was wrong, 1 where it was refused or not answered, [`READER_GONE`].
+    /// 2 where the request was wrong, 1 where it was refused or not answered, 141 where the reader of its output has gone.
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
