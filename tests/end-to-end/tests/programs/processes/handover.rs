@@ -138,7 +138,11 @@ fn three_stations_take_turns_over_a_bad_network() {
     // Asked, and consented to.
     let (asked, answered) = (a.mark(), b.mark());
     b.shell.type_line("ask --loi 4,5");
-    a.prints(asked, &["1b:00:00:b0 requests LOI 4, 5 (control, launch)"]);
+    // The message 4, not the alert about it, which may come first: without it there is nothing to answer.
+    a.prints(
+        asked,
+        &["1b:00:00:b0 requests LOI 4, 5 (control, launch): `consent`"],
+    );
     assert_eq!(controller(&ground), Some(A.into()), "control stays so far");
     a.succeeds("consent", "handed over to 1b:00:00:b0");
     b.prints(answered, &["LOI 4, 5 (control, launch) is ours"]);
@@ -159,7 +163,10 @@ fn three_stations_take_turns_over_a_bad_network() {
     // Asked, and refused.
     let (asked, answered) = (c.mark(), a.mark());
     a.shell.type_line("ask --loi 4,5");
-    c.prints(asked, &["1b:00:00:a0 requests LOI 4, 5 (control, launch)"]);
+    c.prints(
+        asked,
+        &["1b:00:00:a0 requests LOI 4, 5 (control, launch): `consent`"],
+    );
     c.succeeds("refuse", "refused to 1b:00:00:a0");
     a.prints(answered, &["handover (message 4) is refused"]);
     assert_eq!(controller(&ground), Some(C.into()));
