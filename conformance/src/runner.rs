@@ -289,7 +289,7 @@ impl Run<'_> {
         reports
     }
 
-    /// Whether another CUCS has come to hold LOI 4: the run must not go on beside it.
+    /// Whether another CUCS has come to hold LOI 4: the run must not continue beside it.
     ///
     /// Message 2 says whom it is for, not who holds control; so it is another where control was taken away unasked, and all
     /// ids of the suite are denied it though none of them holds anything.

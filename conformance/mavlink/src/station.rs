@@ -342,7 +342,7 @@ impl Vehicle<'_> {
             self.played.unanswered.push((command, position));
             return;
         }
-        // A command that was acknowledged before, and is sent anew: first the old answer, which is a replay.
+        // A command that was acknowledged before, and is sent again: first the old answer, which is a replay.
         if let Some(old) = self.old_acks.get(&command)
             && self.bench.net.key().is_some()
             && !self

@@ -307,7 +307,7 @@ impl Session<'_> {
                     return Ended::Done;
                 }
                 (Some(_), None, None) if self.net.now() >= least => return Ended::Done,
-                // What has no end of its own goes on by itself, where nothing is to be done.
+                // What has no end of its own continues by itself, where nothing is to be done.
                 (None, None, None) if step.lasts_s >= 2.0 && self.net.now() >= least => {
                     return Ended::Done;
                 }

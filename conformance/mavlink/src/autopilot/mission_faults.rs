@@ -158,7 +158,7 @@ fn disorder(t: &Trial<'_>) -> Judged {
                     send_item(t, peer, &items, seq);
                     send_item(t, peer, &items, seq);
                 }
-                // Behind an older one that was held up. A signed receiver drops what was overtaken: the station sends anew.
+                // Behind an older one that was held up. A signed receiver drops what was overtaken: the station sends again.
                 3 => {
                     if let Some(old) = held.borrow_mut().replace(seq) {
                         send_item(t, peer, &items, old);

@@ -761,7 +761,7 @@ pub(super) fn restart(t: &Trial<'_>) -> Judged {
     ))
 }
 
-/// Lets the station be heard again.
+/// Lets the station be received again.
 pub(super) fn resume(t: &Trial<'_>) {
     t.bench
         .paused

@@ -68,7 +68,7 @@ impl Peer {
         }
     }
 
-    /// An honest frame: numbered, stamped and signed now, for every sending anew.
+    /// An honest frame: numbered, stamped and signed now, again for every sending.
     #[must_use]
     pub fn craft(&self, draft: &Draft) -> Craft {
         let mut craft = draft.craft(self.system, self.component);

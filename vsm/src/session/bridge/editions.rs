@@ -264,7 +264,7 @@ impl Bridge {
             .collect()
     }
 
-    /// Shows stations of Edition 2.5 who holds a vehicle now, where that has changed: everybody may hear it (4.1.1.3).
+    /// Shows stations of Edition 2.5 who holds a vehicle now, where that has changed: everybody may receive it (4.1.1.3).
     pub(super) fn show_holders(&mut self, now: Now, disk: &mut dyn Disk) {
         let listens = |station: &&crate::session::station::GroundStation| {
             station.speaks_ed25() && !station.removed

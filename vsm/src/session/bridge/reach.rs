@@ -137,7 +137,7 @@ impl Bridge {
         });
         let station = &self.stations[index];
         let envelope = station.profile.envelope(self.vsm, station.id());
-        // A station that is sent to by the group alone may listen nowhere else: what it answers shows that it hears that.
+        // A station that is sent to by the group alone may listen nowhere else: what it answers shows that it receives that.
         let to = if station.profile.delivery.to_address() {
             Destination::Unicast(address)
         } else {

@@ -139,7 +139,7 @@ impl Bridge {
                 let readings = station.profile.readings.clone();
                 station.profile.reconfigure(cucs, dli);
                 if station.profile.readings != readings {
-                    // What waits would be read anew before it is stamped: a "carried out" might become a "refused". The
+                    // What waits would be read again before it is stamped: a "carried out" might become a "refused". The
                     // station asks again for what it misses.
                     self.paths.drop_waiting(index);
                     self.outbox.drop_written(cucs.id);

@@ -82,7 +82,7 @@ fn a_demand_moves_the_vehicle_only_where_it_rules() {
         "Loiter Position Latitude": latitude.to_radians(),
         "Loiter Position Longitude": longitude.to_radians(),
     });
-    // Configuration rules in mode 12: neither altitude nor place of #43 is flown to, and the station is told.
+    // Configuration rules in mode 12: neither altitude nor place of #43 is flown to, and the station is informed.
     steer(&mut rig, &mut station, &there);
     rig.run(8.0);
     assert!((height(&rig) - 20.0).abs() < 1.5, "{}", height(&rig));
