@@ -23,6 +23,9 @@ fn the_commands_of_the_first_tasks_fly_the_vehicle() {
     run_all("docs/guide/tasks.md");
 }
 
+/// How many times faster than real time the vehicle of a page flies.
+const SPEED: u32 = 5;
+
 /// Runs the commands of a page's `sh` blocks in a copy of the examples, on ports of its own; a command that is not known
 /// here is a failure, so that none goes untried.
 fn run_all(page: &str) {
@@ -120,6 +123,8 @@ impl Scratch {
         let mut arguments: Vec<String> = rest.iter().map(|word| self.here(word)).collect();
         match (name, rest.first()) {
             ("cucs", _) => arguments.extend(["--vsm".to_owned(), self.dli.clone()]),
+            // The reader waits for a whole flight; here only its commands are tried.
+            ("px4-sim", _) => arguments.extend(["--speed".to_owned(), SPEED.to_string()]),
             ("vsm", Some(&"init")) => {
                 let link = format!("udpin:{}", self.mavlink);
                 arguments.extend(["--listen".to_owned(), self.dli.clone()]);
@@ -162,7 +167,7 @@ impl Scratch {
     /// A person who types the next command takes longer than a vehicle to boot.
     fn let_it_boot(&self, name: &str) {
         if name == "px4-sim" {
-            std::thread::sleep(Duration::from_secs(10));
+            std::thread::sleep(Duration::from_secs(10) / SPEED);
         }
     }
 }
