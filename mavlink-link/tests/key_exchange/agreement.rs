@@ -96,7 +96,7 @@ fn in_flight_the_key_waits_and_the_ground_is_told_until_it_is_disarmed() {
     world.run_until(Duration::from_secs(120));
     assert_eq!(world.autopilot, old);
     assert_eq!(world.ground_disk.current, old);
-    let told: Vec<_> = world
+    let reported: Vec<_> = world
         .events
         .iter()
         .filter_map(|event| match event {
@@ -104,7 +104,7 @@ fn in_flight_the_key_waits_and_the_ground_is_told_until_it_is_disarmed() {
             _ => None,
         })
         .collect();
-    assert_eq!(told, [Status::Ok, Status::WaitDisarm]);
+    assert_eq!(reported, [Status::Ok, Status::WaitDisarm]);
     world.armed = false;
     assert!(world.run_until_settled(Duration::from_secs(10)).is_some());
     assert_ne!(world.autopilot, old);

@@ -162,7 +162,7 @@ fn a_man_in_the_middle_of_a_pairing_without_the_code_pairs_with_nobody() {
             world.ground_hears(AIR, &answer.message.to_payload());
         }
     }
-    assert_eq!(his_disk.next, None, "step 3 tells him nothing");
+    assert_eq!(his_disk.next, None, "step 3 reveals nothing to him");
     assert_eq!(as_air.poll_event(), Some(ResponderEvent::WrongCode));
     assert_eq!(world.ground_disk.peer, None);
     assert_eq!(agreed(&world), 0);
@@ -182,7 +182,8 @@ fn a_guessed_pairing_code_is_counted_and_the_honest_one_still_works() {
         let now = world.clock();
         for parcel in world.tape[before..].iter().cloned() {
             if let Parcel::Down(payload) = parcel {
-                let _ = initiator.handle(now, crate::world::heard(AIR, false, &payload), &mut disk);
+                let _ =
+                    initiator.handle(now, crate::world::inbound(AIR, false, &payload), &mut disk);
             }
         }
         while let Some(confirm) = initiator.poll_transmit() {

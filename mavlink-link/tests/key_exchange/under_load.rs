@@ -12,7 +12,7 @@ use mavlink_link::exchange::{
 };
 
 use crate::disks::{AirDisk, GroundDisk};
-use crate::world::{Dice, GROUND, Parcel, WANTED, Weather, World, heard, ms, parties};
+use crate::world::{Dice, GROUND, Parcel, WANTED, Weather, World, inbound, ms, parties};
 
 const ADDRESSES: u32 = 40;
 
@@ -82,7 +82,7 @@ impl Window {
     }
 
     /// The answers, by step and length of their payload.
-    fn hears(&mut self, at: Duration, from: u32, message: &Message) -> Vec<Message> {
+    fn receive(&mut self, at: Duration, from: u32, message: &Message) -> Vec<Message> {
         let (drawn, mut dice) = (&mut self.drawn, Dice::new(u64::from(from) + 5));
         let mut random = |out: &mut [u8]| {
             *drawn += 1;
@@ -115,7 +115,7 @@ fn whoever_has_no_code_costs_no_handshake_no_session_and_little_air() {
     for n in 0..120_000 {
         let at = ms(2) + Duration::from_micros(250) * n;
         let message = forged(&template, n);
-        for answer in window.hears(at, n % ADDRESSES, &message) {
+        for answer in window.receive(at, n % ADDRESSES, &message) {
             assert_eq!(answer.step, Step::Reject);
             answers += 1;
         }
@@ -125,7 +125,7 @@ fn whoever_has_no_code_costs_no_handshake_no_session_and_little_air() {
     assert!(answers <= 5 * 31, "{answers} refusals in 30 s");
     // And the first honest message after all that is answered at once.
     let (_, honest) = first_message(&window.code, 2);
-    let answer = window.hears(Duration::from_secs(31), 7, &honest);
+    let answer = window.receive(Duration::from_secs(31), 7, &honest);
     assert_eq!(
         answer.iter().map(|one| one.step).collect::<Vec<_>>(),
         [Step::Answer]
@@ -137,12 +137,12 @@ fn whoever_has_no_code_costs_no_handshake_no_session_and_little_air() {
 fn a_recorded_first_message_costs_one_handshake_and_no_more_air_than_it_takes() {
     let mut window = Window::open();
     let (_, honest) = first_message(&window.code, 2);
-    assert_eq!(window.hears(ms(2), 7, &honest)[0].step, Step::Answer);
+    assert_eq!(window.receive(ms(2), 7, &honest)[0].step, Step::Answer);
     let (mut up, mut down) = (0, 0);
     for n in 0..80_000 {
         let at = ms(3) + Duration::from_micros(250) * n;
         up += used(&honest);
-        for answer in window.hears(at, 100 + n % ADDRESSES, &honest) {
+        for answer in window.receive(at, 100 + n % ADDRESSES, &honest) {
             assert!(matches!(answer.step, Step::Answer | Step::Cookie));
             assert!(used(&answer) <= 3 * used(&honest));
             down += used(&answer);
@@ -159,13 +159,13 @@ fn a_recorded_first_message_costs_one_handshake_and_no_more_air_than_it_takes() 
 fn under_load_an_address_is_proven_by_a_cookie_that_is_of_no_use_elsewhere() {
     let mut window = Window::open();
     let (mut initiator, honest) = first_message(&window.code, 2);
-    window.hears(ms(2), 7, &honest);
+    window.receive(ms(2), 7, &honest);
     // Somebody plays it until repetitions are answered to nobody; the honest answer was lost.
     for n in 0..100 {
-        window.hears(ms(3), 100 + n, &honest);
-        window.hears(ms(3), 7, &honest);
+        window.receive(ms(3), 100 + n, &honest);
+        window.receive(ms(3), 7, &honest);
     }
-    let asked = window.hears(ms(3), 7, &honest);
+    let asked = window.receive(ms(3), 7, &honest);
     assert_eq!(asked[0].step, Step::Cookie);
     let clock = mavlink_link::Now {
         mono: ms(3),
@@ -176,19 +176,19 @@ fn under_load_an_address_is_proven_by_a_cookie_that_is_of_no_use_elsewhere() {
     initiator
         .handle(
             clock,
-            heard(air, false, &payload),
+            inbound(air, false, &payload),
             &mut GroundDisk::default(),
         )
         .unwrap();
     let proven = initiator.poll_transmit().unwrap();
-    assert_eq!(window.hears(ms(4), 100, &proven)[0].step, Step::Cookie);
-    assert_eq!(window.hears(ms(4), 7, &proven)[0].step, Step::Answer);
+    assert_eq!(window.receive(ms(4), 100, &proven)[0].step, Step::Cookie);
+    assert_eq!(window.receive(ms(4), 7, &proven)[0].step, Step::Answer);
     // A cookie in the ground's name that nobody with the code has made.
     let mut bent = asked[0].clone();
     bent.data = mavlink_link::exchange::Data::new(&[1; 32]).unwrap();
     let refused = initiator.handle(
         clock,
-        heard(air, false, &bent.to_payload()),
+        inbound(air, false, &bent.to_payload()),
         &mut GroundDisk::default(),
     );
     assert_eq!(refused, Err(Ignored::Forged));
@@ -199,7 +199,7 @@ fn another_version_is_refused_by_name_in_its_own_words() {
     let mut window = Window::open();
     let (_, mut old) = first_message(&window.code, 2);
     old.version = 1;
-    let answer = &window.hears(ms(2), 7, &old)[0];
+    let answer = &window.receive(ms(2), 7, &old)[0];
     let found = (answer.step, answer.version, answer.status);
     assert_eq!(found, (Step::Reject, 1, Status::OtherVersion));
     // And an older agent reports it to a newer ground: it refuses in version 1.

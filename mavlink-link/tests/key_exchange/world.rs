@@ -32,7 +32,7 @@ pub(crate) fn parties() -> Parties {
 }
 
 /// A message as it comes in at the ground.
-pub(crate) fn heard(source: Node, verified: bool, payload: &[u8]) -> Inbound<'_, ()> {
+pub(crate) fn inbound(source: Node, verified: bool, payload: &[u8]) -> Inbound<'_, ()> {
     Inbound {
         from: (),
         source,
@@ -455,7 +455,11 @@ impl World {
         let now = self.clock();
         if let Some(ground) = &mut self.ground {
             let begun = Instant::now();
-            let _ = ground.handle(now, heard(source, verified, payload), &mut self.ground_disk);
+            let _ = ground.handle(
+                now,
+                inbound(source, verified, payload),
+                &mut self.ground_disk,
+            );
             self.worked[0] += begun.elapsed();
         }
         self.after_ground();

@@ -1,4 +1,4 @@
-//! The agent's end of the key exchange: what comes of it goes to PX4, and what PX4 does with it is told.
+//! The agent's end of the key exchange: what comes of it goes to PX4, and what PX4 does with it is reported.
 //!
 //! A pairing window is opened by a person at this computer, never from the radio.
 
@@ -137,7 +137,7 @@ impl Exchange {
         }
         let (to, message) = match self.responder.poll_transmit() {
             Some(answer) => (answer.to, answer.message),
-            // Without a key nothing else tells the ground that somebody is here. One that waits for PX4 is enough: another
+            // Without a key nothing else shows the ground that somebody is here. One that waits for PX4 is enough: another
             // would replace it.
             None if matches!(phase, Phase::Keyless) && self.responder.memory().next.is_none() => {
                 let to = radio.peer()?;

@@ -80,7 +80,7 @@ impl Fallback {
             // PX4 forwards frames of other components with their own signature: they show nothing of PX4's key.
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
-        // PX4's link under the key in force sees the same bytes, and tells.
+        // PX4's link under the key in force sees the same bytes, and shows it.
         while link.poll_event().is_some() {}
         if proven {
             self.0 = None;

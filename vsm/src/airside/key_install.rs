@@ -242,17 +242,17 @@ impl Agent {
         }
     }
 
-    /// Does and tells what the handover wants.
+    /// Does and reports what the rollover requires.
     pub(super) fn follow_handover(&mut self, now: Now, keys: &mut dyn Keys) {
         let Phase::HandingOver(on) = &mut self.phase else {
             return;
         };
-        let mut told = Vec::new();
+        let mut events = Vec::new();
         while let Some(event) = on.handover.poll_event() {
             if event == Event::Commit {
                 on.commit_at = Some(now.mono);
             }
-            told.push(event);
+            events.push(event);
         }
         let mut fault = None;
         // PX4 has the key already, so a disk that fails is retried; the rollover does not end before the files agree.
@@ -269,7 +269,7 @@ impl Agent {
             Some(_) => None,
             None => on.handover.outcome(),
         };
-        for event in told {
+        for event in events {
             if let Event::State(state) = event {
                 self.exchange.report_state(state);
             }
@@ -296,7 +296,7 @@ impl Agent {
             previous,
             ..
         } = *on;
-        // A start before this says nothing of the key that is in force now.
+        // A start before this proves nothing of the key that is in force now.
         self.watch.take_restart();
         let id = handover.new_id();
         let (text, level) = match (outcome, cause) {

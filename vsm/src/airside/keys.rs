@@ -8,7 +8,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::{Disk, StoreError};
 
 /// The key files beside the clocks and what the exchange keeps. Each call returns only when a power cut could not undo
-/// it, or [`Keys::is_stored`] says when.
+/// it, or [`Keys::is_stored`] reports when.
 pub trait Keys {
     /// Where the ceilings of the signing clocks are.
     fn disk(&mut self) -> &mut dyn Disk;
@@ -38,7 +38,7 @@ pub trait Keys {
     /// It could not be deleted.
     fn drop_next(&mut self) -> Result<(), StoreError>;
 
-    /// The previous key is deleted: PX4 has started anew and still signs with the current one.
+    /// The previous key is deleted: PX4 has restarted and still signs with the current one.
     ///
     /// # Errors
     /// It could not be deleted.

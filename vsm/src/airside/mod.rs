@@ -319,8 +319,9 @@ impl Agent {
                 .map(|left| left.as_secs()),
             exchange: {
                 let stats = self.exchange.responder.stats();
-                let told = [("taken", stats.taken)].into_iter();
-                told.chain(stats.by_reason())
+                let taken = [("taken", stats.taken)].into_iter();
+                taken
+                    .chain(stats.by_reason())
                     .filter(|&(_, count)| count > 0)
                     .collect()
             },

@@ -10,10 +10,10 @@ use mavlink_link::signing::{KeyId, SigningKey};
 use super::keys::Keys;
 use crate::session::Peer;
 
-/// The phases of an agent's life; each says what is relayed.
+/// The phases of an agent's life; each decides what is relayed.
 #[derive(Debug)]
 pub(super) enum Phase {
-    /// There is no key: only the exchange is heard.
+    /// There is no key: only the exchange is received.
     Keyless,
     /// One key in force: what verifies under it passes.
     Relaying(Box<Relaying>),
@@ -26,7 +26,7 @@ pub(super) enum Phase {
 #[derive(Debug)]
 pub(super) struct Relaying {
     pub(super) key: KeyState,
-    /// Kept until PX4 has started anew and still signs with the current one.
+    /// Kept until PX4 has restarted and still signs with the current one.
     pub(super) previous: Option<SigningKey>,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct HandingOver {
     pub(super) cause: Cause,
     /// The key before the one in force, where that is handed over again.
     pub(super) previous: Option<SigningKey>,
-    /// PX4 has the key, and the files do not say so yet: tried again then.
+    /// PX4 has the key, and the files do not have it yet: tried again then.
     pub(super) commit_at: Option<Duration>,
 }
 
@@ -127,5 +127,5 @@ impl Phase {
     }
 }
 
-/// How long PX4 counts as signed after a frame that verified; it says something each second, and takes longer to start.
+/// How long PX4 counts as signed after a frame that verified; it sends something each second, and takes longer to start.
 const SIGNED_LATELY: Duration = Duration::from_millis(1_800);

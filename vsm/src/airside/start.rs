@@ -1,4 +1,4 @@
-//! How an agent starts: anew, or where an earlier process was ended, with a handover that goes on.
+//! How an agent starts: afresh, or where an earlier process was ended, with a rollover that continues.
 
 use mavlink_link::Now;
 use mavlink_link::clock::Ceiling;

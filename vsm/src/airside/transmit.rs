@@ -1,4 +1,4 @@
-//! What goes out next, and on which link: first what passes through, then what the agent itself has to say.
+//! What goes out next, and on which link: first what passes through, then what the agent itself has to send.
 
 use mavlink_link::Now;
 use mavlink_link::dialect::{MavMessage, STATUSTEXT_DATA};
@@ -98,13 +98,13 @@ impl Agent {
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
-        let heard = self.radio.peer().is_some();
+        let received = self.radio.peer().is_some();
         let auth = self.phase.ground_auth(keys);
         if matches!(auth, Auth::Off) {
             return None;
         }
         // Texts wait until the address of the ground is known; a `send` without a peer would lose them.
-        let text = if heard {
+        let text = if received {
             self.reports.poll_text()
         } else {
             None

@@ -1,4 +1,4 @@
-//! What PX4 says of itself in frames that have verified: disarmed or not, and whether it has started anew.
+//! What PX4 reports of itself in frames that have verified: disarmed or not, and whether it has restarted.
 
 use std::time::Duration;
 
@@ -9,12 +9,12 @@ use mavlink_link::receiver::AUTOPILOT;
 /// The last word of the autopilot.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
-    /// Whether it last said that it is armed, and when.
+    /// Whether it last reported that it is armed, and when.
     armed: Option<(bool, Duration)>,
     boot_ms: Option<u32>,
     /// It has started, and no new stamp has been given to it since.
     restamp_due: bool,
-    /// It has started anew while this was looking on.
+    /// It has restarted while this was watching.
     restarted: bool,
 }
 
@@ -61,12 +61,12 @@ impl Watch {
         self.armed.is_some_and(|(armed, _)| armed)
     }
 
-    /// True once after it has started anew.
+    /// True once after it has restarted.
     pub(super) fn take_restart(&mut self) -> bool {
         std::mem::take(&mut self.restarted)
     }
 
-    /// Its time since boot is learned anew.
+    /// Its time since boot is learned again.
     pub(super) fn forget_boot(&mut self) {
         (self.boot_ms, self.restarted) = (None, false);
     }
@@ -88,5 +88,5 @@ const WATCHED: [u32; 4] = [0, 2, 30, 33];
 // PX4 sends HEARTBEAT at 1 Hz: one may be late, none may be missing, for PX4 refuses a key while armed.
 const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
 const BOOT_SLACK_MS: u32 = 2_000;
-/// An agent that hears a younger PX4 first has been switched on with it.
+/// An agent that receives a younger PX4 first has been switched on with it.
 const JUST_STARTED_MS: u32 = 120_000;

@@ -91,7 +91,7 @@ impl From<Talker> for Stream {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Px4 {
-    /// Where PX4 is. Nobody else may hear this link: keys go over it.
+    /// Where PX4 is. Nobody else may listen on this link: keys go over it.
     pub link: LinkAddress,
     /// PX4's MAVLink system id, 1 to 255.
     pub system_id: u8,
@@ -148,7 +148,7 @@ impl AirsideConfig {
         toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("agent"))
     }
 
-    /// What a single value cannot tell: relations between keys.
+    /// What a single value cannot show: relations between keys.
     fn check(&self) -> Result<(), Fault> {
         let (agent, radio, px4) = (
             self.agent.get_ref(),

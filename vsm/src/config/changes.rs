@@ -1,7 +1,7 @@
 //! What a configuration that is read again changes of a running bridge, and what waits for a restart.
 //!
 //! A bridge keeps its addresses, its store and who it is as long as it runs, and a vehicle its link and its key. Whatever
-//! else a new file says is applied. The file is taken as a whole or not at all: where what can be applied does not fit what
+//! else in a new file is applied. The file is taken as a whole or not at all: where what can be applied does not fit what
 //! the bridge keeps, it is refused.
 
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ use super::vehicle::Vehicle;
 pub struct Changes {
     /// What the bridge continues with: the new configuration, with what it keeps until a restart.
     pub config: Config,
-    /// What is said of it.
+    /// What is reported of it.
     pub report: Report,
 }
 

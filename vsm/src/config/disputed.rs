@@ -1,5 +1,5 @@
 //! `[dli.disputed]`: a peer's reading of what the sources leave open, where it is not this project's; `disputed` of a
-//! `[[cucs]]` is the same for one station, over what `[dli.disputed]` says for all.
+//! `[[cucs]]` is the same for one station, over what `[dli.disputed]` sets for all.
 
 use std::fmt;
 

@@ -18,7 +18,7 @@ pub(super) enum WhenAbsent {
     Required,
     /// This value, as it would stand in the file.
     Value(&'static str),
-    /// No value: what the key is for is not done, or is done as this says.
+    /// No value: what the key is for is not done, or is done as this describes.
     Nothing(&'static str),
     /// It is a table, or an array of them, with keys of its own.
     Table(&'static [Key]),

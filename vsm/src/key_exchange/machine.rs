@@ -38,7 +38,7 @@ pub struct KeyExchange {
     /// When an exchange that was rolled back may be tried again.
     again_at: Duration,
     state: String,
-    /// The key in force has been seen in use, in this run or by what the store says.
+    /// The key in force has been seen in use, in this run or by what the store has.
     settled: bool,
     /// When the key in force came into use, where that was in this run: monotonic, since the wall clock may step.
     adopted_at: Option<Duration>,
@@ -196,7 +196,7 @@ impl KeyExchange {
             Machine::Unpaired => {}
             Machine::Legacy(legacy) => {
                 let due = legacy.poll_transmit(now.mono);
-                // A peer that heard this run's public key would leave the key in force.
+                // A peer that received this run's public key would leave the key in force.
                 if let Some(payload) = due.filter(|_| !self.settled) {
                     let until = now.mono.saturating_add(WORTH_SENDING);
                     self.send(now, payload.to_vec(), until, with);
@@ -485,7 +485,7 @@ impl KeyExchange {
         );
     }
 
-    /// Follows what the machine has to say, and puts the status right.
+    /// Follows what the machine reports, and puts the status right.
     fn report(&mut self, now: Now, with: &mut Surroundings<'_>) {
         while let Machine::Paired(initiator) = &mut self.machine
             && let Some(event) = initiator.poll_event()

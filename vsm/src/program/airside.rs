@@ -102,7 +102,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
     pairing_socket::ask(&config.store.dir, code.as_deref(), |line| {
         // The word with which `AirsideServer` reports success; a failed try begins with "pairing".
         paired |= line.starts_with("paired");
-        // Nobody is left to tell when standard output is gone.
+        // Nobody is left to report to when standard output is gone.
         let _ = writeln!(io::stdout(), "{line}");
     })
     .map_err(|cause| failed(status::no_answer("agent", &config.store.dir, cause)))?;

@@ -17,7 +17,7 @@ fn owner(id: Id) -> String {
 }
 
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
-    // A file that cannot be read is told by the one that reads it in earnest.
+    // A file that cannot be read is reported by the one that loads it.
     if std::fs::read_to_string(path).is_ok_and(|text| AirsideConfig::is_meant_by(&text)) {
         return check_airside(path);
     }

@@ -17,7 +17,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print, runtime, say};
+use super::process::{Failure, bad, failed, print, print_line, runtime};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -176,7 +176,7 @@ enum Wish {
 /// The configuration, the vehicle and its key file.
 type Link<'a> = (&'a Config, &'a Vehicle, &'a Path);
 
-/// A handover that an earlier command did not finish is finished first, and a vehicle that fell back is given the key in
+/// A rollover that an earlier command did not finish is finished first, and a vehicle that fell back is given the key in
 /// force again. Where the key that it has then is not the one that is wished, another handover follows.
 fn hand_over(
     link: Link<'_>,
@@ -188,12 +188,12 @@ fn hand_over(
     let (mut ending, mut another) = round(link, What::New(key()?), over, wish)?;
     // In rounds: a rollover knows one old key, and PX4 accepts SETUP_SIGNING only under the key that it has.
     if ending == Ending::ForeignKey && holds_previous(path)? {
-        say(
+        print_line(
             "the vehicle does not sign with the key in force; perhaps with the one before, as after a power cut",
         );
         (ending, _) = round(link, What::InForceAgain, over, wish)?;
         if ending == Ending::Ended(Outcome::Committed) {
-            say("the vehicle has the key in force again; now the new one");
+            print_line("the vehicle has the key in force again; now the new one");
             (ending, another) = round(link, What::New(key()?), over, wish)?;
         }
     }
@@ -203,11 +203,11 @@ fn hand_over(
     );
     // Where any new key will do, the key of the finished rollover was enough.
     if another && decided && wish != Wish::AnyNew {
-        say("the handover that an earlier command began is finished; now the new key");
+        print_line("the rollover that an earlier command began is finished; now the new key");
         (ending, _) = round(link, What::New(key()?), over, wish)?;
     }
     if wish == Wish::Revoke && ending == Ending::Ended(Outcome::Committed) {
-        say("the old key is deleted");
+        print_line("the old key is deleted");
     }
     conclude(ending, path).map_err(failed)
 }
@@ -218,7 +218,7 @@ fn holds_previous(path: &Path) -> Result<bool, Failure> {
     Ok(previous.is_some())
 }
 
-/// One handover, from its opening to its end; says whether it was of another key, which an earlier command had left.
+/// One handover, from its opening to its end; returns whether it was of another key, which an earlier command had left.
 fn round(
     (config, vehicle, path): Link<'_>,
     what: What,
@@ -239,7 +239,7 @@ fn round(
                     other => failed(other),
                 },
             )?;
-        say(&format!(
+        print_line(&format!(
             "vehicle {} (system {}) on {}: key id {}",
             vehicle.id,
             vehicle.system_id,
@@ -253,7 +253,7 @@ fn round(
         }
         let mut watch = |event| {
             sent |= event == Event::State(State::Sent);
-            tell(event);
+            report(event);
         };
         let ending = link
             .run(Duration::from_secs(over.wait_s), &mut watch)
@@ -271,33 +271,35 @@ fn round(
     Ok((ending, another))
 }
 
-/// What an operator is told on the way.
-fn tell(event: Event) {
+/// What an operator is shown on the way.
+fn report(event: Event) {
     match event {
         Event::State(State::Staged) => {
-            say("the new key is on disk; listening for 10 s that only this vehicle is on the link");
+            print_line(
+                "the new key is on disk; listening for 10 s that only this vehicle is on the link",
+            );
         }
         Event::State(State::WaitDisarm) => {
-            say("waiting for the vehicle's word that it is disarmed")
+            print_line("waiting for the vehicle's word that it is disarmed")
         }
-        Event::State(State::Sent) => say(
+        Event::State(State::Sent) => print_line(
             "the key is being sent. DO NOT cut the vehicle's power for 5 s: it would start without a key",
         ),
         Event::State(State::Committed) => {
-            say("the vehicle signs with the new key; 5 s more, keep its power on");
+            print_line("the vehicle signs with the new key; 5 s more, keep its power on");
         }
-        Event::State(State::NotTaken) => say("the vehicle has not taken the key"),
+        Event::State(State::NotTaken) => print_line("the vehicle has not taken the key"),
         Event::State(State::RolledBack) => {
-            say("the vehicle keeps its key; the new one is deleted if that holds for 30 s");
+            print_line("the vehicle keeps its key; the new one is deleted if that holds for 30 s");
         }
         Event::State(State::Unknown) => {
-            say("it is not known which key the vehicle has; asking under both");
+            print_line("it is not known which key the vehicle has; asking under both");
         }
-        Event::SeveralAutopilots { system } => say(&format!(
+        Event::SeveralAutopilots { system } => print_line(&format!(
             "system {system} is on the link too, and PX4 takes a key whomever it is meant for"
         )),
-        Event::RefusedWhileArmed => say("the vehicle refuses while it is armed"),
-        Event::FellBack => say("the vehicle lost its key again; retrying"),
+        Event::RefusedWhileArmed => print_line("the vehicle refuses while it is armed"),
+        Event::FellBack => print_line("the vehicle lost its key again; retrying"),
         Event::Commit | Event::Ended(_) => {}
     }
 }
@@ -305,7 +307,7 @@ fn tell(event: Event) {
 fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
     match ending {
         Ending::Ended(Outcome::Committed) => {
-            say(&format!("done: {} is the key in force", path.display()));
+            print_line(&format!("done: {} is the key in force", path.display()));
             Ok(())
         }
         Ending::Ended(Outcome::RolledBack) => {
@@ -325,7 +327,7 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
         ),
         Ending::Unsigned => bail!(
             "nothing was sent: who speaks in the vehicle's name does not sign, though it has a key. If the vehicle has lost \
-             it, say so with --vehicle-is-unsigned"
+             it, add --vehicle-is-unsigned"
         ),
         Ending::Stranger(stranger) => bail!(
             "nothing was sent: {stranger}. Run this command as the user that the vehicle's program has, or vouch for \
@@ -361,7 +363,7 @@ fn write_sitl_file(
     }
     let current = keys.current()?.context("the key has just been written")?;
     key_file::write_px4(file, &current, wall_stamp()?)?;
-    say(&format!(
+    print_line(&format!(
         "{}: PX4's key file, key id {}; start PX4 with it",
         file.display(),
         current.id()
@@ -376,14 +378,14 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
         let key = key_file::read(&path)?.id();
         let wall = wall_stamp()?;
         match store.load(&key)? {
-            None => say(&format!(
+            None => print_line(&format!(
                 "vehicle {}: key {key} has not been used yet",
                 vehicle.id
             )),
             Some(Ceiling(ceiling)) => {
                 let days = |a: Stamp, b: Stamp| a.since(b).as_secs_f64() / 86_400.0;
                 let ahead = days(wall, ceiling) - days(ceiling, wall);
-                say(&format!(
+                print_line(&format!(
                     "vehicle {}: key {key}, nothing is stamped beyond {} (10 us since 2015); the wall clock is {ahead:+.4} \
                      days from there",
                     vehicle.id,
@@ -394,7 +396,7 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
         if accept {
             // Enough for the next start: it believes a wall clock that is at the ceiling or up to 366 days beyond.
             Ceiling::raise(&mut store, &key, wall)?;
-            say(
+            print_line(
                 "the wall clock is accepted: the signing clock continues from it, and never goes back",
             );
         }
@@ -406,11 +408,11 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
 fn list(config: &Path) -> Result<(), Failure> {
     let config = Config::load(config).map_err(bad)?;
     if let Some(own) = peek_identity(&config.store.dir) {
-        say(&format!("this VSM: fingerprint {}", own.fingerprint()));
+        print_line(&format!("this VSM: fingerprint {}", own.fingerprint()));
     }
     for vehicle in config.vehicles() {
         let Signing::KeyFile(path, _) = &vehicle.signing else {
-            say(&format!("vehicle {}: signing is off", vehicle.id));
+            print_line(&format!("vehicle {}: signing is off", vehicle.id));
             continue;
         };
         for (part, meaning) in [
@@ -423,7 +425,7 @@ fn list(config: &Path) -> Result<(), Failure> {
                 continue;
             }
             let key = key_file::read(&file).map_err(bad)?;
-            say(&format!(
+            print_line(&format!(
                 "vehicle {}: key {} {meaning}",
                 vehicle.id,
                 key.id()
@@ -431,13 +433,13 @@ fn list(config: &Path) -> Result<(), Failure> {
         }
         let record = peek::<ExchangeRecord>(&config.store.dir, &vehicle.id).map_err(failed)?;
         if let Some(peer) = record.as_ref().and_then(ExchangeRecord::peer) {
-            say(&format!(
+            print_line(&format!(
                 "vehicle {}: paired with agent {}",
                 vehicle.id,
                 peer.fingerprint()
             ));
         } else if record.is_some_and(|record| record.pending.is_some()) {
-            say(&format!(
+            print_line(&format!(
                 "vehicle {}: a pairing was answered and not confirmed; pair again",
                 vehicle.id
             ));

@@ -12,7 +12,7 @@ use mavlink_link::exchange::{InitiatorEvent, PairingCode};
 use zeroize::Zeroizing;
 
 use super::key::{Which, open};
-use super::process::{Failure, bad, failed, runtime, say};
+use super::process::{Failure, bad, failed, print_line, runtime};
 
 #[derive(Debug, Args)]
 pub(crate) struct Pair {
@@ -38,21 +38,21 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
     let runtime = runtime()?;
     let ending = runtime.block_on(async {
         let pairing = Pairing::open(&config, &vehicle, (&path, exchange), code).map_err(failed)?;
-        say(&format!(
+        print_line(&format!(
             "this VSM's fingerprint: {}",
             pairing.own_key().fingerprint()
         ));
-        say(&format!(
+        print_line(&format!(
             "pairing with vehicle {} on {}",
             vehicle.id, vehicle.link
         ));
         let patience = Duration::from_secs(wait_s);
-        Ok(pairing.run(patience, &mut |event| tell(event)).await)
+        Ok(pairing.run(patience, &mut |event| report(event)).await)
     })?;
     match ending {
         Ending::Paired { peer, key } => {
-            say(&format!("the agent's fingerprint: {}", peer.fingerprint()));
-            say(&format!(
+            print_line(&format!("the agent's fingerprint: {}", peer.fingerprint()));
+            print_line(&format!(
                 "paired: key {key} waits for the vehicle; compare both fingerprints with the agent's, then start \
                           `vsm run`"
             ));
@@ -64,13 +64,13 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
             }
             Ok(())
         }
-        Ending::NotAnswered(said) => {
-            let said = said.map_or(String::new(), |status| {
+        Ending::NotAnswered(unproven) => {
+            let unproven = unproven.map_or(String::new(), |status| {
                 format!("; last unproven answer: {status}")
             });
             Err(failed(anyhow!(
                 "nobody answered with this code within {wait_s} s: is the agent's window open (`vsm airside pair`), and \
-                 the code the same{said}"
+                 the code the same{unproven}"
             )))
         }
     }
@@ -81,7 +81,7 @@ fn read_code(code: Option<String>) -> anyhow::Result<PairingCode> {
     let text = match code.map(Zeroizing::new) {
         None => {
             let code = PairingCode::generate(&mut system_random)?;
-            say(&format!("pairing code: {}", *code.text()));
+            print_line(&format!("pairing code: {}", *code.text()));
             return Ok(code);
         }
         // Standard input keeps the code out of the list of processes.
@@ -95,12 +95,12 @@ fn read_code(code: Option<String>) -> anyhow::Result<PairingCode> {
     Ok(PairingCode::parse(&text)?)
 }
 
-fn tell(event: &InitiatorEvent) {
+fn report(event: &InitiatorEvent) {
     match event {
-        InitiatorEvent::GaveUp { .. } => say("no answer yet; trying again"),
-        InitiatorEvent::Rejected { status } => say(&format!("unproven answer: {status}")),
-        InitiatorEvent::NotStored(cause) => say(&format!("not stored: {cause}")),
-        InitiatorEvent::NoRandom => say("the system has no random bytes"),
+        InitiatorEvent::GaveUp { .. } => print_line("no answer yet; trying again"),
+        InitiatorEvent::Rejected { status } => print_line(&format!("unproven answer: {status}")),
+        InitiatorEvent::NotStored(cause) => print_line(&format!("not stored: {cause}")),
+        InitiatorEvent::NoRandom => print_line("the system has no random bytes"),
         _ => {}
     }
 }

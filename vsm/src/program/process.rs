@@ -157,8 +157,8 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 }
 
 /// Writes a line on the way.
-pub(crate) fn say(line: &str) {
-    // Nobody is left to tell when standard output is gone.
+pub(crate) fn print_line(line: &str) {
+    // Nobody is left to report to when standard output is gone.
     let _ = writeln!(io::stdout(), "{line}");
 }
 

@@ -49,7 +49,7 @@ fn readable(path: &Path, report: &Report) -> String {
     text
 }
 
-/// Where the bridge of a configuration is found, also where the rest of the file is wrong: the bridge says so itself.
+/// Where the bridge of a configuration is found, also where the rest of the file is wrong: the bridge itself reports that.
 fn store_of(path: &Path) -> Result<PathBuf, ConfigError> {
     let fault = match Config::load(path) {
         Ok(config) => return Ok(config.store.dir),

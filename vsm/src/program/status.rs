@@ -18,7 +18,7 @@ pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
     report("vsm", &config.store.dir, json, readable)
 }
 
-/// Prints what the program that runs on a store says of its state.
+/// Prints what the program that runs on a store reports of its state.
 pub(super) fn report(
     who: &str,
     store: &Path,

@@ -25,11 +25,11 @@ pub(crate) enum Cause {
     Store,
     /// Commands cannot be written down.
     CommandLog,
-    /// What the vehicle does by itself when it hears no ground station.
+    /// What the vehicle does by itself when it receives no ground station.
     OwnFailsafe,
     /// Another MAVLink system has operator control of the vehicle.
     OperatorControl,
-    /// Its mission does not get on, and it was told to hold.
+    /// Its mission does not get on, and it was commanded to hold.
     Stalled,
     /// It sank below its mission, and was commanded to hold.
     Sinking,
@@ -39,14 +39,14 @@ pub(crate) enum Cause {
     KeyExchange,
     /// The geofence aboard is not what it should be.
     Fence,
-    /// Something that the vehicle itself says is wrong.
+    /// Something that the vehicle itself reports as wrong.
     HealthFault(HealthFault),
-    /// Something that does not work, told apart from others of its code by a number.
+    /// Something that does not work, distinguished from others of its code by a number.
     Finding(Code, u32),
 }
 
 impl Cause {
-    /// Whether it says why the vehicle is not received. A vehicle that receives nothing itself is.
+    /// Whether it explains why the vehicle is not received. A vehicle that receives nothing itself is.
     fn explains_silence(self) -> bool {
         matches!(
             self,
@@ -80,7 +80,7 @@ pub(crate) struct Alerts {
     refusals: Vec<Refusals>,
     /// That AGL is flown as height above home has been sent.
     agl_sent: bool,
-    /// That the vehicle is silent, while a finding stands in its place that says why: one fault is one alert.
+    /// That the vehicle is silent, while a finding stands in its place that explains why: one fault is one alert.
     silence: Option<Alert>,
 }
 
@@ -116,7 +116,7 @@ struct Answered {
     /// When it is over.
     until: Duration,
     id: i32,
-    /// The stations that were told.
+    /// The stations that were notified.
     to: Vec<usize>,
 }
 
@@ -332,7 +332,7 @@ impl Alerts {
         Some(self.answer(now, to, text))
     }
 
-    /// The next answer that has stood long enough, and who was told it.
+    /// The next answer that has stood long enough, and who was sent it.
     pub(crate) fn next_over(&mut self, now: Duration) -> Option<(Vec<usize>, Raised)> {
         let full = self.answers.len() > MAX_ANSWERS;
         let over = self
@@ -541,9 +541,9 @@ mod tests {
     #[test]
     fn the_same_text_is_said_once_and_again_where_it_matters_more() {
         let mut alerts = Alerts::new(0);
-        let mut say = |priority| notice(&mut alerts, priority, "battery".to_owned());
-        assert!(say(AlertPriority::Nominal));
-        assert!(!say(AlertPriority::Nominal));
-        assert!(say(AlertPriority::Warning));
+        let mut raise = |priority| notice(&mut alerts, priority, "battery".to_owned());
+        assert!(raise(AlertPriority::Nominal));
+        assert!(!raise(AlertPriority::Nominal));
+        assert!(raise(AlertPriority::Warning));
     }
 }

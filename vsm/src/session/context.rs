@@ -42,7 +42,7 @@ pub(crate) struct Context<'a> {
     pub(crate) vehicle: &'a VehicleState,
 }
 
-/// What the configuration says that is the same for every vehicle.
+/// What the configuration sets that is the same for every vehicle.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     pub(crate) authority: config::Authority,
@@ -259,7 +259,7 @@ impl MissionView<'_> {
 }
 
 impl Settings {
-    /// What a configuration says.
+    /// What a configuration sets.
     pub(crate) fn of(config: &config::Config) -> Settings {
         let page = |http: &config::Http| format!("http://{}/", http.listen);
         Settings {
@@ -270,7 +270,7 @@ impl Settings {
 }
 
 impl Bounds {
-    /// What the configuration of a vehicle says.
+    /// What the configuration of a vehicle sets.
     pub(crate) fn of(config: &config::Vehicle) -> Bounds {
         let config::Limits {
             first_m,

@@ -1,7 +1,7 @@
-//! Fields that a command carries and nothing is made of: told by 16000, since an acknowledgement would hide it.
+//! Fields that a command carries and nothing is made of: reported by 16000, since an acknowledgement would hide it.
 //!
-//! A command is not refused for them. A ground station may send every field every time, and one that says "hold" must
-//! hold, whatever else it carries. Zero is what a full presence vector carries for nothing, and says nothing.
+//! A command is not refused for them. A ground station may send every field every time, and one that commands "hold" must
+//! hold, whatever else it carries. Zero is what a full presence vector carries for nothing, and carries no command.
 
 use mapping::support::{Received, field};
 use stanag_msgs::Message;

@@ -53,7 +53,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// What a configuration says.
+    /// What a configuration sets.
     pub(crate) fn of(dli: &Dli) -> Limits {
         Limits {
             lease: Duration::from_secs_f64(dli.lease_s),
@@ -80,7 +80,7 @@ struct Station {
     trusted: Option<IpAddr>,
     /// Where it is sent to.
     current: Option<Path>,
-    /// Where it says that it is too.
+    /// Where it claims to be too.
     candidates: Vec<Path>,
     /// It has proved an address: it can, so in control it must.
     answers: bool,

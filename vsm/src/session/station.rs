@@ -33,7 +33,7 @@ pub(crate) struct GroundStation {
     pub(crate) allowance: StationAllowance,
     /// Whether it spoke Edition 2.5 last, and when.
     pub(crate) spoken: Option<(bool, Duration)>,
-    /// Of what it says and is sent in Edition 2.5.
+    /// Of what it sends and is sent in Edition 2.5.
     pub(crate) translator: Translator,
 }
 
@@ -58,7 +58,7 @@ impl GroundStation {
         self.config.id
     }
 
-    /// Whether it is spoken to in Edition 2.5: as it spoke last, or as the configuration says.
+    /// Whether it is spoken to in Edition 2.5: as it spoke last, or as the configuration sets.
     pub(crate) fn speaks_ed25(&self) -> bool {
         match self.spoken {
             Some((ed25, _)) => ed25,

@@ -56,7 +56,7 @@ pub enum AirsideError {
     /// The machine.
     #[error(transparent)]
     Agent(#[from] AgentError),
-    /// Keys would be shown to whoever hears the link.
+    /// Keys would be shown to whoever listens on the link.
     #[error(
         "px4.link = \"{link}\": PX4's keys go over it, so it must be a serial line or loopback; or vouch for it with \
          px4.i_trust_this_link = true"
@@ -91,7 +91,7 @@ pub struct AirsideServer {
     px4_peers: LocalPeers,
     status: UnixListener,
     pairing: UnixListener,
-    /// Somebody at this computer who has not said yet what they want.
+    /// Somebody at this computer whose request has not arrived yet.
     greeting: Option<Greeting>,
     /// Whoever stands at the open pairing window.
     asker: Option<Asker>,
@@ -286,20 +286,20 @@ impl AirsideServer {
         match self.agent.open_window(now, &code, &mut self.disk) {
             Ok(()) => {
                 asker
-                    .tell(&format!("pairing code  {}", &*code.text()))
+                    .send_line(&format!("pairing code  {}", &*code.text()))
                     .await;
                 let own = self.picture().identity;
-                asker.tell(&format!("this agent    {own}")).await;
+                asker.send_line(&format!("this agent    {own}")).await;
                 asker
-                    .tell("the window is open for 10 minutes, for one pairing")
+                    .send_line("the window is open for 10 minutes, for one pairing")
                     .await;
                 self.asker = Some(asker);
             }
-            Err(fault) => asker.tell(&format!("refused: {fault}")).await,
+            Err(fault) => asker.send_line(&format!("refused: {fault}")).await,
         }
     }
 
-    /// Tells whoever stands at the window what happens there.
+    /// Reports what happens at the window to whoever opened it.
     async fn tell_pairing(&mut self) {
         // A pairing that is not on the disk yet is none.
         while self.disk.is_stored()
@@ -310,15 +310,17 @@ impl AirsideServer {
             };
             match news {
                 // The window stays open: otherwise anyone on the radio could close it with a wrong code.
-                PairingNews::WrongCode => asker.tell("pairing attempt with a wrong code").await,
+                PairingNews::WrongCode => {
+                    asker.send_line("pairing attempt with a wrong code").await
+                }
                 PairingNews::Paired(peer) => {
                     asker
-                        .tell(&format!("paired with   {}", peer.fingerprint()))
+                        .send_line(&format!("paired with   {}", peer.fingerprint()))
                         .await;
                     self.asker = None;
                 }
                 PairingNews::Closed => {
-                    asker.tell("closed without a pairing").await;
+                    asker.send_line("closed without a pairing").await;
                     self.asker = None;
                 }
             }
@@ -414,7 +416,7 @@ async fn gone(asker: &mut Option<Asker>) {
     }
 }
 
-/// A link that fails again and again is said once in a while, and takes no whole core.
+/// A link that fails again and again is logged once in a while, and takes no whole core.
 async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
     tokio::time::sleep(PAUSE).await;

@@ -4,7 +4,7 @@
 //! point to this computer (DNS rebinding) sends that name as Host, and is refused.
 //!
 //! A connection has one answer. Of those that are open the one that has sent no request for longest makes room for the
-//! next: however many say nothing, who asks is answered.
+//! next: however many send nothing, a request is answered.
 
 use std::cell::Cell;
 use std::collections::VecDeque;

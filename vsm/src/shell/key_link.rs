@@ -47,7 +47,7 @@ pub enum KeyLinkError {
     /// There is no key in force that could be given again.
     #[error("there is no key in force, expected one to send again")]
     NoKey,
-    /// The key would be shown to whoever hears the link.
+    /// The key would be shown to whoever listens on the link.
     #[error(
         "SETUP_SIGNING shows the key to anyone who can receive {link}: use a serial line or loopback, or \
          vouch for this link with --i-trust-this-link"
@@ -81,7 +81,7 @@ pub struct Trust {
 pub enum Ending {
     /// The machine's own end.
     Ended(Outcome),
-    /// Nothing of the vehicle was heard.
+    /// Nothing of the vehicle was received.
     NotHeard,
     /// The vehicle signs, but with neither key.
     ForeignKey,
@@ -195,14 +195,14 @@ impl KeyLink {
         })
     }
 
-    /// Works until it is known how it ends, at most `patience`. `tell` is given each event as it happens.
+    /// Works until it is known how it ends, at most `patience`. `report` is given each event as it happens.
     ///
     /// # Errors
     /// The vehicle has the key and the files could not be changed: both keys are kept.
     pub async fn run(
         mut self,
         patience: Duration,
-        tell: &mut dyn FnMut(Event),
+        report: &mut dyn FnMut(Event),
     ) -> Result<Ending, KeyLinkError> {
         let mut bytes = vec![0; 65_536];
         let mut unknown_since = None;
@@ -226,7 +226,7 @@ impl KeyLink {
             self.handover.handle_timeout(self.clock.now());
             self.send().await;
             while let Some(event) = self.handover.poll_event() {
-                tell(event);
+                report(event);
                 match event {
                     _ if self.again => {}
                     Event::Commit => {
@@ -330,7 +330,7 @@ impl KeyLink {
     }
 }
 
-/// Whether nobody else hears the link: a serial line, or this computer itself.
+/// Whether nobody else can listen on the link: a serial line, or this computer itself.
 #[must_use]
 pub fn is_local(link: &LinkAddress) -> bool {
     match link {

@@ -39,7 +39,7 @@ pub enum Stranger {
         /// The address.
         at: SocketAddr,
     },
-    /// The kernel does not say.
+    /// The kernel gives no owner.
     #[error("the owner of {at} is not known: {cause}")]
     Unknown {
         /// The address.

@@ -2,7 +2,7 @@
 //! files depend on each other, and what the key exchange keeps.
 //!
 //! It is a [`FileSystem`]: what writes through it (a `KeyStore`, a `FileDisk`) takes the same steps in the same order as
-//! on the system's own, and reads what it has written. [`FileSystem::progress`] says how far the thread has come; whoever
+//! on the system's own, and reads what it has written. [`FileSystem::progress`] reports how far the thread has come; whoever
 //! sends something that depends on a step waits for that. A process that ends in between leaves the files as one that was
 //! killed in the middle of the same steps.
 //!

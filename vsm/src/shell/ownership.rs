@@ -44,7 +44,7 @@ pub enum OwnershipError {
         /// The path.
         path: PathBuf,
     },
-    /// The system does not say.
+    /// The system gives no owner.
     #[error("{path}: {cause}", path = path.display())]
     Io {
         /// The path.

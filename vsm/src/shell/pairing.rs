@@ -67,7 +67,7 @@ pub enum Ending {
         /// The shared key's name.
         key: mavlink_link::signing::KeyId,
     },
-    /// Nobody answered with the code; the last thing that somebody said, unproven.
+    /// Nobody answered with the code; the last unproven status.
     NotAnswered(Option<Status>),
 }
 
@@ -122,14 +122,14 @@ impl Pairing {
         self.initiator.config().identity.public()
     }
 
-    /// Tries until it succeeds, at most `patience`. `tell` is given each event as it happens.
+    /// Tries until it succeeds, at most `patience`. `report` is given each event as it happens.
     pub async fn run(
         mut self,
         patience: Duration,
-        tell: &mut dyn FnMut(&InitiatorEvent),
+        report: &mut dyn FnMut(&InitiatorEvent),
     ) -> Ending {
         let mut bytes = vec![0; 65_536];
-        let mut said = None;
+        let mut unproven = None;
         loop {
             self.send().await;
             let due = self.initiator.poll_timeout().unwrap_or(Duration::MAX);
@@ -142,17 +142,17 @@ impl Pairing {
                 () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
             }
             while let Some(event) = self.initiator.poll_event() {
-                tell(&event);
+                report(&event);
                 match event {
                     InitiatorEvent::Agreed { key, peer, .. } => {
                         return Ending::Paired { peer, key };
                     }
-                    InitiatorEvent::Rejected { status } => said = Some(status),
+                    InitiatorEvent::Rejected { status } => unproven = Some(status),
                     _ => {}
                 }
             }
             if self.clock.mono() >= patience {
-                return Ending::NotAnswered(said);
+                return Ending::NotAnswered(unproven);
             }
         }
     }

@@ -41,7 +41,7 @@ pub fn listen(store: &Path) -> io::Result<UnixListener> {
 pub struct Asker(UnixStream);
 
 impl Asker {
-    /// Reads what is asked for: the code, typed or made here. `None` where it is no code, which the asker is told.
+    /// Reads what is asked for: the code, typed or made here. `None` where it is no code, which is reported to the asker.
     pub async fn greet(stream: UnixStream) -> Option<(Asker, PairingCode)> {
         // Bounded: a client that never sends a line end cannot make the agent's memory grow.
         let mut stream = tokio::io::BufReader::new(stream.take(LINE));
@@ -56,15 +56,15 @@ impl Asker {
         match code {
             Ok(code) => Some((asker, code)),
             Err(fault) => {
-                asker.tell(&format!("refused: {fault}")).await;
+                asker.send_line(&format!("refused: {fault}")).await;
                 None
             }
         }
     }
 
-    /// Tells a line. One that has gone away is no fault: [`Asker::gone`] shows it. One that does not read loses the
+    /// Sends a line. One that has gone away is no fault: [`Asker::gone`] shows it. One that does not read loses the
     /// line, for the agent's links wait meanwhile.
-    pub async fn tell(&mut self, line: &str) {
+    pub async fn send_line(&mut self, line: &str) {
         let line = Zeroizing::new(format!("{line}\n"));
         let _ = tokio::time::timeout(TELL_WITHIN, self.0.write_all(line.as_bytes())).await;
     }
@@ -76,7 +76,7 @@ impl Asker {
     }
 }
 
-/// Asks a running agent to open its window, and shows what it says, line by line, until it closes.
+/// Asks a running agent to open its window, and shows its output, line by line, until it closes.
 ///
 /// # Errors
 /// None is running on this store.
@@ -106,7 +106,7 @@ mod tests {
         let line = "x".repeat(4_096);
         // Far more than a socket takes; were a line to wait, the test would not end.
         for _ in 0..1_000 {
-            asker.tell(&line).await;
+            asker.send_line(&line).await;
         }
     }
 }

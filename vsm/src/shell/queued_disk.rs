@@ -2,7 +2,7 @@
 //!
 //! A change that must survive a power cut is written at once, so that a disk that is full or read-only refuses it at
 //! once, and is made durable by a thread of its own: `disk-writer` synchronises, renames and synchronises the folder,
-//! once for all that has gathered meanwhile (a group commit). [`Disk::progress`] says how far it has come, and the bridge
+//! once for all that has gathered meanwhile (a group commit). [`Disk::progress`] reports how far it has come, and the bridge
 //! holds what depends on it until then. What need survive the end of the process only is written as by [`FileDisk`].
 //!
 //! The ceilings of signing clocks have a thread of their own: a link must not fall silent because somebody else has much

@@ -1,23 +1,23 @@
-//! What a service manager is told: ready, alive, stopping. Without one nothing is said.
+//! Notifies a service manager: ready, alive, stopping. Without one nothing is sent.
 
 use std::time::Duration;
 
 use sd_notify::NotifyState;
 
-/// Says that the bridge serves.
+/// Reports that the bridge serves.
 pub fn ready() {
-    say(NotifyState::Ready);
+    notify(NotifyState::Ready);
 }
 
-/// Says that it stops.
+/// Reports that it stops.
 pub fn stopping() {
-    say(NotifyState::Stopping);
+    notify(NotifyState::Stopping);
 }
 
-/// Says that it is alive. Whoever calls this has found out that every part of the program works: silent, the program is
+/// Reports that it is alive. Whoever calls this has found out that every part of the program works: silent, the program is
 /// ended and started again.
 pub fn alive() {
-    say(NotifyState::Watchdog);
+    notify(NotifyState::Watchdog);
 }
 
 /// How often [`alive`] is expected: twice in each period that the service manager waits; `None` where it does not wait.
@@ -29,7 +29,7 @@ pub fn ping_interval() -> Option<Duration> {
         .then(|| Duration::from_micros(micros / 2).max(SHORTEST))
 }
 
-fn say(state: NotifyState<'_>) {
+fn notify(state: NotifyState<'_>) {
     if let Err(cause) = sd_notify::notify(false, &[state]) {
         tracing::warn!("the service manager cannot be notified: {cause}");
     }

@@ -114,7 +114,7 @@ impl SettingsLink {
     }
 
     /// Reads every setting that [`hardening`] judges, for at most `patience`; what is not answered stays unknown. Where nothing
-    /// at all arrives it ends after [`NOTHING_FOR`], and says so by `true`: PX4 sends a heartbeat each second.
+    /// at all arrives it ends after [`NOTHING_FOR`], and returns `true`: PX4 sends a heartbeat each second.
     pub async fn read(mut self, patience: Duration) -> (VehicleSettings, bool) {
         let mut names = hardening::SETTINGS
             .iter()

@@ -4,7 +4,7 @@
 //! keeps PX4 from starting its failsafe, and a service manager that still gets its pings never starts it again. So:
 //!
 //! - [`Tasks::run`] returns at the first task that ends, whether it returned or panicked, and names it; only one that has
-//!   said that nobody needs it any more ([`Beat::finish`]) may return;
+//!   reported that nobody needs it any more ([`Beat::finish`]) may return;
 //! - a round goes through every task by its [`Beat`], once a second or faster. Only a round that all have answered
 //!   feeds the service manager's watchdog; a task that does not answer for [`STUCK_AFTER`] ends the program, also where
 //!   no service manager waits.

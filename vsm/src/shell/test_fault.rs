@@ -9,7 +9,7 @@
 
 use std::future::Future;
 
-/// The task, broken where the environment says so.
+/// The task, broken where the environment asks for it.
 #[cfg(debug_assertions)]
 pub(super) async fn broken(task: &'static str, work: impl Future<Output = ()>) {
     use std::time::Duration;

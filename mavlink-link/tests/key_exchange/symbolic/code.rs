@@ -183,9 +183,9 @@ impl Code {
     fn act(&mut self, action: Action, before: &State, after: &State) {
         match action {
             Action::Begin => self.begin(before.ground.waits(), after.sessions),
-            Action::Deliver(said) => {
+            Action::Deliver(content) => {
                 let mut state = before.clone();
-                let message = state.deliver(said, None).unwrap();
+                let message = state.deliver(content, None).unwrap();
                 self.deliver(&wire(&value(message.wire)), after.answers);
             }
             Action::Install => {
@@ -270,7 +270,7 @@ pub(super) fn follow(scope: &Scope, trace: &[Action]) {
             assert!(
                 code.sent.contains(&bytes),
                 "{:?} after {}",
-                message.said,
+                message.content,
                 here()
             );
         }
@@ -290,11 +290,16 @@ pub(super) fn follow(scope: &Scope, trace: &[Action]) {
     }
     let last = &states[trace.len()];
     for message in &last.tape {
-        let taken = last.clone().deliver(message.said, None);
+        let taken = last.clone().deliver(message.content, None);
         if taken.is_none_or(|taken| taken.wire != message.wire) {
             let before = code.disks();
             code.deliver(&wire(&value(message.wire)), u8::MAX);
-            assert_eq!(code.disks(), before, "{:?} after {trace:#?}", message.said);
+            assert_eq!(
+                code.disks(),
+                before,
+                "{:?} after {trace:#?}",
+                message.content
+            );
         }
     }
     let busy = matches!(last.ground.phase, Phase::Idle) || code.ground.is_busy();

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-use super::messages::{Facts, Handshake, Message, Said, Suite, gate};
+use super::messages::{Content, Facts, Handshake, Message, Suite, gate};
 use super::terms::{Name, Term};
 use super::{AGREED, Flaw, GENUINE, ONCE, STAGED};
 
@@ -85,8 +85,8 @@ pub(crate) struct State {
     pub(crate) broken: Option<&'static str>,
 }
 
-fn said(step: u8, of: &Handshake, ephemeral: Name, facts: Facts) -> Said {
-    Said {
+fn content(step: u8, of: &Handshake, ephemeral: Name, facts: Facts) -> Content {
+    Content {
         step,
         session: of.session,
         ephemeral,
@@ -103,10 +103,10 @@ const NO_FACTS: Facts = Facts {
 };
 
 impl State {
-    fn send(&mut self, of: &Handshake, said: Said, data: &[Term]) {
+    fn send(&mut self, of: &Handshake, content: Content, data: &[Term]) {
         let gate = self.gate_of(of.suite, of);
         self.tape
-            .insert(Rc::new(Message::new(of.suite, said, data, gate)));
+            .insert(Rc::new(Message::new(of.suite, content, data, gate)));
     }
 
     fn gate_of(&self, suite: Suite, of: &Handshake) -> Term {
@@ -155,55 +155,55 @@ impl State {
         } else {
             NO_FACTS
         };
-        let said = said(1, &handshake, own[1], facts);
-        let data = handshake.step(true, &said, flaw);
-        self.send(&handshake, said, &data);
+        let content = content(1, &handshake, own[1], facts);
+        let data = handshake.step(true, &content, flaw);
+        self.send(&handshake, content, &data);
         self.ground.phase = Phase::Asking(handshake);
     }
 
     /// Whether an end may read a message of this session now: what is certainly ignored need not be made.
-    pub(crate) fn expects(&self, said: &Said) -> bool {
+    pub(crate) fn expects(&self, content: &Content) -> bool {
         let air = &self.air;
-        match (said.step, &self.ground.phase) {
+        match (content.step, &self.ground.phase) {
             (1, _) => air.peer.is_some() || air.window.is_some(),
             (2, Phase::Asking(open)) | (4, Phase::Confirming(open, _)) => {
-                open.session == said.session
+                open.session == content.session
             }
             (3, _) => {
                 let half_open = air.half_open.iter().map(|(open, _)| open);
                 let slots = air.window.iter().flat_map(|window| &window.open);
                 let done = air.done.iter().map(|done| &done.handshake);
                 let mut known = half_open.chain(slots).chain(done);
-                known.any(|open| open.session == said.session)
+                known.any(|open| open.session == content.session)
             }
             _ => false,
         }
     }
 
     /// Takes a message as it must be to be accepted: `None` where none with these words is.
-    pub(crate) fn deliver(&mut self, said: Said, flaw: Option<Flaw>) -> Option<Message> {
-        match said.step {
-            1 => self.offered(said, flaw),
-            2 => self.answered(said, flaw),
-            3 => self.confirmed(said, flaw),
-            _ => self.outcome(said, flaw),
+    pub(crate) fn deliver(&mut self, content: Content, flaw: Option<Flaw>) -> Option<Message> {
+        match content.step {
+            1 => self.offered(content, flaw),
+            2 => self.answered(content, flaw),
+            3 => self.confirmed(content, flaw),
+            _ => self.outcome(content, flaw),
         }
     }
 
-    fn answered(&mut self, said: Said, flaw: Option<Flaw>) -> Option<Message> {
+    fn answered(&mut self, content: Content, flaw: Option<Flaw>) -> Option<Message> {
         let Phase::Asking(mut handshake) = self.ground.phase.clone() else {
             return None;
         };
-        if said.session != handshake.session {
+        if content.session != handshake.session {
             return None;
         }
         let gate = self.gate_of(handshake.suite, &handshake);
-        let data = handshake.step(false, &said, flaw);
-        let message = Message::new(handshake.suite, said, &data, gate);
+        let data = handshake.step(false, &content, flaw);
+        let message = Message::new(handshake.suite, content, &data, gate);
         let open = flaw == Some(Flaw::NoGate);
         let genuine = open || self.judge(&message, &[self.ground.stealable()]);
         self.posed |= !genuine;
-        let mut confirm = self::said(3, &handshake, handshake.own[1], NO_FACTS);
+        let mut confirm = self::content(3, &handshake, handshake.own[1], NO_FACTS);
         let data = match handshake.suite {
             Suite::Pinned => vec![handshake.confirmation()],
             Suite::Pairing => {
@@ -214,11 +214,13 @@ impl State {
         let key = handshake.signing_key();
         let ground = &mut self.ground;
         // The agent has our waiting key in force: it must not be overwritten by the new one.
-        let in_force = ground.next.filter(|next| said.facts.current == Some(*next));
+        let in_force = ground
+            .next
+            .filter(|next| content.facts.current == Some(*next));
         if let Some(key) = in_force.filter(|_| flaw != Some(Flaw::DoesNotPromote)) {
             ground.promote(key);
         }
-        ground.epoch = ground.epoch.max(said.facts.epoch) + 1;
+        ground.epoch = ground.epoch.max(content.facts.epoch) + 1;
         if flaw == Some(Flaw::DeletesEarly) {
             ground.current = None;
         }
@@ -237,22 +239,22 @@ impl State {
         Some(message)
     }
 
-    fn outcome(&mut self, said: Said, flaw: Option<Flaw>) -> Option<Message> {
+    fn outcome(&mut self, content: Content, flaw: Option<Flaw>) -> Option<Message> {
         let Phase::Confirming(handshake, number) = self.ground.phase.clone() else {
             return None;
         };
-        if said.session != handshake.session
-            || handshake.theirs[1] != Some(said.ephemeral)
-            || number.is_some_and(|number| said.outcome[1] <= number)
+        if content.session != handshake.session
+            || handshake.theirs[1] != Some(content.ephemeral)
+            || number.is_some_and(|number| content.outcome[1] <= number)
         {
             return None;
         }
         let gate = self.gate_of(handshake.suite, &handshake);
-        let mut data = handshake.outcome(said.outcome);
+        let mut data = handshake.outcome(content.outcome);
         if flaw == Some(Flaw::BelievesOutcome) {
             data.truncate(1);
         }
-        let message = Message::new(handshake.suite, said, &data, gate);
+        let message = Message::new(handshake.suite, content, &data, gate);
         self.judge(
             &message,
             if self.posed {
@@ -263,7 +265,7 @@ impl State {
         );
         let key = handshake.signing_key();
         let ground = &mut self.ground;
-        if said.outcome[0] == ROLLED_BACK {
+        if content.outcome[0] == ROLLED_BACK {
             (ground.next, ground.phase) = (None, Phase::Idle);
             return Some(message);
         }
@@ -277,7 +279,7 @@ impl State {
             }
         }
         let ground = &mut self.ground;
-        ground.phase = Phase::Confirming(handshake, Some(said.outcome[1]));
+        ground.phase = Phase::Confirming(handshake, Some(content.outcome[1]));
         if ground.current.is_none() {
             // There is no other.
             (ground.current, ground.phase) = (ground.next.take(), Phase::Idle);
@@ -285,7 +287,7 @@ impl State {
         Some(message)
     }
 
-    fn offered(&mut self, said: Said, flaw: Option<Flaw>) -> Option<Message> {
+    fn offered(&mut self, content: Content, flaw: Option<Flaw>) -> Option<Message> {
         let air = &self.air;
         let suite = if air.window.is_some() {
             Suite::Pairing
@@ -295,11 +297,11 @@ impl State {
         let known = air
             .half_open
             .as_ref()
-            .is_some_and(|(open, _)| open.session == said.session);
+            .is_some_and(|(open, _)| open.session == content.session);
         let over = air
             .window
             .iter()
-            .any(|window| window.seen.contains(&said.session));
+            .any(|window| window.seen.contains(&content.session));
         let sent = air.next.is_some_and(|(_, sent)| sent) && flaw != Some(Flaw::ReplacesSent);
         if known || over || sent {
             return None;
@@ -311,49 +313,49 @@ impl State {
         self.answers += 1;
         // Suite 1: who has the agent's own key can make a step 1 too, and no more; suite 2: anybody who passes the gate.
         let own = [Name::Air, Name::AirOnce(self.answers)];
-        let mut handshake = Handshake::new(suite, said.session, false, own, peer);
+        let mut handshake = Handshake::new(suite, content.session, false, own, peer);
         let gate = self.gate_of(suite, &handshake);
-        let data = handshake.step(false, &said, flaw);
-        let message = Message::new(suite, said, &data, gate);
+        let data = handshake.step(false, &content, flaw);
+        let message = Message::new(suite, content, &data, gate);
         if suite == Suite::Pinned && flaw != Some(Flaw::NoCounter) {
-            (said.facts.counter > air.highest).then_some(())?;
+            (content.facts.counter > air.highest).then_some(())?;
         }
         let facts = Facts {
             counter: 0,
             epoch: self.air.epoch,
             current: self.air.current,
         };
-        let answer = self::said(2, &handshake, own[1], facts);
+        let answer = self::content(2, &handshake, own[1], facts);
         let data = handshake.step(true, &answer, flaw);
         if suite == Suite::Pinned {
             let old = self
                 .air
                 .peer
-                .is_some_and(|(_, done)| said.facts.counter <= done);
+                .is_some_and(|(_, done)| content.facts.counter <= done);
             if old {
                 self.broken = Some(ONCE);
             }
             if flaw != Some(Flaw::KeepsNext) {
                 self.air.next = None;
             }
-            (self.air.done, self.air.highest) = (None, said.facts.counter);
-            self.air.half_open = Some((handshake.clone(), said.facts));
+            (self.air.done, self.air.highest) = (None, content.facts.counter);
+            self.air.half_open = Some((handshake.clone(), content.facts));
         } else if let Some(window) = &mut self.air.window {
-            window.seen.push(said.session);
+            window.seen.push(content.session);
             window.open.push(handshake.clone());
         }
         self.tape
             .insert(Rc::new(Message::new(suite, answer, &data, gate)));
         if flaw == Some(Flaw::StagesUnconfirmed) && suite == Suite::Pinned {
-            self.stage(&handshake, said.facts, &message, true);
+            self.stage(&handshake, content.facts, &message, true);
         }
         Some(message)
     }
 
-    fn confirmed(&mut self, said: Said, flaw: Option<Flaw>) -> Option<Message> {
+    fn confirmed(&mut self, content: Content, flaw: Option<Flaw>) -> Option<Message> {
         if let Some(done) = &self.air.done {
-            let again = |m: &&Rc<Message>| m.wire == done.confirm && m.said == said;
-            if done.handshake.session == said.session {
+            let again = |m: &&Rc<Message>| m.wire == done.confirm && m.content == content;
+            if done.handshake.session == content.session {
                 let again = self.tape.iter().find(again)?.as_ref().clone();
                 let done = done.clone();
                 self.answer_done(&done);
@@ -361,7 +363,7 @@ impl State {
             }
         }
         let fits = |open: &&Handshake| {
-            open.session == said.session && open.theirs[1] == Some(said.ephemeral)
+            open.session == content.session && open.theirs[1] == Some(content.ephemeral)
         };
         let pinned = self.air.half_open.clone().filter(|(open, _)| fits(&open));
         let (handshake, data, facts) = if let Some((open, facts)) = pinned {
@@ -369,11 +371,11 @@ impl State {
             (open, data, facts)
         } else {
             let mut open = self.air.window.as_ref()?.open.iter().find(fits)?.clone();
-            let data = open.step(false, &said, flaw);
-            (open, data, said.facts)
+            let data = open.step(false, &content, flaw);
+            (open, data, content.facts)
         };
         let gate = self.gate_of(handshake.suite, &handshake);
-        let message = Message::new(handshake.suite, said, &data, gate);
+        let message = Message::new(handshake.suite, content, &data, gate);
         let peer = handshake.theirs[0]?;
         let needed = if handshake.suite == Suite::Pinned {
             peer
@@ -414,9 +416,13 @@ impl State {
     }
 
     fn answer_done(&mut self, done: &Done) {
-        let mut said = said(4, &done.handshake, done.handshake.own[1], NO_FACTS);
-        said.outcome = done.outcome;
-        self.send(&done.handshake, said, &done.handshake.outcome(done.outcome));
+        let mut content = content(4, &done.handshake, done.handshake.own[1], NO_FACTS);
+        content.outcome = done.outcome;
+        self.send(
+            &done.handshake,
+            content,
+            &done.handshake.outcome(done.outcome),
+        );
     }
 }
 

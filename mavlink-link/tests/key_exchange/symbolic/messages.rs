@@ -76,9 +76,9 @@ impl Facts {
     }
 }
 
-/// What a message says beside its seals: for an honest one what its sender is, for another what the attacker chose.
+/// What a message contains beside its seals: for an honest one what its sender is, for another what the attacker chose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(crate) struct Said {
+pub(crate) struct Content {
     pub(crate) step: u8,
     pub(crate) session: u8,
     pub(crate) ephemeral: Name,
@@ -176,8 +176,8 @@ impl Handshake {
     }
 
     /// The next message but for its ephemeral key, written, or as it must be to be read.
-    pub(crate) fn step(&mut self, sends: bool, said: &Said, flaw: Option<Flaw>) -> Vec<Term> {
-        let at = usize::from(said.step) - 1;
+    pub(crate) fn step(&mut self, sends: bool, content: &Content, flaw: Option<Flaw>) -> Vec<Term> {
+        let at = usize::from(content.step) - 1;
         let mut data = Vec::new();
         for token in self.suite.pattern()[at] {
             let [own_s, own_e] = self.own;
@@ -187,20 +187,20 @@ impl Handshake {
                     self.theirs[1] = if sends {
                         self.theirs[1]
                     } else {
-                        Some(said.ephemeral)
+                        Some(content.ephemeral)
                     };
-                    self.mix_hash(public(said.ephemeral));
+                    self.mix_hash(public(content.ephemeral));
                     if self.suite == Suite::Pairing {
-                        self.mix_key(public(said.ephemeral));
+                        self.mix_key(public(content.ephemeral));
                     }
                 }
                 Token::S => {
                     self.theirs[0] = if sends {
                         self.theirs[0]
                     } else {
-                        Some(said.identity)
+                        Some(content.identity)
                     };
-                    data.push(self.seal(public(said.identity)));
+                    data.push(self.seal(public(content.identity)));
                 }
                 Token::Ee if flaw == Some(Flaw::NoEphemerals) => {}
                 Token::Se if flaw == Some(Flaw::NoInitiatorKey) => {}
@@ -221,9 +221,9 @@ impl Handshake {
                 }
             }
         }
-        let payload = match (self.suite, said.step) {
+        let payload = match (self.suite, content.step) {
             (Suite::Pairing, 1) => bytes(&[]),
-            _ => said.facts.term(),
+            _ => content.facts.term(),
         };
         data.push(self.seal(payload));
         data
@@ -268,32 +268,32 @@ pub(crate) fn gate(pinned: Option<[Name; 2]>) -> Term {
 pub(crate) struct Message {
     pub(crate) wire: Term,
     pub(crate) suite: Suite,
-    pub(crate) said: Said,
+    pub(crate) content: Content,
     pub(crate) parts: Vec<Term>,
 }
 
 impl Message {
-    pub(crate) fn new(suite: Suite, said: Said, data: &[Term], gate: Term) -> Message {
-        let up = said.step % 2 == 1;
+    pub(crate) fn new(suite: Suite, content: Content, data: &[Term], gate: Term) -> Message {
+        let up = content.step % 2 == 1;
         let [system, component] = if up { [1, 191] } else { [245, 190] };
         let used: usize = data.iter().map(|part| len(*part)).sum();
         let trailer = if up { 32 } else { 16 };
         let header = |len: usize| {
             let suite = if suite == Suite::Pinned { 1 } else { 2 };
             let rest = [
-                said.session,
+                content.session,
                 0,
                 0,
                 0,
                 2,
-                said.step,
+                content.step,
                 suite,
                 0,
                 system,
                 component,
                 len as u8,
             ];
-            [public(said.ephemeral), bytes(&rest)]
+            [public(content.ephemeral), bytes(&rest)]
         };
         let text = [&[bytes(b"first")], header(used).as_slice(), data].concat();
         let tag = hmac(gate, join(&text), 16);
@@ -304,7 +304,7 @@ impl Message {
         Message {
             wire,
             suite,
-            said,
+            content,
             parts,
         }
     }

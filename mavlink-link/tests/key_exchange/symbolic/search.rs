@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashSet, VecDeque};
 use std::hash::{BuildHasher as _, BuildHasherDefault, DefaultHasher};
 
 use super::ends::{ACTIVE, Phase, ROLLED_BACK, SENT, State, Window};
-use super::messages::{Facts, Handshake, Said, Suite, gate};
+use super::messages::{Content, Facts, Handshake, Suite, gate};
 use super::terms::{Knowledge, Name, secret};
 use super::{Flaw, IN_FORCE, SECRET};
 
@@ -30,7 +30,7 @@ pub(crate) struct Scope {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Action {
     Begin,
-    Deliver(Said),
+    Deliver(Content),
     /// The agent sends the staged key to the autopilot, which takes it, or does not; the agent and the ground see it.
     Install,
     Take,
@@ -64,21 +64,21 @@ impl Scope {
     }
 
     fn knowledge(&self, state: &State) -> Knowledge {
-        let mut heard: BTreeSet<_> = state.leaked_keys.clone();
-        heard.extend(
+        let mut received: BTreeSet<_> = state.leaked_keys.clone();
+        received.extend(
             state
                 .tape
                 .iter()
                 .flat_map(|message| message.parts.iter().copied()),
         );
         if self.open_gate {
-            heard.insert(gate(Some([Name::Ground, Name::Air])));
+            received.insert(gate(Some([Name::Ground, Name::Air])));
         }
         if self.flaw == Some(Flaw::NoGate) || self.flaw == Some(Flaw::NoCode) {
-            heard.insert(gate(None));
+            received.insert(gate(None));
         }
         Knowledge {
-            heard,
+            received,
             names: state.leaked.clone(),
         }
     }
@@ -88,11 +88,12 @@ impl Scope {
         if state.sessions < self.sessions {
             actions.push(Action::Begin);
         }
-        let mut words: BTreeSet<Said> = state.tape.iter().map(|message| message.said).collect();
+        let mut words: BTreeSet<Content> =
+            state.tape.iter().map(|message| message.content).collect();
         words.extend(self.words_of_eve(state, knowledge));
-        words.retain(|said| state.expects(said));
+        words.retain(|content| state.expects(content));
         if state.answers >= self.answers {
-            words.retain(|said| said.step != 1);
+            words.retain(|content| content.step != 1);
         }
         actions.extend(words.into_iter().map(Action::Deliver));
         actions.extend([
@@ -119,8 +120,8 @@ impl Scope {
         actions
     }
 
-    /// What the attacker could say for himself to an end that would read it, where he passes its gate.
-    fn words_of_eve(&self, state: &State, knowledge: &Knowledge) -> Vec<Said> {
+    /// What the attacker could send of his own to an end that would read it, where he passes its gate.
+    fn words_of_eve(&self, state: &State, knowledge: &Knowledge) -> Vec<Content> {
         let (ground, air) = (&state.ground, &state.air);
         let passes = |suite: Suite, peer: Option<Name>, own| {
             let pinned = peer
@@ -130,7 +131,7 @@ impl Scope {
         };
         let of = |open: &Handshake| passes(open.suite, open.theirs[0], open.own[0]);
         let mut words = Vec::new();
-        let mut say = |step, session, ephemerals: &[Name], identities: &[Name], outcomes: &[_]| {
+        let mut add = |step, session, ephemerals: &[Name], identities: &[Name], outcomes: &[_]| {
             let counter = if step == 2 { 0 } else { EVES_COUNTER };
             let facts = Facts {
                 counter,
@@ -139,7 +140,7 @@ impl Scope {
             };
             for &ephemeral in ephemerals {
                 for &identity in identities {
-                    words.extend(outcomes.iter().map(|&outcome| Said {
+                    words.extend(outcomes.iter().map(|&outcome| Content {
                         step,
                         session,
                         ephemeral,
@@ -154,7 +155,7 @@ impl Scope {
         match &ground.phase {
             Phase::Asking(asking) if of(asking) => {
                 let reflected = [Name::EveOnce, asking.own[1]];
-                say(
+                add(
                     2,
                     asking.session,
                     &reflected,
@@ -164,7 +165,7 @@ impl Scope {
             }
             Phase::Confirming(open, _) if of(open) => {
                 let ephemeral = open.theirs[1].unwrap_or(Name::EveOnce);
-                say(
+                add(
                     4,
                     open.session,
                     &[ephemeral],
@@ -181,14 +182,14 @@ impl Scope {
         };
         if passes(suite, air.peer.map(|(peer, _)| peer), Name::Air) {
             for session in [EVES_SESSION, 1] {
-                say(1, session, &[Name::EveOnce], &[Name::Eve], &none);
+                add(1, session, &[Name::EveOnce], &[Name::Eve], &none);
             }
         }
         let half_open = air.half_open.iter().map(|(open, _)| open);
         for open in half_open.chain(air.window.iter().flat_map(|window| &window.open)) {
             if of(open) {
                 let ephemeral = open.theirs[1].unwrap_or(Name::EveOnce);
-                say(
+                add(
                     3,
                     open.session,
                     &[ephemeral],
@@ -206,8 +207,8 @@ impl Scope {
         let (ground, air) = (&mut state.ground, &mut state.air);
         match action {
             Action::Begin => state.begin(self.flaw),
-            Action::Deliver(said) => {
-                let message = state.deliver(said, self.flaw)?;
+            Action::Deliver(content) => {
+                let message = state.deliver(content, self.flaw)?;
                 let makes = last.was_sent(&message)
                     || message.parts.iter().all(|part| knowledge.makes(*part));
                 makes.then_some(())?;

@@ -110,7 +110,7 @@ pub(crate) fn sealed(key: Term, nonce: u8, ad: Term, plain: Term) -> Term {
 /// What the attacker has: everything that was sent, whole and in parts, and secrets that he was given.
 #[derive(Default)]
 pub(crate) struct Knowledge {
-    pub(crate) heard: BTreeSet<Term>,
+    pub(crate) received: BTreeSet<Term>,
     pub(crate) names: BTreeSet<Name>,
 }
 
@@ -121,7 +121,7 @@ impl Knowledge {
         let made = TERMS.with_borrow(|terms| terms.made[term.0 as usize].clone());
         let has =
             |name: &Name| matches!(name, Name::Eve | Name::EveOnce) || self.names.contains(name);
-        self.heard.contains(&term)
+        self.received.contains(&term)
             || match &*made {
                 Made::Bytes(_) | Made::Public(_) => true,
                 Made::Secret(name) => has(name),

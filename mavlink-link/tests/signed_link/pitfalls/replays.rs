@@ -95,10 +95,10 @@ fn pitfall_05_captures_of_another_link_neither_shut_the_vehicle_out_nor_keep_the
                 }
             }
             let frame = vehicle.heartbeat();
-            let heard = station
+            let accepted = station
                 .receive(at(now + k * 100 + 50), VEHICLE, &frame)
                 .len();
-            refused += usize::from(heard == 0);
+            refused += usize::from(accepted == 0);
         }
         assert_eq!(station.link.peer(), Some(VEHICLE));
     }

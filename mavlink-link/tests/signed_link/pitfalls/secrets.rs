@@ -51,13 +51,13 @@ fn pitfall_16_a_panic_about_a_secret_does_not_tell_it() {
         let text = panic.downcast_ref::<String>().unwrap();
         (about, text.to_lowercase())
     }
-    for (about, told) in [
+    for (about, printed) in [
         shown("SigningKey", key()),
         shown("KeyState", station.keys),
         shown("Identity", Identity::new([0x5a; 32])),
         shown("PairingCode", code),
     ] {
-        assert!(told.contains(&about.to_lowercase()), "{told}");
+        assert!(printed.contains(&about.to_lowercase()), "{printed}");
         let shown = |bytes: &[u8]| {
             let hex: String = bytes.iter().map(|o| format!("{o:02x}")).collect();
             let list = format!("{bytes:?}");
@@ -65,7 +65,7 @@ fn pitfall_16_a_panic_about_a_secret_does_not_tell_it() {
         };
         let secrets = [shown(&key().expose()[..8]), shown(&[0x5a; 8])].concat();
         for secret in secrets.iter().map(String::as_str).chain([&text[..8]]) {
-            assert!(!told.contains(secret), "{about}: {secret}");
+            assert!(!printed.contains(secret), "{about}: {secret}");
         }
     }
 }

@@ -21,7 +21,7 @@ pub(super) struct Px4 {
     pub(super) armed: bool,
     pub(super) can_sign: bool,
     pub(super) seq: u8,
-    pub(super) to_say: Vec<MavMessage>,
+    pub(super) to_send: Vec<MavMessage>,
 }
 
 impl Px4 {
@@ -36,7 +36,7 @@ impl Px4 {
             armed: false,
             can_sign: true,
             seq: 0,
-            to_say: vec![],
+            to_send: vec![],
         }
     }
 
@@ -69,7 +69,7 @@ impl Px4 {
         if header.message_id == 256 && self.can_sign {
             if self.armed {
                 let text = "MAVLink signing: rejected while armed";
-                self.to_say.push(MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+                self.to_send.push(MavMessage::STATUSTEXT(STATUSTEXT_DATA {
                     text: text.into(),
                     ..STATUSTEXT_DATA::default()
                 }));
@@ -113,14 +113,14 @@ impl Px4 {
 
     /// What it sends by itself: a heartbeat each second, something else five times.
     pub(super) fn speak(&mut self, tick: u64) -> Vec<Vec<u8>> {
-        let mut said: Vec<_> = self.to_say.drain(..).collect();
+        let mut sent: Vec<_> = self.to_send.drain(..).collect();
         if tick % 10 == 3 {
-            said.push(self.heartbeat());
+            sent.push(self.heartbeat());
         }
         if tick.is_multiple_of(2) {
-            said.push(ack());
+            sent.push(ack());
         }
-        said.iter().map(|message| self.send(message)).collect()
+        sent.iter().map(|message| self.send(message)).collect()
     }
 
     pub(super) fn heartbeat(&self) -> MavMessage {

@@ -41,14 +41,14 @@ impl World {
         }
         self.ours.handle_timeout(self.now);
         let mut out = [0; MAX_FRAME];
-        let mut told = None;
+        let mut secret_to = None;
         while let Some(sent) = self.ours.poll_transmit(self.now, &mut self.disk, &mut out) {
-            told = sent.secret.then_some(sent.to).or(told);
+            secret_to = sent.secret.then_some(sent.to).or(secret_to);
             if sent.to == VEHICLE && vehicle_is_on {
                 self.px4.receive(&out[..sent.len]);
             }
         }
-        told
+        secret_to
     }
 }
 
@@ -128,7 +128,10 @@ fn a_vehicle_that_lost_its_key_ends_no_search_for_it_either() {
         world.step_by_address(true);
     }
     assert_eq!(world.ours.outcome(), None);
-    assert!(world.ours.vehicle_is_open(world.now.mono), "and it is told");
+    assert!(
+        world.ours.vehicle_is_open(world.now.mono),
+        "and it is reported"
+    );
 }
 
 #[test]

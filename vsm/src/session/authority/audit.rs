@@ -113,7 +113,7 @@ pub struct Chain {
     keyed: Option<String>,
 }
 
-/// What a line says.
+/// What a line records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Entry {
     /// The VSM has started, with these holders as they were stored.
@@ -152,7 +152,7 @@ pub struct Verified {
     pub torn: bool,
     /// Lines that are bound by a key that is not at hand: the id of the first such key. They were not verified.
     pub other_key: Option<String>,
-    /// What earlier starts have found wrong: the number of the line that says so, and what.
+    /// What earlier starts have found wrong: the number of its line, and what.
     pub faults: Vec<(u64, String)>,
     /// The digits of the line with the number that was asked for, where it is in this log.
     pub digits: Option<String>,
@@ -175,7 +175,7 @@ impl fmt::Display for Broken {
     }
 }
 
-/// What a first line must tell where its log follows another.
+/// What a first line must name where its log follows another.
 #[derive(Deserialize)]
 struct First {
     line: u64,
@@ -397,7 +397,7 @@ impl Chain {
 }
 
 impl Chain {
-    /// What the first line of a log says that it follows.
+    /// What the first line of a log claims to follow.
     fn before(bytes: &[u8]) -> Chain {
         let first = bytes.split(|byte| *byte == b'\n').next();
         let first = first

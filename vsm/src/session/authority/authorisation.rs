@@ -23,7 +23,7 @@ impl AuthorityMachine {
             return AckType::Refused;
         };
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
-        // A release is always granted, whatever else the message says.
+        // A release is always granted, whatever else the message asks.
         if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
             self.answer(context, origin.station, Some(request), effects);
             effects.answer(&[origin.station], format!("message 1 refused: {why}"));
@@ -140,7 +140,7 @@ impl AuthorityMachine {
         }
     }
 
-    /// What 17000 says of an answer. One that waits is acknowledged again when it is decided.
+    /// What 17000 reports of an answer. One that waits is acknowledged again when it is decided.
     pub(super) fn acknowledgement(
         &mut self,
         origin: &Origin,

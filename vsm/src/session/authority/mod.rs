@@ -193,7 +193,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
     }
 }
 
-/// Whether a message moves the aircraft, changes what it will fly, or says who may: such a message needs a Time Stamp,
+/// Whether a message moves the aircraft, changes what it will fly, or decides who may: such a message needs a Time Stamp,
 /// and comes in time. Of message 1 only what requests a right to command: a question changes nothing, and a release is
 /// granted always.
 pub(crate) fn commands(message: &Message) -> bool {

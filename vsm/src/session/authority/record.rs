@@ -125,7 +125,7 @@ impl AuthorityRecord {
     /// finds.
     ///
     /// # Errors
-    /// It could not be stored, and does not hold: the audit log says so, where it can still be written.
+    /// It could not be stored, and does not hold: the audit log has a line of it, where it can still be written.
     pub(super) fn store_decision(
         &mut self,
         rights: &Authority,
@@ -157,7 +157,7 @@ impl AuthorityRecord {
             Err(_) => {
                 self.since = since;
                 if let Some(kind) = logged {
-                    // The log has the changes already: it must say too that they do not hold.
+                    // The log has the changes already: it must also record that they do not hold.
                     self.write_audit(kind, &Entry::NotKept, Durability::Power, context, effects)?;
                 }
             }

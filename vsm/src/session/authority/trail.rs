@@ -167,7 +167,7 @@ pub(crate) struct Examined {
     pub(crate) findings: Vec<Finding>,
     /// Of the lines that were asked for by their digits, those that are there, with their numbers.
     pub(crate) present: Vec<(String, u64)>,
-    /// What earlier starts have found: the number of the line that says so, and what.
+    /// What earlier starts have found: the number of its line, and what.
     pub(crate) faults: Vec<(u64, String)>,
     /// Length of the file that is being written.
     pub(super) bytes: usize,

@@ -169,7 +169,7 @@ impl Bridge {
         }
         self.received.count(header.message_type.into());
         if let Message::MessageAcknowledgement(_) = message {
-            // It says that the station's computer is there, which `reach` has noted, and nothing of who sits before it.
+            // It shows that the station's computer is there, which `reach` has noted, and nothing of who sits before it.
             return false;
         }
         let station = &mut self.stations[index];
@@ -243,7 +243,7 @@ impl Bridge {
         }
     }
 
-    /// A duplicate: what answered it before answers it again. A question is answered anew.
+    /// A duplicate: what answered it before answers it again. A question is answered afresh.
     fn answer_again(
         &mut self,
         now: Now,
@@ -308,7 +308,7 @@ impl Bridge {
         }
     }
 
-    /// Refuses a message that cannot be read, or that a CUCS never sends. Where nobody waits for an answer nothing is told.
+    /// Refuses a message that cannot be read, or that a CUCS never sends. Where nobody waits for an answer nothing is sent.
     fn refuse(
         &mut self,
         now: Now,
@@ -409,7 +409,7 @@ pub(super) fn drop_name(fault: &WrapperError) -> &'static str {
     }
 }
 
-const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be told from it";
+const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be distinguished from it";
 const ACKNOWLEDGEMENT: u16 = 17000;
 /// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
 /// slowed down, and sent again where it was cut.

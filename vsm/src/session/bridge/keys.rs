@@ -72,7 +72,7 @@ impl Bridge {
         }
     }
 
-    /// The agent says, proven, that the vehicle signs with the next key already, and it is the current one on disk.
+    /// The agent reports, proven, that the vehicle signs with the next key already, and it is the current one on disk.
     pub fn adopt_next_key(&mut self, index: usize, now: Now, disk: &mut dyn Disk) {
         if let Some(aircraft) = self.aircraft.get_mut(index) {
             aircraft.link.adopt_next_key(now, disk);
@@ -101,7 +101,7 @@ impl Bridge {
         }
     }
 
-    /// Tells the stations, and the log.
+    /// Notifies the stations, and the log.
     pub fn tell_of_exchange(
         &mut self,
         index: usize,

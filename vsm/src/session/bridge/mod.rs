@@ -224,7 +224,7 @@ impl Bridge {
         self.trace = on;
     }
 
-    /// What a record of authority says of its holders: status goes where it went before, so that nobody has to ask again,
+    /// What a record of authority has of its holders: status goes where it went before, so that nobody has to ask again,
     /// and the silence of one that sent heartbeats counts.
     fn remember_stations(&mut self, now: Duration, known: &[KnownStation]) {
         for known in known {

@@ -16,13 +16,13 @@
 //!
 //! What was authorised and the memory has no room for any more leaves its stamp behind ([`UsedStamps`]): no command is
 //! carried out twice, however many others came between. What was not authorised leaves nothing. What moves the aircraft,
-//! changes what it will fly or says who may (`commands` of the caller) needs a stamp, and comes in time by its station's
+//! changes what it will fly or decides who may (`commands` of the caller) needs a stamp, and comes in time by its station's
 //! own clock ([`StationClock`]). Sticks are too many to be logged one by one: of them each must be newer than the last
 //! ([`StickStamps`]), and the log has a bound on their stamps that is ahead of them.
 //!
 //! A command is logged before it is carried out, and again when its answer is final. The log survives the end of the
 //! process, `kill -9` too; after a power cut the last lines may be missing. Where no line can be written the command is
-//! carried out all the same, and an alert says so: a vehicle in the air must be commanded with a full disk too.
+//! carried out all the same, and an alert reports it: a vehicle in the air must be commanded with a full disk too.
 
 mod command_log;
 mod recent;

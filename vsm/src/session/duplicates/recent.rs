@@ -213,7 +213,7 @@ pub(super) fn is_final(answer: Option<AckType>) -> bool {
 }
 
 /// What a message orders about: of two orders about the same thing, which the message type names beside this, the later
-/// one counts. None of those whose order says nothing.
+/// one counts. None of those whose order means nothing.
 fn about(message: &Message) -> Option<u64> {
     let named = |name: &str| {
         let bytes = name.bytes();

@@ -279,7 +279,7 @@ impl StationClock {
         }
         let newer_ms = stamps_apart_ms(stamp, reference.stamp);
         if in_time && !ahead {
-            // What was overtaken on its way says nothing new.
+            // What was overtaken on its way brings nothing new.
             if newer_ms > 0 {
                 self.follow(new, self.since.unwrap_or(now));
                 for candidate in self.candidates.iter_mut().flatten() {

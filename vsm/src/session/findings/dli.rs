@@ -39,7 +39,7 @@ pub(crate) enum Fault {
     Unreadable,
 }
 
-/// How a checksum was computed that does not fit as its style says.
+/// How a checksum was computed that does not fit as its style requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fits {
     /// Style 1 read in the other way.
@@ -81,7 +81,7 @@ impl Fault {
         }
     }
 
-    /// Whether it is of the wrapper, and says nothing that can be believed of who sent it.
+    /// Whether it is of the wrapper, and carries nothing that can be believed of who sent it.
     fn is_broken(self) -> bool {
         self.needs() > 1
     }
@@ -149,7 +149,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// Of the same sender, as far as that can be believed: the port tells nothing.
+    /// Of the same sender, as far as that can be believed: the port proves nothing.
     fn is_same(&self, from: SocketAddr, fault: Fault) -> bool {
         match (self.fault, fault) {
             (Fault::NotListed(one, ..), Fault::NotListed(other, ..))

@@ -1,7 +1,7 @@
 //! What arrives on a vehicle's link in place of verified frames, and why none verifies.
 //!
 //! [`Arrivals`] looks at the counters of the link once in a while, which costs the frames nothing; [`judge`] makes of it at
-//! most one reason why the vehicle is not received, the most telling one, and whether it receives us.
+//! most one reason why the vehicle is not received, the most specific one, and whether it receives us.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use mavlink_link::signing::KeyId;
 use super::{Code, Finding};
 use crate::config::LinkAddress;
 
-/// What became of frames, or why they were refused; the most telling one first.
+/// What became of frames, or why they were refused; the most specific one first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     OtherKey,
@@ -97,7 +97,7 @@ impl Arrivals {
         }
     }
 
-    /// The most telling kind of what has arrived within [`FRESH`].
+    /// The most specific kind of what has arrived within [`FRESH`].
     pub(crate) fn refused(&self, mono: Duration) -> Option<Kind> {
         let fresh = |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= FRESH);
         let mut kinds = Kind::ALL.into_iter().zip(&self.last);

@@ -1,6 +1,6 @@
 //! Engines (2008): arming and disarming by PX4's own rules.
 //!
-//! PX4 arms all motors together: an Engine Number says nothing but that the vehicle must have that engine. It is never
+//! PX4 arms all motors together: an Engine Number means nothing but that the vehicle must have that engine. It is never
 //! forced: PX4 refuses to disarm in the air and to arm what is not ready, and its reason is passed on. It is put in
 //! AUTO.LOITER before it is armed on the ground: armed in AUTO.MISSION it would take off at once.
 

@@ -134,7 +134,7 @@ pub(super) fn has(route: RouteType, at: &Situation<'_>) -> bool {
     at.plan.route_of_type(route).is_some()
 }
 
-/// Commanded Altitude, where one is commanded, m as its type says.
+/// Commanded Altitude, where one is commanded, m in the reference of its type.
 pub(super) fn altitude(command: &VehicleOperatingModeCommand) -> Option<f64> {
     match command.altitude_command_type {
         Some(AltitudeCommandType::None) => None,

@@ -55,7 +55,7 @@ pub struct ExchangeStatus {
     pub ignored: u64,
 }
 
-/// What stations are told of the exchange by 16000.
+/// What stations are sent of the exchange by 16000.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ExchangeNotice {
     /// Something that happened.

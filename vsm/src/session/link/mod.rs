@@ -498,7 +498,7 @@ impl VehicleLink {
 }
 
 /// PX4 stamps from the value of its key file when it starts, until a heartbeat of ours lifts it: its first frames verify and
-/// are refused. They are told apart from recordings by their end: the link is live within [`LIFTED_WITHIN`].
+/// are refused. They are distinguished from recordings by their end: the link is live within [`LIFTED_WITHIN`].
 #[derive(Debug, Default)]
 struct StaleAtStart {
     /// How many of them have been found to be so.

@@ -53,7 +53,7 @@ impl OperatorControl {
         self.pending.then_some(self.next_at)
     }
 
-    /// Keeps what a CONTROL_STATUS of the vehicle says.
+    /// Keeps what a CONTROL_STATUS of the vehicle reports.
     pub(crate) fn note(&mut self, status: &CONTROL_STATUS_DATA, effects: &mut Effects<'_>) {
         let manager = GcsControlStatusFlags::GCS_CONTROL_STATUS_FLAGS_SYSTEM_MANAGER;
         // Without the flag it is the status of a component, not of the whole system.

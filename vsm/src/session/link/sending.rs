@@ -1,5 +1,5 @@
 //! What goes to the vehicle: signed at the moment of sending; the stamps of requests are kept, so that an answer can be
-//! told from a recording of an older one.
+//! distinguished from a recording of an older one.
 
 use mavlink::Message as _;
 use mavlink_link::Now;

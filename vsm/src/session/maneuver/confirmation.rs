@@ -133,7 +133,7 @@ fn speed_slack(speed_m_s: f64) -> f64 {
 const RADIUS_SLACK_M: f64 = 0.5;
 /// How near a course over ground must be to the one commanded, rad: gusts turn a small wing by more than a degree.
 const COURSE_SLACK: f64 = 0.1;
-/// Slower, a course says nothing.
+/// Slower, a course means nothing.
 const SLOWEST_M_S: f64 = 2.0;
 /// How near a set point must be to the one commanded, m.
 const TARGET_SLACK_M: f64 = 2.0;

@@ -39,7 +39,7 @@ pub(crate) enum Step {
 /// MAV_CMD_DO_SET_MODE to a mode of PX4, and the confirmation of it.
 ///
 /// A take-off that ends in that very moment puts PX4 into AUTO.LOITER, whatever it has just accepted: then, and in no
-/// other mode, which might be a pilot's, it is told again.
+/// other mode, which might be a pilot's, it is commanded again.
 pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
     let mode = modes.first().copied().unwrap_or(Px4Mode::LOITER);
     // PX4 v1.18 refuses the packed custom_mode in param2, and unused parameters that are neither 0 nor NaN.
@@ -415,7 +415,7 @@ fn e7(degrees: f64) -> i32 {
 const CUSTOM_MODE_ENABLED: f32 = 1.0;
 /// HEARTBEAT comes at 1 Hz, and some of them are lost.
 const STATE_WITHIN: Duration = Duration::from_secs(6);
-/// A vehicle that shows another mode after this long is told again, if it holds.
+/// A vehicle that shows another mode after this long is commanded again, if it holds.
 const INSIST_AFTER: Duration = Duration::from_millis(2_500);
 /// PX4 spins its motors up before it lifts.
 const LIFT_OFF_WITHIN: Duration = Duration::from_secs(12);

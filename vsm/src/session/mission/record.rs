@@ -108,7 +108,7 @@ pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, us
             failed: staged.failed,
         });
     } else if let Some(upload) = record.upload {
-        // Whose it was says only the source of its messages.
+        // Whose it was is known only from the source of its messages.
         let of_upload = upload.sent.last().or(record.messages.last());
         let sent_by = of_upload.and_then(|line| sources(line).ok()?.pop());
         received.staged = Some(StagedUpload {
@@ -360,7 +360,7 @@ pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8
     })
 }
 
-/// What a record says was uploaded.
+/// What a record has as uploaded.
 pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMission, RecordError> {
     let record: UploadedRecord = from_json(bytes).map_err(RecordError)?;
     let order: Option<Vec<Leg>> = record.legs.iter().map(LegRecord::leg).collect();

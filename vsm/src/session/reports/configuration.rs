@@ -282,7 +282,7 @@ impl Configuration {
         }
     }
 
-    /// PX4's own reaction to the loss of this VSM, as its parameters say. It is changed only on command.
+    /// PX4's own reaction to the loss of this VSM, as its parameters set it. It is changed only on command.
     fn report_own_failsafe(&self, effects: &mut Effects<'_>) {
         let parameters = &self.parameters;
         let (Some(action), Some(after_s)) =

@@ -105,7 +105,7 @@ pub(crate) enum Input<'a> {
         station: usize,
         request: &'a GenericInformationRequestMessage,
     },
-    /// A command is about to be carried out: its station is told once of fields that never have an effect.
+    /// A command is about to be carried out: its station is sent once the fields that never have an effect.
     NoteIgnored {
         origin: &'a Origin,
         message: &'a Message,
@@ -277,7 +277,7 @@ impl Reports {
         .min()
     }
 
-    /// A load, or another configuration, has changed what message 3 says; a new listener is sent it at its grant.
+    /// A load, or another configuration, has changed message 3; a new listener is sent it at its grant.
     fn watch_identity(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let tail_number = &context.config.tail_number;
         let mission_id = context

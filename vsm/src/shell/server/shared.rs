@@ -35,7 +35,7 @@ pub(super) fn write_log(entry: &LogEntry) {
 #[derive(Debug)]
 pub(super) struct Shared {
     pub(super) clock: Clock,
-    /// Of this VSM, as the status tells it.
+    /// Of this VSM, as the status shows it.
     pub(super) vsm: String,
     pub(super) core: RefCell<Core>,
     /// Something waits to be sent.

@@ -342,7 +342,7 @@ pub(super) async fn tell_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: 
     }
 }
 
-/// A socket that fails again and again is said once in a while, and takes no whole core.
+/// A socket that fails again and again is logged once in a while, and takes no whole core.
 async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
     tokio::time::sleep(Duration::from_millis(500)).await;

@@ -1,4 +1,4 @@
-//! What the machine says of an input: the answer to who asked, what changed hands, which handovers began and ended.
+//! What the machine decides of an input: the answer to who asked, what changed hands, which handovers began and ended.
 
 use std::fmt;
 use std::time::Duration;

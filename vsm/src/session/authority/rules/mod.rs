@@ -3,8 +3,8 @@
 //! Promised, and checked by `tests/authority/every_state.rs` over every state that can be reached:
 //! - LOI 4 and 5 have one holder together, the controller. LOI 3 has one holder a payload station. LOI 2 may be held
 //!   by any number.
-//! - Rights change hands in one step, told as a [`Change`]: the changes alone say who holds what at any moment.
-//! - A release is always granted. Nothing is taken from a holder that is heard, but by its consent, by override, or
+//! - Rights change hands in one step, reported as a [`Change`]: the changes alone show who holds what at any moment.
+//! - A release is always granted. Nothing is taken from a holder that is present, but by its consent, by override, or
 //!   where the controller asks for a payload station by its number.
 //! - While a mission is loaded for one CUCS, control does not pass to another: what was decided waits for the end.
 //! - While the vehicle takes off or lands, control passes from its holder to another by override only.
@@ -69,7 +69,7 @@ impl Asker {
 /// How far the silence of a CUCS has gone: `authority.warn_s`, `offer_s`, `act_s`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Silence {
-    /// Heard lately, or it never sent heartbeats.
+    /// Received lately, or it never sent heartbeats.
     #[default]
     None,
     /// Operators are warned.
@@ -105,7 +105,7 @@ impl Circumstances<'_> {
 }
 
 impl Authority {
-    /// Everything that a CUCS holds, as LOI Granted says it: LOI 3 to 5 imply LOI 2.
+    /// Everything that a CUCS holds, as LOI Granted shows it: LOI 3 to 5 imply LOI 2.
     #[must_use]
     pub fn granted(&self, id: Id) -> LoiBitmap {
         self.held(id).levels()

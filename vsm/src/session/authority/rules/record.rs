@@ -74,7 +74,7 @@ impl Authority {
     }
 
     /// Rights and handovers as they were stored, as far as the configuration still allows them. Who is asked for
-    /// consent or acceptance has the whole time anew.
+    /// consent or acceptance has the whole time again.
     #[must_use]
     pub fn restored(record: &Record, now: Duration, roster: &[Asker]) -> Authority {
         let mut authority = Authority::default();

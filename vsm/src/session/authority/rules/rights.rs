@@ -82,7 +82,7 @@ impl fmt::Debug for Stations {
 
 /// A set of rights: LOI 2, LOI 4 and LOI 5, and LOI 3 by station.
 ///
-/// Only what is held by itself: that LOI 3 to 5 imply LOI 2 is said by [`Rights::levels`].
+/// Only what is held by itself: that LOI 3 to 5 imply LOI 2 is in [`Rights::levels`].
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Rights {
     /// LOI 2 and LOI 4, 5; never LOI 3.
@@ -163,7 +163,7 @@ impl Rights {
         self.own & LoiBitmap::LOI2.raw() != 0
     }
 
-    /// As LOI Granted says it (0021.07): LOI 3 with any station, and LOI 2 with anything.
+    /// As LOI Granted shows it (0021.07): LOI 3 with any station, and LOI 2 with anything.
     #[must_use]
     pub fn levels(self) -> LoiBitmap {
         let mut raw = self.own;
