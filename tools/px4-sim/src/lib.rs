@@ -42,5 +42,6 @@ pub use link::signing::{Admission, Refusal, Setup, Signing};
 pub use link_address::{LinkAddress, LinkAddressError};
 pub use mavlink_link::service::param::Value;
 pub use physics::motion::{Geodetic, LocalFrame, Ned};
+pub use physics::vtol::VtolState;
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
 pub use vehicle::state::{HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters};

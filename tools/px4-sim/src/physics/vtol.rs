@@ -12,10 +12,14 @@ use crate::physics::trajectory::{Guidance, Heading};
 
 /// EXTENDED_SYS_STATE.vtol_state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum VtolState {
+pub enum VtolState {
+    /// On its rotors.
     Hover,
+    /// Speeds up until the wings carry.
     ToWings,
+    /// On its wings.
     Wings,
+    /// Slows down until the rotors carry.
     ToHover,
 }
 

@@ -22,6 +22,7 @@ use crate::physics::airframe::{Body, Tuning};
 use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 use crate::physics::noise::Estimator;
 use crate::physics::trajectory::{Guidance, Heading};
+use crate::physics::vtol::VtolState;
 use crate::services::mission::{KINDS, Limits, Server};
 use crate::services::mission_rules::{Airframe as ParamUse, Px4Rules};
 use crate::services::param;
@@ -77,6 +78,8 @@ pub struct Truth {
     pub landed: bool,
     /// MISSION_CURRENT.seq.
     pub mission_seq: u16,
+    /// What a VTOL flies on; none of another airframe.
+    pub vtol: Option<VtolState>,
 }
 
 /// Faults of a vehicle, for tests of alerts. All but `instead` and `low_m` are only reported, and do not affect its flight.
@@ -232,6 +235,7 @@ impl Vehicle {
             armed: self.commander.is_armed(),
             landed: self.landed,
             mission_seq: self.navigator.mission.index() as u16,
+            vtol: self.body.vtol(),
         }
     }
 

@@ -183,6 +183,7 @@ const EXAMPLES: &[&str] = &[
     "vsm run /etc/vsm/vsm.toml",
     "vsm check-config vsm.toml",
     "vsm demo --curve",
+    "vsm demo --vtol",
     "vsm status",
     "vsm status --json",
     "vsm reload",

@@ -92,7 +92,7 @@ fn show(out: &Path, speed: f64) -> anyhow::Result<()> {
 }
 
 fn fly(out: &Path, speed: f64, protection: Protection, story: &mut Story) -> anyhow::Result<Flown> {
-    let world = World::start(out, speed, None, protection)?;
+    let world = World::start(out, speed, px4_sim::Config::default(), protection)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;

@@ -11,6 +11,7 @@ mod picture;
 mod story;
 mod table;
 mod track;
+mod wings;
 mod world;
 
 use std::io::{self, Write};
@@ -25,6 +26,7 @@ use self::curve::Section;
 use self::picture::{Picture, Planned};
 use self::story::{CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, discover, take_control};
 use self::track::{Point, Track};
+use self::wings::Scenario;
 use self::world::{Protection, Remains, World};
 use super::process::{Failure, failed};
 
@@ -43,6 +45,12 @@ pub(crate) struct Arguments {
     /// Fly a section of the Everland Speedway by nine curved legs instead of a route of straight ones
     #[arg(long, conflicts_with = "attack")]
     curve: bool,
+    /// Fly a fixed wing instead: launch, a route with a loiter, the landing pattern
+    #[arg(long, conflicts_with_all = ["attack", "curve"])]
+    wing: bool,
+    /// Fly a standard VTOL instead: launch, its transitions, a route, the landing pattern
+    #[arg(long, conflicts_with_all = ["attack", "curve", "wing"])]
+    vtol: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -51,18 +59,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         speed,
         attack,
         curve,
+        wing,
+        vtol,
     } = arguments;
-    let flown = match (attack, curve) {
-        (true, _) => return attack::run(out, *speed),
-        (false, true) => fly_curves(out, *speed),
-        (false, false) => fly(out, *speed),
+    if *attack {
+        return attack::run(out, *speed);
+    }
+    let flown = if *curve {
+        fly_curves(out, *speed)
+    } else if *wing || *vtol {
+        fly_on_wings(out, *speed, Scenario::of(*vtol))
+    } else {
+        fly(out, *speed)
     };
     flown.map_err(failed)
 }
 
 fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
     let mut story = Story::begin(speed);
-    let world = World::start(out, speed, None, Protection::On)?;
+    let world = World::start(out, speed, px4_sim::Config::default(), Protection::On)?;
     let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
         flight(station, story, vehicle).await
     })?;
@@ -74,6 +89,7 @@ fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
         planned: &planned,
         flown: &track,
         note: &format!("{CHAIN}; largest deviation from the route {deviation_m:.1} m"),
+        marks: &[],
     };
     let report = format!(
         "\nlargest deviation from the route {deviation_m:.1} m (corners are cut by PX4's acceptance radius)\n"
@@ -84,7 +100,11 @@ fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
 fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
     let section = Section::new()?;
     let mut story = Story::begin(speed);
-    let world = World::start(out, speed, Some(section.home()), Protection::On)?;
+    let vehicle = px4_sim::Config {
+        home: section.home(),
+        ..px4_sim::Config::default()
+    };
+    let world = World::start(out, speed, vehicle, Protection::On)?;
     let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
         curve::flight(station, story, vehicle, &section).await
     })?;
@@ -99,8 +119,38 @@ fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
             "{CHAIN}; largest deviation from the curves {:.1} m",
             compared.flown.deviation_m
         ),
+        marks: &[],
     };
     let report = section.report(&compared)?;
+    leave(out, &picture, &station, &remains, &story, &report)
+}
+
+fn fly_on_wings(out: &Path, speed: f64, scenario: &Scenario) -> anyhow::Result<()> {
+    let mut story = Story::begin(speed);
+    let world = World::start(out, speed, scenario.vehicle(), Protection::On)?;
+    let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
+        scenario.flight(station, story, vehicle).await
+    })?;
+    let (track, marks, off_m) = scenario.flown(&remains)?;
+    let planned = scenario.planned();
+    let picture = Picture {
+        title: scenario.title,
+        planned: &planned,
+        flown: &track,
+        note: &format!("{CHAIN}; touched down {off_m:.1} m from its place"),
+        marks: &marks,
+    };
+    let mut report = String::from("\nmarks of the flight, s since arming\n");
+    let begun_s = track.points.first().map_or(0.0, |first| first.time_s);
+    for mark in &marks {
+        let Point { time_s, up_m, .. } = mark.point;
+        report += &format!(
+            "  {:6.1} s  {up_m:5.1} m  {}\n",
+            time_s - begun_s,
+            mark.text
+        );
+    }
+    report += &format!("touched down {off_m:.1} m from its place\n");
     leave(out, &picture, &station, &remains, &story, &report)
 }
 
@@ -299,26 +349,36 @@ const WAYPOINTS: &[(u16, f64, f64, f64, f64, u16)] = &[
 ];
 
 fn route() -> Route {
-    let waypoints =
-        WAYPOINTS.iter().map(
-            |(number, north_m, east_m, up_m, speed_m_s, next)| Waypoint {
+    let waypoints = WAYPOINTS
+        .iter()
+        .map(|(number, north_m, east_m, up_m, speed_m_s, next)| {
+            let (latitude_deg, longitude_deg) = north_east_deg(*north_m, *east_m);
+            Waypoint {
                 number: *number,
-                latitude_deg: HOME.0 + north_m / METRES_A_DEGREE,
-                longitude_deg: HOME.1 + east_m / (METRES_A_DEGREE * HOME.0.to_radians().cos()),
+                latitude_deg,
+                longitude_deg,
                 altitude_m: *up_m,
                 altitude_type: Some(AltitudeType::Agl),
                 speed_m_s: Some(*speed_m_s),
                 speed_type: Some(WaypointSpeedType::Ground),
                 next: *next,
                 ..Waypoint::default()
-            },
-        );
+            }
+        });
     Route {
         mission_id: Some("DEMO".to_owned()),
         id: Some("DEMO ROUTE".to_owned()),
         waypoints: waypoints.collect(),
         ..Route::default()
     }
+}
+
+/// Degrees north and east of a place near where the simulator stands.
+fn north_east_deg(north_m: f64, east_m: f64) -> (f64, f64) {
+    (
+        HOME.0 + north_m / METRES_A_DEGREE,
+        HOME.1 + east_m / (METRES_A_DEGREE * HOME.0.to_radians().cos()),
+    )
 }
 
 fn planned() -> Planned {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use px4_sim::Truth;
+
 use super::track::{Point, Track};
 
 /// A planned route as it is drawn.
@@ -15,6 +17,24 @@ pub(crate) struct Planned {
     pub(crate) arms: Vec<[Point; 2]>,
     /// Vertices of the chords that curves are flown by.
     pub(crate) vertices: Vec<Point>,
+    /// The landing pattern of wings.
+    pub(crate) landing: Vec<Point>,
+}
+
+/// Something that happened in the flight, such as a transition.
+#[derive(Debug)]
+pub(crate) struct Mark {
+    pub(crate) point: Point,
+    pub(crate) text: &'static str,
+}
+
+impl Mark {
+    pub(crate) fn at(truth: &Truth, text: &'static str) -> Mark {
+        Mark {
+            point: Point::of(truth),
+            text,
+        }
+    }
 }
 
 /// What is drawn.
@@ -23,6 +43,8 @@ pub(crate) struct Picture<'a> {
     pub(crate) planned: &'a Planned,
     pub(crate) flown: &'a Track,
     pub(crate) note: &'a str,
+    /// In the order of the flight: lettered in the map, named in the profile.
+    pub(crate) marks: &'a [Mark],
 }
 
 impl Picture<'_> {
@@ -39,13 +61,14 @@ impl Picture<'_> {
         );
         self.map(&mut svg);
         self.profile(&mut svg);
-        legend(&mut svg);
+        self.legend(&mut svg);
         svg.push_str("</svg>\n");
         svg
     }
 
     fn map(&self, svg: &mut String) {
-        let places = self.planned.line.iter().chain(&self.flown.points);
+        let planned = self.planned.line.iter().chain(&self.planned.landing);
+        let places = planned.chain(&self.flown.points);
         let (mut west, mut east, mut south, mut north) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
         for point in places {
             (west, east) = (west.min(point.east_m), east.max(point.east_m));
@@ -85,6 +108,21 @@ impl Picture<'_> {
             PLANNED,
             "stroke-dasharray=\"7 5\" stroke-width=\"2\"",
         );
+        if let Some(entry) = self.planned.landing.first() {
+            let landing = self.planned.landing.iter();
+            polyline(
+                svg,
+                landing.map(|point| (x(point), y(point))),
+                LANDING,
+                "stroke-dasharray=\"7 5\" stroke-width=\"2\"",
+            );
+            let _ = writeln!(
+                svg,
+                "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{LANDING}\" text-anchor=\"middle\">landing pattern</text>",
+                x(entry),
+                y(entry) - 14.0
+            );
+        }
         let flown = self.flown.points.iter().map(|point| (x(point), y(point)));
         polyline(svg, flown, FLOWN, "stroke-width=\"2\"");
         for vertex in &self.planned.vertices {
@@ -115,6 +153,9 @@ impl Picture<'_> {
                 x + 10.0,
                 y + 14.0
             );
+        }
+        for (mark, letter) in self.marks.iter().zip('A'..) {
+            diamond(svg, (x(&mark.point), y(&mark.point)), letter, true);
         }
         scale_bar(svg, scale);
         let (x, y) = (MARGIN + MAP_WIDTH - 26.0, MAP_TOP + 14.0);
@@ -175,6 +216,10 @@ impl Picture<'_> {
             FLOWN,
             "stroke-width=\"2\"",
         );
+        for (mark, letter) in self.marks.iter().zip('A'..) {
+            let at = (x(mark.point.time_s), y(mark.point.up_m));
+            diamond(svg, at, letter, false);
+        }
         for (number, waypoint) in &self.planned.waypoints {
             let Some(nearest) = self.flown.nearest(waypoint) else {
                 continue;
@@ -193,25 +238,53 @@ impl Picture<'_> {
             PROFILE_TOP - 6.0
         );
     }
+
+    fn legend(&self, svg: &mut String) {
+        let y = HEIGHT - 34.0;
+        let mut x = MARGIN;
+        let mut lines = vec![
+            (PLANNED, " stroke-dasharray=\"7 5\"", "planned"),
+            (FLOWN, "", "flown"),
+        ];
+        if !self.planned.landing.is_empty() {
+            lines.push((LANDING, " stroke-dasharray=\"7 5\"", "landing pattern"));
+        }
+        for (colour, dashes, text) in lines {
+            let _ = writeln!(
+                svg,
+                "<line x1=\"{x:.0}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{colour}\" stroke-width=\"2\"{dashes}/>\
+                 <text x=\"{:.0}\" y=\"{y}\">{text}</text>",
+                x + 40.0,
+                y - 4.0,
+                y - 4.0,
+                x + 48.0,
+            );
+            x += 220.0;
+        }
+        let named = self.marks.iter().zip('A'..);
+        let named: Vec<String> = named
+            .map(|(mark, letter)| format!("{letter} {}", mark.text))
+            .collect();
+        let _ = writeln!(
+            svg,
+            "<text x=\"{MARGIN}\" y=\"{:.0}\" fill=\"{MARKED}\" font-size=\"12\">{}</text>",
+            y + 20.0,
+            escaped(&named.join("\u{a0}\u{a0}\u{a0} "))
+        );
+    }
 }
 
-fn legend(svg: &mut String) {
-    let y = HEIGHT - 14.0;
+/// A mark with its letter. Marks at one place, such as those of a launch and a landing, have theirs on two `sides`.
+fn diamond(svg: &mut String, (x, y): (f64, f64), letter: char, sides: bool) {
+    let below = sides && u32::from(letter).is_multiple_of(2);
+    let (right, down) = if below { (8.0, 18.0) } else { (-16.0, -6.0) };
     let _ = writeln!(
         svg,
-        "<line x1=\"{MARGIN}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{PLANNED}\" stroke-width=\"2\" \
-         stroke-dasharray=\"7 5\"/><text x=\"{:.0}\" y=\"{y}\">planned</text>\
-         <line x1=\"{:.0}\" x2=\"{:.0}\" y1=\"{:.0}\" y2=\"{:.0}\" stroke=\"{FLOWN}\" stroke-width=\"2\"/>\
-         <text x=\"{:.0}\" y=\"{y}\">flown</text>",
-        MARGIN + 40.0,
-        y - 4.0,
-        y - 4.0,
-        MARGIN + 48.0,
-        MARGIN + 220.0,
-        MARGIN + 260.0,
-        y - 4.0,
-        y - 4.0,
-        MARGIN + 268.0,
+        "<path d=\"M{x:.1} {:.1} l6 6 l-6 6 l-6 -6 z\" fill=\"{MARKED}\"/>\
+         <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{MARKED}\" font-weight=\"bold\">{letter}</text>",
+        y - 6.0,
+        x + right,
+        y + down
     );
 }
 
@@ -265,7 +338,7 @@ pub(super) fn escaped(text: &str) -> String {
 }
 
 pub(super) const WIDTH: f64 = 920.0;
-const HEIGHT: f64 = 840.0;
+const HEIGHT: f64 = 860.0;
 pub(super) const MARGIN: f64 = 46.0;
 const MAP_TOP: f64 = 62.0;
 pub(super) const MAP_WIDTH: f64 = 828.0;
@@ -273,5 +346,7 @@ const MAP_HEIGHT: f64 = 480.0;
 const PROFILE_TOP: f64 = 576.0;
 const PROFILE_HEIGHT: f64 = 200.0;
 const ARM: &str = "#b9a3c9";
+const LANDING: &str = "#2a7d3c";
+const MARKED: &str = "#6a1fa8";
 pub(super) const PLANNED: &str = "#1f5fa8";
 pub(super) const FLOWN: &str = "#c8401a";

@@ -13,6 +13,18 @@ pub(crate) struct Point {
     pub(crate) in_mission: bool,
 }
 
+impl Point {
+    pub(crate) fn of(truth: &Truth) -> Point {
+        Point {
+            time_s: truth.time.as_secs_f64(),
+            north_m: truth.position.n,
+            east_m: truth.position.e,
+            up_m: -truth.position.d,
+            in_mission: truth.mode == Mode::Mission,
+        }
+    }
+}
+
 /// A flight.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Track {
@@ -31,15 +43,8 @@ impl Track {
     }
 
     fn of<'a>(samples: impl Iterator<Item = &'a Truth>) -> Track {
-        let points = samples.map(|truth| Point {
-            time_s: truth.time.as_secs_f64(),
-            north_m: truth.position.n,
-            east_m: truth.position.e,
-            up_m: -truth.position.d,
-            in_mission: truth.mode == Mode::Mission,
-        });
         Track {
-            points: points.collect(),
+            points: samples.map(Point::of).collect(),
         }
     }
 

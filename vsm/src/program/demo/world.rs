@@ -12,7 +12,7 @@ use crate::shell::key_file;
 use crate::shell::server::Server;
 use crate::shell::tasks::TaskFault;
 use anyhow::{Context as _, anyhow};
-use px4_sim::{Counters, Geodetic, LinkAddress, Simulator, SimulatorConfig, Truth};
+use px4_sim::{Counters, LinkAddress, Simulator, SimulatorConfig, Truth};
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
@@ -49,11 +49,10 @@ pub(crate) struct Remains {
 }
 
 impl World {
-    /// `home` is where the vehicle stands, where that is not the simulator's own place.
     pub(crate) fn start(
         out: &Path,
         speed: f64,
-        home: Option<Geodetic>,
+        vehicle: px4_sim::Config,
         protection: Protection,
     ) -> anyhow::Result<World> {
         std::fs::create_dir_all(out)
@@ -88,9 +87,7 @@ impl World {
             Protection::Off => None,
         };
         simulation.speed = speed;
-        if let Some(home) = home {
-            simulation.vehicle.home = home;
-        }
+        simulation.vehicle = vehicle;
         let simulator = background.block_on(Simulator::spawn(simulation))?;
         Ok(World {
             vsm: addresses.dli,
