@@ -24,10 +24,12 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, WaypointSp
 
 use self::curve::Section;
 use self::picture::{Picture, Planned};
-use self::story::{CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, discover, take_control};
+use self::story::{
+    CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover, take_control,
+};
 use self::track::{Point, Track};
 use self::wings::Scenario;
-use self::world::{Protection, Remains, World};
+use self::world::{Protection, Remains, World, north_east_deg};
 use super::process::{Failure, failed};
 
 /// Fly the bridge, a simulated PX4 and a CUCS on loopback, and leave a picture and a recording
@@ -318,27 +320,6 @@ async fn flight(station: &mut Station, story: &mut Story, vehicle: Id) -> anyhow
     await_waypoint(station, story, vehicle, 5).await
 }
 
-async fn await_waypoint(
-    station: &mut Station,
-    story: &mut Story,
-    vehicle: Id,
-    number: u16,
-) -> anyhow::Result<()> {
-    let what = format!("the vehicle to fly to waypoint {number}");
-    let reached = |session: &Session| {
-        session
-            .vehicle(vehicle)
-            .is_some_and(|v| v.to_waypoint() == Some(number))
-    };
-    station.wait_until(&what, FLIGHT_WITHIN, reached).await?;
-    let from = station
-        .vehicle(vehicle)
-        .and_then(|v| v.from_waypoint())
-        .unwrap_or(0);
-    story.tell(format!("waypoint {from} passed, to {number}"));
-    Ok(())
-}
-
 /// Number, m north and east of home, m above home, m/s, next.
 const WAYPOINTS: &[(u16, f64, f64, f64, f64, u16)] = &[
     (10, 60.0, 0.0, 30.0, 8.0, 7),
@@ -373,20 +354,12 @@ fn route() -> Route {
     }
 }
 
-/// Degrees north and east of a place near where the simulator stands.
-fn north_east_deg(north_m: f64, east_m: f64) -> (f64, f64) {
-    (
-        HOME.0 + north_m / METRES_A_DEGREE,
-        HOME.1 + east_m / (METRES_A_DEGREE * HOME.0.to_radians().cos()),
-    )
-}
-
 fn planned() -> Planned {
     let point = |north_m, east_m, up_m| Point {
         north_m,
         east_m,
         up_m,
-        ..HOME_POINT
+        ..Point::HOME
     };
     let waypoints: Vec<(u16, Point)> = WAYPOINTS
         .iter()
@@ -394,7 +367,7 @@ fn planned() -> Planned {
         .collect();
     let legs = waypoints.iter().map(|(_, point)| *point);
     Planned {
-        line: std::iter::once(HOME_POINT).chain(legs).collect(),
+        line: std::iter::once(Point::HOME).chain(legs).collect(),
         waypoints,
         ..Planned::default()
     }
@@ -402,16 +375,6 @@ fn planned() -> Planned {
 
 /// What flies, for the note of a picture.
 const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";
-/// Where px4-sim stands by default.
-const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);
-const HOME_POINT: Point = Point {
-    time_s: 0.0,
-    north_m: 0.0,
-    east_m: 0.0,
-    up_m: 0.0,
-    in_mission: false,
-};
-const METRES_A_DEGREE: f64 = 111_194.93;
 const LAUNCH_M: f64 = 30.0;
 const HIGHER_M: f64 = 45.0;
 const SLOWER_M_S: f64 = 5.0;

@@ -77,6 +77,27 @@ pub(super) async fn await_mode(
     Ok(station.wait_until(what, FLIGHT_WITHIN, reached).await?)
 }
 
+pub(super) async fn await_waypoint(
+    station: &mut Station,
+    story: &mut Story,
+    vehicle: Id,
+    number: u16,
+) -> anyhow::Result<()> {
+    let what = format!("the vehicle to fly to waypoint {number}");
+    let reached = |session: &Session| {
+        session
+            .vehicle(vehicle)
+            .is_some_and(|v| v.to_waypoint() == Some(number))
+    };
+    station.wait_until(&what, FLIGHT_WITHIN, reached).await?;
+    let from = station
+        .vehicle(vehicle)
+        .and_then(|v| v.from_waypoint())
+        .unwrap_or(0);
+    story.tell(format!("waypoint {from} passed, to {number}"));
+    Ok(())
+}
+
 /// The demo's CUCS.
 pub(super) const CUCS: Id = Id(0x1b00_00a0);
 pub(super) const READY_WITHIN: Duration = Duration::from_secs(15);

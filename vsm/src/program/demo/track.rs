@@ -14,6 +14,14 @@ pub(crate) struct Point {
 }
 
 impl Point {
+    pub(crate) const HOME: Point = Point {
+        time_s: 0.0,
+        north_m: 0.0,
+        east_m: 0.0,
+        up_m: 0.0,
+        in_mission: false,
+    };
+
     pub(crate) fn of(truth: &Truth) -> Point {
         Point {
             time_s: truth.time.as_secs_f64(),

@@ -13,10 +13,9 @@ use stanag_msgs::enums::{
 };
 
 use super::picture::{Mark, Planned};
-use super::story::{Story, await_mode};
+use super::story::{Story, await_mode, await_waypoint};
 use super::track::{Point, Track};
-use super::world::Remains;
-use super::{HOME_POINT, await_waypoint, north_east_deg};
+use super::world::{Remains, north_east_deg};
 
 /// What is flown, and by which figures.
 pub(super) struct Scenario {
@@ -152,7 +151,7 @@ impl Scenario {
             .approach
             .map(|(_, north_m, east_m, up_m)| place(north_m, east_m, up_m));
         Planned {
-            line: std::iter::once(HOME_POINT).chain(legs).collect(),
+            line: std::iter::once(Point::HOME).chain(legs).collect(),
             landing: landing_line(&entry, &touch_down, self.radius_m),
             waypoints,
             ..Planned::default()
@@ -248,7 +247,7 @@ fn place(north_m: f64, east_m: f64, up_m: f64) -> Point {
         north_m,
         east_m,
         up_m,
-        ..HOME_POINT
+        ..Point::HOME
     }
 }
 

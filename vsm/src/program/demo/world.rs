@@ -135,6 +135,14 @@ impl World {
     }
 }
 
+/// Degrees north and east of a place near where the simulator stands.
+pub(super) fn north_east_deg(north_m: f64, east_m: f64) -> (f64, f64) {
+    (
+        HOME.0 + north_m / METRES_A_DEGREE,
+        HOME.1 + east_m / (METRES_A_DEGREE * HOME.0.to_radians().cos()),
+    )
+}
+
 struct Addresses {
     dli: SocketAddr,
     vehicle: SocketAddr,
@@ -202,6 +210,9 @@ fn toml_text(path: &Path) -> anyhow::Result<String> {
     Ok(text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
+/// Where px4-sim stands by default, degrees north and east.
+const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);
+const METRES_A_DEGREE: f64 = 111_194.93;
 /// The configuration that a user would write, on ports that the system chooses.
 // Port 0 lets the system choose: the demo runs beside a bridge that holds the usual ports.
 const CONFIG: &str = r#"
