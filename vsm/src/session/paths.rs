@@ -676,6 +676,9 @@ impl Station {
         let new = self.candidates.swap_remove(place);
         if let Some(mut old) = self.current.replace(new) {
             (old.proven, old.rounds) = (None, 0);
+            // It is asked with the next message from there. The time of a proven address is half a lease away, and until
+            // then a station that returns, or a second program with its id, would be held back unasked.
+            (old.ask_at, old.pause) = (Duration::ZERO, FIRST_PAUSE);
             self.candidates.push(old);
             // What went to the old address may have reached nobody.
             self.missed = true;

@@ -418,6 +418,28 @@ fn a_controller_that_restarts_on_another_port_is_back_within_seconds() {
     }
 }
 
+/// A second program with the id of a CUCS, such as one that only discovers, takes its address for a moment: the first one is
+/// asked again with its next message, not half a lease later.
+#[test]
+fn a_controller_that_returns_to_its_address_is_back_within_seconds() {
+    let mut rig = Rig::new(Setup::default());
+    rig.stations[0].heartbeats = true;
+    rig.run(9.0);
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::CarriedOut)
+    );
+    let here = rig.stations[0].address;
+    for port in [41_234, here.port()] {
+        let mut again = Station::new(cucs(0), SocketAddr::from(([127, 0, 0, 1], port)));
+        again.heartbeats = true;
+        rig.stations[0] = again;
+        let ticket = rig.send(orders::request_control());
+        let answered = rig.until(2.0, |rig| rig.station().end(ticket).is_some());
+        assert!(answered, "{port}: {:?}", rig.station().answers(ticket));
+    }
+}
+
 /// A station that acknowledges nothing: everything that it commands is answered, and it sees the aircraft move.
 #[test]
 fn a_station_that_never_acknowledges_flies() {
