@@ -170,11 +170,12 @@ impl Upload {
                     Progress::Going
                 }
                 Err(difference) if self.touched => Progress::Failed(Fault::Differs(difference)),
-                // It names these items, and holds others: they are sent after all.
+                // It names these items, and holds others: they are sent after all. 14000 stays at what it has reported, until
+                // that is reached again.
                 Err(_) => match vehicle.missions.upload(now, self.kind, items.to_vec()) {
                     Ok(()) => {
                         self.phase = Phase::Sending;
-                        Progress::Percent(0)
+                        Progress::Going
                     }
                     Err(fault) => Progress::Failed(Fault::NotSent(fault)),
                 },
