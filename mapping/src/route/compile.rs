@@ -8,7 +8,7 @@ use super::error::{Reason, RouteError};
 use super::item::{NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
-use super::{brake, curve, waypoint};
+use super::{brake, curve, loiter, waypoint};
 use crate::limits::{Performance, metres};
 use crate::plan::Plan;
 
@@ -187,7 +187,10 @@ impl<'a> Draft<'a> {
         };
         let curved = |number: u16| self.plan.curves_from(number).next().is_some();
         // From a loiter it leaves in whatever direction it needs.
-        if curved(start.number) || curved(from.number) || self.plan.loiter(from.number).is_some() {
+        if curved(start.number)
+            || curved(from.number)
+            || loiter::flown_at(self.plan, from.number).is_some()
+        {
             return Ok(());
         }
         let places = [start, from, to].map(Leg::place);
@@ -202,7 +205,7 @@ impl<'a> Draft<'a> {
         curve: Option<&curve::Chords>,
     ) -> Result<(), Reason> {
         let number = leg.number;
-        let loiter = self.plan.loiter(number);
+        let loiter = loiter::flown_at(self.plan, number);
         let circles = |kind| kind == Some(LoiterType::Circular);
         if self.site.hovers() && loiter.is_some_and(|loiter| circles(loiter.waypoint_loiter_type)) {
             self.compiled.notes.push(format!(

@@ -8,7 +8,8 @@
 //! | direction | of no effect | sign of the radius: clockwise positive; into the wind is refused |
 //! | duration in seconds | NAV_LOITER_TIME | NAV_LOITER_TIME |
 //! | duration in turns | refused | the time that so many turns take at the loiter's speed, where radius and speed are given |
-//! | no duration | NAV_LOITER_UNLIM | NAV_LOITER_UNLIM |
+//! | duration absent | NAV_LOITER_UNLIM | NAV_LOITER_UNLIM |
+//! | duration 0 | no loiter: NAV_WAYPOINT | no loiter: NAV_WAYPOINT |
 //!
 //! PX4 has no item of a number of turns: it refuses NAV_LOITER_TURNS.
 
@@ -20,6 +21,7 @@ use stanag_msgs::messages::UaLoiterWaypoint;
 use super::error::Reason;
 use super::item::NAV_LOITER_UNLIM;
 use crate::limits::{Performance, WIDEST_CIRCLE_M};
+use crate::plan::Plan;
 
 /// A loiter as PX4 flies it: command and param1 to param4 of the item at its place, and the speed within it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +30,13 @@ pub(super) struct Loiter {
     pub(super) params: [f32; 4],
     /// Loiter Speed, where the vehicle flies a circle.
     pub(super) speed_m_s: Option<f64>,
+}
+
+/// The loiter that is flown at a waypoint: one whose duration is 0 is none (Edition 2.5, #803 field 5), where one without a
+/// duration has no end.
+pub(super) fn flown_at(plan: &Plan, number: u16) -> Option<&UaLoiterWaypoint> {
+    plan.loiter(number)
+        .filter(|loiter| loiter.loiter_duration != Some(0))
 }
 
 /// `leg_speed_m_s` is the speed of the leg to the loiter, where one is commanded.
@@ -44,7 +53,7 @@ pub(super) fn loiter(
     } else {
         speed(requested, performance)?
     };
-    let seconds = match requested.loiter_duration.filter(|duration| *duration > 0) {
+    let seconds = match requested.loiter_duration {
         None => None,
         Some(duration) => match requested.loiter_duration_units {
             None | Some(LoiterDurationUnits::Seconds) => Some(f64::from(duration)),
@@ -86,7 +95,8 @@ fn pattern(requested: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
 /// Metres, negative for counter-clockwise; 0 is the vehicle's own radius.
 fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     let radius_m = requested.loiter_radius.map_or(0.0, |radius| radius.si());
-    if !hovers && radius_m > WIDEST_CIRCLE_M {
+    // Declared of every vehicle (41003), so refused of one that hovers there too.
+    if radius_m > WIDEST_CIRCLE_M {
         return Err(Reason::LoiterRadius(radius_m));
     }
     match requested.loiter_direction {
@@ -119,7 +129,7 @@ pub(super) const NAV_LOITER_TIME: u16 = 19;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stanag_msgs::Scaled;
+    use stanag_msgs::{Id, Scaled};
 
     fn circle() -> UaLoiterWaypoint {
         UaLoiterWaypoint {
@@ -135,6 +145,27 @@ mod tests {
         hovers: bool,
     ) -> Result<Loiter, Reason> {
         loiter(requested, leg, hovers, &Performance::default())
+    }
+
+    #[test]
+    fn a_duration_of_0_is_no_loiter_and_an_absent_one_has_no_end() {
+        let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
+        let mut plan = Plan::default();
+        for (number, duration) in [(1, None), (2, Some(0)), (3, Some(4))] {
+            let message = UaLoiterWaypoint {
+                waypoint_number: Some(number),
+                loiter_duration: duration,
+                ..circle()
+            };
+            plan.store(&message.into(), cucs, vehicle).unwrap();
+        }
+        let command = |number| {
+            let requested = flown_at(&plan, number)?;
+            Some(made(requested, None, true).unwrap().command)
+        };
+        assert_eq!(command(1), Some(NAV_LOITER_UNLIM));
+        assert_eq!(command(2), None);
+        assert_eq!(command(3), Some(NAV_LOITER_TIME));
     }
 
     #[test]

@@ -23,8 +23,6 @@ pub(crate) struct Plans {
     waypoints: BTreeMap<u16, [u16; 3]>,
     /// Where flight routes begin, by their names.
     routes: BTreeMap<String, u16>,
-    /// Waypoints with a loiter.
-    loiters: BTreeSet<u16>,
     /// The routes of this upload: the same once more begins another.
     uploaded: BTreeSet<String>,
     /// Where its contingency routes begin.
@@ -56,7 +54,7 @@ impl Plans {
                 Ok(vec![to(&route, UaRoute::ID)?])
             }
             802 => self.waypoint(record),
-            803 => self.loiter(record),
+            803 => loiter(record),
             _ => Ok(vec![generic(record)?]),
         }
     }
@@ -108,29 +106,6 @@ impl Plans {
     fn end_upload(&mut self) {
         self.uploaded.clear();
         self.named = [0; 2];
-    }
-
-    fn loiter(&mut self, record: &Record) -> Result<Vec<Message>, Refusal> {
-        let number = record.whole(4) as u16;
-        if record.whole(5) == 0 {
-            // No loiter, where Edition 4 would read one without an end.
-            return if self.loiters.contains(&number) {
-                Err(Refusal::new(
-                    "not supported",
-                    format!(
-                        "waypoint {number} has a loiter: clear the mission (#800 mode 1) to send it without"
-                    ),
-                ))
-            } else {
-                Ok(Vec::new())
-            };
-        }
-        self.loiters.insert(number);
-        let mut message = to(record, UaLoiterWaypoint::ID)?;
-        if let Message::UaLoiterWaypoint(loiter) = &mut message {
-            loiter.loiter_duration_units = Some(LoiterDurationUnits::Seconds);
-        }
-        Ok(vec![message])
     }
 
     /// #800.
@@ -227,7 +202,10 @@ impl Plans {
                 let in_seconds = loiter
                     .loiter_duration_units
                     .is_none_or(|units| units == LoiterDurationUnits::Seconds);
-                if !in_seconds || loiter.loiter_duration.is_none_or(|duration| duration == 0) {
+                // 0 is no loiter in both editions.
+                if loiter.loiter_duration != Some(0)
+                    && (!in_seconds || loiter.loiter_duration.is_none())
+                {
                     return Err(format!(
                         "the loiter at waypoint {number} has no end in seconds, which Edition 2.5 cannot name"
                     ));
@@ -239,6 +217,17 @@ impl Plans {
             _ => Ok(None),
         }
     }
+}
+
+/// #803.
+fn loiter(record: &Record) -> Result<Vec<Message>, Refusal> {
+    let mut message = to(record, UaLoiterWaypoint::ID)?;
+    if let Message::UaLoiterWaypoint(loiter) = &mut message {
+        // A time of 0 is kept: it is no loiter, where an absent one would have no end.
+        loiter.loiter_duration = Some(record.whole(5) as u16);
+        loiter.loiter_duration_units = Some(LoiterDurationUnits::Seconds);
+    }
+    Ok(vec![message])
 }
 
 /// 13001 for the contingency route that a waypoint names.

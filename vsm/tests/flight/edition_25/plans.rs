@@ -170,7 +170,9 @@ fn a_loiter_time_of_zero_is_no_loiter() {
     );
     take_off(&mut rig, &mut station, 20.0);
     mode(&mut rig, &mut station, 11);
-    // In Edition 4 a loiter without a duration has no end.
+    // It is kept as it was sent, and flown through: absent in Edition 4 it would have no end.
+    transfer(&mut rig, &mut station, MissionPlanMode::Download.raw());
+    assert_eq!(station.take(&rig, 803)[0]["Waypoint Loiter Time"], 0);
     let flown = rig.until(60.0, |rig| rig.truth().position.n > 54.0);
     assert!(flown, "{:?} {:?}", rig.truth(), station.alerts(&rig));
 }
