@@ -3,7 +3,7 @@
 //! A plan only stores. What is wrong in one message alone is refused at once ([`StoreError`]); everything that
 //! needs the others is reported when the route is flown ([`crate::route`]), so that waypoints may come in any order.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use stanag_msgs::enums::RouteType;
@@ -271,6 +271,29 @@ impl Plan {
         &self.routes
     }
 
+    /// The flight route that waypoints without any 13001 are (Edition 2.5, #801: a route without one is of type flight). It
+    /// begins at the only waypoint that no other leads to.
+    ///
+    /// `None` where there is a 13001, and where the waypoints are not one chain: a start that they leave open is not guessed.
+    #[must_use]
+    pub fn route_of_waypoints(&self) -> Option<UaRoute> {
+        if !self.routes.is_empty() {
+            return None;
+        }
+        let led_to: BTreeSet<u16> = self.waypoints.values().map(next).collect();
+        let mut starts = self.numbers().filter(|number| !led_to.contains(number));
+        let (Some(start), None) = (starts.next(), starts.next()) else {
+            return None;
+        };
+        let route = UaRoute {
+            initial_waypoint_number: Some(start),
+            route_type: Some(RouteType::Flight),
+            ..UaRoute::default()
+        };
+        let is_whole = self.part(&route).waypoints.len() == self.waypoints.len();
+        is_whole.then_some(route)
+    }
+
     /// The waypoint of this number.
     #[must_use]
     pub fn waypoint(&self, number: u16) -> Option<&UaPositionWaypoint> {
@@ -517,6 +540,38 @@ mod tests {
 
     fn ends(plan: &Plan, p1: u16) -> Vec<u16> {
         plan.curves_from(p1).map(|(p4, _)| p4).collect()
+    }
+
+    #[test]
+    fn waypoints_without_a_route_are_a_flight_from_the_one_that_no_other_leads_to() {
+        let start = |messages: &[Message]| {
+            let mut plan = Plan::default();
+            for message in messages {
+                plan.store(message, CUCS, VEHICLE).expect("stored");
+            }
+            let route = plan.route_of_waypoints()?;
+            assert_eq!(route_type(&route), RouteType::Flight);
+            route.initial_waypoint_number
+        };
+        let chain = [waypoint(3, 0), waypoint(9, 4), waypoint(4, 3)];
+        assert_eq!(start(&chain), Some(9));
+        // The end of a loop leads back into the route.
+        assert_eq!(
+            start(&[waypoint(1, 2), waypoint(2, 5), waypoint(5, 2)]),
+            Some(1)
+        );
+        let two = [&chain[..], &[waypoint(20, 21), waypoint(21, 0)]].concat();
+        let circle_beside = [&chain[..], &[waypoint(20, 21), waypoint(21, 20)]].concat();
+        let with_a_route = [&chain[..], &[route("R", 9)]].concat();
+        for open in [
+            &[][..],
+            &two,
+            &circle_beside,
+            &with_a_route,
+            &circle_beside[3..],
+        ] {
+            assert_eq!(start(open), None, "{open:?}");
+        }
     }
 
     #[test]

@@ -120,7 +120,6 @@ impl Transfers {
         let (name, route_id) = (mission_name(command), route_name(command));
         let cucs = cucs_of(context, &origin);
         let found = route_to_load(store.offered(cucs), route_id);
-        let found = found.map(|(route, route_type)| (route.clone(), route_type));
         let route = found.as_ref().ok().map(|(route, _)| route);
         // Before anything else: what is left of a dropped upload must not wait for a better moment.
         if let Err((waypoint, why)) = store.admit_load(cucs, route) {
@@ -636,19 +635,33 @@ impl Load {
     }
 }
 
-/// The route of a plan that a load means: the one named, else the latest flight route, else the latest of all.
-fn route_to_load<'a>(
-    plan: &'a Plan,
-    route_id: Option<&str>,
-) -> Result<(&'a UaRoute, RouteType), String> {
+/// The route of a plan that a load means: the one named, else the latest flight route, else the latest of all, else the
+/// flight that waypoints without a 13001 are.
+fn route_to_load(plan: &Plan, route_id: Option<&str>) -> Result<(UaRoute, RouteType), String> {
     let route = match route_id {
-        Some(id) => plan.route_named(id).ok_or_else(|| not_received(id))?,
+        Some(id) => plan
+            .route_named(id)
+            .cloned()
+            .ok_or_else(|| not_received(id))?,
         None => plan
             .route_of_type(RouteType::Flight)
             .or_else(|| plan.routes().last())
-            .ok_or("no route has been received (13001)")?,
+            .cloned()
+            .or_else(|| plan.route_of_waypoints())
+            .ok_or_else(|| without_route(plan))?,
     };
-    Ok((route, mapping::plan::route_type(route)))
+    let route_type = mapping::plan::route_type(&route);
+    Ok((route, route_type))
+}
+
+fn without_route(plan: &Plan) -> String {
+    if plan.numbers().next().is_none() {
+        "no route has been received (13001)".to_owned()
+    } else {
+        "no route has been received (13001), and the waypoints are not one chain with one start: send a 13001 that names its \
+         first waypoint"
+            .to_owned()
+    }
 }
 
 fn mission_name(command: &MissionTransferCommand) -> String {
@@ -685,7 +698,7 @@ fn site(context: &Context<'_>) -> Option<Site> {
         agl: context.bounds.agl,
         altimeter: context.flight.altimeter,
         wings: context.parameters.wings(context),
-        limits: context.bounds.limits,
+        limits: context.parameters.limits(context),
         performance: context.parameters.route_performance(context),
         curving: context.bounds.curving,
     })
