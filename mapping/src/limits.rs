@@ -49,6 +49,21 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// The parameters of the vehicle that narrow them.
+    pub const NAMES: [&str; 1] = ["GF_MAX_VER_DIST"];
+
+    /// These, narrowed by the fence that the vehicle itself keeps (GF_MAX_VER_DIST): PX4 refuses a plan above it, and flies its
+    /// action where a command leads there. What 41000 declares and what a command or a load is judged by are both made here.
+    #[must_use]
+    pub fn of(self, parameters: &Parameters) -> Self {
+        let [vertical] = Self::NAMES;
+        let fence_m = parameters.above_zero(vertical);
+        Limits {
+            highest_m: fence_m.map_or(self.highest_m, |fence_m| fence_m.min(self.highest_m)),
+            ..self
+        }
+    }
+
     /// The lowest that may be flown, m above home.
     #[must_use]
     pub fn floor_m(&self) -> f64 {
@@ -325,7 +340,30 @@ mod tests {
 
     #[test]
     fn its_parameters_are_among_those_that_are_read() {
-        assert!(Performance::NAMES.iter().all(|name| NAMES.contains(name)));
+        let mut names = Performance::NAMES.iter().chain(&Limits::NAMES);
+        assert!(names.all(|name| NAMES.contains(name)));
+    }
+
+    #[test]
+    fn the_vehicle_s_own_fence_lowers_the_highest_and_never_raises_it() {
+        let highest = |fence_m| {
+            let limits = Limits::default().of(&parameters(&[("GF_MAX_VER_DIST", fence_m)]));
+            assert_eq!(
+                limits.check_height(Level::AboveHome(limits.highest_m), 488.0),
+                Ok(())
+            );
+            assert!(
+                limits
+                    .check_height(Level::AboveHome(limits.highest_m + 0.1), 488.0)
+                    .is_err()
+            );
+            limits.highest_m
+        };
+        // 0 is how PX4 writes that there is none.
+        assert_eq!(
+            [120.0, 0.0, 9_000.0].map(highest),
+            [120.0, 5_000.0, 5_000.0]
+        );
     }
 
     #[test]

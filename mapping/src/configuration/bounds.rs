@@ -21,7 +21,7 @@ pub struct Subject<'a> {
     pub hovers: bool,
     /// Once it has reported one.
     pub home: Option<Place>,
-    /// Bounds of routes.
+    /// Bounds of routes, narrowed by the vehicle's own ([`Limits::of`]).
     pub limits: Limits,
     /// Whether heights above home are flown.
     pub agl: Agl,
@@ -86,7 +86,8 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
         }
         (2017 | 13003, "Loiter Radius") => radius(subject),
         (13003, "Loiter Duration") => {
-            Bounds::between(0.0, 65_535.0, "s; 0: unlimited").starting_at(0.0)
+            Bounds::between(0.0, 65_535.0, "s; 0: no loiter; absent: without an end")
+                .starting_at(0.0)
         }
         (13000 | 13002 | 13003, "Waypoint Number") | (13001, "Initial Waypoint Number") => {
             let low = if message == 13001 { 0.0 } else { 1.0 };
@@ -155,19 +156,18 @@ fn altitude_type(subject: &Subject<'_>) -> AltitudeType {
 
 fn altitude(subject: &Subject<'_>) -> Bounds {
     let limits = subject.limits;
-    let fence = subject.parameters.above_zero("GF_MAX_VER_DIST");
-    let high = fence.map_or(limits.highest_m, |fence| fence.min(limits.highest_m));
+    let high = limits.highest_m;
     let start = subject
         .parameters
         .get("MIS_TAKEOFF_ALT")
         .unwrap_or(0.0)
         .clamp(LOWEST_M.min(high), high);
+    let low = if limits.below_home {
+        limits.floor_m()
+    } else {
+        limits.floor_m().max(LOWEST_M)
+    };
     if altitude_type(subject) == AltitudeType::Agl {
-        let low = if limits.below_home {
-            limits.floor_m()
-        } else {
-            limits.floor_m().max(LOWEST_M)
-        };
         return Bounds::between(
             low,
             high,
@@ -178,9 +178,8 @@ fn altitude(subject: &Subject<'_>) -> Bounds {
     let Some(home) = subject.home else {
         return Bounds::between(None, None, "m above mean sea level; home is not known yet");
     };
-    let low = limits.floor_m() + home.amsl_m;
     Bounds::between(
-        low,
+        low + home.amsl_m,
         high + home.amsl_m,
         "m AMSL; vehicle.limits, GF_MAX_VER_DIST, MIS_TAKEOFF_ALT",
     )
@@ -271,8 +270,8 @@ fn energy(subject: &Subject<'_>) -> Bounds {
     }
 }
 
-/// PX4 does not leave the ground for less, m.
-const LOWEST_M: f64 = 1.5;
+/// What is above home for certain, m: two steps of the field, however they are rounded. A launch needs more (2016 mode 21).
+const LOWEST_M: f64 = 0.04;
 /// One step of the field.
 const SMALLEST_CIRCLE_M: f64 = 1.5;
 const LAST_WAYPOINT: f64 = 65_534.0;

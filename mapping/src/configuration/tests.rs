@@ -39,7 +39,7 @@ fn subject(parameters: &Parameters) -> Subject<'_> {
             longitude: 8.5,
             amsl_m: 488.0,
         }),
-        limits: Limits::default(),
+        limits: Limits::default().of(parameters),
         agl: Agl::AboveHome,
         parameters,
         web_page: Some("http://127.0.0.1:8586/"),
@@ -78,7 +78,7 @@ fn an_altitude_is_bounded_by_the_fence() {
         panic!("{answers:?}")
     };
     assert_eq!(altitude.max_value, Some(6_000));
-    assert_eq!(altitude.min_value, Some(75));
+    assert_eq!(altitude.min_value, Some(2));
     assert_eq!(altitude.default_value, Some(125));
 }
 

@@ -198,6 +198,11 @@ impl ParameterView<'_> {
         self.values.get(name)
     }
 
+    /// What a command or a route must stay within, as 41000 declares it: the configuration, and the vehicle's own fence.
+    pub(crate) fn limits(&self, context: &Context<'_>) -> Limits {
+        context.bounds.limits.of(self.values)
+    }
+
     /// How fast the vehicle may be commanded to fly, as 41003 reports it, and what it does by itself.
     pub(crate) fn performance(&self, context: &Context<'_>) -> Performance {
         let hovers = context.vehicle.telemetry.hovers();
@@ -230,7 +235,7 @@ impl ParameterView<'_> {
         } else {
             &[]
         };
-        let mut names = Performance::NAMES.iter().chain(wings);
+        let mut names = Performance::NAMES.iter().chain(&Limits::NAMES).chain(wings);
         self.reading && names.any(|name| self.get(name).is_none())
     }
 }

@@ -183,7 +183,7 @@ fn honest_flight_over_a_bad_link_is_never_held() {
         loss: 0.3,
         ..Faults::NONE
     };
-    let mut setup = quad(7, &[]);
+    let mut setup = quad(9, &[]);
     setup.mav = bad;
     let mut rig = under_way(setup, orders::square());
     assert!(rig.until(300.0, |rig| rig.truth().mode != Px4::Mission));

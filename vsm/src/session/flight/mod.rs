@@ -358,7 +358,7 @@ impl Flight {
             commanded: self.commanded,
             agl: context.bounds.agl,
             altimeter,
-            limits: context.bounds.limits,
+            limits: context.parameters.limits(context),
             terrain: context.bounds.terrain.as_deref(),
             performance: context.parameters.performance(context),
             route_performance: context.parameters.route_performance(context),
@@ -652,7 +652,7 @@ impl Flight {
     }
 
     fn stream_set_points(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let limits = &context.bounds.limits;
+        let limits = &context.parameters.limits(context);
         let system = context.config.system_id;
         let due = self
             .steering

@@ -138,7 +138,7 @@ fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
             agl: context.bounds.agl,
             altimeter: Altimeter::STANDARD,
             wings: None,
-            limits: context.bounds.limits,
+            limits: views.parameters.limits(&context),
             performance: views.parameters.performance(&context),
             curving: context.bounds.curving,
         };

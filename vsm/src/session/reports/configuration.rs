@@ -275,7 +275,7 @@ impl Configuration {
             vehicle_type: context.vehicle.vehicle_type(),
             hovers: telemetry.hovers(),
             home: telemetry.home,
-            limits: context.bounds.limits,
+            limits: context.bounds.limits.of(&self.parameters),
             agl: context.bounds.agl,
             parameters: &self.parameters,
             web_page: context.settings.web_page.as_deref(),
