@@ -114,12 +114,23 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
     // By receiver: each CUCS learns of an alert for itself.
     let mut open: BTreeMap<(u32, usize), BTreeSet<i64>> = BTreeMap::new();
     let mut first: BTreeMap<(u32, usize, i64), Vec<u8>> = BTreeMap::new();
+    let mut parts = BTreeSet::new();
     for seen in view.messages().filter(|seen| seen.kind() == 16000) {
         let Some(id) = seen.raw("Alert (Warning) ID") else {
             continue;
         };
         let receiver = (seen.piece.destination.0, seen.socket);
         let known = open.entry(receiver).or_default();
+        // A long text comes in parts, which are one message of the alert: each part once.
+        let of_several = seen
+            .raw("Append Total Number")
+            .is_some_and(|total| total > 1);
+        if let Some(order) = seen.raw("Append Order").filter(|_| of_several && id < 0)
+            && parts.insert((receiver, id, order))
+            && known.contains(&-id)
+        {
+            continue;
+        }
         if id < 0 {
             let again = !known.insert(-id);
             // The same bytes again are a repetition of the network or of the sender, not a new alert.

@@ -218,7 +218,7 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
         .requests()
         .map(|seen| (seen.socket, seen.piece.source))
         .collect();
-    let mut strayed: BTreeMap<(usize, Id), usize> = BTreeMap::new();
+    let mut strayed: BTreeMap<(usize, Id, u16), usize> = BTreeMap::new();
     for seen in view.messages() {
         let (source, destination) = (seen.piece.source, seen.piece.destination);
         let place = format!("message {} from {source} to {destination}", seen.kind());
@@ -229,7 +229,7 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
         );
         // Responses to a flood, which is not recorded, go to ids that nothing else shows; what a restarted subject or a late
         // answer sends may come to the socket that the id had before.
-        if destination != Id::BROADCAST && !cucs.is_empty() && seen.kind() != 2 {
+        if destination != Id::BROADCAST && !cucs.is_empty() && !matches!(seen.kind(), 2 | 16002) {
             found.check(seen, cucs.contains(&destination), || {
                 format!("expected a CUCS or the broadcast id as destination; got {place}")
             });
@@ -238,12 +238,13 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
                 format!("expected messages for {destination} at its own address only; got {place} at that of another CUCS")
             });
         }
-        // A response to a damaged question may go astray once, and no more.
-        if view.live && seen.kind() == 2 && cucs.contains(&destination) {
-            let count = strayed.entry((seen.socket, destination)).or_default();
+        // A response to a damaged question, or a heartbeat that asks whether its sender is there, may go astray twice, and no more.
+        if view.live && matches!(seen.kind(), 2 | 16002) && cucs.contains(&destination) {
+            let key = (seen.socket, destination, seen.kind());
+            let count = strayed.entry(key).or_default();
             *count += usize::from(!spoken.contains(&(seen.socket, destination)));
             found.check(seen, *count < 3, || {
-                format!("expected responses to {destination} at its own address only; got {place} at that of another CUCS")
+                format!("expected messages to {destination} at its own address only; got {place} at that of another CUCS")
             });
         }
         // Reports about a vehicle, by which a CUCS draws it.

@@ -465,7 +465,8 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// The same for the altitude of a waypoint: one beyond the declared range is refused with its route.
+/// The same for the altitude of a waypoint: one beyond the declared range is refused with its route. The range is in the
+/// altitude type that the configuration starts from, where it names one; else in that of 4000.
 fn altitudes_within_what_is_declared(
     t: &Trial,
     a: &Station,
@@ -484,6 +485,13 @@ fn altitudes_within_what_is_declared(
     let beyond = high.max(high * 0.02) * 1.1 + 10.0;
     let step = high * 0.02 * 1.1 + 10.0;
     let home = home(t, a)?;
+    let kind = configuration.iter().find(|seen| {
+        seen.kind() == 41002
+            && seen.raw("Requested Message") == Some(13002)
+            && seen.raw("Requested Field") == Some(7)
+            && seen.raw("Field Supported") != Some(0)
+    });
+    let kind = kind.and_then(|seen| seen.raw("Default Value"));
     for (altitude, sure) in [
         (beyond, true),
         (step, declared.is_some_and(|seen| seen.kind() == 41000)),
@@ -493,9 +501,13 @@ fn altitudes_within_what_is_declared(
         }
         let mut plan = Plan::zigzag(&home, "BEYOND", &[91, 92]);
         plan.points[1] = plan.points[1].clone().set("Waypoint to Altitude", altitude);
+        if let Some(kind) = kind {
+            plan.points[1] = plan.points[1].clone().raw("Waypoint Altitude Type", kind);
+        }
         let found = load(t, a, &plan)?;
         t.expect(found.status != Some(1), || {
-            format!("expected a waypoint at {altitude:.0} m, beyond the declared {high}, to be refused; 14000 status 1 came")
+            let kind = kind.unwrap_or(home.altitude_type);
+            format!("expected a waypoint at {altitude:.0} m of altitude type {kind}, beyond the declared {high}, to be refused; 14000 status 1 came")
         })?;
     }
     Ok(())
