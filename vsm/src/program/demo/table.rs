@@ -61,8 +61,10 @@ impl Summary<'_> {
         if let Some(vehicle) = self.status.vehicles.first() {
             let frames = &vehicle.link.frames;
             let of = |name: &str| frames.get(name).copied().unwrap_or(0);
+            // Frames with timestamps of before PX4's start, until a heartbeat has lifted them: every start has some.
+            let at_start = vehicle.link.stale_at_start;
             text += &format!(
-                "  by the bridge: {} frames verified, {} sent signed",
+                "  by the bridge: {} frames verified, {at_start} from before the link was live, {} sent signed",
                 of("delivered_verified"),
                 of("sent")
             );
@@ -70,7 +72,10 @@ impl Summary<'_> {
                 frames
                     .iter()
                     .filter(|(name, _)| REFUSALS.contains(name))
-                    .map(|(n, c)| (*n, *c)),
+                    .map(|(name, count)| match *name {
+                        "stale" => ("stale", count.saturating_sub(at_start)),
+                        name => (name, *count),
+                    }),
             );
         }
         if let Some(link) = self.simulator.links.first() {
