@@ -94,6 +94,11 @@ pub trait Disk {
         Progress::Durable
     }
 
+    /// What cannot be made durable just now, and why: it is tried again, and further changes of it are refused.
+    fn failing(&self) -> Option<StoreError> {
+        None
+    }
+
     /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
     /// to `keep`; the one before is gone.
     ///
@@ -395,6 +400,13 @@ mod memory {
 
         fn queued(&self) -> u64 {
             self.queued
+        }
+
+        fn failing(&self) -> Option<StoreError> {
+            let mut stuck = self.waiting.iter().filter(|one| self.is_stuck(&one.1));
+            stuck
+                .next()
+                .map(|one| StoreError::new(&*one.1, "Input/output error"))
         }
 
         fn progress(&self, of: Changes) -> Progress {

@@ -23,6 +23,8 @@ pub(crate) enum Cause {
     LossAction,
     /// A record could not be written.
     Store,
+    /// What was written cannot be brought to the disk.
+    Disk,
     /// Commands cannot be written down.
     CommandLog,
     /// What the vehicle does by itself when it receives no ground station.

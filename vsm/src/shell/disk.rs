@@ -31,6 +31,17 @@ pub struct FileDisk {
     _lock: Arc<File>,
 }
 
+/// What was added to a log.
+#[derive(Debug)]
+pub(super) struct Added {
+    /// The log, open.
+    pub(super) file: File,
+    /// How long it was before.
+    pub(super) start: u64,
+    /// It is a new one, whose name is not durable.
+    pub(super) new: bool,
+}
+
 /// The store cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
@@ -130,16 +141,21 @@ impl FileDisk {
         self.system.clone()
     }
 
-    /// Adds to a log without synchronising it: the open file, and whether it is a new one, whose name is not durable.
-    /// After a failure a part may have been added: the next start finds a line without end, and closes it.
-    pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<(File, bool)> {
+    /// Adds to a log without synchronising it. After a failure nothing has been added, or, where that cannot be undone
+    /// either, a part: the next start finds a line without end, and closes it.
+    pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<Added> {
         let path = self.folder.join(name);
         let new = !path.exists();
         let mut how = OpenOptions::new();
         how.append(true).create(true).mode(0o600);
         let mut file = ownership::open_no_link(&mut how, &path)?;
-        file.write_all(bytes)?;
-        Ok((file, new))
+        let start = file.metadata()?.len();
+        if let Err(cause) = file.write_all(bytes) {
+            // The next line would follow half of this one.
+            let _ = file.set_len(start);
+            return Err(cause);
+        }
+        Ok(Added { file, start, new })
     }
 
     /// Puts a file in the place of another without synchronising the folder; false where there is none to be moved: the
@@ -180,9 +196,15 @@ impl Disk for FileDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let added = self.add(name, bytes).and_then(|(file, new)| {
-            if durability == Durability::Power {
-                self.system.sync_open(&file)?;
+        let added = self.add(name, bytes).and_then(|added| {
+            let Added { file, start, new } = added;
+            if durability == Durability::Power
+                && let Err(cause) = self.system.sync_open(&file)
+            {
+                // It is refused, and must not be in the log then. What is added next is written by its own
+                // synchronisation, since that makes it new.
+                let _ = file.set_len(start);
+                return Err(cause);
             }
             // The name of a new file is in its folder.
             if new {

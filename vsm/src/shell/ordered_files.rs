@@ -22,6 +22,7 @@ use zeroize::Zeroizing;
 
 use super::disk::{FileDisk, FileSystem};
 use super::key_store::KeyStore;
+use super::queued_disk::dirty_names;
 
 /// The steps of one vehicle's files. Its clones are the same; the thread ends with the last of them.
 #[derive(Debug, Clone)]
@@ -267,11 +268,14 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
                 system.write(path, bytes).map(|()| None)
             }
             Step::Sync(path) => {
-                // What a failed synchronisation leaves in the system's memory may look as if it were on the disk.
-                let lost = written.as_ref().filter(|(of, _)| again && of == path);
-                lost.map_or(Ok(()), |(path, bytes)| system.write(path, bytes))
-                    .and_then(|()| system.sync(path))
-                    .map(|()| None)
+                // What a failed synchronisation leaves in the system's memory may look as if it were on the disk: the
+                // file, or the names of the folder.
+                let anew = match &written {
+                    _ if !again => Ok(()),
+                    Some((of, bytes)) if of == path => system.write(path, bytes),
+                    _ => dirty_names(system, path),
+                };
+                anew.and_then(|()| system.sync(path)).map(|()| None)
             }
             Step::Rename(from, to) => system.rename(from, to).map(|()| None),
             Step::RenameLocked(from, to) => system

@@ -130,6 +130,8 @@ fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers(
     // Nobody controls by it, and B is not answered; what else B asks is.
     assert!(scene.rig.stations[B].answers(taken).is_empty());
     assert_eq!(scene.controller(), Some(A));
+    // Operators learn that, and once it is over.
+    assert!(scene.rig.stations[A].has_alert("the disk does not keep record authority"));
     let of_b = scene.rig.send_as(B, 0, loiter(70.0));
     let of_a = scene.rig.send_as(A, 0, loiter(60.0));
     scene.rig.run(0.2);
@@ -141,6 +143,7 @@ fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers(
     scene.rig.run(1.0);
     assert_eq!(scene.rig.stations[B].end(taken), Some(AckType::CarriedOut));
     assert_eq!(scene.controller(), Some(B));
+    assert!(scene.rig.stations[A].has_alert("the disk of the VSM keeps what is written again"));
 }
 
 #[test]

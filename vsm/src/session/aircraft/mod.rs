@@ -22,7 +22,7 @@ use std::time::Duration;
 use mavlink_link::frame::FrameView;
 use stanag_msgs::Id;
 
-use super::alerts::Alerts;
+use super::alerts::{Alerts, Cause};
 use super::authority::{self, AuthorityMachine};
 use super::context::{Bounds, Context, Settings, WATCH_SLACK};
 use super::effects::{DliEffects, Effects, Request};
@@ -154,8 +154,19 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// The disk has made changes durable that it had queued.
+    /// The disk has made changes durable that it had queued, or cannot.
     pub(super) fn handle_durable(&mut self, dli: &mut DliEffects<'_>) {
+        let effects = effects!(self, dli);
+        match effects.disk().failing() {
+            Some(fault) => effects.warn(
+                Cause::Disk,
+                format!(
+                    "the disk does not keep {fault}; it is tried again, and what depends on it is not answered or is \
+                     refused until then: look at the disk of the VSM"
+                ),
+            ),
+            None => effects.clear(Cause::Disk, "the disk of the VSM keeps what is written again"),
+        }
         self.authority(dli, authority::Input::Stored);
         self.run_until_idle(dli);
     }

@@ -1,0 +1,498 @@
+//! The disk of a running bridge: nobody waits while it synchronises.
+//!
+//! A change that must survive a power cut is written at once, so that a disk that is full or read-only refuses it at
+//! once, and is made durable by a thread of its own: `disk-writer` synchronises, renames and synchronises the folder,
+//! once for all that has gathered meanwhile (a group commit). [`Disk::progress`] reports how far it has come, and the bridge
+//! holds what depends on it until then. What need survive the end of the process only is written as by [`FileDisk`].
+//!
+//! The ceilings of signing clocks have a thread of their own: a link must not fall silent because somebody else has much
+//! to write.
+//!
+//! A record is written under a name of its own (`authority-1b000101.json.new-7`) and gets its own by the thread; a start
+//! removes what a crash left. Until then the new bytes are read from memory.
+//!
+//! Where a thread cannot make a file durable it tries that file again, what depends on it continues to wait, and further
+//! changes of it are refused: what was taken takes effect in the end or with the process never, and what was refused
+//! never does. The other files are not affected.
+//!
+//! It never tries the same bytes in memory again. Linux reports a failed write-back to one `fsync`, may then count the
+//! pages as clean, and the next `fsync` succeeds with nothing written. So a record is written anew, and so is a log: its
+//! end is kept here until it is durable ([`Tail`]), and where that fails the log becomes a record, written beside and
+//! renamed. The first line of a process does the same to the log that it finds, since the process before may have ended
+//! in that state; and a folder is given a new name before its names are synchronised again.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::ops::Bound::{Excluded, Included};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+use mavlink_link::clock::CEILING;
+use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError};
+use tokio::sync::Notify;
+use zeroize::Zeroizing;
+
+pub(super) use self::writer::dirty_names;
+use self::writer::{Batch, Done, Grown, Waiting, write};
+use super::disk::{Added, FileDisk};
+
+mod writer;
+
+/// A [`FileDisk`] with threads that synchronise.
+#[derive(Debug)]
+pub struct QueuedDisk {
+    disk: FileDisk,
+    /// Records, and logs that are written whole, that have not been renamed yet, by their names.
+    waiting: BTreeMap<String, Waiting>,
+    /// The ends of logs that are not known to be on the disk.
+    tails: BTreeMap<String, Tail>,
+    /// Logs that this process began, or has written whole.
+    begun: BTreeSet<String>,
+    queued: u64,
+    /// The changes that are not durable yet, and the file of each.
+    open: BTreeMap<u64, String>,
+    /// Why a file cannot be made durable.
+    faults: BTreeMap<String, String>,
+    /// Something has come of it since the last [`QueuedDisk::poll`].
+    news: bool,
+    /// The ceilings of clocks, and everything else.
+    lanes: [Lane; 2],
+}
+
+/// A thread, and what it is given next.
+#[derive(Debug)]
+struct Lane {
+    next: Batch,
+    /// The last change that it was given.
+    given: u64,
+    /// It has work.
+    busy: bool,
+    work: Sender<Batch>,
+    done: Receiver<Done>,
+}
+
+/// The end of a log: what of it is lost where a synchronisation fails.
+#[derive(Debug)]
+struct Tail {
+    /// Which file it is, whatever its name is by now.
+    id: u64,
+    /// Where it begins.
+    start: u64,
+    bytes: Vec<u8>,
+}
+
+impl QueuedDisk {
+    /// Starts the threads. `progress` is notified whenever [`QueuedDisk::poll`] has something to take.
+    ///
+    /// # Errors
+    /// What a crash left cannot be removed, or there can be no thread.
+    pub fn new(disk: FileDisk, progress: Arc<Notify>) -> io::Result<QueuedDisk> {
+        sweep(&disk)?;
+        let lane = |name: &str| {
+            let (work, batches) = channel();
+            let (reports, done) = channel();
+            let (system, folder) = (disk.system(), disk.folder().to_owned());
+            let progress = progress.clone();
+            std::thread::Builder::new()
+                .name(name.to_owned())
+                .spawn(move || write(&*system, &folder, &batches, &reports, &progress))?;
+            io::Result::Ok(Lane {
+                next: Batch::default(),
+                given: 0,
+                busy: false,
+                work,
+                done,
+            })
+        };
+        let lanes = [lane("clock-writer")?, lane("disk-writer")?];
+        // The process before may have ended with names that could not be synchronised.
+        dirty_names(&*disk.system(), disk.folder())?;
+        disk.system().sync(disk.folder())?;
+        Ok(QueuedDisk {
+            disk,
+            waiting: BTreeMap::new(),
+            tails: BTreeMap::new(),
+            begun: BTreeSet::new(),
+            queued: 0,
+            open: BTreeMap::new(),
+            faults: BTreeMap::new(),
+            news: false,
+            lanes,
+        })
+    }
+
+    /// The files below: what writes there writes at once.
+    #[must_use]
+    pub fn files(&self) -> &FileDisk {
+        &self.disk
+    }
+
+    /// Takes what the threads have done; true where something has come of it since the call before.
+    pub fn poll(&mut self) -> bool {
+        for lane in 0..self.lanes.len() {
+            while let Ok(done) = self.lanes[lane].done.try_recv() {
+                self.take(lane, done);
+            }
+        }
+        std::mem::take(&mut self.news)
+    }
+
+    /// Waits until all is durable that can be; false where that takes longer, or something cannot.
+    pub fn wait(&mut self, within: Duration) -> bool {
+        let end = Instant::now() + within;
+        loop {
+            // What is taken here is still news for whoever polls.
+            self.news |= self.poll();
+            if self
+                .open
+                .values()
+                .all(|name| self.faults.contains_key(name))
+            {
+                return self.open.is_empty();
+            }
+            if Instant::now() >= end {
+                return false;
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+    }
+
+    fn take(&mut self, lane: usize, done: Done) {
+        let Done {
+            change,
+            files,
+            failed,
+            again,
+            synced,
+            lost,
+        } = done;
+        for name in &files {
+            if self.faults.remove(name).is_some() {
+                tracing::info!("{name} in the store can be written again");
+            }
+        }
+        let is_done = |name: &String, of: u64| of <= change && files.contains(name);
+        self.open.retain(|of, name| !is_done(name, *of));
+        self.waiting.retain(|name, one| !is_done(name, one.change));
+        for (id, end) in synced {
+            self.tails.retain(|_, tail| tail.id != id || tail.cut(end));
+        }
+        let mut failed = failed;
+        for (name, id) in lost {
+            self.write_whole(lane, name, id, change, &mut failed);
+        }
+        for (name, cause) in failed {
+            if self.faults.insert(name.clone(), cause.clone()).is_none() {
+                tracing::error!("{name} in the store cannot be written: {cause}");
+            }
+        }
+        self.news = true;
+        self.lanes[lane].busy &= again;
+        self.start(lane);
+    }
+
+    /// Has a log written whole of which a thread could not synchronise the end, under the name that it has by now.
+    fn write_whole(
+        &mut self,
+        lane: usize,
+        name: String,
+        id: u64,
+        change: u64,
+        failed: &mut BTreeMap<String, String>,
+    ) {
+        let Some(now) = self.tails.iter().find(|(_, tail)| tail.id == id) else {
+            // It was deleted meanwhile.
+            return;
+        };
+        let now = now.0.clone();
+        if now != name {
+            for (_, of) in self.open.range_mut(..=change).filter(|one| *one.1 == name) {
+                of.clone_from(&now);
+            }
+            let cause = failed.remove(&name);
+            failed.extend(cause.map(|cause| (now.clone(), cause)));
+        }
+        let Some(tail) = self.tails.remove(&now) else {
+            return;
+        };
+        let mut bytes = match self.disk.read(&now, tail.start) {
+            Ok(Some(bytes)) if bytes.len() as u64 == tail.start => bytes,
+            read => {
+                // Nothing can be made of it: it stays as it is, and is refused until a restart looks at it.
+                let cause = read.map_or_else(|fault| fault.cause, |_| "it is cut off".to_owned());
+                failed.insert(now, cause);
+                return;
+            }
+        };
+        bytes.extend_from_slice(&tail.bytes);
+        let change = self.queue(&now);
+        let waiting = Waiting {
+            change,
+            beside: self.beside(&now, change),
+            bytes: Arc::new(bytes),
+            log: true,
+            written: false,
+        };
+        self.wait_for(&now, waiting);
+        debug_assert_eq!(lane, lane_of(&now));
+    }
+
+    fn beside(&self, name: &str, change: u64) -> PathBuf {
+        self.disk.folder().join(format!("{name}{BESIDE}{change}"))
+    }
+
+    /// Queues a record that is to get its name.
+    fn wait_for(&mut self, name: &str, waiting: Waiting) {
+        self.waiting.insert(name.to_owned(), waiting.clone());
+        let next = &mut self.lanes[lane_of(name)].next;
+        // Only the last of several that gather is synchronised.
+        if let Some(before) = next.records.insert(name.to_owned(), waiting) {
+            let _ = self.disk.system().remove(&before.beside);
+        }
+        next.logs.retain(|log| log.name != name);
+        next.removed.remove(name);
+    }
+
+    /// Writes a record, or a log whole, beside, and queues it.
+    fn put(&mut self, name: &str, bytes: Zeroizing<Vec<u8>>, log: bool) -> Result<(), StoreError> {
+        let beside = self.beside(name, self.queued + 1);
+        let system = self.disk.system();
+        if let Err(cause) = system.write(&beside, &bytes) {
+            let _ = system.remove(&beside);
+            return Err(StoreError::new(name, cause));
+        }
+        let waiting = Waiting {
+            change: self.queue(name),
+            beside,
+            bytes: Arc::new(bytes),
+            log,
+            written: true,
+        };
+        self.wait_for(name, waiting);
+        self.start(lane_of(name));
+        Ok(())
+    }
+
+    /// Gives a thread what has gathered, where it has nothing to do.
+    fn start(&mut self, lane: usize) {
+        let lane = &mut self.lanes[lane];
+        if !lane.busy && !lane.next.is_empty() {
+            let mut batch = std::mem::take(&mut lane.next);
+            batch.change = self.queued;
+            lane.given = self.queued;
+            // It ends with this disk.
+            lane.busy = lane.work.send(batch).is_ok();
+        }
+    }
+
+    fn check(&self, name: &str) -> Result<(), StoreError> {
+        match self.faults.get(name) {
+            Some(fault) => Err(StoreError::new(name, fault)),
+            None => Ok(()),
+        }
+    }
+
+    /// A change of this file that a thread makes durable.
+    fn queue(&mut self, name: &str) -> u64 {
+        self.queued += 1;
+        self.open.insert(self.queued, name.to_owned());
+        self.queued
+    }
+}
+
+/// The thread of a file.
+fn lane_of(name: &str) -> usize {
+    usize::from(!name.starts_with(CEILING))
+}
+
+impl Disk for QueuedDisk {
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+        let Some(waiting) = self.waiting.get(name) else {
+            return self.disk.read(name, max_bytes);
+        };
+        let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
+        let bytes = waiting.bytes.get(..max).unwrap_or(&waiting.bytes);
+        Ok(Some(Zeroizing::new(bytes.to_vec())))
+    }
+
+    fn replace(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        // One that follows a record on its way goes the same way: it would be overwritten otherwise.
+        if durability == Durability::Process && !self.waiting.contains_key(name) {
+            return self.disk.replace(name, bytes, durability);
+        }
+        self.check(name)?;
+        self.put(name, Zeroizing::new(bytes.to_vec()), false)
+    }
+
+    fn append(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        durability: Durability,
+    ) -> Result<(), StoreError> {
+        let power = durability == Durability::Power;
+        if power {
+            self.check(name)?;
+        }
+        if self.waiting.contains_key(name) || (power && !self.begun.contains(name)) {
+            let mut all = self.read(name, u64::MAX)?.unwrap_or_default();
+            // Room for all at once: a buffer that grows copies what it holds.
+            all.reserve_exact(bytes.len());
+            all.extend_from_slice(bytes);
+            self.put(name, all, true)?;
+            self.begun.insert(name.to_owned());
+            return Ok(());
+        }
+        let added = self.disk.add(name, bytes);
+        let Added { file, start, new } = added.map_err(|cause| StoreError::new(name, cause))?;
+        let lane = lane_of(name);
+        if power {
+            let id = self.queue(name);
+            let tail = self.tails.entry(name.to_owned()).or_insert(Tail {
+                id,
+                start,
+                bytes: Vec::new(),
+            });
+            tail.bytes.extend_from_slice(bytes);
+            let logs = &mut self.lanes[lane].next.logs;
+            logs.retain(|log| log.name != name);
+            logs.push(Grown {
+                name: name.to_owned(),
+                file,
+                id: tail.id,
+                end: tail.end(),
+            });
+        } else if let Some(tail) = self.tails.get_mut(name) {
+            tail.bytes.extend_from_slice(bytes);
+        }
+        if new {
+            self.lanes[lane].next.names.insert(name.to_owned());
+        }
+        self.start(lane);
+        Ok(())
+    }
+
+    fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+        for name in [from, to] {
+            self.check(name)?;
+            // It would get its name after this, and undo it.
+            if self.waiting.contains_key(name) {
+                return Err(StoreError::new(name, "it is still being written"));
+            }
+        }
+        let moved = self.disk.move_file(from, to);
+        if !moved.map_err(|cause| StoreError::new(from, cause))? {
+            return Ok(());
+        }
+        let lane = lane_of(from);
+        let Lane { next, given, .. } = &mut self.lanes[lane];
+        // Lines of it that are not durable yet stay so under its new name.
+        for log in next.logs.iter_mut().filter(|log| log.name == from) {
+            to.clone_into(&mut log.name);
+        }
+        self.tails.remove(to);
+        if let Some(tail) = self.tails.remove(from) {
+            self.tails.insert(to.to_owned(), tail);
+        }
+        self.begun.remove(to);
+        if self.begun.remove(from) {
+            self.begun.insert(to.to_owned());
+        }
+        let later = self.open.range_mut((Excluded(*given), Included(u64::MAX)));
+        for (_, name) in later.filter(|(_, name)| *name == from) {
+            to.clone_into(name);
+        }
+        next.names.insert(to.to_owned());
+        self.queue(to);
+        self.start(lane);
+        Ok(())
+    }
+
+    fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+        self.check(name)?;
+        let removed = self.disk.delete(name);
+        removed.map_err(|cause| StoreError::new(name, cause))?;
+        self.tails.remove(name);
+        self.begun.remove(name);
+        let lane = lane_of(name);
+        let next = &mut self.lanes[lane].next;
+        if self.waiting.remove(name).is_some() {
+            if let Some(record) = next.records.remove(name) {
+                let _ = self.disk.system().remove(&record.beside);
+            }
+            next.removed.insert(name.to_owned());
+        }
+        next.names.insert(name.to_owned());
+        self.queue(name);
+        self.start(lane);
+        Ok(())
+    }
+
+    fn queues(&self) -> bool {
+        true
+    }
+
+    fn queued(&self) -> u64 {
+        self.queued
+    }
+
+    fn failing(&self) -> Option<StoreError> {
+        let first = self.faults.first_key_value();
+        first.map(|(name, cause)| StoreError::new(&**name, cause))
+    }
+
+    fn progress(&self, of: Changes) -> Progress {
+        if of.is_empty() {
+            return Progress::Durable;
+        }
+        let mut open = (self.open).range((Excluded(of.after), Included(of.until)));
+        let failing = |(_, name): (_, &String)| self.faults.contains_key(name);
+        if open.clone().any(failing) {
+            Progress::Failing
+        } else if open.next().is_some() {
+            Progress::Waiting
+        } else {
+            Progress::Durable
+        }
+    }
+}
+
+impl Tail {
+    fn end(&self) -> u64 {
+        self.start + self.bytes.len() as u64
+    }
+
+    /// What lies before `end` is durable; whether anything is left.
+    fn cut(&mut self, end: u64) -> bool {
+        let done = usize::try_from(end.saturating_sub(self.start)).unwrap_or(usize::MAX);
+        self.bytes.drain(..done.min(self.bytes.len()));
+        self.start = self.start.max(end);
+        !self.bytes.is_empty()
+    }
+}
+
+/// Removes records that a crash has left under their names beside.
+fn sweep(disk: &FileDisk) -> io::Result<()> {
+    for entry in std::fs::read_dir(disk.folder())? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().contains(BESIDE) {
+            disk.system().remove(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Between the name of a record and the number of the change that wrote it.
+const BESIDE: &str = ".new-";
+/// How often the end of the program looks whether all is written.
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,324 @@
+use std::collections::HashMap;
+use std::ffi::OsString;
+use std::fs::File;
+use std::os::fd::AsRawFd as _;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
+use std::sync::Mutex;
+
+use super::*;
+use crate::shell::disk::{FileSystem, NativeFileSystem};
+
+fn disk(folder: &Path) -> QueuedDisk {
+    let disk = FileDisk::open(folder).expect("a store");
+    QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread")
+}
+
+/// Makes a change; its progress as soon as that is no longer [`Progress::Waiting`].
+fn outcome(disk: &mut QueuedDisk, change: impl FnOnce(&mut QueuedDisk)) -> Progress {
+    let after = disk.queued();
+    change(disk);
+    let until = disk.queued();
+    wait(disk, Changes { after, until })
+}
+
+fn wait(disk: &mut QueuedDisk, of: Changes) -> Progress {
+    let end = Instant::now() + Duration::from_secs(20);
+    while disk.progress(of) == Progress::Waiting && Instant::now() < end {
+        disk.poll();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    disk.progress(of)
+}
+
+fn save(name: &'static str) -> impl FnOnce(&mut QueuedDisk) {
+    move |disk| {
+        disk.replace(name, name.as_bytes(), Durability::Power)
+            .unwrap();
+    }
+}
+
+#[test]
+fn one_record_that_became_a_folder_holds_back_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = folder.path().join("state");
+    let mut disk = disk(&store);
+    std::fs::create_dir(store.join("authority-1.json")).unwrap();
+    let after = disk.queued();
+    save("authority-1.json")(&mut disk);
+    let stuck = Changes {
+        after,
+        until: disk.queued(),
+    };
+    // Side by side, and once the fault is known.
+    for _ in 0..2 {
+        let clock = outcome(&mut disk, save("clock-0102030405060708"));
+        assert_eq!(clock, Progress::Durable);
+        assert_eq!(
+            outcome(&mut disk, save("authority-2.json")),
+            Progress::Durable
+        );
+        let line = outcome(&mut disk, |disk| {
+            disk.append("audit-2.log", b"line", Durability::Power)
+                .unwrap();
+        });
+        assert_eq!(line, Progress::Durable);
+        assert_eq!(wait(&mut disk, stuck), Progress::Failing);
+        // What is refused never takes effect.
+        disk.replace("authority-1.json", b"3", Durability::Power)
+            .unwrap_err();
+    }
+    // What was taken does, as soon as it can.
+    std::fs::remove_dir(store.join("authority-1.json")).unwrap();
+    assert!(!disk.wait(Duration::ZERO));
+    let end = Instant::now() + Duration::from_secs(20);
+    while disk.progress(stuck) != Progress::Durable && Instant::now() < end {
+        disk.poll();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(disk.wait(Duration::ZERO));
+    let written = std::fs::read(store.join("authority-1.json")).unwrap();
+    assert_eq!(written, b"authority-1.json");
+    assert_eq!(
+        outcome(&mut disk, save("authority-1.json")),
+        Progress::Durable
+    );
+}
+
+/// A disk that fails as Linux reports it: what a failed synchronisation could not write counts as written from then on, and
+/// the next one succeeds without it. Files are on a real disk; this knows what of them a power cut would leave.
+#[derive(Debug, Clone, Default)]
+struct Forgetful(Arc<Mutex<Platter>>);
+
+#[derive(Debug, Default)]
+struct Platter {
+    /// Synchronisations of files fail, or those of the folder.
+    files_fail: bool,
+    folder_fails: bool,
+    /// By inode: up to where memory counts as written, and what was.
+    files: HashMap<u64, (usize, Vec<u8>)>,
+    names: BTreeMap<OsString, u64>,
+    /// The names that count as written.
+    clean: BTreeMap<OsString, u64>,
+    /// Open, so that no inode is used twice.
+    held: Vec<File>,
+}
+
+impl Forgetful {
+    fn set(&self, change: impl FnOnce(&mut Platter)) {
+        change(&mut self.0.lock().unwrap());
+    }
+
+    /// What a power cut would leave of a file.
+    fn left(&self, name: &str) -> Option<Vec<u8>> {
+        let platter = self.0.lock().unwrap();
+        let inode = platter.names.get(&OsString::from(name))?;
+        Some(platter.files.get(inode)?.1.clone())
+    }
+
+    fn sync_file(&self, file: File, path: &Path) -> io::Result<()> {
+        let inode = file.metadata()?.ino();
+        let content = std::fs::read(path)?;
+        let mut platter = self.0.lock().unwrap();
+        let fails = platter.files_fail;
+        platter.held.push(file);
+        let (clean, written) = platter.files.entry(inode).or_default();
+        let from = std::mem::replace(clean, content.len());
+        if fails {
+            return Err(io::Error::other("Input/output error"));
+        }
+        written.resize(content.len(), 0);
+        written[from.min(content.len())..].copy_from_slice(&content[from.min(content.len())..]);
+        Ok(())
+    }
+}
+
+fn names(folder: &Path) -> io::Result<BTreeMap<OsString, u64>> {
+    let entries = std::fs::read_dir(folder)?;
+    entries
+        .map(|one| one.and_then(|one| Ok((one.file_name(), one.metadata()?.ino()))))
+        .collect()
+}
+
+impl FileSystem for Forgetful {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        // The folder has changed, even where the name goes again.
+        self.set(|platter| platter.clean.clear());
+        NativeFileSystem.write(path, bytes)
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        if !path.is_dir() {
+            return self.sync_file(File::open(path)?, path);
+        }
+        let now = names(path)?;
+        let mut platter = self.0.lock().unwrap();
+        let dirty = platter.clean != now;
+        platter.clean.clone_from(&now);
+        if platter.folder_fails {
+            return Err(io::Error::other("Input/output error"));
+        }
+        if dirty {
+            platter.names = now;
+        }
+        Ok(())
+    }
+
+    fn sync_open(&self, file: &File) -> io::Result<()> {
+        let path = format!("/proc/self/fd/{}", file.as_raw_fd());
+        self.sync_file(file.try_clone()?, Path::new(&path))
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        NativeFileSystem.rename(from, to)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        NativeFileSystem.remove(path)
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        NativeFileSystem.read(path, most)
+    }
+}
+
+fn on(folder: &Path, system: &Forgetful) -> QueuedDisk {
+    let disk = FileDisk::open_on(folder, Box::new(system.clone())).expect("a store");
+    QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread")
+}
+
+fn line(name: &'static str, text: &'static str) -> impl FnOnce(&mut QueuedDisk) {
+    move |disk| {
+        disk.append(name, text.as_bytes(), Durability::Power)
+            .unwrap();
+    }
+}
+
+fn heal(disk: &mut QueuedDisk) {
+    let end = Instant::now() + Duration::from_secs(20);
+    while !disk.wait(Duration::from_millis(10)) && Instant::now() < end {
+        std::thread::sleep(LOOK_AGAIN);
+    }
+    assert!(disk.wait(Duration::ZERO));
+    disk.poll();
+    assert_eq!(disk.failing(), None);
+}
+
+#[test]
+fn a_log_that_could_not_be_synchronised_is_written_whole_before_its_lines_count() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let mut disk = on(&folder.path().join("state"), &system);
+    assert_eq!(
+        outcome(&mut disk, line("audit-1.log", "1\n")),
+        Progress::Durable
+    );
+    assert_eq!(
+        outcome(&mut disk, line("audit-1.log", "2\n")),
+        Progress::Durable
+    );
+    assert_eq!(system.left("audit-1.log").unwrap(), b"1\n2\n");
+
+    system.set(|platter| platter.files_fail = true);
+    let after = disk.queued();
+    line("audit-1.log", "3\n")(&mut disk);
+    // Before it is known that the disk fails.
+    line("audit-1.log", "4\n")(&mut disk);
+    disk.replace("authority-1.json", b"of 4", Durability::Power)
+        .unwrap();
+    let taken = Changes {
+        after,
+        until: disk.queued(),
+    };
+    assert_eq!(wait(&mut disk, taken), Progress::Failing);
+    assert_eq!(disk.failing().unwrap().name, "audit-1.log");
+    disk.append("audit-1.log", b"refused\n", Durability::Power)
+        .unwrap_err();
+    disk.append("audit-1.log", b"5\n", Durability::Process)
+        .unwrap();
+    disk.rotate("audit-1.log", 2).unwrap_err();
+    assert_eq!(
+        **disk.read("audit-1.log", 99).unwrap().unwrap(),
+        *b"1\n2\n3\n4\n5\n"
+    );
+
+    system.set(|platter| platter.files_fail = false);
+    let end = Instant::now() + Duration::from_secs(20);
+    while disk.progress(taken) != Progress::Durable && Instant::now() < end {
+        disk.poll();
+        // A record is never there without its line.
+        if system.left("authority-1.json").is_some() {
+            assert!(
+                system
+                    .left("audit-1.log")
+                    .unwrap()
+                    .starts_with(b"1\n2\n3\n4\n")
+            );
+        }
+        std::thread::sleep(LOOK_AGAIN);
+    }
+    heal(&mut disk);
+    assert_eq!(system.left("authority-1.json").unwrap(), b"of 4");
+    assert_eq!(
+        outcome(&mut disk, line("audit-1.log", "6\n")),
+        Progress::Durable
+    );
+    assert_eq!(system.left("audit-1.log").unwrap(), b"1\n2\n3\n4\n5\n6\n");
+}
+
+#[test]
+fn a_log_that_was_put_aside_while_its_synchronisation_failed_is_written_whole_there() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let mut disk = on(&folder.path().join("state"), &system);
+    assert_eq!(outcome(&mut disk, line("log", "1\n")), Progress::Durable);
+    system.set(|platter| platter.files_fail = true);
+    line("log", "2\n")(&mut disk);
+    disk.rename("log", "log.1").unwrap();
+    line("log", "3\n")(&mut disk);
+    assert!(!disk.wait(Duration::from_secs(2)));
+    system.set(|platter| platter.files_fail = false);
+    heal(&mut disk);
+    assert_eq!(system.left("log.1").unwrap(), b"1\n2\n");
+    assert_eq!(system.left("log").unwrap(), b"3\n");
+}
+
+#[test]
+fn names_that_could_not_be_synchronised_are_written_again() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let mut disk = on(&folder.path().join("state"), &system);
+    assert_eq!(outcome(&mut disk, line("log", "1\n")), Progress::Durable);
+    system.set(|platter| platter.folder_fails = true);
+    let moved = outcome(&mut disk, |disk| disk.rename("log", "log.1").unwrap());
+    assert_eq!(moved, Progress::Failing);
+    system.set(|platter| platter.folder_fails = false);
+    heal(&mut disk);
+    assert_eq!(system.left("log"), None);
+    assert_eq!(system.left("log.1").unwrap(), b"1\n");
+}
+
+#[test]
+fn a_start_trusts_no_log_of_the_process_before() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let store = folder.path().join("state");
+    let mut disk = on(&store, &system);
+    assert_eq!(outcome(&mut disk, line("log", "1\n")), Progress::Durable);
+    system.set(|platter| platter.files_fail = true);
+    assert_eq!(outcome(&mut disk, line("log", "2\n")), Progress::Failing);
+    drop(disk);
+    system.set(|platter| platter.files_fail = false);
+    let mut disk = on(&store, &system);
+    // What it reads, and so builds on, is not on the disk.
+    assert_eq!(**disk.read("log", 99).unwrap().unwrap(), *b"1\n2\n");
+    assert_eq!(outcome(&mut disk, line("log", "3\n")), Progress::Durable);
+    assert_eq!(system.left("log").unwrap(), b"1\n2\n3\n");
+}
+
+#[test]
+fn a_line_that_is_refused_is_not_in_the_log() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let store = folder.path().join("state");
+    let mut disk = FileDisk::open_on(&store, Box::new(system.clone())).expect("a store");
+    disk.append("log", b"1\n", Durability::Power).unwrap();
+    system.set(|platter| platter.files_fail = true);
+    disk.append("log", b"2\n", Durability::Power).unwrap_err();
+    assert_eq!(std::fs::read(store.join("log")).unwrap(), b"1\n");
+}
