@@ -232,7 +232,7 @@ impl<'a> DliEffects<'a> {
 
     /// Queues a datagram for the address of a station, lets it wait for its credit, or drops it.
     fn admit(&mut self, station: usize, datagram: Datagram, kind: Kind) {
-        let (now, bytes) = (self.now.mono, datagram.bytes().len());
+        let (now, bytes) = (self.now.mono, self.paths.bytes_of(station, &datagram));
         match self.paths.admit(now, station, bytes, kind) {
             Verdict::Send => self.outbox.push(datagram),
             Verdict::Wait => self.paths.wait(now, station, datagram),
@@ -241,7 +241,7 @@ impl<'a> DliEffects<'a> {
     }
 
     fn may_go_to_group(&mut self, station: usize, datagram: &Datagram, kind: Kind) -> bool {
-        let (now, bytes) = (self.now.mono, datagram.bytes().len());
+        let (now, bytes) = (self.now.mono, self.paths.bytes_of(station, datagram));
         let may = self.paths.admit_to_group(now, station, bytes, kind);
         if !may {
             self.counters.count("group over the rate");

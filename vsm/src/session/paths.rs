@@ -9,7 +9,8 @@
 //!   them in a row prove an address; of wrong ones [`MAX_WRONG`] are forgiven, so that who guesses is right once in 10^8
 //!   times. A CUCS needs nothing but the acknowledgements that the standard asks of it.
 //! - **Three times.** An address that has not proved itself is sent at most three times the bytes that came from it,
-//!   answers before status. What there is no credit for waits a little for the proof, then it is dropped.
+//!   answers before status. What there is no credit for waits a little for the proof, then it is dropped. What counts is
+//!   what leaves: a station of Edition 2.5 is sent longer messages than those that the machines write ([`Paths::settle`]).
 //! - **One address.** A CUCS is sent to, and obeyed, at one address. From another one it must prove itself first; what it
 //!   sends meanwhile is held back, and taken once it has. A CUCS that never answers moves when its old address has been quiet.
 //! - **Lease.** An address from which nothing comes is sent nothing after a while. It is asked in time: a CUCS that only
@@ -26,10 +27,10 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use sha2::{Digest as _, Sha256};
-use stanag_msgs::TimeStamp;
 use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
+use stanag_msgs::{TimeStamp, ed25};
 
-use super::outbox::Datagram;
+use super::outbox::{Datagram, Destination};
 use crate::config::Dli;
 
 /// The paths of all stations, by their index.
@@ -84,6 +85,8 @@ struct Station {
     candidates: Vec<Path>,
     /// It has proved an address: it can, so in control it must.
     answers: bool,
+    /// It is sent messages of Edition 2.5.
+    ed25: bool,
     /// Something that it should have was dropped since it was last there for certain.
     missed: bool,
     unicast: Rate,
@@ -224,6 +227,60 @@ impl Paths {
         current.is_some_and(|path| path.trusted || path.proven.is_some())
     }
 
+    /// The edition in which a station is sent to.
+    pub(crate) fn set_edition(&mut self, index: usize, ed25: bool) {
+        if let Some(station) = self.stations.get_mut(index) {
+            station.ed25 = ed25;
+        }
+    }
+
+    /// How many bytes a datagram has once it leaves, as far as that is known before.
+    pub(crate) fn bytes_of(&self, index: usize, datagram: &Datagram) -> usize {
+        let station = self.stations.get(index);
+        station.map_or(datagram.bytes().len(), |one| one.bytes_of(datagram))
+    }
+
+    /// How many bytes a question was charged as.
+    pub(crate) fn question_bytes(&self, index: usize) -> usize {
+        let station = self.stations.get(index);
+        question_bytes(station.is_some_and(|one| one.ed25))
+    }
+
+    /// What was charged as so many bytes has become so many: false where the address may not be sent them.
+    pub(crate) fn settle(
+        &mut self,
+        index: usize,
+        to: Destination,
+        charged: usize,
+        bytes: usize,
+    ) -> bool {
+        let limits = self.limits;
+        let Some(station) = self.stations.get_mut(index) else {
+            return true;
+        };
+        let (path, rate) = match to {
+            Destination::Unicast(address) => {
+                let all = station.current.iter_mut().chain(&mut station.candidates);
+                let path = all.into_iter().find(|path| path.address == address);
+                (path, &mut station.unicast)
+            }
+            Destination::Multicast => (station.current.as_mut(), &mut station.group),
+        };
+        rate.settle(charged, bytes, &limits);
+        let Some(path) = path.filter(|path| !path.trusted && path.proven.is_none()) else {
+            return true;
+        };
+        let credit = match to {
+            Destination::Unicast(_) => &mut path.credit,
+            Destination::Multicast => &mut path.group_credit,
+        };
+        let available = *credit + charged;
+        // What may not go has cost nothing.
+        *credit = available.checked_sub(bytes).unwrap_or(available);
+        station.missed |= available < bytes;
+        available >= bytes
+    }
+
     /// A restart: the station was there before, and had proved it. One that had not starts again with its next message.
     pub(crate) fn restore(&mut self, now: Duration, index: usize, peer: SocketAddr, proven: bool) {
         let lease = self.limits.lease;
@@ -337,6 +394,7 @@ impl Paths {
         let station = self.stations.get_mut(index)?;
         let contested = !station.candidates.is_empty();
         let answer = station.next_answer();
+        let question = station.question_bytes();
         let round = match station.find(address) {
             Some(path) => {
                 // An address that is believed is asked only where there is another.
@@ -345,7 +403,7 @@ impl Paths {
                     return None;
                 }
                 if path.proven.is_none() && !path.trusted {
-                    let left = path.credit.checked_sub(QUESTION_BYTES)?;
+                    let left = path.credit.checked_sub(question)?;
                     // One question may take the place of the answer for a moment. A CUCS that never acknowledges would get
                     // nothing else.
                     if !again
@@ -515,7 +573,7 @@ impl Paths {
             }
             let rest = std::mem::take(&mut station.waiting);
             let kind = Kind::of_answer(&datagram);
-            let verdict = station.admit(now, datagram.bytes().len(), kind, &limits);
+            let verdict = station.admit(now, station.bytes_of(&datagram), kind, &limits);
             station.waiting = rest;
             match verdict {
                 Verdict::Send => return Some(datagram),
@@ -600,6 +658,7 @@ impl Station {
             current: None,
             candidates: Vec::new(),
             answers: false,
+            ed25: false,
             missed: false,
             unicast: Rate::default(),
             group: Rate::default(),
@@ -628,7 +687,29 @@ impl Station {
     /// The bytes of the acknowledgement that waits first.
     fn next_answer(&self) -> Option<usize> {
         let (_, datagram) = self.waiting.front()?;
-        (Kind::of_answer(datagram) == Kind::Acknowledgement).then(|| datagram.bytes().len())
+        (Kind::of_answer(datagram) == Kind::Acknowledgement).then(|| self.bytes_of(datagram))
+    }
+
+    fn bytes_of(&self, datagram: &Datagram) -> usize {
+        let bytes = datagram.bytes();
+        if self.ed25 && !ed25::is_ed25(bytes) {
+            // No message has grown by more; `settle` knows.
+            bytes.len() * 9 / 5
+        } else {
+            bytes.len()
+        }
+    }
+
+    fn acknowledgement_bytes(&self) -> usize {
+        if self.ed25 {
+            ACKNOWLEDGEMENT_BYTES * 9 / 5
+        } else {
+            ACKNOWLEDGEMENT_BYTES
+        }
+    }
+
+    fn question_bytes(&self) -> usize {
+        question_bytes(self.ed25)
     }
 
     fn find(&mut self, address: SocketAddr) -> Option<&mut Path> {
@@ -714,7 +795,7 @@ impl Station {
         let asks = if current.trusted {
             self.movable().next().is_some()
         } else {
-            let may_answer = current.is_asked() && current.credit >= QUESTION_BYTES;
+            let may_answer = current.may_be_asked() && current.credit >= self.question_bytes();
             current.proven.is_some() || may_answer
         };
         (asks && !current.has_lapsed(now, limits.lease)).then_some(current.ask_at)
@@ -741,6 +822,7 @@ impl Station {
     }
 
     fn admit(&mut self, now: Duration, bytes: usize, kind: Kind, limits: &Limits) -> Verdict {
+        let (question, acknowledgement) = (self.question_bytes(), self.acknowledgement_bytes());
         let Some(current) = &mut self.current else {
             return Verdict::Drop("no address");
         };
@@ -770,9 +852,9 @@ impl Station {
         let overdue = kind == Kind::Acknowledgement && current.ask_at <= now;
         let asked = current.is_asked() && !overdue;
         let kept = match kind {
-            _ if asked => 2 * QUESTION_BYTES,
+            _ if asked => 2 * question,
             Kind::Acknowledgement => 0,
-            _ => 2 * ACKNOWLEDGEMENT_BYTES,
+            _ => 2 * acknowledgement,
         };
         let behind_others = behind_others && (asked || kind != Kind::Acknowledgement);
         if behind_others || current.credit < bytes + kept {
@@ -793,6 +875,12 @@ impl Path {
     /// Whether it may still answer: it has answered a round, or was not asked twice in vain yet.
     fn is_asked(&self) -> bool {
         self.rounds > 0 || self.pause <= 2 * FIRST_PAUSE
+    }
+
+    /// Whether a timer asks it: so often that five losses in a row are needed for a station that sends nothing more to be
+    /// left without an answer. Of what is left of its credit: after the second question answers go first.
+    fn may_be_asked(&self) -> bool {
+        self.rounds > 0 || self.pause <= 16 * FIRST_PAUSE
     }
 
     fn has_lapsed(&self, now: Duration, lease: Duration) -> bool {
@@ -834,6 +922,22 @@ impl Rate {
         self.messages = self.messages.max(now) + nanos(1, limits.messages_s);
         true
     }
+
+    /// What was taken as so many bytes has become so many.
+    fn settle(&mut self, taken: usize, bytes: usize, limits: &Limits) {
+        let a_second = u64::from(limits.bytes_s.max(1));
+        let nanos = |bytes: usize| Duration::from_nanos(bytes as u64 * 1_000_000_000 / a_second);
+        self.bytes = (self.bytes + nanos(bytes)).saturating_sub(nanos(taken));
+    }
+}
+
+/// The bytes of a question, by the edition of its station.
+pub(crate) fn question_bytes(ed25: bool) -> usize {
+    if ed25 {
+        QUESTION_ED25_BYTES
+    } else {
+        QUESTION_BYTES
+    }
 }
 
 /// The part of a stamp that lies above what is unpredictable, ms since 2000.
@@ -854,7 +958,9 @@ const MAX_WRONG: u8 = 8;
 /// 17000 with its wrapper: a command is acknowledged as received, and as carried out.
 const ACKNOWLEDGEMENT_BYTES: usize = 34;
 /// A heartbeat with its wrapper, summed or not.
-pub(crate) const QUESTION_BYTES: usize = 26;
+const QUESTION_BYTES: usize = 26;
+/// The same of Edition 2.5: #1401, and #1403, which that makes subject to an acknowledgement.
+const QUESTION_ED25_BYTES: usize = 128;
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 /// A CUCS that never answers is asked as seldom as this.
 const LONGEST_PAUSE: Duration = Duration::from_secs(64);

@@ -491,6 +491,30 @@ fn a_single_request_is_answered_though_its_station_never_acknowledges() {
     }
 }
 
+/// A station that sends a heartbeat, finds the vehicle, requests control, and sends nothing more while its answers to the first questions are
+/// lost: it is asked again, of what is left of its allowance, and has status. A single short message pays for one question
+/// and one answer.
+#[test]
+fn a_station_whose_first_answers_are_lost_is_asked_again() {
+    for lost_s in [0.0, 1.2, 3.0] {
+        let mut rig = idle(1);
+        rig.stations[0].acknowledges = false;
+        rig.send_once(Heartbeat::default());
+        rig.send_once(discovery());
+        rig.send_once(orders::request_control());
+        rig.run(lost_s);
+        rig.stations[0].acknowledges = true;
+        rig.run(9.0);
+        let received = rig.station().received.iter();
+        let positions = received.filter(|(_, _, message)| message.id() == 4000);
+        assert!(
+            positions.count() > 0,
+            "{lost_s} s: {:?}",
+            rig.station().received
+        );
+    }
+}
+
 /// The operator vouches for the address: no answer is needed, and no other address is taken.
 #[test]
 fn a_configured_address_counts_as_proven() {

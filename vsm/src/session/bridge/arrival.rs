@@ -98,6 +98,7 @@ impl Bridge {
                 self.asker = Some(index);
                 let arriving = Arriving {
                     bytes: frame.bytes,
+                    ed25: false,
                     acknowledges: frame.header.message_type == ACKNOWLEDGEMENT,
                     answer: self.answer_in(frame),
                 };

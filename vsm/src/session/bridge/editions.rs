@@ -81,6 +81,7 @@ impl Bridge {
                 self.asker = Some(index);
                 let arriving = Arriving {
                     bytes: frame.bytes,
+                    ed25: true,
                     acknowledges: header.message_type == ED25_ACKNOWLEDGEMENT,
                     answer: editions::proof(frame),
                 };
@@ -312,9 +313,9 @@ impl Bridge {
                 return Some(datagram);
             }
             let id = datagram.destination();
-            let stations = self.stations.iter_mut();
-            let mut stations = stations.filter(|one| one.id() == id && one.speaks_ed25());
-            let Some(station) = stations.next() else {
+            let stations = self.stations.iter_mut().enumerate();
+            let mut stations = stations.filter(|(_, one)| one.id() == id && one.speaks_ed25());
+            let Some((index, station)) = stations.next() else {
                 return Some(datagram);
             };
             let readings = &station.profile.readings;
@@ -324,7 +325,20 @@ impl Bridge {
             let decoded = readings.decode(frame.header.message_type, frame.data);
             let Ok(message) = decoded else { continue };
             let envelope = frame.header.envelope();
-            for bytes in station.translator.outbound(&envelope, &message) {
+            let translated = station.translator.outbound(&envelope, &message);
+            let question = matches!(message, Message::Heartbeat(_)) && envelope.ack_requested;
+            let charged = if question {
+                self.paths.question_bytes(index)
+            } else {
+                self.paths.bytes_of(index, &datagram)
+            };
+            let bytes = translated.iter().map(Vec::len).sum();
+            debug_assert!(!question || bytes <= charged, "a question of {bytes} bytes");
+            if !self.paths.settle(index, datagram.to, charged, bytes) {
+                self.counters.count("unproven address");
+                continue;
+            }
+            for bytes in translated {
                 if let Some(translated) = datagram.translated(&bytes) {
                     self.remember_sent(&translated);
                     self.translated.push_back(translated);

@@ -15,12 +15,14 @@ use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;
 use crate::session::outbox::{Destination, Outbox};
-use crate::session::paths::{Arrival, Proof, QUESTION_BYTES};
+use crate::session::paths::{Arrival, Proof, question_bytes};
 
 /// What of a message shows where its station is.
 pub(super) struct Arriving<'a> {
     /// The whole message, as it is held back.
     pub(super) bytes: &'a [u8],
+    /// It is of Edition 2.5.
+    pub(super) ed25: bool,
     /// It is an acknowledgement, of which nothing else follows.
     pub(super) acknowledges: bool,
     /// The stamp of a question of ours that it answers.
@@ -51,6 +53,8 @@ impl Bridge {
             })
         };
         let bytes = arriving.bytes.len();
+        // Before anything is charged: it is answered in the edition in which it has come.
+        self.paths.set_edition(index, arriving.ed25);
         let arrival = self.paths.arrived(now.mono, index, from, bytes, controls);
         if arrival == Arrival::Moved {
             self.moved(now, index, disk);
@@ -146,7 +150,7 @@ impl Bridge {
         let envelope = envelope.requesting_ack();
         if let Some(datagram) = Outbox::compose(to, &station.profile, &envelope, &message) {
             debug_assert!(
-                datagram.bytes().len() <= QUESTION_BYTES,
+                datagram.bytes().len() <= question_bytes(false),
                 "a longer heartbeat"
             );
             self.outbox.push(datagram);

@@ -196,3 +196,62 @@ fn a_station_speaks_one_edition_at_a_time() {
     assert!(seen >= 1, "{seen}");
     station.receive(&rig);
 }
+
+/// What counts of an address that proves nothing is what is sent there, in the edition in which it is sent.
+#[test]
+fn an_unproven_address_is_sent_three_times_what_it_sent_at_most_in_its_own_edition() {
+    let sequences: [(&str, &[(u16, Value)]); 5] = [
+        ("discovery", &[(1, json!({ "VSM ID": -1 }))]),
+        (
+            "LOI 2 to 5",
+            &[(
+                1,
+                json!({ "Requested/Handover LOI": 0x0f, "Controlled Station Mode": 1 }),
+            )],
+        ),
+        ("configuration", &[(1403, json!({ "Message Type": 101 }))]),
+        (
+            "LOI and a download",
+            &[
+                (
+                    1,
+                    json!({ "Requested/Handover LOI": 0x0f, "Controlled Station Mode": 1 }),
+                ),
+                (800, json!({ "Mission Plan Mode": 2 })),
+                (1403, json!({ "Message Type": 101 })),
+            ],
+        ),
+        (
+            "a refused mode",
+            &[(42, json!({ "Select Flight Path Control Mode": 2 }))],
+        ),
+    ];
+    for (what, messages) in sequences {
+        let tables = TABLES.replace("address = \"127.0.0.2\"\n", "");
+        let mut rig = Rig::new(Setup {
+            tables: Box::leak(tables.into_boxed_str()),
+            ..Setup::default()
+        });
+        rig.run(9.0);
+        let mut station = StationEd25::new(CUCS, ([127, 0, 0, 2], 41_000).into());
+        let mut paid = 0;
+        for (number, fields) in messages {
+            let to = if what == "discovery" {
+                Id::BROADCAST
+            } else {
+                vehicle_id(0)
+            };
+            let bytes = station.datagram(&rig, to, *number, fields);
+            paid += bytes.len() as u64;
+            rig.deliver_from(station.address, &bytes);
+            rig.run(0.5);
+        }
+        rig.run(60.0);
+        let sent = rig
+            .sent_to
+            .get(&station.address)
+            .map_or(0, |(_, bytes)| *bytes);
+        assert!(sent > 0, "{what}");
+        assert!(sent <= 3 * paid, "{what}: {sent} bytes for {paid}");
+    }
+}
