@@ -17,6 +17,7 @@ use crate::report::RuleReport;
 use crate::runner::{Options, Run};
 use crate::scripted::{Scenario, Vehicle};
 use crate::verdict::Verdict;
+use crate::wire::dialect::Role;
 use crate::wire::{Direction, split};
 
 /// Rules of the core: discovery, a request, an acknowledgement.
@@ -34,7 +35,11 @@ struct Subject {
 impl Subject {
     /// The scripted vehicle with these events.
     fn vehicle(scenario: &str) -> Self {
-        let net = Net::new();
+        Self::of_edition("4", scenario)
+    }
+
+    fn of_edition(edition: &str, scenario: &str) -> Self {
+        let net = Net::new(edition, Role::Vehicle);
         let scenario = format!("about = \"a bad subject\"\n{scenario}");
         let scenario = Scenario::parse("bad", &scenario).unwrap_or_else(|error| panic!("{error}"));
         let mut vehicle = Vehicle::new(&net, "127.0.0.1:0".parse().unwrap(), scenario).unwrap();
@@ -75,7 +80,7 @@ impl Subject {
             address,
             ends,
             thread: Some(thread),
-            net: Net::new(),
+            net: Net::new("4", Role::Vehicle),
         }
     }
 }
@@ -107,8 +112,18 @@ impl Outcome {
 
 /// Judges the subject at a tenth of the usual times; `interrupt_after` presses Ctrl-C.
 fn judge(address: SocketAddr, rules: &[&str], interrupt_after: Option<Duration>) -> Outcome {
+    judge_in("4", address, rules, interrupt_after)
+}
+
+fn judge_in(
+    edition: &str,
+    address: SocketAddr,
+    rules: &[&str],
+    interrupt_after: Option<Duration>,
+) -> Outcome {
     let catalogue = Catalogue::embedded();
     let mut profile = Profile::default();
+    profile.subject.edition = edition.to_owned();
     profile.timers.insert("factor".into(), 0.1);
     let bench = Bench::new(&catalogue, profile, address);
     let options = Options {
@@ -153,6 +168,54 @@ fn a_lawful_vehicle_passes() {
         );
     }
     assert_eq!(outcome.remarks, "");
+}
+
+/// Discovery, rights, acknowledgements and the wrapper of Edition 2.5.
+const FEW_25: &[&str] = &["DISC-001", "AUTH-001", "ACK-004", "WRAP-002", "WRAP-006"];
+
+#[test]
+fn a_vehicle_of_edition_2_5_passes_and_its_faults_do_not() {
+    let lawful = Subject::of_edition("2.5", "");
+    let outcome = judge_in("2.5", lawful.address, FEW_25, None);
+    for id in FEW_25 {
+        let (verdict, reason) = outcome.verdict(id);
+        assert_eq!(verdict, Verdict::Pass, "{id} {reason}");
+    }
+    // What Edition 2.5 has no message for is not sent, and nothing is said to be passed by it.
+    let outcome = judge_in("2.5", lawful.address, &["ACK-001", "CURVE-005"], None);
+    for id in ["ACK-001", "CURVE-005"] {
+        assert_eq!(outcome.verdict(id).0, Verdict::NotApplicable, "{id}");
+    }
+    let faults = [
+        (
+            "[[lose]]\nmessage = 1\ntimes = 3000",
+            "DISC-001",
+            Verdict::Inconclusive,
+        ),
+        (
+            "[[lose]]\nmessage = 2017\ntimes = 9",
+            "ACK-004",
+            Verdict::Fail,
+        ),
+        ("[authority]\ndamaged = true", "WRAP-006", Verdict::Fail),
+        (
+            "[authority]\nauthorised = [2]",
+            "AUTH-001",
+            Verdict::NotApplicable,
+        ),
+        // A vehicle of Edition 4 is none of Edition 2.5.
+        (
+            "[[event]]\nafter = \"control\"\naction = \"datagram\"\nlength = 40",
+            "WRAP-002",
+            Verdict::Fail,
+        ),
+    ];
+    for (scenario, id, expected) in faults {
+        let subject = Subject::of_edition("2.5", scenario);
+        let outcome = judge_in("2.5", subject.address, &[id], None);
+        let (verdict, reason) = outcome.verdict(id);
+        assert_eq!(verdict, expected, "{id} {reason} {scenario}");
+    }
 }
 
 #[test]

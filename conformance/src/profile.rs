@@ -46,7 +46,7 @@ pub struct SubjectClaims {
     /// Where it listens.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub address: Option<String>,
-    /// Edition of the interface: "3" or "4", of a recording also "2.5".
+    /// Edition of the interface: "2.5", "3" or "4".
     pub edition: String,
     /// Checksum style of what the suite sends, 0 to 3.
     pub checksum: u8,
@@ -265,22 +265,6 @@ impl Profile {
     #[must_use]
     pub fn idd(&self) -> u8 {
         if self.subject.edition == "3" { 30 } else { 32 }
-    }
-
-    /// Checks that the suite speaks the edition itself.
-    ///
-    /// # Errors
-    /// It can only judge recordings of it.
-    pub fn check_active(&self) -> Result<(), ProfileError> {
-        if self.subject.edition != "2.5" {
-            return Ok(());
-        }
-        Err(ProfileError::Value {
-            key: "subject.edition".into(),
-            found: self.subject.edition.clone(),
-            expected: "\"3\" or \"4\"; Edition 2.5 is judged on recordings: dli-check capture FILE"
-                .into(),
-        })
     }
 
     /// Whether all vehicles are said to be simulated.

@@ -19,7 +19,7 @@ use crate::passive::{self, View};
 use crate::report::RuleReport;
 use crate::rules;
 use crate::verdict::{Judged, Judgement, Stop, Verdict};
-use crate::wire::{Direction, Draft, Seen};
+use crate::wire::{Direction, Draft, Seen, dialect};
 
 /// What is run.
 #[derive(Clone, Debug, Default)]
@@ -40,6 +40,8 @@ pub struct Options {
 const WHOLE: f64 = 0.0;
 /// Share above which it is the subject that does not answer.
 const SILENT: f64 = 0.5;
+/// What a rule of Edition 4 looked at in Edition 2.5 without finding a field for it.
+const UNSEEN: &str = "Edition 2.5 has no field for what this rule also looks at:";
 /// Messages of evidence.
 const MAX_EVIDENCE: usize = 40;
 
@@ -88,11 +90,8 @@ impl Run<'_> {
                 Verdict::NotApplicable,
                 "judges a CUCS; the subject is a VSM".into(),
             )
-        } else if !rule.editions.iter().any(|listed| listed == edition) {
-            (
-                Verdict::NotApplicable,
-                format!("is not judged in Edition {edition}"),
-            )
+        } else if let Some(reason) = rules::not_in_edition(rule, edition) {
+            (Verdict::NotApplicable, reason)
         } else if !claimed(rule, profile) {
             (
                 Verdict::NotApplicable,
@@ -413,8 +412,10 @@ impl Run<'_> {
 
     fn attempt(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
         let trial = Trial::new(&self.bench);
+        let _ = (self.bench.net.take_missing(), dialect::take_unplaced());
         let result = catch_unwind(AssertUnwindSafe(|| (scene.play)(&trial)));
-        let judgement = match result {
+        let (missing, unplaced) = (self.bench.net.take_missing(), dialect::take_unplaced());
+        let mut judgement = match result {
             Ok(Ok(())) => match trial.warnings().first() {
                 Some(warning) => Judgement::new(Verdict::Warning, warning.clone()),
                 None => Judgement::pass(),
@@ -434,6 +435,18 @@ impl Run<'_> {
                 )
             }
         };
+        // What was not sent proves nothing either way.
+        if !missing.is_empty() && judgement.verdict != Verdict::NotApplicable {
+            let reason = format!("Edition 2.5 has no {}", missing.join(", no "));
+            judgement = Judgement::new(Verdict::NotApplicable, reason);
+        } else if !unplaced.is_empty() && !report.notes.iter().any(|note| note.starts_with(UNSEEN))
+        {
+            let fields: Vec<String> = unplaced
+                .iter()
+                .map(|(kind, field)| format!("{field} of {kind}"))
+                .collect();
+            report.notes.push(format!("{UNSEEN} {}", fields.join(", ")));
+        }
         let end = self.bench.net.mark();
         if let Err(stop) = trial.clean_up() {
             report
@@ -473,7 +486,9 @@ impl Run<'_> {
             .chain(messages.into_iter().skip(skip))
             .collect();
         chosen.sort_by_key(|seen| seen.at);
-        chosen.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        // One message of Edition 2.5 may have several counterparts.
+        let shown = |seen: &Arc<Seen>| Arc::as_ptr(seen.original.as_ref().unwrap_or(seen));
+        chosen.dedup_by(|a, b| shown(a) == shown(b));
         chosen.iter().map(|seen| seen.evidence()).collect()
     }
 
@@ -484,11 +499,8 @@ impl Run<'_> {
         if rule.subject == Subject::Cucs {
             return not_applicable("judges a CUCS; the subject is a VSM".into());
         }
-        if !rule.editions.contains(&profile.subject.edition) {
-            return not_applicable(format!(
-                "is not judged in Edition {}",
-                profile.subject.edition
-            ));
+        if let Some(reason) = rules::not_in_edition(rule, &profile.subject.edition) {
+            return not_applicable(reason);
         }
         if !claimed(rule, profile) {
             return not_applicable(format!(
@@ -588,9 +600,11 @@ impl Run<'_> {
             profile: &self.bench.profile,
             survey: self.bench.survey.get().filter(|survey| survey.answered),
             live: true,
+            as_they_are: false,
         };
         let edition = self.bench.profile.subject.edition.clone();
-        for judge in passive::judges() {
+        for applied in passive::judges_of(&edition, Subject::Vsm) {
+            let judge = applied.judge;
             let Some(rule) = self
                 .catalogue
                 .find(judge.rule)
@@ -601,7 +615,7 @@ impl Run<'_> {
             if !rule.editions.contains(&edition) || !claimed(rule, &self.bench.profile) {
                 continue;
             }
-            let (judgement, evidence) = judged_by(judge, &view);
+            let (judgement, evidence) = applied.judge(&view);
             let judgement = judgement.at_level(rule.level, self.options.strict);
             let index = reports
                 .iter()
@@ -634,14 +648,6 @@ impl Run<'_> {
             }
         }
     }
-}
-
-/// A judge on a view; shared with captures.
-#[must_use]
-pub fn judged_by(judge: &passive::Judge, view: &View<'_>) -> (Judgement, Vec<Arc<Seen>>) {
-    let mut found = passive::Found::default();
-    (judge.judge)(view, &mut found);
-    found.judgement()
 }
 
 /// Whether the profile claims the set of a rule.

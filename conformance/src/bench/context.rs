@@ -11,6 +11,7 @@ use super::survey::Survey;
 use crate::catalogue::Catalogue;
 use crate::profile::Profile;
 use crate::verdict::{Judged, Stop};
+use crate::wire::dialect::{Role, marker};
 
 /// The suite's times, scaled.
 #[derive(Clone, Copy, Debug)]
@@ -76,6 +77,8 @@ pub struct Bench {
     pub survey: OnceLock<Survey>,
     /// Where the vehicle stood when it was first seen.
     pub home: OnceLock<Fix>,
+    /// The VSM, as its answers name it: messages of Edition 2.5 are addressed to it by name.
+    pub vsm: OnceLock<stanag_msgs::Id>,
     /// Whether the hazard of a flight is released.
     pub flight_released: AtomicBool,
     /// Milliseconds for which a later message 2 may follow the first: a subject may send it twice, or late.
@@ -88,22 +91,37 @@ impl Bench {
     #[must_use]
     pub fn new(catalogue: &Catalogue, profile: Profile, address: SocketAddr) -> Arc<Self> {
         Arc::new(Self {
-            net: Net::new(),
+            net: Net::new(&profile.subject.edition, Role::Cucs),
             timers: Timers::new(catalogue, &profile),
             profile,
             address,
             survey: OnceLock::new(),
             home: OnceLock::new(),
+            vsm: OnceLock::new(),
             flight_released: AtomicBool::new(false),
             settle_ms: AtomicU32::new(0),
             radius: AtomicU32::new(0),
         })
     }
 
-    /// A loiter radius that was not used shortly before: 90 to 240 m, a multiple of the wire's step.
+    /// A loiter radius that was not used shortly before: 90 to 240 m, a multiple of the wire's step. In Edition 2.5 one of
+    /// those that stand for a mode preference ([`marker`]).
     pub fn fresh_radius(&self) -> f64 {
         let number = self.radius.fetch_add(1, Ordering::SeqCst);
-        90.0 + 1.5 * f64::from(number * 7 % 100)
+        if self.net.dialect().is_some() {
+            // The first is what a subject begins with.
+            return self.radius(1 + number * 7 % (marker::COUNT - 1));
+        }
+        self.radius(number * 7)
+    }
+
+    /// One of the loiter radii by which the suite sees whose commands are obeyed, in metres; numbers beyond begin again.
+    #[must_use]
+    pub fn radius(&self, number: u32) -> f64 {
+        if self.net.dialect().is_some() {
+            return marker::radius_m(number);
+        }
+        90.0 + 1.5 * f64::from(number % 100)
     }
 
     /// The survey, where one was made.

@@ -74,6 +74,9 @@ pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
         for answer in &answers {
             candidate.authorised |= answer.raw("LOI Authorized").unwrap_or_default();
             add_vehicle(&mut survey, answer);
+            if let Some(vsm) = answer.raw("VSM ID") {
+                bench.vsm.get_or_init(|| Id(vsm as u32));
+            }
         }
         // An id that the profile names is one that the subject knows, whatever it offers it.
         let named = !claims.is_empty() && candidate.claimed != Some(0) && !answers.is_empty();

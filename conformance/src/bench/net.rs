@@ -5,11 +5,12 @@
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use crate::wire::dialect::{self, Role};
 use crate::wire::{self, Direction, Seen};
 
 /// Seconds from 1970 to 2000.
@@ -34,10 +35,62 @@ pub struct Datagram {
     pub remote: SocketAddr,
     /// The payload.
     pub bytes: Vec<u8>,
-    /// Its messages.
+    /// Its messages as the rules look at them: of Edition 2.5 their counterparts in Edition 4.
     pub messages: Vec<Arc<Seen>>,
+    /// Its messages as they are.
+    pub originals: Vec<Arc<Seen>>,
     /// Why the rest of it is no message.
     pub fault: Option<String>,
+}
+
+impl Datagram {
+    /// Its messages, as they are or as the rules look at them.
+    #[must_use]
+    pub fn seen(&self, as_they_are: bool) -> &[Arc<Seen>] {
+        if as_they_are {
+            &self.originals
+        } else {
+            &self.messages
+        }
+    }
+
+    /// Takes the bytes of a datagram apart; `dialect` where Edition 2.5 is judged.
+    #[must_use]
+    pub fn new(
+        (at, wall): (Duration, Duration),
+        direction: Direction,
+        socket: usize,
+        (local, remote): (SocketAddr, SocketAddr),
+        bytes: Vec<u8>,
+        dialect: Option<Role>,
+    ) -> Self {
+        let wall_ms = (wall.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000);
+        let (pieces, fault) = wire::split(&bytes);
+        let by_cucs = matches!(
+            (dialect, direction),
+            (Some(Role::Cucs), Direction::Sent) | (Some(Role::Vehicle), Direction::Received)
+        );
+        let originals: Vec<Arc<Seen>> = pieces
+            .into_iter()
+            .map(|piece| piece.sent_by_cucs(by_cucs))
+            .map(|piece| Arc::new(Seen::new(at, wall_ms, direction, socket, piece)))
+            .collect();
+        let messages = match dialect {
+            Some(_) => originals.iter().flat_map(dialect::counterparts).collect(),
+            None => originals.clone(),
+        };
+        Self {
+            at,
+            wall,
+            direction,
+            local,
+            remote,
+            bytes,
+            messages,
+            originals,
+            fault,
+        }
+    }
 }
 
 /// Everything sent and received so far.
@@ -66,6 +119,15 @@ impl Recording {
     }
 }
 
+/// The messages of a datagram.
+#[derive(Clone, Debug, Default)]
+pub struct Recorded {
+    /// As the rules look at them.
+    pub messages: Vec<Arc<Seen>>,
+    /// As they are.
+    pub originals: Vec<Arc<Seen>>,
+}
+
 /// The network of a run.
 #[derive(Debug)]
 pub struct Net {
@@ -75,13 +137,24 @@ pub struct Net {
     interrupted: AtomicBool,
     last_stamp: AtomicU64,
     sockets: AtomicU64,
+    dialect: Option<Role>,
+    instances: AtomicU32,
+    missing: Mutex<Vec<String>>,
 }
 
 impl Net {
-    /// A network without sockets.
+    /// A network without sockets, for this edition; `role` is the side that the suite plays.
     #[must_use]
-    pub fn new() -> Arc<Self> {
+    pub fn new(edition: &str, role: Role) -> Arc<Self> {
         Arc::new(Self {
+            dialect: (edition == "2.5").then_some(role),
+            // An instance is not used again, also not by the next run.
+            instances: AtomicU32::new(
+                SystemTime::now()
+                    .duration_since(UNIX_EPOCH)
+                    .map_or(0, |now| (now.as_millis() >> 4) as u32),
+            ),
+            missing: Mutex::default(),
             start: Instant::now(),
             recording: Mutex::default(),
             arrived: Condvar::new(),
@@ -95,6 +168,32 @@ impl Net {
     #[must_use]
     pub fn now(&self) -> Duration {
         self.start.elapsed()
+    }
+
+    /// The suite's side, where Edition 2.5 is spoken.
+    #[must_use]
+    pub fn dialect(&self) -> Option<Role> {
+        self.dialect
+    }
+
+    /// A Message Instance ID of Edition 2.5 that no message of the suite has had.
+    pub fn instance(&self) -> u32 {
+        self.instances.fetch_add(1, Ordering::SeqCst)
+    }
+
+    /// What could not be sent, since Edition 2.5 has nothing for it.
+    pub fn note_missing(&self, what: Vec<String>) {
+        let mut missing = self.missing.lock().unwrap_or_else(PoisonError::into_inner);
+        for one in what {
+            if !missing.contains(&one) {
+                missing.push(one);
+            }
+        }
+    }
+
+    /// What was noted since the last call.
+    pub fn take_missing(&self) -> Vec<String> {
+        std::mem::take(&mut *self.missing.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Milliseconds since 2000 by the clock of this computer.
@@ -153,7 +252,7 @@ impl Net {
         self.recording().datagrams.len()
     }
 
-    /// Records a datagram; its messages.
+    /// Records a datagram; its messages as the rules look at them, and as they are.
     pub fn record(
         &self,
         direction: Direction,
@@ -161,43 +260,51 @@ impl Net {
         local: SocketAddr,
         remote: SocketAddr,
         bytes: &[u8],
-    ) -> Vec<Arc<Seen>> {
+    ) -> Recorded {
         let at = self.now();
         {
             let mut recording = self.recording();
             if !recording.has_room(direction, at) {
                 recording.dropped += 1;
-                return Vec::new();
+                return Recorded::default();
             }
         }
         let wall = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
-        let wall_ms = (wall.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000);
-        let (pieces, fault) = wire::split(bytes);
-        let messages: Vec<Arc<Seen>> = pieces
-            .into_iter()
-            .map(|piece| Arc::new(Seen::new(at, wall_ms, direction, socket, piece)))
-            .collect();
-        let parsed = messages.clone();
+        let datagram = Datagram::new(
+            (at, wall),
+            direction,
+            socket,
+            (local, remote),
+            bytes.to_vec(),
+            self.dialect,
+        );
+        let parsed = Recorded {
+            messages: datagram.messages.clone(),
+            originals: datagram.originals.clone(),
+        };
         let mut recording = self.recording();
         // The parsed form takes a few times the bytes.
         recording.bytes += 500 + 4 * bytes.len();
-        recording.datagrams.push(Datagram {
-            at,
-            wall,
-            direction,
-            local,
-            remote,
-            bytes: bytes.to_vec(),
-            messages,
-            fault,
-        });
+        recording.datagrams.push(datagram);
         drop(recording);
         if direction == Direction::Received {
             self.arrived.notify_all();
         }
         parsed
+    }
+
+    /// Whether a datagram from `mark` on is one that `wanted` accepts, waited for until `deadline` (time of the run).
+    pub fn wait_datagram(
+        &self,
+        mark: usize,
+        deadline: Duration,
+        wanted: impl FnMut(&Datagram) -> bool,
+    ) -> bool {
+        let mut wanted = wanted;
+        self.wait_for(mark, deadline, |datagram| wanted(datagram).then_some(()))
+            .is_some()
     }
 
     /// The first message from `mark` on that `wanted` accepts, waited for until `deadline` (time of the run).
@@ -207,12 +314,24 @@ impl Net {
         deadline: Duration,
         mut wanted: impl FnMut(&Datagram, &Arc<Seen>) -> bool,
     ) -> Option<Arc<Seen>> {
+        self.wait_for(mark, deadline, |datagram| {
+            let mut messages = datagram.messages.iter();
+            messages.find(|seen| wanted(datagram, seen)).cloned()
+        })
+    }
+
+    fn wait_for<T>(
+        &self,
+        mark: usize,
+        deadline: Duration,
+        mut wanted: impl FnMut(&Datagram) -> Option<T>,
+    ) -> Option<T> {
         let mut next = mark;
         let mut recording = self.recording();
         loop {
             while let Some(datagram) = recording.datagrams.get(next) {
-                if let Some(seen) = datagram.messages.iter().find(|seen| wanted(datagram, seen)) {
-                    return Some(seen.clone());
+                if let Some(found) = wanted(datagram) {
+                    return Some(found);
                 }
                 next += 1;
             }
@@ -254,8 +373,8 @@ pub struct Socket {
 }
 
 impl Socket {
-    /// Opens a socket on a fresh port, from which `remote` is reached. `acknowledge` makes the answer to a message that
-    /// requests an acknowledgement: a CUCS that never acknowledges has not proved its address.
+    /// Opens a socket on a fresh port, from which `remote` is reached. `acknowledge` makes the answer to a message, as it is,
+    /// that requests an acknowledgement: a CUCS that never acknowledges has not proved its address.
     ///
     /// # Errors
     /// The system has no socket, or no way to the address.
@@ -285,9 +404,9 @@ impl Socket {
                 while !closing.load(Ordering::SeqCst) {
                     // A refused datagram (ICMP) is an error of the next call: the subject may come back.
                     if let Ok((length, from)) = socket.recv_from(&mut buffer) {
-                        for seen in
-                            net.record(Direction::Received, number, local, from, &buffer[..length])
-                        {
+                        let bytes = &buffer[..length];
+                        let recorded = net.record(Direction::Received, number, local, from, bytes);
+                        for seen in recorded.originals {
                             if let Some(answer) = acknowledge(&seen) {
                                 net.record(Direction::Sent, number, local, from, &answer);
                                 let _ = socket.send_to(&answer, from);

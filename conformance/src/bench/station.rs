@@ -4,16 +4,20 @@
 //! uses [`Station::send`]. A method that returns [`Judged`] fails in the sense of a rule whose point it is; where it is
 //! only a precondition, the scene says so with `precondition`.
 
-use std::sync::Arc;
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use stanag_msgs::Id;
 
 use super::context::Bench;
-use super::net::{Datagram, Socket};
+use super::net::{Datagram, Net, Socket};
 
 use crate::verdict::{Judged, Stop};
-use crate::wire::{Direction, Draft, Seen};
+use crate::wire::dialect::writing::{self, Writer};
+use crate::wire::dialect::{self, Role};
+use crate::wire::{Direction, Draft, HEADER, Seen, WRAPPER_25};
 
 /// LOI bits of messages 1 and 2 in the suite's own reading.
 pub mod loi {
@@ -38,6 +42,9 @@ pub enum Access {
     Override = 2,
 }
 
+/// How high above the place where the vehicle was first seen #41 says to loiter, metres: where the suite flies.
+const LOITER_UP_M: f64 = 50.0;
+
 /// A CUCS of the suite.
 #[derive(Debug)]
 pub struct Station {
@@ -47,6 +54,10 @@ pub struct Station {
     /// The vehicle that it addresses.
     pub vehicle: Id,
     socket: Socket,
+    /// In Edition 2.5: the message types that it has asked to be acknowledged.
+    acknowledged: Mutex<BTreeSet<u16>>,
+    /// In Edition 2.5: whether a mode preference of it may rule over what it commands next.
+    preferred: AtomicBool,
 }
 
 /// What was sent, to find what came after it.
@@ -75,7 +86,13 @@ impl Station {
             bench.profile.idd(),
             bench.profile.subject.checksum,
         );
+        let configured: Mutex<BTreeSet<i64>> = Mutex::default();
+        let vsm = bench.vsm.get().copied();
         let acknowledge = move |seen: &Seen| {
+            if net.dialect().is_some() {
+                let mut types = configured.lock().unwrap_or_else(PoisonError::into_inner);
+                return answer_25(&net, id, vsm, seen, &mut types);
+            }
             let asked = seen.piece.ack() && seen.piece.destination == id && seen.kind() != 17000;
             asked.then(|| {
                 let draft = Draft::new(17000)
@@ -97,6 +114,8 @@ impl Station {
             id,
             vehicle,
             socket,
+            acknowledged: Mutex::default(),
+            preferred: AtomicBool::new(false),
         })
     }
 
@@ -116,12 +135,137 @@ impl Station {
     #[must_use]
     pub fn encode(&self, draft: &Draft) -> Vec<u8> {
         let profile = &self.bench.profile;
+        if self.bench.net.dialect().is_some() {
+            let made = writing::encode(draft, &self.writer(), || self.bench.net.instance());
+            let bytes = made.bytes();
+            self.bench.net.note_missing(made.missing);
+            return bytes;
+        }
         draft.encode(
             self.id,
             self.vehicle,
             profile.idd(),
             profile.subject.checksum,
         )
+    }
+
+    fn writer(&self) -> Writer {
+        Writer {
+            role: Role::Cucs,
+            source: self.id,
+            destination: self.vehicle,
+            vsm: self.bench.vsm.get().copied().unwrap_or(Id::BROADCAST),
+            loiter: self
+                .bench
+                .home
+                .get()
+                .map(|home| (home.altitude + LOITER_UP_M, home.altitude_type)),
+        }
+    }
+
+    /// Bytes of a message around its data, by the edition.
+    #[must_use]
+    pub fn wrapper_bytes(&self) -> usize {
+        match self.bench.net.dialect() {
+            Some(_) => WRAPPER_25,
+            None => HEADER,
+        }
+    }
+
+    /// Bytes of the data of a message, by the edition.
+    #[must_use]
+    pub fn data_length(&self, draft: &Draft) -> u16 {
+        match self.bench.net.dialect() {
+            Some(_) => self.encode(draft).len().saturating_sub(WRAPPER_25) as u16,
+            None => draft.data().len() as u16,
+        }
+    }
+
+    /// What Edition 2.5 has before a message: the request to acknowledge its type, and no preference before a mode.
+    fn prepare(&self, draft: &Draft) {
+        let net = &self.bench.net;
+        let elsewhere = draft.source.or(draft.destination).is_some();
+        if net.dialect().is_none() || draft.data.is_some() || elsewhere {
+            return;
+        }
+        let writer = self.writer();
+        let types = writing::types_of(draft, Role::Cucs);
+        if draft.ack {
+            let mut known = self
+                .acknowledged
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner);
+            let new: Vec<u16> = types
+                .iter()
+                .copied()
+                .filter(|kind| known.insert(*kind))
+                .collect();
+            if !new.is_empty() {
+                let bytes = writing::acknowledge(&new, &writer, || net.stamp(), || net.instance());
+                self.send_bytes(&bytes);
+            }
+        }
+        let prefers = types.contains(&dialect::PREFERENCE);
+        if draft.message_type == 2016 && !prefers && self.preferred.swap(false, Ordering::SeqCst) {
+            self.prefer([0; 3]);
+        }
+        if prefers {
+            self.preferred.store(true, Ordering::SeqCst);
+        }
+    }
+
+    /// Edition 2.5: sends #48 with what rules over altitude, speed, course and heading.
+    pub fn prefer(&self, parts: [i64; 3]) -> usize {
+        let net = &self.bench.net;
+        self.preferred.store(parts != [0; 3], Ordering::SeqCst);
+        self.send_bytes(&writing::preference(
+            parts,
+            &self.writer(),
+            net.stamp(),
+            net.instance(),
+        ))
+    }
+
+    /// Edition 2.5: sends #1202.
+    pub fn send_resources(&self) -> usize {
+        let net = &self.bench.net;
+        self.send_bytes(&writing::resources(
+            &self.writer(),
+            net.stamp(),
+            net.instance(),
+        ))
+    }
+
+    /// Edition 2.5: of the messages that a draft becomes sends the one of this type.
+    pub fn send_only(&self, draft: Draft, number: u16) -> usize {
+        let draft = self.stamped(draft);
+        let made = writing::encode(&draft, &self.writer(), || self.bench.net.instance());
+        let types = writing::types_of(&draft, Role::Cucs);
+        let all = types.iter().zip(&made.messages);
+        let chosen: Vec<u8> = all
+            .filter(|(kind, _)| **kind == number)
+            .flat_map(|(_, bytes)| bytes.clone())
+            .collect();
+        self.send_bytes(&chosen)
+    }
+
+    /// Whether a message of Edition 2.5, as it is, comes to this station after `mark` within `time`.
+    pub fn wait_original(
+        &self,
+        mark: usize,
+        time: Duration,
+        mut wanted: impl FnMut(&Seen) -> bool,
+    ) -> bool {
+        let deadline = self.bench.net.now() + time;
+        self.bench.net.wait_datagram(mark, deadline, |datagram| {
+            let mut originals = datagram.originals.iter();
+            originals.any(|seen| {
+                seen.direction == Direction::Received
+                    && seen.socket == self.socket.number
+                    && seen.piece.destination == self.id
+                    && wanted(seen)
+            })
+        })
     }
 
     /// Sends bytes as they are.
@@ -138,6 +282,7 @@ impl Station {
 
     /// Sends a message once, with a fresh time stamp unless it has one.
     pub fn send(&self, draft: Draft) -> Sent {
+        self.prepare(&draft);
         let draft = self.stamped(draft);
         let bytes = self.encode(&draft);
         self.send_as(&draft, bytes)
@@ -161,27 +306,17 @@ impl Station {
         {
             return draft;
         }
+        if self.bench.net.dialect().is_some() && draft.message_type == 2016 {
+            // It becomes up to three messages, each with a stamp of its own.
+            self.bench.net.stamp();
+            self.bench.net.stamp();
+        }
         let stamp = self.bench.net.stamp();
         draft.raw("Time Stamp", stamp)
     }
 
     fn send_as(&self, draft: &Draft, bytes: Vec<u8>) -> Sent {
-        let stamp = match &draft.data {
-            None => Seen::new(
-                Duration::ZERO,
-                0,
-                Direction::Sent,
-                0,
-                crate::wire::split(&bytes)
-                    .0
-                    .into_iter()
-                    .next()
-                    .unwrap_or_else(|| empty_piece(draft)),
-            )
-            .stamp()
-            .unwrap_or_default(),
-            Some(_) => 0,
-        };
+        let stamp = draft.stamp().unwrap_or_default();
         let at = self.bench.net.now();
         let mark = self.send_bytes(&bytes);
         Sent {
@@ -447,18 +582,35 @@ impl Station {
     }
 }
 
-fn empty_piece(draft: &Draft) -> crate::wire::Piece {
-    crate::wire::Piece {
-        reserved: 0,
-        length: 0,
-        source: Id::NULL,
-        destination: Id::NULL,
-        message_type: draft.message_type,
-        properties: 0,
-        data: Vec::new(),
-        bytes: Vec::new(),
-        wrapped: None,
+/// What a CUCS of Edition 2.5 answers by itself: #1400 to what the VSM wants acknowledged, and #1202 where it is requested.
+fn answer_25(
+    net: &Net,
+    id: Id,
+    vsm: Option<Id>,
+    seen: &Seen,
+    types: &mut BTreeSet<i64>,
+) -> Option<Vec<u8>> {
+    if seen.piece.destination != id || seen.kind() == dialect::ACKNOWLEDGEMENT {
+        return None;
     }
+    let named = |field: &str| seen.raw(field).unwrap_or_default();
+    let writer = Writer {
+        role: Role::Cucs,
+        source: id,
+        destination: seen.piece.source,
+        vsm: vsm.unwrap_or(Id::BROADCAST),
+        loiter: None,
+    };
+    let mut answer = Vec::new();
+    if seen.kind() == dialect::ACKNOWLEDGE {
+        types.insert(named("Message Type"));
+    } else if types.contains(&seen.kind().into()) {
+        answer = writing::acknowledgement(seen, &writer, net.stamp(), net.instance());
+    }
+    if seen.kind() == dialect::REQUEST && named("Message Type") == i64::from(dialect::RESOURCES) {
+        answer.extend(writing::resources(&writer, net.stamp(), net.instance()));
+    }
+    (!answer.is_empty()).then_some(answer)
 }
 
 /// A discovery: message 1 to everybody, without a level, with access 0.

@@ -55,6 +55,12 @@ impl Trial {
         &self.bench.timers
     }
 
+    /// Whether messages of Edition 2.5 are sent and judged.
+    #[must_use]
+    pub fn of_edition_25(&self) -> bool {
+        self.bench.net.dialect().is_some()
+    }
+
     /// A broken "should", a late answer, an odd value: remarked, and the scene continues.
     pub fn warn(&self, reason: impl Into<String>) {
         self.warnings.borrow_mut().push(reason.into());

@@ -22,7 +22,7 @@ pub use terminal::listen as listen_to_terminal;
 
 use crate::bench::net::Net;
 use crate::catalogue::{Catalogue, Rule, Subject};
-use crate::passive::{View, cucs_judges};
+use crate::passive::{View, judges_of};
 use crate::profile::Profile;
 use crate::report::RuleReport;
 use crate::scripted::{Answer, Scenario, Step, VEHICLE, Vehicle};
@@ -135,9 +135,9 @@ impl Session<'_> {
     /// Every rule of a CUCS that is judged by something here stands in the report, also where nothing occurs.
     fn expect_rules(&mut self, scenarios: &[Scenario]) {
         let steps = scenarios.iter().flat_map(|scenario| &scenario.step);
-        let ids: Vec<String> = cucs_judges()
+        let ids: Vec<String> = judges_of(&self.profile.subject.edition, Subject::Cucs)
             .iter()
-            .map(|judge| judge.rule.to_owned())
+            .map(|applied| applied.judge.rule.to_owned())
             .chain(steps.flat_map(|step| step.rules.clone()))
             .collect();
         for id in ids {
@@ -406,12 +406,14 @@ impl Session<'_> {
             profile: self.profile,
             survey: None,
             live: true,
+            as_they_are: false,
         };
-        for judge in cucs_judges() {
+        for applied in judges_of(&self.profile.subject.edition, Subject::Cucs) {
+            let judge = applied.judge;
             let Some(level) = self.wanted(judge.rule).map(|rule| rule.level) else {
                 continue;
             };
-            let (judgement, evidence) = crate::runner::judged_by(judge, &view);
+            let (judgement, evidence) = applied.judge(&view);
             let Some(report) = self.rules.get_mut(judge.rule) else {
                 continue;
             };

@@ -57,6 +57,12 @@ pub(super) const JUDGES: &[Judge] = &[
 pub(super) const AS_THEY_ARE: &[&str] = &["WRAP-004", "SCALAR-005", "SCALAR-006"];
 /// Rules whose judges know messages of Edition 4: they run on the counterparts.
 pub(super) const SHARED: &[&str] = &[
+    "DISC-006",
+    "DISC-010",
+    "AUTH-016",
+    "STAT-005",
+    "TIME-003",
+    "CONF-003",
     "AUTH-011",
     "ROUTE-012",
     "CONF-007",
@@ -78,7 +84,7 @@ fn wrapper_of_34_bytes(view: &View<'_>, found: &mut Found) {
         found.saw();
         let Some(fault) = &datagram.fault else {
             if datagram
-                .messages
+                .originals
                 .iter()
                 .any(|seen| seen.piece.wrapped.is_none())
             {

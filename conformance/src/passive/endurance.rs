@@ -92,8 +92,16 @@ fn odd_size(datagram: &Datagram) -> bool {
 }
 
 fn length(datagram: &Datagram) -> Option<usize> {
-    let word = datagram.bytes.get(2..4)?;
-    Some(usize::from(u16::from_be_bytes([word[0], word[1]])))
+    let place = if stanag_msgs::ed25::is_ed25(&datagram.bytes) {
+        18..22
+    } else {
+        2..4
+    };
+    let word = datagram.bytes.get(place)?;
+    Some(
+        word.iter()
+            .fold(0, |length, &byte| length << 8 | usize::from(byte)),
+    )
 }
 
 fn truncated(datagram: &Datagram) -> bool {
@@ -112,13 +120,13 @@ fn lying(datagram: &Datagram) -> bool {
 
 fn unknown(datagram: &Datagram) -> bool {
     datagram
-        .messages
+        .originals
         .iter()
         .any(|seen| seen.info.is_none() && seen.piece.length > 0)
 }
 
 fn unended_text(datagram: &Datagram) -> bool {
-    datagram.messages.iter().any(|seen| {
+    datagram.originals.iter().any(|seen| {
         let (Some(info), Ok(fields)) = (seen.info, &seen.fields) else {
             return false;
         };
@@ -177,24 +185,11 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::wire::split;
 
     fn datagram(at_ms: u64, direction: Direction, bytes: &[u8]) -> Datagram {
-        let (pieces, fault) = split(bytes);
         let at = Duration::from_millis(at_ms);
-        Datagram {
-            at,
-            wall: at,
-            direction,
-            local: ([127, 0, 0, 1], 1).into(),
-            remote: ([127, 0, 0, 1], 2).into(),
-            bytes: bytes.to_vec(),
-            messages: pieces
-                .into_iter()
-                .map(|piece| std::sync::Arc::new(Seen::new(at, 0, direction, 0, piece)))
-                .collect(),
-            fault,
-        }
+        let ends = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+        Datagram::new((at, at), direction, 0, ends, bytes.to_vec(), None)
     }
 
     fn verdict(datagrams: &[Datagram], rule: &str) -> crate::verdict::Verdict {
@@ -205,9 +200,14 @@ mod tests {
             profile: &profile,
             survey: None,
             live: true,
+            as_they_are: false,
         };
         let judge = JUDGES.iter().find(|judge| judge.rule == rule).unwrap();
-        crate::runner::judged_by(judge, &view).0.verdict
+        let applied = crate::passive::Applied {
+            judge,
+            as_they_are: false,
+        };
+        applied.judge(&view).0.verdict
     }
 
     #[test]

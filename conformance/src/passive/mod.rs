@@ -13,7 +13,13 @@ mod values;
 mod view;
 mod wrapper;
 
+use std::sync::Arc;
+
 pub use view::{Found, Judge, View};
+
+use crate::catalogue::Subject;
+use crate::verdict::Judgement;
+use crate::wire::Seen;
 
 /// All judges.
 #[must_use]
@@ -44,37 +50,51 @@ pub fn cucs_judges() -> Vec<&'static Judge> {
     .collect()
 }
 
-/// A judge of Edition 2.5, and whether it looks at the counterparts of messages in Edition 4.
+/// A judge, and which messages it looks at where Edition 2.5 is judged.
 #[derive(Clone, Copy)]
 pub struct Applied {
     /// The judge.
     pub judge: &'static Judge,
-    /// Whether its view has the counterparts in place of the messages.
-    pub counterparts: bool,
+    /// Messages as they are, not their counterparts in Edition 4.
+    pub as_they_are: bool,
 }
 
-/// All judges of recorded traffic of an edition.
-#[must_use]
-pub fn judges_of(edition: &str) -> Vec<Applied> {
-    let as_it_is = |judge| Applied {
-        judge,
-        counterparts: false,
-    };
-    if edition != "2.5" {
-        return judges().into_iter().map(as_it_is).collect();
+impl Applied {
+    /// What it finds in this traffic.
+    #[must_use]
+    pub fn judge(&self, view: &View<'_>) -> (Judgement, Vec<Arc<Seen>>) {
+        let view = View {
+            as_they_are: self.as_they_are,
+            ..*view
+        };
+        let mut found = Found::default();
+        (self.judge.judge)(&view, &mut found);
+        found.judgement()
     }
-    let shared = cucs_judges();
-    let named = |rules: &'static [&str], counterparts: bool| {
-        let found = shared.iter().filter(|judge| rules.contains(&judge.rule));
-        found.map(move |&judge| Applied {
-            judge,
-            counterparts,
-        })
-    };
-    ed25::JUDGES
-        .iter()
-        .map(as_it_is)
-        .chain(named(ed25::AS_THEY_ARE, false))
-        .chain(named(ed25::SHARED, true))
+}
+
+/// All judges of the traffic of a VSM, or of a CUCS, in an edition.
+#[must_use]
+pub fn judges_of(edition: &str, subject: Subject) -> Vec<Applied> {
+    let of_cucs = subject == Subject::Cucs;
+    let applied = |judge, as_they_are| Applied { judge, as_they_are };
+    if edition != "2.5" {
+        let all = if of_cucs { cucs_judges() } else { judges() };
+        return all.into_iter().map(|judge| applied(judge, false)).collect();
+    }
+    let own = ed25::JUDGES.iter().map(|judge| applied(judge, true));
+    // A dialogue is judged from the side of who answers.
+    let of_vsms = dialogue::JUDGES.iter().filter(|_| !of_cucs);
+    let of_both = [wrapper::JUDGES, values::JUDGES, meaning::JUDGES];
+    let shared = of_both.into_iter().flatten().chain(of_vsms);
+    let shared = shared.filter_map(|judge| {
+        let as_they_are = ed25::AS_THEY_ARE.contains(&judge.rule);
+        let wanted = as_they_are || ed25::SHARED.contains(&judge.rule);
+        wanted.then(|| applied(judge, as_they_are))
+    });
+    let of_stations = [station::JUDGES, endurance::JUDGES];
+    let of_stations = of_stations.into_iter().flatten().filter(|_| of_cucs);
+    own.chain(shared)
+        .chain(of_stations.map(|judge| applied(judge, false)))
         .collect()
 }

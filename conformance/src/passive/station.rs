@@ -88,7 +88,7 @@ fn needed(seen: &Seen) -> Option<i64> {
 /// LOI Granted to each CUCS over time, by responses whose checksum is right.
 fn grants(view: &View<'_>) -> Vec<(f64, Id, i64)> {
     view.requests()
-        .filter(|seen| seen.kind() == 2 && sound(seen))
+        .filter(|seen| seen.kind() == 2 && seen.sound())
         .map(|seen| {
             (
                 seen.at.as_secs_f64(),
@@ -97,11 +97,6 @@ fn grants(view: &View<'_>) -> Vec<(f64, Id, i64)> {
             )
         })
         .collect()
-}
-
-fn sound(seen: &Seen) -> bool {
-    let (value, expected) = seen.piece.checksums();
-    value == expected
 }
 
 /// What this CUCS held at this time, and since when.
@@ -118,7 +113,7 @@ fn held(grants: &[(f64, Id, i64)], cucs: Id, at: f64) -> (i64, f64) {
 /// Stations that the last #2 to this CUCS names.
 fn stations_of(view: &View<'_>, cucs: Id, at: f64) -> Option<i64> {
     view.requests()
-        .filter(|seen| seen.kind() == 2 && sound(seen) && seen.piece.destination == cucs)
+        .filter(|seen| seen.kind() == 2 && seen.sound() && seen.piece.destination == cucs)
         .take_while(|seen| seen.at.as_secs_f64() <= at)
         .filter_map(|seen| seen.raw("Controlled Station 1-16"))
         .last()
@@ -228,7 +223,7 @@ fn damaged_grants_count_for_nothing(view: &View<'_>, found: &mut Found) {
         .requests()
         .filter(|seen| {
             seen.kind() == 2
-                && !sound(seen)
+                && !seen.sound()
                 && seen.raw("LOI Granted").unwrap_or_default() & 0x0C != 0
         })
         .map(|seen| (seen.at.as_secs_f64(), seen.piece.destination))

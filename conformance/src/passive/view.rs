@@ -29,6 +29,8 @@ pub struct View<'a> {
     pub survey: Option<&'a Survey>,
     /// Whether clocks of the two ends are the same: not on a capture.
     pub live: bool,
+    /// Messages of Edition 2.5 as they are, not as their counterparts in Edition 4.
+    pub as_they_are: bool,
 }
 
 impl<'a> View<'a> {
@@ -41,15 +43,18 @@ impl<'a> View<'a> {
 
     /// Messages of the subject.
     pub fn messages(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
-        self.of_subject().flat_map(|datagram| &datagram.messages)
+        let as_they_are = self.as_they_are;
+        self.of_subject()
+            .flat_map(move |datagram| datagram.seen(as_they_are))
     }
 
     /// Messages to the subject.
     pub fn requests(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
+        let as_they_are = self.as_they_are;
         self.datagrams
             .iter()
             .filter(|datagram| datagram.direction == Direction::Sent)
-            .flat_map(|datagram| &datagram.messages)
+            .flat_map(move |datagram| datagram.seen(as_they_are))
     }
 
     /// Ids of vehicles: from the discovery, or sources of responses.
@@ -119,7 +124,7 @@ impl Found {
             crate::wire::hex(&datagram.bytes[..datagram.bytes.len().min(64)])
         );
         self.fails
-            .push((reason, datagram.messages.first().cloned()));
+            .push((reason, datagram.originals.first().cloned()));
     }
 
     /// An odd but lawful value.

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
@@ -15,7 +14,8 @@ use crate::outcome::sha256;
 use crate::passive::{View, judges_of};
 use crate::report::capture::{Captured, read};
 use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
-use crate::wire::{Direction, Piece, Seen, split};
+use crate::wire::dialect::Role as Side;
+use crate::wire::{Direction, Piece, split};
 
 /// Arguments of `dli-check capture`.
 #[derive(Debug, Args)]
@@ -34,8 +34,6 @@ pub(super) struct CaptureArguments {
     #[command(flatten)]
     outputs: Outputs,
 }
-
-const EPOCH_2000_MS: u64 = 946_684_800_000;
 
 /// Whether only a VSM sends such a message.
 fn only_of_a_vsm(piece: &Piece) -> bool {
@@ -72,7 +70,8 @@ fn vsms(captured: &[Captured]) -> Vec<SocketAddr> {
 }
 
 /// The datagrams with their messages; those of a VSM are received ones.
-fn datagrams(captured: Vec<Captured>, vsms: &[SocketAddr]) -> Vec<Datagram> {
+fn datagrams(captured: Vec<Captured>, vsms: &[SocketAddr], edition: &str) -> Vec<Datagram> {
+    let dialect = (edition == "2.5").then_some(Side::Cucs);
     let start = captured
         .first()
         .map_or(Duration::ZERO, |datagram| datagram.wall);
@@ -93,50 +92,31 @@ fn datagrams(captured: Vec<Captured>, vsms: &[SocketAddr]) -> Vec<Datagram> {
             };
             let next = sockets.len();
             let socket = *sockets.entry(local).or_insert(next);
-            let (pieces, fault) = split(&datagram.bytes);
             let at = datagram.wall.saturating_sub(start);
-            let wall_ms = (datagram.wall.as_millis() as u64).saturating_sub(EPOCH_2000_MS);
-            let messages = pieces
-                .into_iter()
-                .map(|piece| Arc::new(Seen::new(at, wall_ms, direction, socket, piece)))
-                .collect();
-            Datagram {
-                at,
-                wall: datagram.wall,
+            Datagram::new(
+                (at, datagram.wall),
                 direction,
-                local,
-                remote,
-                bytes: datagram.bytes,
-                messages,
-                fault,
-            }
+                socket,
+                (local, remote),
+                datagram.bytes,
+                dialect,
+            )
         })
         .collect()
 }
 
-/// Every rule that can be judged by looking; in Edition 2.5 some of them by the counterparts of its messages.
-fn judged(
-    catalogue: &Catalogue,
-    view: View<'_>,
-    counterparts: View<'_>,
-    strict: bool,
-) -> Vec<RuleReport> {
+/// Every rule that can be judged by looking.
+fn judged(catalogue: &Catalogue, view: &View<'_>, strict: bool) -> Vec<RuleReport> {
     let edition = &view.profile.subject.edition;
     let mut rules: Vec<RuleReport> = Vec::new();
-    for applied in judges_of(edition) {
-        let judge = applied.judge;
-        let view = if applied.counterparts {
-            counterparts
-        } else {
-            view
-        };
+    for applied in judges_of(edition, Role::Vsm) {
         let Some(rule) = catalogue
-            .find(judge.rule)
+            .find(applied.judge.rule)
             .filter(|rule| rule.subject != Role::Cucs && rule.editions.contains(edition))
         else {
             continue;
         };
-        let (judgement, evidence) = crate::runner::judged_by(judge, &view);
+        let (judgement, evidence) = applied.judge(view);
         let judgement = judgement.at_level(rule.level, strict);
         if let Some(known) = rules.iter_mut().find(|known| known.id == rule.id) {
             if judgement.verdict.is_fail() && !known.verdict.is_fail() {
@@ -153,18 +133,6 @@ fn judged(
         });
     }
     rules
-}
-
-/// The same datagram with the counterparts of its messages.
-fn in_edition_4(datagram: &Datagram) -> Datagram {
-    Datagram {
-        messages: datagram
-            .messages
-            .iter()
-            .flat_map(Seen::in_edition_4)
-            .collect(),
-        ..datagram.clone()
-    }
 }
 
 pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
@@ -186,24 +154,16 @@ pub(super) fn judge(arguments: &CaptureArguments) -> Result<u8, String> {
     let start = captured
         .first()
         .map_or(Duration::ZERO, |datagram| datagram.wall);
-    let datagrams = datagrams(captured, &vsms);
-    let counterparts: Vec<Datagram> = datagrams.iter().map(in_edition_4).collect();
+    let datagrams = datagrams(captured, &vsms, &profile.subject.edition);
     let view = View {
         datagrams: &datagrams,
         profile: &profile,
         survey: None,
         live: false,
+        as_they_are: false,
     };
-    let counterparts = View {
-        datagrams: &counterparts,
-        ..view
-    };
-    let rules = judged(&catalogue, view, counterparts, arguments.strict);
-    let vehicles = if profile.subject.edition == "2.5" {
-        counterparts.vehicles()
-    } else {
-        view.vehicles()
-    };
+    let rules = judged(&catalogue, &view, arguments.strict);
+    let vehicles = view.vehicles();
     let text = profile.to_toml();
     let mut report = Report {
         schema: SCHEMA.into(),
@@ -339,15 +299,15 @@ mod tests {
         assert_eq!(shown(&captured), Some("2.5"));
         let mut profile = crate::profile::Profile::default();
         profile.subject.edition = "2.5".into();
-        let datagrams = datagrams(captured, &[VSM.parse().unwrap()]);
-        let counterparts: Vec<Datagram> = datagrams.iter().map(in_edition_4).collect();
-        let view = |datagrams| View {
-            datagrams,
+        let datagrams = datagrams(captured, &[VSM.parse().unwrap()], "2.5");
+        let view = View {
+            datagrams: &datagrams,
             profile: &profile,
             survey: None,
             live: false,
+            as_they_are: false,
         };
-        judged(&catalogue, view(&datagrams), view(&counterparts), false)
+        judged(&catalogue, &view, false)
             .into_iter()
             .map(|rule| (rule.id, (rule.verdict, rule.reason)))
             .collect()
@@ -399,7 +359,7 @@ mod tests {
             summed(bytes)
         }),
         ("TIME-001", 5, |mut bytes| {
-            bytes[30..38].copy_from_slice(&(THEN - EPOCH_2000_MS as f64 / 1000.0).to_be_bytes());
+            bytes[30..38].copy_from_slice(&(THEN - 946_684_800.0).to_be_bytes());
             summed(bytes)
         }),
         ("ACK-002", 2, |_| {

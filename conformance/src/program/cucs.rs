@@ -16,6 +16,7 @@ use crate::outcome::{eprint, print, sha256, stop_on_interrupt};
 use crate::profile::Profile;
 use crate::report::{DLI, Report, SCHEMA, Subject, now};
 use crate::scripted::{Scenario, VEHICLE};
+use crate::wire::dialect::Role;
 
 /// Arguments of `dli-check cucs`.
 #[derive(Debug, Args)]
@@ -41,6 +42,9 @@ pub(super) struct CucsArguments {
     /// Profile (TOML): `[on]` has a command for each step of a session without an operator
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
+    /// Edition of the interface: 2.5, 3 or 4
+    #[arg(long, value_name = "E")]
+    edition: Option<String>,
     /// A broken "should" is a fail
     #[arg(long)]
     strict: bool,
@@ -60,7 +64,10 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
     if let Some(command) = &arguments.command {
         profile.on.insert("start".into(), command.clone());
     }
-    profile.check_active().map_err(|error| error.to_string())?;
+    if let Some(edition) = &arguments.edition {
+        profile.subject.edition.clone_from(edition);
+        profile.check().map_err(|error| error.to_string())?;
+    }
     let scenarios = scenarios(&arguments.scenario)?;
     check_commands(&profile, &scenarios)?;
     if arguments.cards {
@@ -68,7 +75,7 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
         return Ok(0);
     }
     let expected = arguments.outputs.read_expected()?;
-    let net = Net::new();
+    let net = Net::new(&profile.subject.edition, Role::Vehicle);
     stop_on_interrupt(&net);
     let started = now();
     let mut session = Session {
@@ -96,6 +103,12 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
             .push(format!("nothing came to {}", session.listen));
     }
     let order = |id: &str| catalogue.rule.iter().position(|rule| rule.id == id);
+    for missing in net.take_missing() {
+        session.remarks.push(format!(
+            "not sent, since Edition {} has nothing for it: {missing}",
+            profile.subject.edition
+        ));
+    }
     let mut rules: Vec<_> = session.rules.into_values().collect();
     rules.sort_by_key(|rule| order(&rule.id));
     let text = profile.to_toml();

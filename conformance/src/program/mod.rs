@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use serde_json::json;
 
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, Subject};
 use crate::outcome::{eprint, print};
 use crate::rules;
 
@@ -58,6 +58,9 @@ enum Command {
         /// As JSON
         #[arg(long)]
         json: bool,
+        /// Show which rules apply to this edition, and why others do not: 2.5, 3 or 4
+        #[arg(long, value_name = "E", value_parser = ["2.5", "3", "4"])]
+        edition: Option<String>,
     },
     /// Show everything about a rule
     Explain {
@@ -91,8 +94,8 @@ pub fn run() -> ExitCode {
             print(crate::report::JSON_SCHEMA.trim_end());
             Ok(0)
         }
-        Command::List { json } => {
-            list(json);
+        Command::List { json, edition } => {
+            list(json, edition.as_deref());
             Ok(0)
         }
         Command::Explain { rule } => explain(&rule),
@@ -111,7 +114,7 @@ fn judged_by(id: &str) -> Vec<&'static str> {
     use crate::passive::{cucs_judges, judges_of};
     let scene = rules::scenes().iter().any(|scene| scene.rule == id);
     let traffic = cucs_judges().iter().any(|judge| judge.rule == id)
-        || (judges_of("2.5").iter()).any(|applied| applied.judge.rule == id);
+        || (judges_of("2.5", Subject::Vsm).iter()).any(|applied| applied.judge.rule == id);
     let step = crate::scripted::Scenario::names()
         .filter_map(|name| crate::scripted::Scenario::named(name).ok())
         .any(|scenario| {
@@ -124,7 +127,7 @@ fn judged_by(id: &str) -> Vec<&'static str> {
         .collect()
 }
 
-fn list(as_json: bool) {
+fn list(as_json: bool, edition: Option<&str>) {
     let catalogue = Catalogue::embedded();
     if as_json {
         let rules: Vec<_> = catalogue
@@ -133,6 +136,9 @@ fn list(as_json: bool) {
             .map(|rule| {
                 let mut value = serde_json::to_value(rule).unwrap_or_default();
                 value["judged"] = json!(judged_by(&rule.id));
+                if let Some(edition) = edition {
+                    value["not_applicable"] = json!(rules::not_in_edition(rule, edition));
+                }
                 value
             })
             .collect();
@@ -145,14 +151,16 @@ fn list(as_json: bool) {
         return;
     }
     for rule in &catalogue.rule {
+        let left_out = edition.and_then(|edition| rules::not_in_edition(rule, edition));
         print(&format!(
-            "{:<11} {:<6} {:<5} {:<9} {:<24} {}",
+            "{:<11} {:<6} {:<5} {:<9} {:<24} {}{}",
             rule.id,
             format!("{:?}", rule.level).to_lowercase(),
             format!("{:?}", rule.subject).to_lowercase(),
             rule.profile,
             judged_by(&rule.id).join("+"),
-            rule.title
+            rule.title,
+            left_out.map_or_else(String::new, |reason| format!(": not applicable: {reason}"))
         ));
     }
 }

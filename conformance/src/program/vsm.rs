@@ -24,7 +24,7 @@ pub(super) struct VsmArguments {
     /// Profile of what the VSM claims (TOML), as `dli-check init` writes it
     #[arg(long, value_name = "FILE")]
     pub(super) profile: Option<PathBuf>,
-    /// Edition of the interface: 3 or 4
+    /// Edition of the interface: 2.5, 3 or 4
     #[arg(long, value_name = "E")]
     pub(super) edition: Option<String>,
     /// A broken "should" is a fail
@@ -88,7 +88,6 @@ pub(super) fn subject(arguments: &VsmArguments) -> Result<(SocketAddr, Profile),
         text.ok_or("no address: give it as an argument, or as subject.address in the profile")?;
     profile.subject.address = Some(text.clone());
     profile.check().map_err(|error| error.to_string())?;
-    profile.check_active().map_err(|error| error.to_string())?;
     let mut addresses = text
         .to_socket_addrs()
         .map_err(|error| format!("address {text:?}: {error}; expected HOST:PORT"))?;

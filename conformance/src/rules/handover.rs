@@ -120,7 +120,7 @@ fn never_two_never_none(t: &Trial) -> Judged {
     .precondition("commands work")?;
     // A's radii are odd multiples of the step, B's even ones: 3004 shows whose command counted.
     let step =
-        |station_b: bool, count: i64| 1.5 * (70 + 2 * (count % 50) + i64::from(station_b)) as f64;
+        |station_b: bool, count: i64| 1.5 * (70 + 2 * (count % 8) + i64::from(station_b)) as f64;
     let mut owners = Vec::new();
     for count in 0..16 {
         a.set_radius(step(false, count));

@@ -35,7 +35,7 @@ fn many_commands_a_second(t: &Trial) -> Judged {
     let began = t.bench.net.now();
     let total = rate * seconds;
     for count in 0..total {
-        last = 90.0 + 1.5 * f64::from(count % 90);
+        last = t.bench.radius(count);
         a.send(Draft::new(2017).set("Loiter Radius", last).acked());
         let due = began + Duration::from_secs_f64(f64::from(count) / f64::from(rate));
         if let Some(wait) = due.checked_sub(t.bench.net.now()) {

@@ -316,7 +316,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     // With every field that a lawful vehicle may not have first; without them where that is refused.
     let mut rich = plan.clone();
     for (index, point) in rich.points.iter_mut().enumerate() {
-        if point.message_type == 13002 {
+        if point.message_type == 13002 && !t.of_edition_25() {
             *point = point
                 .clone()
                 .raw("Altitude Change Behaviour", (index % 2) as i64)

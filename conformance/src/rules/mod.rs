@@ -10,6 +10,7 @@ mod authority;
 mod configuration;
 mod curves;
 mod discovery;
+mod edition_25;
 mod flight;
 mod handover;
 mod link;
@@ -28,6 +29,8 @@ mod transfer;
 mod wrapper;
 
 pub use scene::Scene;
+
+use crate::catalogue::Rule;
 
 /// All scenes.
 #[must_use]
@@ -54,6 +57,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         curves::SCENES,
         load::SCENES,
         robust::SCENES,
+        edition_25::SCENES,
     ]
     .into_iter()
     .flatten()
@@ -62,12 +66,40 @@ pub fn scenes() -> Vec<&'static Scene> {
 
 /// Rules of the catalogue that have neither scene nor judge, with the reason.
 pub const WITHOUT_CODE: &[(&str, &str)] = &[
+    (
+        "ROUTE-018",
+        "needs a means by which a contingency is declared",
+    ),
     ("CONF-011", "needs a value driven under its declared limit"),
     (
         "LINK-005",
         "needs to know which behaviour was provisioned for the loss of the CUCS",
     ),
 ];
+
+/// Rules that name Edition 2.5 and cannot be judged there by playing, with the reason.
+pub const NOT_IN_25: &[(&str, &str)] = &[
+    (
+        "CURVE-005",
+        "the private messages 50001 and 50002 have no form in Edition 2.5, whose private types are 2000 to 2399",
+    ),
+    (
+        "MULTI-001",
+        "the subject is spoken to at one address: whether a group hears it is not seen",
+    ),
+];
+
+/// Why a rule cannot be judged in an edition, where it cannot.
+#[must_use]
+pub fn not_in_edition(rule: &Rule, edition: &str) -> Option<String> {
+    if !rule.editions.iter().any(|listed| listed == edition) {
+        return Some(format!("is not judged in Edition {edition}"));
+    }
+    let known = NOT_IN_25.iter().find(|(id, _)| *id == rule.id);
+    known
+        .filter(|_| edition == "2.5")
+        .map(|(_, reason)| (*reason).to_owned())
+}
 
 #[cfg(test)]
 mod tests {

@@ -164,10 +164,9 @@ fn lying_lengths(t: &Trial) -> Judged {
     let before = a.radius().ok().flatten();
     let radius = t.bench.fresh_radius();
     let command = a.stamped(Draft::new(2017).set("Loiter Radius", radius).acked());
-    let length = command.data().len() as u16;
     for base in [a.stamped(discovery()), command] {
-        let right = base.data().len() as u16;
-        for wrong in [0, 1, right - 1, right + 1, 528, 529, 65_535] {
+        let right = a.data_length(&base);
+        for wrong in [0, 1, right - 1, right + 1, 514, 515, 528, 529, 65_535] {
             let mut draft = base.clone();
             draft.length = Some(wrong);
             a.send_bytes(&a.encode(&draft));
@@ -178,7 +177,6 @@ fn lying_lengths(t: &Trial) -> Judged {
             t.pause(Duration::from_millis(5))?;
         }
     }
-    let _ = length;
     t.pause(t.timers().quiet)?;
     let done = a.received(mark, |seen| {
         seen.kind() == 17000
@@ -259,6 +257,21 @@ fn datagrams_of_unusual_size(t: &Trial) -> Judged {
     unharmed(t, &a, mark, "empty and oversized datagrams")
 }
 
+/// A curve of which one coordinate has this value.
+fn curve(a: &Station, value: f64) -> Draft {
+    Draft::new(50001)
+        .set("Time Stamp", 1.0)
+        .id("Vehicle ID", a.vehicle)
+        .id("CUCS ID", a.id)
+        .raw("P1 Waypoint No", 1)
+        .raw("P4 Waypoint No", 2)
+        .set("P2 Latitude", value)
+        .set("P2 Longitude", 0.1)
+        .set("P3 Latitude", 0.8)
+        .set("P3 Longitude", 0.1)
+        .acked()
+}
+
 fn nan_and_infinities(t: &Trial) -> Judged {
     let (a, mark) = watched(t)?;
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -267,18 +280,18 @@ fn nan_and_infinities(t: &Trial) -> Judged {
                 .set("Set Forward Link Carrier Frequency (ADT)", value)
                 .acked(),
         );
-        let curve = Draft::new(50001)
-            .set("Time Stamp", 1.0)
-            .id("Vehicle ID", a.vehicle)
-            .id("CUCS ID", a.id)
-            .raw("P1 Waypoint No", 1)
-            .raw("P4 Waypoint No", 2)
-            .set("P2 Latitude", value)
-            .set("P2 Longitude", 0.1)
-            .set("P3 Latitude", 0.8)
-            .set("P3 Longitude", 0.1)
-            .acked();
-        a.send(curve);
+        // Edition 2.5 has floats in every waypoint, and no curves.
+        let route = if t.of_edition_25() {
+            Draft::new(13002)
+                .raw("Waypoint Number", 1)
+                .set("Waypoint to Latitude or Relative Y", value)
+                .set("Waypoint to Longitude or Relative X", 0.1)
+                .set("Waypoint to Altitude", value)
+                .acked()
+        } else {
+            curve(&a, value)
+        };
+        a.send(route);
         t.pause(t.timers().quiet / 2)?;
         let done = a.received(sent.mark, |seen| {
             seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)

@@ -48,6 +48,9 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
+/// Bytes before the data in either edition's wrapper.
+const HEADER_25: usize = stanag_msgs::ed25::HEADER_BYTES;
+
 /// Whether any message 2 comes to the station within `quiet` of sending these bytes.
 fn answered(t: &Trial, station: &Player, bytes: &[u8]) -> bool {
     let mark = station.send_bytes(bytes);
@@ -64,7 +67,7 @@ fn length_counts_data_only(t: &Trial) -> Judged {
     let station = t.any()?;
     let right = discovery_of(&station);
     let mut wrong = right.clone();
-    wrong.length = Some(wrong.data().len() as u16 + 16);
+    wrong.length = Some(station.data_length(&wrong) + station.wrapper_bytes() as u16);
     t.expect(!answered(t, &station, &station.encode(&wrong)), || {
         "expected no answer to #1 whose length counts the header as well; message 2 came".into()
     })?;
@@ -192,13 +195,16 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
     let mut draft = a
         .stamped(Draft::new(2017).set("Loiter Radius", radius))
         .acked();
-    for style in [1, 2] {
+    let styles: &[u8] = if t.of_edition_25() { &[2] } else { &[1, 2] };
+    for &style in styles {
         draft.style = Some(style);
         let bytes = a.encode(&draft);
         let mark = t.bench.net.mark();
         for bit in 0..16 {
             // Damage in source, destination and data: lengths, versions and styles are other rules'.
-            let places = (4..12).chain(16..bytes.len()).collect::<Vec<_>>();
+            let header = if t.of_edition_25() { 10..14 } else { 4..12 };
+            let data = a.wrapper_bytes().min(HEADER_25)..bytes.len();
+            let places = header.chain(data).collect::<Vec<_>>();
             let place = places[bit * 5 % places.len()];
             let mut damaged = bytes.clone();
             damaged[place] ^= 1 << (bit % 8);

@@ -14,6 +14,8 @@ use std::time::Duration;
 use stanag_msgs::Id;
 
 use crate::bench::net::Net;
+use crate::wire::dialect::writing::{self, Writer};
+use crate::wire::dialect::{self, Role};
 use crate::wire::{Direction, Draft, Seen};
 
 use scenario::{Action, After, Event, Upload, Values};
@@ -58,6 +60,8 @@ pub struct Vehicle {
 struct Ground {
     address: SocketAddr,
     style: u8,
+    /// In Edition 2.5: the message types that it wants acknowledged.
+    acknowledged: BTreeSet<u16>,
     granted: i64,
     revoked: bool,
     lost: BTreeMap<u16, u32>,
@@ -110,10 +114,12 @@ impl Vehicle {
         let mut buffer = vec![0; 65_536];
         while self.net.now() < end && !self.net.interrupted() {
             if let Ok((length, from)) = self.socket.recv_from(&mut buffer) {
-                let messages =
-                    self.net
-                        .record(Direction::Received, 0, self.local, from, &buffer[..length]);
-                for seen in messages {
+                let bytes = &buffer[..length];
+                let recorded = (self.net).record(Direction::Received, 0, self.local, from, bytes);
+                for seen in &recorded.originals {
+                    self.configure_acknowledgement(seen);
+                }
+                for seen in recorded.messages {
                     self.take(&seen, from);
                 }
             }
@@ -130,7 +136,18 @@ impl Vehicle {
     fn send(&mut self, to: Id, ground: &Ground, draft: Draft, damaged: bool) {
         let kind = draft.message_type;
         let draft = draft.raw("Time Stamp", self.net.stamp());
-        let mut bytes = draft.encode(VEHICLE, to, 32, if damaged { 1 } else { ground.style });
+        let mut bytes = if self.net.dialect().is_some() {
+            let made = writing::encode(&draft, &writer(to), || self.net.instance());
+            let bytes = made.bytes();
+            self.net.note_missing(made.missing);
+            bytes
+        } else {
+            draft.encode(VEHICLE, to, 32, if damaged { 1 } else { ground.style })
+        };
+        // What Edition 2.5 has no message for is not sent.
+        if bytes.is_empty() {
+            return;
+        }
         if damaged && let Some(last) = bytes.last_mut() {
             *last ^= 0x5A;
         }
@@ -181,7 +198,29 @@ impl Vehicle {
         self.send(to, ground, draft, damaged);
     }
 
+    /// #1401: a message type is to be acknowledged from now on.
+    fn configure_acknowledgement(&mut self, seen: &Seen) {
+        if seen.piece.wrapped.is_none() || seen.kind() != dialect::ACKNOWLEDGE {
+            return;
+        }
+        let kind = seen
+            .raw("Message Type")
+            .and_then(|kind| u16::try_from(kind).ok());
+        if let (Some(ground), Some(kind)) = (self.stations.get_mut(&seen.piece.source.0), kind) {
+            ground.acknowledged.insert(kind);
+        }
+    }
+
     fn acknowledge(&mut self, to: Id, ground: &Ground, seen: &Seen, steps: &[i64]) {
+        if let Some(original) = &seen.original {
+            // That it arrived is all that Edition 2.5 says of a message.
+            if ground.acknowledged.contains(&original.kind()) && steps.contains(&1) {
+                let (stamp, instance) = (self.net.stamp(), self.net.instance());
+                let bytes = writing::acknowledgement(original, &writer(to), stamp, instance);
+                self.send_bytes(ground.address, &bytes);
+            }
+            return;
+        }
         if !seen.piece.ack() || seen.kind() == 17_000 {
             return;
         }
@@ -200,8 +239,7 @@ impl Vehicle {
     fn take(&mut self, seen: &Seen, from: SocketAddr) {
         let (source, kind) = (seen.piece.source, seen.kind());
         // A message whose checksum is wrong is dropped here as well.
-        let (value, expected) = seen.piece.checksums();
-        if value != expected
+        if !seen.sound()
             || ![VEHICLE, VSM, Id::BROADCAST].contains(&seen.piece.destination)
             || source == Id::BROADCAST
             || self.silent()
@@ -215,6 +253,7 @@ impl Vehicle {
         let mut ground = self.stations.remove(&source.0).unwrap_or(Ground {
             address: from,
             style: seen.piece.style(),
+            acknowledged: BTreeSet::new(),
             granted: 0,
             revoked: false,
             lost: BTreeMap::new(),
@@ -278,6 +317,10 @@ impl Vehicle {
         }
         if ground.granted & CONTROL != 0 {
             ground.control.get_or_insert(self.net.now());
+        }
+        if ground.granted == 0 {
+            // The connection has ended, and with it what #1401 has configured.
+            ground.acknowledged.clear();
         }
         self.respond(source, ground);
     }
@@ -419,6 +462,16 @@ impl Vehicle {
                 }
             }
         }
+    }
+}
+
+fn writer(to: Id) -> Writer {
+    Writer {
+        role: Role::Vehicle,
+        source: VEHICLE,
+        destination: to,
+        vsm: VSM,
+        loiter: None,
     }
 }
 

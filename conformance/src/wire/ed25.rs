@@ -92,7 +92,16 @@ pub(super) fn ends(info: Option<&'static MessageInfo>, data: &[u8]) -> (Id, Id) 
             _ => Id::NULL,
         }
     };
-    let (vehicle, cucs) = (id("Vehicle ID"), id("CUCS ID"));
+    let named = |name: &str| info.is_some_and(|info| info.field(name).is_some());
+    let cucs = if named("CUCS ID") {
+        id("CUCS ID")
+    } else if named("CUCS ID (Controlling)") {
+        id("CUCS ID (Controlling)")
+    } else {
+        // #700 names the parties of a handover, and is for both of them.
+        Id::BROADCAST
+    };
+    let vehicle = id("Vehicle ID");
     match info.map(|info| info.direction) {
         Some(Direction::ToVsm) => (cucs, vehicle),
         _ => (vehicle, cucs),

@@ -4,6 +4,7 @@
 //! by their names in the table; [`Draft`] makes a message, right or wrong on purpose. `stanag_msgs` has the table; its
 //! strict codec is not used here, because what it refuses is what has to be judged.
 
+pub mod dialect;
 mod ed25;
 
 use std::collections::BTreeMap;
@@ -19,8 +20,6 @@ pub use ed25::{WRAPPER as WRAPPER_25, Wrapped};
 
 /// Bytes of the header.
 pub const HEADER: usize = 16;
-/// Seconds from 1970 to 2000.
-const EPOCH_2000_S: f64 = 946_684_800.0;
 
 /// A message as it lies in a datagram, nothing verified but that its bytes are there.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +45,32 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// A message of this type without anything.
+    #[must_use]
+    pub fn empty(message_type: u16) -> Self {
+        Self {
+            reserved: 0,
+            length: 0,
+            source: Id::NULL,
+            destination: Id::NULL,
+            message_type,
+            properties: 0,
+            data: Vec::new(),
+            bytes: Vec::new(),
+            wrapped: None,
+        }
+    }
+
+    /// Source and destination of a message of Edition 2.5 that goes both ways: its fields do not show who sent it.
+    #[must_use]
+    pub fn sent_by_cucs(mut self, by_cucs: bool) -> Self {
+        let info = self.wrapped.as_ref().and_then(ed25::info);
+        if by_cucs && info.is_some_and(|info| info.direction == table::Direction::Both) {
+            std::mem::swap(&mut self.source, &mut self.destination);
+        }
+        self
+    }
+
     /// Whether an acknowledgement is requested.
     #[must_use]
     pub fn ack(&self) -> bool {
@@ -233,70 +258,19 @@ impl Seen {
         }
     }
 
-    /// The messages of Edition 4 that hold the same as this one of Edition 2.5, with the fields that correspond.
-    #[must_use]
-    pub fn in_edition_4(seen: &Arc<Self>) -> Vec<Arc<Self>> {
-        let Some(info) = seen.info.filter(|_| seen.piece.wrapped.is_some()) else {
-            return Vec::new();
-        };
-        info.ed4_messages
-            .iter()
-            .filter_map(|&kind| {
-                let other = table::message(kind)?;
-                let mut draft = Draft::new(kind);
-                for field in info.fields {
-                    if let Some((message, number)) = field.ed4
-                        && message == kind
-                        && let Some(target) = other.fields.get(usize::from(number).checked_sub(1)?)
-                    {
-                        draft = seen.carry(field, target, draft);
-                    }
-                }
-                let bytes = draft.encode(seen.piece.source, seen.piece.destination, 32, 2);
-                let piece = split(&bytes).0.into_iter().next()?;
-                let made = Self::new(seen.at, seen.wall_ms, seen.direction, seen.socket, piece);
-                Some(Arc::new(Self {
-                    original: Some(seen.clone()),
-                    ..made
-                }))
-            })
-            .collect()
-    }
-
-    /// Carries one field over; what has no number or text, or does not fit the step of Edition 4, is left out.
-    fn carry(&self, field: &FieldInfo, target: &FieldInfo, draft: Draft) -> Draft {
-        if matches!(target.wire, Wire::Char(_)) {
-            return match self.text(field.name) {
-                Some(text) => draft.text(target.name, text.as_bytes()),
-                None => draft,
-            };
-        }
-        let Some(value) = self.value(field.name).filter(|value| value.is_finite()) else {
-            return draft;
-        };
-        // Times count from 1970 in seconds there, from 2000 in milliseconds here.
-        let value = if target.wire == Wire::U40 {
-            (value - EPOCH_2000_S) * 1000.0
-        } else {
-            value
-        };
-        match target.wire.integers() {
-            Some((low, high)) => {
-                let raw = (value / target.step()).round();
-                if (low as f64..=high as f64).contains(&raw) {
-                    draft.raw(target.name, raw as i64)
-                } else {
-                    draft
-                }
-            }
-            None => draft.set(target.name, value),
-        }
-    }
-
     /// Message type.
     #[must_use]
     pub fn kind(&self) -> u16 {
         self.piece.message_type
+    }
+
+    /// The row of a field; that Edition 2.5 has none for it is remembered, since it is absent for that reason.
+    fn field(&self, name: &str) -> Option<&'static FieldInfo> {
+        let info = field_of(self.info?, name);
+        if self.original.is_some() && !dialect::places::has_field(self.kind(), name) {
+            dialect::looked_at(self.kind(), name);
+        }
+        Some(info)
     }
 
     /// Whether this field is present.
@@ -308,7 +282,7 @@ impl Seen {
     /// The integer of a field as on the wire.
     #[must_use]
     pub fn raw(&self, field: &str) -> Option<i64> {
-        let info = field_of(self.info?, field);
+        let info = self.field(field)?;
         let bytes = self.fields.as_ref().ok()?.get(field)?;
         let (low, high) = info.wire.integers()?;
         let value = bytes
@@ -324,7 +298,7 @@ impl Seen {
     /// The value of a field in the unit of the table.
     #[must_use]
     pub fn value(&self, field: &str) -> Option<f64> {
-        let info = field_of(self.info?, field);
+        let info = self.field(field)?;
         let bytes = self.fields.as_ref().ok()?.get(field)?;
         match info.wire {
             Wire::F32 => Some(f32::from_be_bytes(bytes[..].try_into().ok()?).into()),
@@ -336,7 +310,7 @@ impl Seen {
     /// A text, up to its NUL.
     #[must_use]
     pub fn text(&self, field: &str) -> Option<String> {
-        let info = field_of(self.info?, field);
+        let info = self.field(field)?;
         let bytes = self.fields.as_ref().ok()?.get(field)?;
         matches!(info.wire, Wire::Char(_)).then(|| {
             let text = bytes.iter().take_while(|&&byte| byte != 0);
@@ -348,6 +322,13 @@ impl Seen {
     #[must_use]
     pub fn stamp(&self) -> Option<i64> {
         self.raw("Time Stamp")
+    }
+
+    /// Whether the checksum of what was on the wire is right.
+    #[must_use]
+    pub fn sound(&self) -> bool {
+        let (value, expected) = self.original.as_deref().unwrap_or(self).piece.checksums();
+        value == expected
     }
 
     /// For evidence: everything about it, enumerations by name.
@@ -399,6 +380,8 @@ pub struct Draft {
     pub message_type: u16,
     /// Fields by their bit.
     fields: BTreeMap<u8, Vec<u8>>,
+    /// What fields were set to, before it was rounded to the step of Edition 4: Edition 2.5 has floats.
+    exact: BTreeMap<u8, f64>,
     /// Whether an acknowledgement is requested.
     pub ack: bool,
     /// Source, in place of the station's id.
@@ -426,6 +409,7 @@ impl Draft {
         Self {
             message_type,
             fields: BTreeMap::new(),
+            exact: BTreeMap::new(),
             ack: false,
             source: None,
             destination: None,
@@ -452,11 +436,13 @@ impl Draft {
     pub fn set(self, field: &str, value: impl Into<f64>) -> Self {
         let value = value.into();
         let info = field_of(self.info(), field);
-        match info.wire {
+        let mut draft = match info.wire {
             Wire::F32 => self.bytes(info, (value as f32).to_be_bytes().to_vec()),
             Wire::F64 => self.bytes(info, value.to_be_bytes().to_vec()),
             _ => self.raw(field, (value / info.step()).round() as i64),
-        }
+        };
+        draft.exact.insert(info.bit, value);
+        draft
     }
 
     /// Sets a field to an integer as on the wire.
@@ -465,6 +451,26 @@ impl Draft {
         let info = field_of(self.info(), field);
         let width = info.wire.bytes().unwrap_or_default().min(8);
         self.bytes(info, value.to_be_bytes()[8 - width..].to_vec())
+    }
+
+    /// What a field was set to, where that was a number in its unit.
+    fn exact(&self, field: &FieldInfo) -> Option<f64> {
+        self.exact.get(&field.bit).copied()
+    }
+
+    /// The bytes of a field.
+    fn field_bytes(&self, field: &FieldInfo) -> Option<&[u8]> {
+        self.fields.get(&field.bit).map(Vec::as_slice)
+    }
+
+    /// The draft as one would see it in Edition 4.
+    #[must_use]
+    pub fn seen(&self) -> Seen {
+        let piece = Piece {
+            data: self.data(),
+            ..Piece::empty(self.message_type)
+        };
+        Seen::new(Duration::ZERO, 0, Direction::Sent, 0, piece)
     }
 
     /// Sets an id.
@@ -483,6 +489,7 @@ impl Draft {
     }
 
     fn bytes(mut self, info: &FieldInfo, bytes: Vec<u8>) -> Self {
+        self.exact.remove(&info.bit);
         self.fields.insert(info.bit, bytes);
         self
     }
@@ -490,6 +497,7 @@ impl Draft {
     /// Leaves a field out.
     #[must_use]
     pub fn without(mut self, field: &str) -> Self {
+        self.exact.remove(&field_of(self.info(), field).bit);
         self.fields.remove(&field_of(self.info(), field).bit);
         self
     }
@@ -498,6 +506,13 @@ impl Draft {
     #[must_use]
     pub fn has(&self, field: &str) -> bool {
         self.fields.contains_key(&field_of(self.info(), field).bit)
+    }
+
+    /// The time stamp in milliseconds since 2000, where it has one.
+    #[must_use]
+    pub fn stamp(&self) -> Option<i64> {
+        let known = self.data.is_none() && self.info().field("Time Stamp").is_some();
+        known.then(|| self.seen().stamp())?
     }
 
     /// Requests an acknowledgement.

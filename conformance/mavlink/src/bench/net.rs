@@ -230,6 +230,7 @@ impl Net {
             remote,
             bytes: bytes.to_vec(),
             messages: Vec::new(),
+            originals: Vec::new(),
             fault: None,
         });
         recording.seen.extend(seen);

@@ -69,20 +69,74 @@ fn dli_check(folder: &Path, arguments: &[&str]) -> Judged {
 
 /// The few rules on a VSM.
 fn judge_vsm(address: &str) -> Judged {
-    let mut arguments = vec!["vsm", address, "--simulated", "--speed", "10", "--quiet"];
-    for rule in FEW {
+    judge_in("4", address, &FEW)
+}
+
+fn judge_in(edition: &str, address: &str, rules: &[&str]) -> Judged {
+    let mut arguments = vec!["vsm", address, "--edition", edition];
+    arguments.extend(["--simulated", "--speed", "10", "--quiet"]);
+    for rule in rules {
         arguments.extend(["--rule", rule]);
     }
     dli_check(here(), &arguments)
 }
 
+/// The same in Edition 2.5, where a message type is acknowledged after #1401 and nothing has a presence vector.
+const FEW_25: [&str; 8] = [
+    "DISC-001", "DISC-003", "AUTH-001", "AUTH-002", "ACK-004", "WRAP-002", "WRAP-003", "WRAP-006",
+];
+
 #[test]
-fn the_bridge_passes_the_few_rules() {
-    let ground = Ground::with_tables("[[cucs]]\nid = \"1b:00:00:a1\"\nloi = [2, 3, 4, 5]\n");
-    let _bridge = ground.bridge();
-    let _aircraft = ground.aircraft();
-    let judged = judge_vsm(&ground.dli());
-    judged.passes(&FEW);
+fn the_bridge_passes_the_few_rules_in_each_edition() {
+    let editions: [(&str, &[&str]); 3] = [("4", &FEW), ("3", &FEW), ("2.5", &FEW_25)];
+    std::thread::scope(|scope| {
+        for (edition, rules) in editions {
+            scope.spawn(move || {
+                let ground =
+                    Ground::with_tables("[[cucs]]\nid = \"1b:00:00:a1\"\nloi = [2, 3, 4, 5]\n");
+                let _bridge = ground.bridge();
+                let _aircraft = ground.aircraft();
+                let judged = judge_in(edition, &ground.dli(), rules);
+                judged.passes(rules);
+                assert_eq!(judged.status, Some(0), "{edition} {}", judged.output);
+            });
+        }
+    });
+}
+
+#[test]
+fn a_ground_station_of_edition_2_5_is_judged_up_to_its_launch() {
+    let listen = format!("127.0.0.1:{}", free_udp_port());
+    let script = here().join("interop/cucs_ed25.py");
+    let command = format!(
+        "{} {} --vsm {{vsm}}",
+        plain_python().display(),
+        script.display()
+    );
+    let mut arguments = vec![
+        "cucs",
+        "--edition",
+        "2.5",
+        "--listen",
+        &listen,
+        "--scenario",
+        "normal",
+    ];
+    // Enough for everything up to the launch, for which the scripted vehicle does not climb.
+    arguments.extend(["--time", "5", "--command", &command]);
+    let judged = dli_check(here(), &arguments);
+    judged.passes(&[
+        "WRAP-002",
+        "WRAP-003",
+        "WRAP-006",
+        "WRAP-011",
+        "WRAP-015",
+        "SCALAR-002",
+        "TIME-001",
+        "DISC-008",
+        "AUTH-014",
+        "ROUTE-022",
+    ]);
     assert_eq!(judged.status, Some(0), "{}", judged.output);
 }
 
