@@ -10,10 +10,12 @@ use curve_paths::terrain::Terrain;
 use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
 use mapping::limits::{Limits, Performance};
+use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::route::{Curving, Pattern, Policy, Vertices, Wings};
+use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
 use stanag_msgs::enums::{CommandedEngineState, RouteType};
 use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
@@ -109,8 +111,6 @@ pub(crate) enum Transfer {
 pub(crate) struct FlightView<'a> {
     /// A maneuver is in progress.
     pub(crate) maneuver: bool,
-    /// Set points for mode 15 go out.
-    pub(crate) steering: bool,
     /// The VSM flies the loss action, for a CUCS that was lost.
     pub(crate) loss_action: bool,
     /// What 3002 and 3004 report as commanded.
@@ -254,6 +254,31 @@ impl MissionView<'_> {
             } => waiting_command,
             Transfer::None => None,
         }
+    }
+
+    /// Whether the vehicle flies the landing of the mission aboard: the touch-down, or what leads to it.
+    pub(crate) fn lands(&self, telemetry: &Telemetry) -> bool {
+        self.current_item(telemetry)
+            .is_some_and(|(uploaded, seq)| uploaded.compiled.lands(seq))
+    }
+
+    /// Whether a wing flies to its touch-down: a hold would circle it as low as it has come.
+    pub(crate) fn is_on_final(&self, telemetry: &Telemetry) -> bool {
+        telemetry.airframe().has_wings()
+            && self
+                .current_item(telemetry)
+                .is_some_and(|(uploaded, seq)| uploaded.compiled.is_touch_down(seq))
+    }
+
+    /// The item that AUTO.MISSION flies, where it is one of the mission aboard.
+    fn current_item(&self, telemetry: &Telemetry) -> Option<(&UploadedMission, u16)> {
+        let mission = telemetry
+            .mission
+            .filter(|_| telemetry.mode == Some(Px4Mode::MISSION))?;
+        let uploaded = self.uploaded?;
+        uploaded
+            .is_aboard(mission.mission_id)
+            .then_some((uploaded, mission.seq))
     }
 
     /// Whether the vehicle carries a route of this type.

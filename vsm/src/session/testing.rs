@@ -241,7 +241,6 @@ impl World {
         };
         let flight = FlightView {
             maneuver: self.maneuver,
-            steering: false,
             loss_action: false,
             commanded: Commanded::default(),
             altimeter: Altimeter::STANDARD,

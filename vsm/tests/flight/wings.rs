@@ -3,7 +3,13 @@
 
 use kit::bridge::{Rig, Setup, orders};
 use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4};
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, LoiBitmap, LoiterType, RequestedAccess,
+};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, LoiterConfiguration, PositiveHandoverAuthorisationRequest,
+    VehicleOperatingModeCommand,
+};
 
 fn winged(airframe: Airframe, tables: &'static str) -> Rig {
     Rig::ready_with(Setup {
@@ -69,7 +75,7 @@ fn the_loss_action_takes_a_wing_out_of_its_landing() {
     let mut rig = flies(Airframe::Plane, "[authority]\non_loss = \"hold\"\n");
     rig.stations[0].heartbeats = true;
     done(&mut rig, orders::mode(Mode::AutolandEngage));
-    // In the loiter before the glide: 3 route, 4 DO_LAND_START.
+    // In the loiter before the glide: 2 the loiter at the end of the route, 3 DO_LAND_START.
     assert!(rig.until(100.0, |rig| rig.truth().mission_seq >= 4));
     rig.stations[0].heartbeats = false;
     let held = rig.until(40.0, |rig| rig.truth().mode == Px4::Loiter);
@@ -101,4 +107,115 @@ fn a_vtol_that_drops_out_of_its_wings_raises_an_alert() {
     let alerted = rig.until(20.0, |rig| rig.station().has_alert(text));
     assert!(alerted, "{:?}", rig.station().alerts());
     assert_eq!(rig.truth().mode, Px4::Rtl);
+}
+
+/// On wings, in PX4's course mode.
+fn steered(tables: &'static str) -> Rig {
+    let mut rig = flies(Airframe::Plane, tables);
+    rig.stations[0].heartbeats = true;
+    done(&mut rig, orders::mode(Mode::Autopilot));
+    assert_eq!(rig.truth().mode, Px4::Course);
+    rig
+}
+
+#[test]
+fn a_steered_wing_is_held_when_its_controller_is_lost() {
+    let mut rig = steered("");
+    rig.stations[0].heartbeats = false;
+    let held = rig.until(60.0, |rig| rig.truth().mode == Px4::Loiter);
+    assert!(held, "{:?} {:?}", rig.truth(), rig.stations[1].alerts());
+}
+
+#[test]
+fn a_steered_wing_is_held_when_control_of_it_is_released() {
+    let mut rig = steered("");
+    rig.send(CucsAuthorisationRequest {
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        ..orders::request_control()
+    });
+    let held = rig.until(20.0, |rig| rig.truth().mode == Px4::Loiter);
+    assert!(held, "{:?}", rig.truth());
+}
+
+#[test]
+fn a_wing_on_its_final_approach_lands_when_its_controller_is_lost() {
+    let mut rig = flies(Airframe::Plane, "[authority]\non_loss = \"hold\"\n");
+    rig.stations[0].heartbeats = true;
+    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    // 2 the loiter at the end of the route, 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
+    assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
+    assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
+    rig.stations[0].heartbeats = false;
+    let left = rig.until(300.0, |rig| {
+        !rig.truth().armed || rig.truth().mode != Px4::Mission
+    });
+    let truth = rig.truth();
+    assert!(left && truth.landed, "{truth:?}");
+}
+
+#[test]
+fn launch_and_landing_of_a_vtol_pass_to_another_by_override_only() {
+    // Else it is forwarded to the holder, who has 20 s.
+    let refused = |rig: &mut Rig| {
+        let wish = PositiveHandoverAuthorisationRequest {
+            requested_handover_loi: Some(LoiBitmap::LOI4),
+            requesting_cucs_id: Some(rig.stations[1].id),
+            ..PositiveHandoverAuthorisationRequest::default()
+        };
+        let wish = rig.send_as(1, 0, wish);
+        rig.run(2.0);
+        rig.stations[1].end(wish) == Some(AckType::Refused)
+    };
+    let mut rig = winged(Airframe::Vtol, "");
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
+        orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
+    ]);
+    done(&mut rig, orders::load());
+    rig.send(orders::launch(40.0));
+    assert!(rig.until(60.0, |rig| rig.truth().mode == Px4::VtolTakeoff));
+    assert!(refused(&mut rig), "{:?}", rig.stations[1].alerts());
+    assert!(rig.until(200.0, |rig| rig.truth().mode == Px4::Loiter));
+    rig.run(10.0);
+    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    assert_eq!(rig.truth().mode, Px4::Mission);
+    assert!(refused(&mut rig), "{:?}", rig.stations[1].alerts());
+    done(&mut rig, orders::mode(Mode::Loiter));
+    assert!(!refused(&mut rig), "it neither takes off nor lands");
+}
+
+#[test]
+fn a_vtol_that_hovers_transitions_before_it_flies_on_along_its_route() {
+    let mut rig = flies(Airframe::Vtol, "");
+    done(&mut rig, orders::mode(Mode::Waypoint));
+    // 0 transition, 1 and 2 the waypoints.
+    assert!(rig.until(200.0, |rig| rig.truth().mission_seq == 2));
+    done(
+        &mut rig,
+        LoiterConfiguration {
+            loiter_type: Some(LoiterType::Hover),
+            ..LoiterConfiguration::default()
+        },
+    );
+    let speed = |rig: &Rig| {
+        let velocity = rig.truth().velocity;
+        velocity.n.hypot(velocity.e)
+    };
+    for waypoint in [None, Some(1)] {
+        done(&mut rig, orders::mode(Mode::Loiter));
+        let hovers = rig.until(60.0, |rig| speed(rig) < 1.0);
+        assert!(hovers, "{:?}", rig.truth());
+        done(
+            &mut rig,
+            VehicleOperatingModeCommand {
+                commanded_waypoint_number: waypoint,
+                ..orders::mode(Mode::Waypoint)
+            },
+        );
+        rig.run(5.0);
+        let truth = rig.truth();
+        assert_eq!(truth.mode, Px4::Mission);
+        assert!(speed(&rig) > 8.0, "it hovers along its route: {truth:?}");
+    }
 }

@@ -23,7 +23,7 @@ impl Aircraft {
         let context = authority::Context {
             common: context!(self, dli),
             mission: self.mission.view(&self.vehicle, &self.services),
-            steering: self.flight.view().steering,
+            steering: self.flight.steers(&self.vehicle.telemetry),
         };
         self.authority.handle(&context, input, effects!(self, dli))
     }

@@ -259,10 +259,14 @@ fn loading(context: &Context<'_>) -> Option<Id> {
 }
 
 fn launch_or_landing(context: &Context<'_>) -> bool {
-    // By what the vehicle shows, not what was commanded: AUTO.LAND by PX4's own failsafe counts too.
+    // By what the vehicle shows, not what was commanded: AUTO.LAND by PX4's own failsafe counts too. A wing, and an approach
+    // route, land in AUTO.MISSION.
     let telemetry = &context.vehicle.telemetry;
-    telemetry.armed == Some(true)
-        && matches!(telemetry.mode, Some(Px4Mode::TAKEOFF | Px4Mode::LAND))
+    let by_mode = matches!(
+        telemetry.mode,
+        Some(Px4Mode::TAKEOFF | Px4Mode::VTOL_TAKEOFF | Px4Mode::LAND)
+    );
+    telemetry.armed == Some(true) && (by_mode || context.mission.lands(telemetry))
 }
 
 /// Changes of rights of one CUCS that are synchronised: four a second, 32 at once.

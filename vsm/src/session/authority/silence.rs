@@ -122,6 +122,10 @@ fn what_follows(context: &Context<'_>) -> &'static str {
         .plan
         .route_of_type(RouteType::ContingencyA)
         .is_some();
+    let interrupts = on_loss != OnLoss::Continue;
+    if interrupts && mission.is_on_final(telemetry) {
+        return "vehicle is on its final approach, which it completes";
+    }
     match on_loss {
         // A vehicle that was steered (mode 15) would fly straight on: it is held even where nothing is to be flown.
         OnLoss::Continue if context.steering => "steering stopped; commanding hold",

@@ -3,7 +3,9 @@
 //! The aircraft must never be left to nobody because one action failed: a vehicle that refuses it, or a contingency route
 //! that turns out not to be flyable. Each action is tried `MAX_TRIES` times, then the next: the configured one, then
 //! AUTO.RTL, which is tried until the vehicle shows it, is on the ground, or a CUCS has taken control. While the vehicle
-//! is silent nothing can be commanded: it flies its own failsafe, and the action resumes when the link is back.
+//! is silent nothing can be commanded: it flies its own failsafe, and the action resumes when the link is back. A wing on
+//! its final approach lands: any other mode would turn it, or circle it, a few metres above the ground. Where PX4 aborts
+//! that landing, the action is flown.
 //!
 //! ```text
 //! idle --begin--> trying(action, n) --shown / on the ground / controlled--> idle
@@ -56,6 +58,8 @@ pub(super) struct LossContext {
     /// A maneuver is in progress, or a route is being uploaded for a mode command: another command now would conflict
     /// with it.
     pub(super) busy: bool,
+    /// A wing flies to its touch-down.
+    pub(super) on_final: bool,
     /// A route can be uploaded now.
     pub(super) may_change_mission: bool,
 }
@@ -99,7 +103,7 @@ impl LossAction {
             return None;
         }
         let next_at = context.now + RETRY_INTERVAL;
-        if !context.live || context.busy {
+        if !context.live || context.busy || context.on_final {
             // Not counted as a try: the vehicle did not get the chance to refuse.
             self.trying = Some(Trying { next_at, ..before });
             return None;
@@ -195,6 +199,7 @@ mod tests {
             mode: Some(Px4Mode::POSCTL),
             carries_contingency: false,
             busy: false,
+            on_final: false,
             may_change_mission: true,
         }
     }
@@ -255,6 +260,43 @@ mod tests {
             let context = flying(&world);
             assert_eq!(poll(&mut world, &mut machine, context), Some(action));
             world.advance(RETRY_INTERVAL);
+        }
+    }
+
+    #[test]
+    fn a_wing_on_its_final_approach_lands_whatever_is_configured() {
+        for on_loss in [OnLoss::Hold, OnLoss::Contingency, OnLoss::Rtl] {
+            let mut world = World::new();
+            let mut machine = begun(&world, on_loss, false);
+            for _ in 0..30 {
+                let context = LossContext {
+                    mode: Some(Px4Mode::MISSION),
+                    on_final: true,
+                    ..flying(&world)
+                };
+                assert_eq!(poll(&mut world, &mut machine, context), None, "{on_loss:?}");
+                world.advance(RETRY_INTERVAL);
+            }
+            // PX4 has aborted the landing, and loiters above it.
+            let mut aborted = machine;
+            let context = LossContext {
+                mode: Some(Px4Mode::LOITER),
+                ..flying(&world)
+            };
+            let expected = match on_loss {
+                OnLoss::Rtl => Some(Action::Return),
+                OnLoss::Contingency => Some(Action::Contingency),
+                OnLoss::Hold | OnLoss::Continue => None,
+            };
+            assert_eq!(poll(&mut world, &mut aborted, context), expected);
+            // Or it is down.
+            let mut machine = begun(&world, on_loss, false);
+            let context = LossContext {
+                on_ground: true,
+                ..flying(&world)
+            };
+            assert_eq!(poll(&mut world, &mut machine, context), None);
+            assert!(!machine.is_active());
         }
     }
 

@@ -149,7 +149,6 @@ impl Flight {
     pub(crate) fn view(&self) -> FlightView<'_> {
         FlightView {
             maneuver: self.maneuver.is_some(),
-            steering: self.steering.engaged(),
             loss_action: self.loss_action.is_active(),
             commanded: self.commanded,
             altimeter: self.altimeter,
@@ -157,6 +156,15 @@ impl Flight {
             engine_command: self.engine_command,
             sticks: self.sticks.latest(),
         }
+    }
+
+    /// Whether the vehicle is steered (mode 15), or on the way there: by set points, or as wings are, in GUIDED_COURSE. Left
+    /// to itself it flies straight on for ever: set points end with this VSM, a course that PX4 keeps by itself does not.
+    pub(crate) fn steers(&self, telemetry: &Telemetry) -> bool {
+        let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters(Px4Mode::COURSE);
+        self.steering.engaged()
+            || telemetry.mode == Some(Px4Mode::COURSE)
+            || self.maneuver.as_ref().is_some_and(enters)
     }
 
     /// Takes an input.
@@ -181,7 +189,7 @@ impl Flight {
             Input::ControlChanged => self.control_changed(context, effects),
             Input::ControllerLost => {
                 let on_loss = context.settings.authority.on_loss;
-                let steered = self.steering.engaged();
+                let steered = self.steers(&context.vehicle.telemetry);
                 self.loss_action.begin(on_loss, steered, context.mono());
                 self.fly_loss_action(context, effects);
             }
@@ -529,6 +537,8 @@ impl Flight {
     /// Control has passed to another CUCS, or to nobody: what its sender could not command now is not continued.
     fn control_changed(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let controller = context.controller;
+        // Before what its sender began is ended: the vehicle may enter the mode all the same.
+        let steered = self.steers(&context.vehicle.telemetry);
         let why = match controller {
             Some(id) => format!("{id} controls the vehicle now"),
             None => "its sender no longer controls the vehicle, nobody does".to_owned(),
@@ -547,7 +557,7 @@ impl Flight {
         }
         self.sticks.forget();
         let airborne = context.vehicle.telemetry.airborne();
-        if controller.is_none() && self.steering.engaged() && airborne {
+        if controller.is_none() && steered && airborne {
             // Steered by nobody it would fly straight on for ever.
             self.operate(context, None, &select(Mode::Loiter), false, effects);
         }
@@ -673,6 +683,7 @@ impl Flight {
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
             // A command of the VSM itself that waits for its route is the action's own.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
+            on_final: context.mission.is_on_final(telemetry),
             may_change_mission: context.mission.may_change.is_ok(),
         };
         match self.loss_action.poll(&loss, effects) {

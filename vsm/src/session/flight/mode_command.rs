@@ -192,6 +192,10 @@ fn fly(
             ));
         }
     }
+    let from = start.or(at.telemetry.mission.map(|mission| mission.seq));
+    if begins && from != Some(0) {
+        steps.extend(wings::to_wings(at));
+    }
     // Before the mode: in AUTO.MISSION the vehicle flies to the item that is current.
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
     if begins {

@@ -1,6 +1,6 @@
 //! The machine without the others: commands go in, the vehicle's side is played by the test.
 
-use mavlink_link::dialect::{MavCmd, MavResult};
+use mavlink_link::dialect::{MavCmd, MavResult, MavType};
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
 use stanag_msgs::scalar::{Bam16, Scaled};
@@ -42,6 +42,10 @@ fn answer_mode(world: &mut World, flight: &mut Flight, result: MavResult) -> Vec
     }
     handle(world, flight, Input::Advance);
     acknowledgements(&world.sent_to(0))
+}
+
+fn steers(world: &World, flight: &Flight) -> bool {
+    flight.steers(&world.vehicle.telemetry)
 }
 
 fn sticks() -> UaStickCommand {
@@ -154,16 +158,16 @@ fn within_its_mode_steering_changes_set_points_alone() {
 fn set_points_end_when_their_mode_is_refused_or_left() {
     let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
     command(&mut world, &mut flight, turn_to(0.0));
-    assert!(flight.view().steering);
+    assert!(steers(&world, &flight));
     world.commanded_modes();
     let answers = answer_mode(&mut world, &mut flight, DENIED);
     assert_eq!(answers, [AckType::Refused]);
-    assert!(!flight.view().steering);
+    assert!(!steers(&world, &flight));
 
     let (mut world, mut flight) = steered();
     world.show_mode(Px4Mode::POSCTL);
     handle(&mut world, &mut flight, Input::Advance);
-    assert!(!flight.view().steering);
+    assert!(!steers(&world, &flight));
 }
 
 #[test]
@@ -178,9 +182,32 @@ fn a_steered_vehicle_that_nobody_controls_any_more_is_held() {
         let expected: &[Px4Mode] = if nobody { &[Px4Mode::LOITER] } else { &[] };
         assert_eq!(world.commanded_modes(), expected);
         assert!(
-            flight.view().steering,
+            steers(&world, &flight),
             "until the vehicle shows another mode"
         );
+    }
+}
+
+#[test]
+fn a_wing_that_is_steered_or_about_to_be_is_held_when_nobody_controls_it() {
+    for entered in [true, false] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        world.vehicle.telemetry.vehicle_type = Some(MavType::MAV_TYPE_FIXED_WING);
+        command(&mut world, &mut flight, select(Mode::Autopilot));
+        assert_eq!(world.commanded_modes(), [Px4Mode::COURSE]);
+        if entered {
+            world.show_mode(Px4Mode::COURSE);
+        }
+        let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+        assert_eq!(answers.contains(&AckType::CarriedOut), entered);
+        assert!(steers(&world, &flight));
+        world.controller = None;
+        handle(&mut world, &mut flight, Input::ControlChanged);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+        handle(&mut world, &mut flight, Input::ControllerLost);
+        // Where the vehicle never showed the mode, the hold that runs is the last that it was sent.
+        assert_eq!(flight.view().loss_action, entered);
     }
 }
 

@@ -46,6 +46,21 @@ pub(super) fn may_begin_a_route(at: &Situation<'_>) -> Result<(), String> {
     Ok(())
 }
 
+/// What a VTOL that hovers does before it flies a route from an item that is not its first: that one is the transition, and
+/// PX4 passes over it. It begins in a hold, as no set points and no sticks take part in it.
+pub(super) fn to_wings(at: &Situation<'_>) -> Vec<Step> {
+    let is_vtol = at.wings.as_ref().is_some_and(|wings| wings.vtol);
+    if !is_vtol || !at.telemetry.hovers() {
+        return Vec::new();
+    }
+    let mut steps = Vec::new();
+    if at.telemetry.mode != Some(Px4Mode::LOITER) {
+        steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+    }
+    steps.extend(maneuver::transition(false));
+    steps
+}
+
 /// Whether a VTOL is high enough to transition.
 fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
     let height_m = at

@@ -91,6 +91,18 @@ impl Maneuver {
         })
     }
 
+    /// Whether this mode is still to be entered by it.
+    pub(crate) fn enters(&self, mode: Px4Mode) -> bool {
+        let mut left = self.steps.iter();
+        left.any(|step| match step {
+            Step::Confirm {
+                confirmation: Confirmation::Mode(modes),
+                ..
+            } => modes.contains(&mode),
+            _ => false,
+        })
+    }
+
     /// A command sent when the maneuver fails after its arming step.
     pub(crate) fn undone_by(mut self, command: Command) -> Maneuver {
         self.undo = Some(command);

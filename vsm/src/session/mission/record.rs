@@ -28,6 +28,11 @@ pub(crate) struct UploadedMission {
 }
 
 impl UploadedMission {
+    /// Whether the vehicle flies it, where it names this mission; 0 names none.
+    pub(crate) fn is_aboard(&self, mission_id: u32) -> bool {
+        self.mission_id == 0 || mission_id == 0 || self.mission_id == mission_id
+    }
+
     /// Whether it is the route of this name.
     pub(crate) fn is_of(&self, route_id: &str) -> bool {
         self.plan.route_named(route_id).is_some()

@@ -247,9 +247,7 @@ pub(super) fn flown(context: &Context<'_>, uploaded: &UploadedMission) -> Option
     let flown = telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne();
     let over = mission.state == MissionState::MISSION_STATE_COMPLETE;
     // The items of another station's plan are unknown here; an id of 0 names no plan.
-    let foreign = uploaded.mission_id != 0
-        && mission.mission_id != 0
-        && uploaded.mission_id != mission.mission_id;
+    let foreign = !uploaded.is_aboard(mission.mission_id);
     (flown && !over && !foreign).then_some(mission)
 }
 
@@ -262,7 +260,7 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     if uploaded
         .compiled
         .landing_start()
-        .is_some_and(|start| mission.seq + 1 >= start)
+        .is_some_and(|start| mission.seq >= start.saturating_sub(1))
     {
         return None;
     }
