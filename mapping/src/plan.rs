@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::ops::RangeInclusive;
 
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::{
@@ -218,8 +219,7 @@ impl Plan {
         };
         for number in gone.waypoints.keys().filter(|number| !still_led_to(number)) {
             self.waypoints.remove(number);
-            self.loiters.remove(number);
-            self.curves.retain(|(p1, _), _| p1 != number);
+            self.drop_unsent(*number, &Plan::default());
         }
     }
 
@@ -228,8 +228,12 @@ impl Plan {
         if !sent.loiters.contains_key(&number) {
             self.loiters.remove(&number);
         }
-        self.curves
-            .retain(|ends, _| ends.0 != number || sent.curves.contains_key(ends));
+        // Only the curves at this waypoint are looked at: a CUCS sends ten thousand of both.
+        let here = self.curves.range(curves_at(number)).map(|(ends, _)| *ends);
+        let unsent: Vec<_> = here.filter(|ends| !sent.curves.contains_key(ends)).collect();
+        for ends in unsent {
+            self.curves.remove(&ends);
+        }
     }
 
     /// The numbers of the waypoints.
@@ -309,7 +313,7 @@ impl Plan {
     /// The curved legs that start at this waypoint: (P4's number, curve).
     pub fn curves_from(&self, p1: u16) -> impl Iterator<Item = (u16, &Curve)> {
         self.curves
-            .range((p1, 0)..=(p1, u16::MAX))
+            .range(curves_at(p1))
             .map(|((_, p4), curve)| (*p4, curve))
     }
 
@@ -411,6 +415,11 @@ impl Plan {
             .chain(without_waypoint)
             .chain(curves)
     }
+}
+
+/// The keys of the curves that start at a waypoint.
+fn curves_at(p1: u16) -> RangeInclusive<(u16, u16)> {
+    (p1, 0)..=(p1, u16::MAX)
 }
 
 /// The name of a route; an empty Route ID is none.

@@ -265,6 +265,7 @@ impl CompiledMission {
     }
 }
 
-fn touches_down(item: &Item) -> bool {
+/// Whether an item is the touch-down of a landing, of wings or not.
+pub(super) fn touches_down(item: &Item) -> bool {
     matches!(item.command, NAV_LAND | NAV_VTOL_LAND)
 }

@@ -9,8 +9,8 @@ use curve_paths::terrain::{Clearance, Profile, Terrain, profile};
 use mavlink_link::service::mission::Item;
 
 use super::error::{MAX_PLACES, Reason, RouteError, TerrainError};
-use super::item::{DO_JUMP, NAV_LAND};
-use super::mission::CompiledMission;
+use super::item::{DO_JUMP, NAV_LOITER_TO_ALT};
+use super::mission::{CompiledMission, touches_down};
 use crate::altitude::Level;
 use crate::limits::Limits;
 
@@ -35,15 +35,15 @@ impl CompiledMission {
         let position = |item: &Item| {
             let level = Level::of_frame(item.frame, item.z.into())?;
             let (lat_deg, lon_deg) = (f64::from(item.x) * 1e-7, f64::from(item.y) * 1e-7);
-            let flown = item.is_global() && item.command != NAV_LAND;
+            let flown = item.is_global() && !touches_down(item);
             flown.then(|| Position::new(lat_deg, lon_deg, level.amsl(home_amsl_m)))
         };
         let mut before = None;
         for (item, waypoint) in self.items.iter().zip(&self.waypoint_of) {
             if let Some(at) = position(item) {
                 look.along(before.unwrap_or(at), at, *waypoint)?;
-                if LOITERS.contains(&item.command) {
-                    look.around(at, item.params[2].abs().into(), *waypoint)?;
+                if let Some(radius_m) = radius_m(item) {
+                    look.around(at, radius_m, *waypoint)?;
                 }
                 before = Some(at);
             } else if item.command == DO_JUMP
@@ -158,8 +158,16 @@ impl Look<'_> {
     }
 }
 
-/// NAV_LOITER_UNLIM, _TURNS, _TIME, _TO_ALT.
-const LOITERS: [u16; 4] = [17, 18, 19, 31];
+/// The radius of a loiter: NAV_LOITER_UNLIM, _TURNS and _TIME have it in param3, NAV_LOITER_TO_ALT in param2.
+fn radius_m(item: &Item) -> Option<f64> {
+    let radius_m = match item.command {
+        17..=19 => item.params[2],
+        NAV_LOITER_TO_ALT => item.params[1],
+        _ => return None,
+    };
+    Some(radius_m.abs().into())
+}
+
 /// A circle is walked in so many straight lines: of 1 km they leave it by 4 m.
 const CHORDS: u32 = 36;
 /// Of latitude.
@@ -170,9 +178,11 @@ const ROUNDING_M: f64 = 1.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::route::item::{NAV_WAYPOINT, placed};
+    use crate::route::item::{NAV_VTOL_LAND, NAV_WAYPOINT, placed};
     use curve_paths::terrain::Grid;
     use mavlink_link::service::mission::FRAME_MISSION;
+
+    const LOITER_TIME: u16 = 19;
 
     /// Ground at 100 m, with a ridge of 300 m along 8.01 degrees east.
     fn ridge() -> Terrain {
@@ -251,11 +261,20 @@ mod tests {
         let circle = |radius_m: f32| {
             let mut mission = CompiledMission::default();
             let params = [10.0, 0.0, radius_m, 0.0];
-            mission.push(1, placed((47.01, 8.002), low, LOITERS[2], params));
+            mission.push(1, placed((47.01, 8.002), low, LOITER_TIME, params));
             mission
         };
         assert_eq!(checked(&circle(0.0), 0.0), Ok(None));
         assert!(checked(&circle(-600.0), 0.0).is_err());
+        // Down to an altitude: its radius is another parameter.
+        let down = |radius_m: f32| {
+            let mut mission = CompiledMission::default();
+            let params = [1.0, radius_m, 0.0, 1.0];
+            mission.push(1, placed((47.01, 8.002), low, NAV_LOITER_TO_ALT, params));
+            mission
+        };
+        assert_eq!(checked(&down(80.0), 0.0), Ok(None));
+        assert!(checked(&down(-600.0), 0.0).is_err());
     }
 
     #[test]
@@ -275,8 +294,12 @@ mod tests {
             level: high,
             speed_m_s: None,
         });
+        let mut hovers_down = lands.clone();
         lands.land_at_the_end();
         assert_eq!(checked(&lands, 0.0), Ok(None));
+        let ground = Level::AboveHome(0.0);
+        hovers_down.push(0, placed((47.01, 8.0), ground, NAV_VTOL_LAND, [0.0; 4]));
+        assert_eq!(checked(&hovers_down, 0.0), Ok(None));
     }
 
     #[test]

@@ -389,6 +389,27 @@ mod tests {
         plan.curves_from(1).count() > 0
     }
 
+    /// PX4 leaves OFFBOARD after a second without set points, which the same thread sends.
+    #[test]
+    fn each_message_of_the_largest_upload_is_stored_at_once() {
+        let mut received = ReceivedPlan::default();
+        let last = mapping::plan::MAX_WAYPOINTS as u16;
+        for number in 1..=last {
+            store(&mut received, &[waypoint(number, number + 1)]);
+            store(&mut received, &[curve(number, number + 1)]);
+        }
+        let began = std::time::Instant::now();
+        for name in ["A", "B", "C", "D"] {
+            store(&mut received, &[route(name, 1)]);
+        }
+        for number in 1..=2_000 {
+            store(&mut received, &[waypoint(number, number + 1)]);
+        }
+        let took = began.elapsed();
+        assert!(took < Duration::from_secs(3), "{took:?}");
+        assert!(is_curved(received.offered(CUCS)));
+    }
+
     #[test]
     fn a_route_that_is_sent_whole_keeps_no_curve_and_no_loiter_of_before_in_any_order() {
         let straight = [route("A", 1), waypoint(1, 2), waypoint(2, 0)];
