@@ -230,7 +230,9 @@ impl Plan {
         }
         // Only the curves at this waypoint are looked at: a CUCS sends ten thousand of both.
         let here = self.curves.range(curves_at(number)).map(|(ends, _)| *ends);
-        let unsent: Vec<_> = here.filter(|ends| !sent.curves.contains_key(ends)).collect();
+        let unsent: Vec<_> = here
+            .filter(|ends| !sent.curves.contains_key(ends))
+            .collect();
         for ends in unsent {
             self.curves.remove(&ends);
         }

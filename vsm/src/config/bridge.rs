@@ -451,13 +451,18 @@ impl Config {
         Ok(())
     }
 
-    /// Reads the elevation files of its vehicles.
+    /// Reads the elevation files of its vehicles, which can take minutes; files that another configuration has read and that
+    /// are unchanged are not read again.
     ///
     /// # Errors
     /// A folder cannot be read, has none or too many, or one of them is damaged.
-    pub fn read_terrain(&mut self) -> Result<(), TerrainFault> {
+    pub fn read_terrain(&mut self, before: Option<&Config>) -> Result<(), TerrainFault> {
         let vehicles = self.vehicle.iter_mut().map(Spanned::get_mut);
-        terrain::read(vehicles.filter_map(|vehicle| vehicle.terrain.as_mut()))
+        let known = before.into_iter().flat_map(Config::vehicles);
+        terrain::read(
+            vehicles.filter_map(|vehicle| vehicle.terrain.as_mut()),
+            known.filter_map(|vehicle| vehicle.terrain.as_ref()),
+        )
     }
 
     fn resolve(&mut self, folder: &Path) {

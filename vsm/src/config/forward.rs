@@ -120,6 +120,18 @@ pub enum ForwardLink {
     TcpOut(String),
 }
 
+impl ForwardLink {
+    /// As [`LinkAddress::host`].
+    #[must_use]
+    pub fn host(&self) -> Option<&str> {
+        match self {
+            ForwardLink::Shared(link) => link.host(),
+            ForwardLink::TcpOut(host) => Some(host),
+            ForwardLink::TcpIn(_) => None,
+        }
+    }
+}
+
 impl fmt::Display for ForwardLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,12 +1,14 @@
 //! `vehicle.terrain`: the elevation files that routes are compared with, read whole before anything is served.
 //!
 //! Read at the start and not where a route needs them: a machine does no I/O, a file of 26 MB takes a slow disk a second, and what
-//! is wrong with one must be known before the flight.
+//! is wrong with one must be known before the flight. When the configuration is read again a folder whose files are the
+//! same, by name, length and time of the last change, is not read again: a second copy of it would need a second GiB.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use curve_paths::terrain::{Grid, Terrain};
 use serde::Deserialize;
@@ -18,7 +20,22 @@ pub struct TerrainFolder {
     /// Where it is.
     pub dir: PathBuf,
     /// What is in it; none before `Config::read_terrain`.
-    ground: Option<Arc<Terrain>>,
+    contents: Option<Contents>,
+}
+
+/// The files of a folder, and what they say of the ground.
+#[derive(Clone)]
+struct Contents {
+    files: Vec<Listed>,
+    ground: Arc<Terrain>,
+}
+
+/// A file, as its folder lists it.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Listed {
+    path: PathBuf,
+    length: u64,
+    changed: Option<SystemTime>,
 }
 
 /// Elevation files that cannot be used.
@@ -32,7 +49,10 @@ pub struct TerrainFault {
 
 impl From<PathBuf> for TerrainFolder {
     fn from(dir: PathBuf) -> Self {
-        TerrainFolder { dir, ground: None }
+        TerrainFolder {
+            dir,
+            contents: None,
+        }
     }
 }
 
@@ -46,34 +66,50 @@ impl TerrainFolder {
     /// The ground. Where it has not been read no place is known, which is reported with each route.
     #[must_use]
     pub fn ground(&self) -> Arc<Terrain> {
-        self.ground.clone().unwrap_or_default()
+        let contents = self.contents.as_ref();
+        contents.map_or_else(Arc::default, |contents| contents.ground.clone())
     }
 }
 
-/// Reads the files of each of these folders, each folder once.
+/// Reads the files of each of these folders, each folder once. What those of `before` have read already is used again.
 ///
 /// # Errors
 /// A folder cannot be read, has none or too many, or one of them is damaged.
 pub(super) fn read<'a>(
     folders: impl Iterator<Item = &'a mut TerrainFolder>,
+    before: impl Iterator<Item = &'a TerrainFolder>,
 ) -> Result<(), TerrainFault> {
-    let mut read: BTreeMap<PathBuf, Arc<Terrain>> = BTreeMap::new();
+    let known = before.filter_map(|folder| folder.contents.as_ref());
+    let mut known: Vec<Contents> = known.cloned().collect();
+    let mut read: BTreeMap<PathBuf, Contents> = BTreeMap::new();
     for folder in folders {
-        let ground = match read.get(&folder.dir) {
-            Some(ground) => ground.clone(),
-            None => Arc::new(read_folder(&folder.dir)?),
+        let contents = match read.get(&folder.dir) {
+            Some(contents) => contents.clone(),
+            None => {
+                let files = list(&folder.dir)?;
+                match known.iter().position(|contents| contents.files == files) {
+                    Some(index) => known.swap_remove(index),
+                    None => Contents {
+                        ground: Arc::new(read_files(&files)?),
+                        files,
+                    },
+                }
+            }
         };
-        read.insert(folder.dir.clone(), ground.clone());
-        folder.ground = Some(ground);
+        read.insert(folder.dir.clone(), contents.clone());
+        folder.contents = Some(contents);
     }
     Ok(())
 }
 
-fn read_folder(dir: &Path) -> Result<Terrain, TerrainFault> {
-    let fault = |path: &Path, problem: String| TerrainFault {
+fn fault(path: &Path, problem: String) -> TerrainFault {
+    TerrainFault {
         path: path.to_owned(),
         problem,
-    };
+    }
+}
+
+fn list(dir: &Path) -> Result<Vec<Listed>, TerrainFault> {
     let unreadable = |cause: std::io::Error| fault(dir, format!("{cause}, expected a folder"));
     let mut files = Vec::new();
     let mut all = 0;
@@ -82,9 +118,14 @@ fn read_folder(dir: &Path) -> Result<Terrain, TerrainFault> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let ending = ending.unwrap_or_default().to_ascii_lowercase();
         if ["hgt", "asc"].contains(&ending.as_str()) {
-            let length = std::fs::metadata(&path).map_or(0, |file| file.len());
+            let file = std::fs::metadata(&path).ok();
+            let length = file.as_ref().map_or(0, std::fs::Metadata::len);
             all += length;
-            files.push(path);
+            files.push(Listed {
+                path,
+                length,
+                changed: file.and_then(|file| file.modified().ok()),
+            });
         }
     }
     if files.is_empty() {
@@ -101,7 +142,11 @@ fn read_folder(dir: &Path) -> Result<Terrain, TerrainFault> {
     }
     // Where two cover a place the first counts: the same one on every system.
     files.sort();
-    let grids = files.iter().map(|path| {
+    Ok(files)
+}
+
+fn read_files(files: &[Listed]) -> Result<Terrain, TerrainFault> {
+    let grids = files.iter().map(|Listed { path, .. }| {
         let bytes = std::fs::read(path).map_err(|cause| fault(path, cause.to_string()))?;
         let name = path.file_name().and_then(|name| name.to_str());
         Grid::read(name.unwrap_or_default(), bytes).map_err(|cause| fault(path, cause.to_string()))

@@ -32,6 +32,17 @@ pub enum LinkAddress {
     },
 }
 
+impl LinkAddress {
+    /// Host and port to send to, whose name has to be resolved.
+    #[must_use]
+    pub fn host(&self) -> Option<&str> {
+        match self {
+            LinkAddress::UdpOut(host) => Some(host),
+            LinkAddress::UdpIn(_) | LinkAddress::Serial { .. } => None,
+        }
+    }
+}
+
 impl fmt::Display for LinkAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -22,7 +22,7 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
         return check_airside(path);
     }
     let mut config = Config::load(path).map_err(bad)?;
-    config.read_terrain().map_err(bad)?;
+    config.read_terrain(None).map_err(bad)?;
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
     if let Some(group) = config.dli.group() {

@@ -62,5 +62,5 @@ fn store_of(path: &Path) -> Result<PathBuf, ConfigError> {
     store.map(|dir| folder.join(dir)).ok_or(fault)
 }
 
-/// It opens links and keys, and writes what rights have changed.
-const ANSWER_WITHIN: Duration = Duration::from_secs(20);
+/// It reads elevation files, resolves names, opens links and keys, and writes what rights have changed.
+const ANSWER_WITHIN: Duration = Duration::from_secs(120);

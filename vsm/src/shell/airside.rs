@@ -29,7 +29,7 @@ use super::ordered_files::OrderedKeys;
 use super::pairing_socket::{self, Asker};
 use super::queued_disk::QueuedDisk;
 use super::service;
-use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::TaskFault;
 use crate::airside::{
@@ -129,10 +129,20 @@ impl AirsideServer {
         let mut store = open(&config.store.dir)?;
         // Store and key are locked before a link is opened: a second agent stops before PX4 can see its port.
         let keys = KeyStore::open(&own.key_file)?;
-        let (radio_reader, radio_writer, ground) =
-            sockets::open_link("radio.link", &radio.link, "port-radio", &mut store)?;
-        let (px4_reader, px4_writer, autopilot) =
-            sockets::open_link("px4.link", &px4.link, "port-px4", &mut store)?;
+        let (radio_reader, radio_writer, ground) = sockets::open_link(
+            "radio.link",
+            &radio.link,
+            &Hosts::AskNow,
+            "port-radio",
+            &mut store,
+        )?;
+        let (px4_reader, px4_writer, autopilot) = sockets::open_link(
+            "px4.link",
+            &px4.link,
+            &Hosts::AskNow,
+            "port-px4",
+            &mut store,
+        )?;
         let status = status_socket::listen(&config.store.dir, status_socket::STATUS)
             .map_err(AirsideError::Status)?;
         let pairing = pairing_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;

@@ -22,7 +22,7 @@ use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
 use super::key_store::{KeyStore, KeyStoreError};
 use super::local_peers::{LocalPeers, Stranger};
-use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, LinkAddress, Vehicle};
 use crate::session::Peer;
 
@@ -140,8 +140,13 @@ impl KeyLink {
         let keys = KeyStore::open(key_file)?;
         keys.bury(&mut store)?;
         let record = sockets::port_record(config, vehicle);
-        let (reader, writer, peer) =
-            sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
+        let (reader, writer, peer) = sockets::open_link(
+            "vehicle.link",
+            &vehicle.link,
+            &Hosts::AskNow,
+            &record,
+            &mut store,
+        )?;
         let again = matches!(what, What::InForceAgain);
         let (old, new) = match what {
             What::New(new) => match keys.next()? {

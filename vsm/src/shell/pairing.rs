@@ -15,7 +15,7 @@ use super::clock::Clock;
 use super::disk::{FileDisk, OpenError};
 use super::key_file::system_random;
 use super::key_store::{KeyStore, KeyStoreError};
-use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, Exchange, Vehicle};
 use crate::key_exchange::{ExchangeRecord, GroundKeys, WANTED, identity, memory, parties};
 use crate::session::Peer;
@@ -87,8 +87,13 @@ impl Pairing {
         let keys = KeyStore::open(key_file)?;
         keys.bury(&mut store)?;
         let port = sockets::port_record(config, vehicle);
-        let (reader, writer, peer) =
-            sockets::open_link("vehicle.link", &vehicle.link, &port, &mut store)?;
+        let (reader, writer, peer) = sockets::open_link(
+            "vehicle.link",
+            &vehicle.link,
+            &Hosts::AskNow,
+            &port,
+            &mut store,
+        )?;
         let record = ExchangeRecord::load(&store, vehicle.id)?;
         let parties = parties(config, vehicle, settings);
         let config = InitiatorConfig {

@@ -19,7 +19,7 @@ use tokio::time::{Instant, sleep_until};
 use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
 use super::key_store::{KeyStore, KeyStoreError};
-use super::sockets::{self, SocketError, VehicleReader, VehicleWriter};
+use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, Signing, Vehicle};
 use crate::session::{LinkEnd, Peer, VehicleSettings, link_config};
 
@@ -83,8 +83,13 @@ impl SettingsLink {
             }
         };
         let record = sockets::port_record(config, vehicle);
-        let (reader, writer, peer) =
-            sockets::open_link("vehicle.link", &vehicle.link, &record, &mut store)?;
+        let (reader, writer, peer) = sockets::open_link(
+            "vehicle.link",
+            &vehicle.link,
+            &Hosts::AskNow,
+            &record,
+            &mut store,
+        )?;
         let own = Node::new(config.mavlink.system_id, config.mavlink.component_id);
         let end = LinkEnd { key, peer };
         let link = Link::new(link_config(vehicle, own, &end, &store)?);

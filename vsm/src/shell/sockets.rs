@@ -1,5 +1,6 @@
 //! The sockets of the configuration: bound, joined, or refused with what to do about it.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs};
 
@@ -245,6 +246,43 @@ fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueu
     SerialQueue(queue)
 }
 
+/// How the hosts of `udpout` and `tcpout` links get their addresses. A resolver without an answer keeps its thread for half a
+/// minute: while a bridge serves, names are asked for on another thread, before anything is opened.
+#[derive(Debug)]
+pub enum Hosts {
+    /// The resolver is asked where a link is opened.
+    AskNow,
+    /// These were asked for before; there are no others.
+    Known(BTreeMap<String, SocketAddr>),
+}
+
+impl Hosts {
+    /// Asks for the hosts of these links, each named by its key of the configuration. Blocks.
+    ///
+    /// # Errors
+    /// A host is unknown.
+    pub fn ask<'a>(
+        links: impl Iterator<Item = (&'static str, &'a str)>,
+    ) -> Result<Hosts, SocketError> {
+        let asked = links.map(|(key, host)| Ok((host.to_owned(), Hosts::AskNow.find(key, host)?)));
+        Ok(Hosts::Known(asked.collect::<Result<_, SocketError>>()?))
+    }
+
+    fn find(&self, key: &'static str, host: &str) -> Result<SocketAddr, SocketError> {
+        let found = match self {
+            Hosts::AskNow => host.to_socket_addrs().map(|mut all| all.next()),
+            Hosts::Known(hosts) => Ok(hosts.get(host).copied()),
+        };
+        found
+            .and_then(|address| address.ok_or_else(|| io::ErrorKind::NotFound.into()))
+            .map_err(|cause| SocketError::Resolve {
+                key,
+                address: host.to_owned(),
+                cause,
+            })
+    }
+}
+
 /// The record of a link's local port: that of the first vehicle on it, so that whoever opens a link that several share
 /// has the same port.
 #[must_use]
@@ -264,6 +302,7 @@ pub fn port_record(config: &Config, vehicle: &Vehicle) -> String {
 pub fn open_link(
     key: &'static str,
     link: &LinkAddress,
+    hosts: &Hosts,
     record: &str,
     store: &mut dyn Disk,
 ) -> Result<(VehicleReader, VehicleWriter, Option<Peer>), SocketError> {
@@ -273,7 +312,7 @@ pub fn open_link(
             (socket, None)
         }
         LinkAddress::UdpOut(host) => {
-            let to = resolve(key, host)?;
+            let to = hosts.find(key, host)?;
             let socket = same_port(to, record, store)
                 .map_err(|cause| SocketError::bind(key, link, cause))?;
             (socket, Some(Peer::Udp(to)))
@@ -308,33 +347,24 @@ pub fn open_link(
 /// As [`open_link`].
 pub fn open_forward(
     link: &ForwardLink,
+    hosts: &Hosts,
     record: &str,
     store: &mut dyn Disk,
 ) -> Result<(VehicleReader, VehicleWriter, Option<Peer>), SocketError> {
     const KEY: &str = "forward.link";
     let ((reader, writer), peer) = match link {
-        ForwardLink::Shared(link) => return open_link(KEY, link, record, store),
+        ForwardLink::Shared(link) => return open_link(KEY, link, hosts, record, store),
         ForwardLink::TcpIn(address) => {
             let opened = tcp::listen(*address);
             let opened = opened.map_err(|cause| SocketError::bind(KEY, link, cause))?;
             (opened, None)
         }
         ForwardLink::TcpOut(host) => {
-            let to = resolve(KEY, host)?;
+            let to = hosts.find(KEY, host)?;
             (tcp::connect(to), Some(Peer::Tcp(to)))
         }
     };
     Ok((VehicleReader::Tcp(reader), VehicleWriter::Tcp(writer), peer))
-}
-
-fn resolve(key: &'static str, host: &str) -> Result<SocketAddr, SocketError> {
-    host.to_socket_addrs()
-        .and_then(|mut all| all.next().ok_or_else(|| io::ErrorKind::NotFound.into()))
-        .map_err(|cause| SocketError::Resolve {
-            key,
-            address: host.to_owned(),
-            cause,
-        })
 }
 
 fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<UdpSocket> {

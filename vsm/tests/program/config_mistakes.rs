@@ -438,7 +438,7 @@ fn elevation_files_are_checked_before_anything_is_served() {
     let read = |text: &str| {
         let text = text.replace("system_id = 1", "system_id = 1\nterrain = \"tiles\"");
         let mut config = Config::parse(&text, folder.path()).expect("good");
-        let read = config.read_terrain().map_err(|fault| fault.to_string());
+        let read = config.read_terrain(None).map_err(|fault| fault.to_string());
         read.map(|()| config)
     };
     let fault = read(GOOD).expect_err("there is no folder");

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::{TcpStream, UdpSocket};
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -272,4 +272,57 @@ fn ground_stations_beside_the_bridge_come_and_go_and_no_key_is_used_twice() {
     let length = encode(&beat, header, &mut bytes);
     stream.write_all(&bytes[..length]).expect("sent");
     assert!(stream.read(&mut bytes).expect("frames of the vehicle") > 0);
+}
+
+/// The bridge's heartbeats at an unsigned vehicle that this test is, and a folder of elevation files.
+#[test]
+fn the_bridge_serves_on_while_a_reload_waits_for_a_slow_disk() {
+    let folder = TempDir::new().expect("a folder");
+    let vehicle = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let timeout = Duration::from_millis(2_500);
+    vehicle.set_read_timeout(Some(timeout)).expect("set");
+    let text = |more: &str| {
+        format!(
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{}\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
+             link = \"udpout:{}\"\nsystem_id = 1\nsigning = \"off\"\n{more}[store]\ndir = \"state\"\n",
+            free_udp_port(),
+            vehicle.local_addr().expect("bound")
+        )
+    };
+    let config = folder.path().join("vsm.toml");
+    fs::write(&config, text("")).expect("written");
+    let arguments = |command: &'static str| {
+        let mut vsm = Command::new(program("vsm"));
+        vsm.arg(command).arg("--config").arg(&config);
+        vsm
+    };
+    let mut bridge = Running::spawn(&mut arguments("run"));
+    bridge.wait_for("ready", Duration::from_secs(60));
+
+    // Reading it takes until somebody writes to it.
+    let terrain = folder.path().join("tiles");
+    fs::create_dir(&terrain).expect("made");
+    let file = terrain.join("N47E008.hgt");
+    let made = Command::new("mkfifo").arg(&file).status();
+    assert!(made.is_ok_and(|status| status.success()));
+    fs::write(&config, text("terrain = \"tiles\"\n")).expect("written");
+    let reload = |vsm: &mut Command| vsm.stderr(Stdio::piped()).spawn().expect("it runs");
+    let first = reload(&mut arguments("reload"));
+
+    let mut bytes = [0; 512];
+    let mut before = Instant::now();
+    for _ in 0..4 {
+        vehicle.recv(&mut bytes).expect("heartbeats go on");
+        let gap = before.elapsed();
+        before = Instant::now();
+        assert!(gap < Duration::from_secs(2), "no heartbeat for {gap:?}");
+    }
+    let asked = arguments("status").arg("--json").output();
+    assert!(asked.expect("it runs").status.success());
+
+    fs::write(&file, "no elevations").expect("written");
+    let report = first.wait_with_output().expect("it ends");
+    let text = String::from_utf8_lossy(&report.stderr);
+    assert!(text.contains("N47E008.hgt"), "{text}");
+    assert_eq!(report.status.code(), Some(2));
 }

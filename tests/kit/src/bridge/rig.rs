@@ -124,7 +124,9 @@ impl Rig {
         let text = toml(&setup);
         let mut config = Config::parse(&text, Path::new("/nowhere"))
             .expect("the configuration of the test is good");
-        config.read_terrain().expect("elevation files of the test");
+        config
+            .read_terrain(None)
+            .expect("elevation files of the test");
         let vehicles = setup.vehicles.iter().enumerate().map(|(index, vehicle)| {
             let vehicle = px4_sim::Config {
                 system_id: index as u8 + 1,
@@ -242,7 +244,7 @@ impl Rig {
     pub fn reload(&mut self, text: &str) -> Result<Report, String> {
         let mut new =
             Config::parse(text, Path::new("/nowhere")).map_err(|fault| fault.to_string())?;
-        new.read_terrain().map_err(|fault| fault.to_string())?;
+        new.read_terrain(None).map_err(|fault| fault.to_string())?;
         let Changes { config, report } = self.config.changes(&new)?;
         let added = config
             .vehicles()

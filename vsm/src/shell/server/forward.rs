@@ -14,7 +14,7 @@ use super::StartError;
 use crate::config::{Config, Forward, ForwardLink};
 use crate::session::{Bridge, LinkEnd, Peer};
 use crate::shell::key_file;
-use crate::shell::sockets::{self, VehicleReader, VehicleWriter};
+use crate::shell::sockets::{self, Hosts, VehicleReader, VehicleWriter};
 
 /// A link that is open; a task reads it.
 #[derive(Debug)]
@@ -48,6 +48,8 @@ pub(super) struct Served<'a> {
     pub(super) config: &'a Config,
     pub(super) bridge: &'a Bridge,
     pub(super) forwards: &'a [OpenForward],
+    /// Of what it opens beside.
+    pub(super) hosts: &'a Hosts,
 }
 
 /// Keys and links of other ground stations, beside those that are open and stay.
@@ -59,6 +61,7 @@ pub(super) fn open(
 ) -> Result<Forwards, StartError> {
     let mut forwards = Forwards::default();
     let open = served.map_or(&[][..], |served| served.forwards);
+    let hosts = served.map_or(&Hosts::AskNow, |served| served.hosts);
     let mut next = open.iter().map(|one| one.number + 1).max().unwrap_or(0);
     for (forward, key) in config.forwards().zip(keys(config, vehicles)?) {
         let is_there = open.iter().find(|one| one.link == forward.link);
@@ -70,7 +73,7 @@ pub(super) fn open(
             continue;
         }
         let record = format!("port-forward-{}", forward.name);
-        let (reader, writer, peer) = sockets::open_forward(&forward.link, &record, store)?;
+        let (reader, writer, peer) = sockets::open_forward(&forward.link, hosts, &record, store)?;
         let close = Rc::new(Notify::new());
         forwards.ends.push((next, Some(LinkEnd { key, peer })));
         forwards.readers.push((next, reader, close.clone()));

@@ -23,7 +23,7 @@ use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
-use crate::shell::sockets::DliSockets;
+use crate::shell::sockets::{DliSockets, Hosts};
 use crate::shell::status_socket;
 
 impl Server {
@@ -42,7 +42,7 @@ impl Server {
     /// As [`Server::open`].
     pub fn open_on(config: &Config, mut store: FileDisk) -> Result<Server, StartError> {
         let mut config = config.clone();
-        config.read_terrain()?;
+        config.read_terrain(None)?;
         let config = &config;
         let clock = Clock::default();
         let now = clock.now();
@@ -54,7 +54,7 @@ impl Server {
             let (key, keys) = open_keys(vehicle, &mut key_ids, &mut store)?;
             key_stores.push(keys);
             if find_port(&ports, &vehicle.link).is_none() {
-                let (reader, port) = open_port(vehicle, &mut store)?;
+                let (reader, port) = open_port(vehicle, &Hosts::AskNow, &mut store)?;
                 readers.push((ports.len(), reader, port.close.clone()));
                 ports.push(Some(port));
             }

@@ -2,9 +2,13 @@
 //!
 //! It is checked as a whole first, and everything that a new vehicle needs is opened. What then fails leaves the bridge as
 //! it was; what it keeps until a restart is named ([`Config::changes`]). Links of vehicles that stay are not touched.
+//!
+//! Files and names are read on a thread of their own ([`read`]): a folder of elevation files takes seconds, a name whose
+//! server does not answer half a minute, and a vehicle in flight misses heartbeats and set points after one.
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::thread;
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -12,20 +16,22 @@ use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 use tokio::net::UnixListener;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::Notify;
+use tokio::sync::oneshot::error::TryRecvError;
+use tokio::sync::{Notify, oneshot};
+use tokio::time::{sleep, timeout};
 
 use super::StartError;
 use super::forward::{self, Forwards, OpenForward, Served};
 use super::shared::{Core, OpenPort, Shared};
 use super::tasks::{receive_forward, receive_vehicle};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle};
-use crate::config::{Changes, Config, Report, Signing, Vehicle};
+use crate::config::{Changes, Config, ForwardLink, LinkAddress, Report, Signing, Vehicle};
 use crate::key_exchange::KeyExchange;
 use crate::session::LinkEnd;
 use crate::shell::clock::NOT_BEFORE;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::recording::Recording;
-use crate::shell::sockets::{VehicleReader, VehicleWriter};
+use crate::shell::sockets::{Hosts, VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::{Beat, Later};
 
@@ -44,6 +50,7 @@ pub(super) async fn serve(
             None
         }
     };
+    let mut reading = Reading::default();
     loop {
         let request = async {
             let signalled = async {
@@ -62,11 +69,14 @@ pub(super) async fn serve(
             Some(Ok((stream, _))) => Some(stream),
             Some(Err(cause)) => {
                 tracing::warn!("the socket for reloading: {cause}");
-                beat.during(tokio::time::sleep(PAUSE)).await;
+                beat.during(sleep(PAUSE)).await;
                 continue;
             }
         };
-        let report = reload(&shared, &later, &path);
+        let report = match beat.during(reading.run(&shared, &path)).await {
+            Ok(new) => reload(&shared, &later, new),
+            Err(why) => Report::refused(why),
+        };
         log(&path, &report);
         if let Some(stream) = stream {
             status_socket::answer(stream, &report, ANSWER_WITHIN).await;
@@ -89,6 +99,81 @@ fn log(path: &Path, report: &Report) {
     }
 }
 
+/// What a configuration needs of files and name servers.
+struct Reread {
+    config: Config,
+    hosts: Hosts,
+}
+
+/// The thread that reads them, one at a time.
+#[derive(Default)]
+struct Reading(Option<oneshot::Receiver<Result<Reread, String>>>);
+
+impl Reading {
+    /// # Errors
+    /// Something cannot be read, or takes too long: why. Nothing has changed.
+    async fn run(&mut self, shared: &Shared, path: &Path) -> Result<Reread, String> {
+        let earlier = self.0.as_mut().map(oneshot::Receiver::try_recv);
+        if let Some(Err(TryRecvError::Empty)) = earlier {
+            return Err(
+                "an earlier reload still waits for a file or a name server: reload again once it has answered"
+                    .to_owned(),
+            );
+        }
+        let (sender, receiver) = oneshot::channel();
+        let open = {
+            let core = shared.core.borrow();
+            let ports = core.ports.iter().flatten();
+            Open {
+                config: core.config.clone(),
+                ports: ports.map(|one| one.link.clone()).collect(),
+                forwards: core.forwards.iter().map(|one| one.link.clone()).collect(),
+            }
+        };
+        let path = path.to_owned();
+        // Not the runtime's own thread for such work: the end of the program would wait for it.
+        thread::Builder::new()
+            .name("reload".to_owned())
+            .spawn(move || drop(sender.send(read(&path, &open))))
+            .map_err(|cause| format!("no thread to read it: {cause}"))?;
+        let receiver = self.0.insert(receiver);
+        match timeout(READ_WITHIN, receiver).await {
+            Ok(read) => {
+                self.0 = None;
+                read.unwrap_or_else(|_| Err("the thread that reads it ended".to_owned()))
+            }
+            Err(_) => Err(format!(
+                "its files and names are not read after {} s: look at vehicle.terrain, and the hosts of udpout and tcpout \
+                 links",
+                READ_WITHIN.as_secs()
+            )),
+        }
+    }
+}
+
+/// What is there already, and needs no name server.
+struct Open {
+    config: Config,
+    ports: Vec<LinkAddress>,
+    forwards: Vec<ForwardLink>,
+}
+
+/// Reads everything that may take its time. Blocks.
+fn read(path: &Path, open: &Open) -> Result<Reread, String> {
+    let mut config = Config::load(path).map_err(|fault| fault.to_string())?;
+    let read = config.read_terrain(Some(&open.config));
+    read.map_err(|fault| fault.to_string())?;
+    let is_new = |one: &&Vehicle| open.config.vehicles().all(|known| known.id != one.id);
+    let vehicles = config.vehicles().filter(is_new).map(|one| &one.link);
+    let vehicles = vehicles.filter(|link| !open.ports.contains(link));
+    let vehicles = vehicles.filter_map(|link| Some(("vehicle.link", link.host()?)));
+    let forwards = config.forwards().map(|one| &one.link);
+    let forwards = forwards.filter(|link| !open.forwards.contains(link));
+    let forwards = forwards.filter_map(|link| Some(("forward.link", link.host()?)));
+    let hosts = Hosts::ask(vehicles.chain(forwards)).map_err(|fault| fault.to_string())?;
+    Ok(Reread { config, hosts })
+}
+
 /// What a vehicle that is added comes with.
 struct Added {
     vehicle: Vehicle,
@@ -101,19 +186,13 @@ struct Added {
 /// Links that were opened for them.
 type Opened = Vec<(VehicleReader, OpenPort)>;
 
-fn reload(shared: &Rc<Shared>, later: &Later, path: &Path) -> Report {
-    let mut new = match Config::load(path) {
-        Ok(new) => new,
-        Err(fault) => return Report::refused(fault.to_string()),
-    };
-    if let Err(fault) = new.read_terrain() {
-        return Report::refused(fault.to_string());
-    }
+fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
+    let Reread { config: new, hosts } = new;
     let stored = shared.stored.clone();
     let applied = shared.with(|core, now| {
         let Changes { config, report } = core.config.changes(&new)?;
         check_removed(core, &config)?;
-        let opened = open_added(core, &config, &stored, now);
+        let opened = open_added(core, &config, &hosts, &stored, now);
         let (opened, forwards) = opened.map_err(|fault| fault.to_string())?;
         let Forwards {
             ends,
@@ -182,6 +261,7 @@ fn check_removed(core: &Core, config: &Config) -> Result<(), String> {
 fn open_added(
     core: &mut Core,
     config: &Config,
+    hosts: &Hosts,
     stored: &std::sync::Arc<Notify>,
     now: Now,
 ) -> Result<((Vec<Added>, Opened), Forwards), StartError> {
@@ -201,7 +281,7 @@ fn open_added(
         let is_new = |(_, port): &&(VehicleReader, OpenPort)| port.link == vehicle.link;
         if find_port(&core.ports, &vehicle.link).is_none() && !opened.iter().any(|one| is_new(&one))
         {
-            opened.push(open_port(vehicle, &mut core.store)?);
+            opened.push(open_port(vehicle, hosts, &mut core.store)?);
         }
         let new = opened.iter().find(is_new).map(|(_, port)| port);
         let Some(port) = find_port(&core.ports, &vehicle.link).or(new) else {
@@ -220,6 +300,7 @@ fn open_added(
         config: &core.config,
         bridge: &core.bridge,
         forwards: &core.forwards,
+        hosts,
     };
     let forwards = forward::open(config, &known, Some(served), &mut core.store)?;
     Ok(((added, opened), forwards))
@@ -347,3 +428,5 @@ fn change_forwards(core: &mut Core, ends: &[usize], opened: Vec<OpenForward>) {
 
 const PAUSE: Duration = Duration::from_millis(500);
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+/// Forty tiles from a slow disk, or a name server after another; `vsm reload` waits a little longer.
+const READ_WITHIN: Duration = Duration::from_secs(100);

@@ -19,7 +19,7 @@ use crate::shell::clock::NOT_BEFORE;
 use crate::shell::key_file::{self, system_random};
 use crate::shell::key_store::KeyStore;
 use crate::shell::recording::{Quota, Recording};
-use crate::shell::sockets::{self, VehicleReader};
+use crate::shell::sockets::{self, Hosts, VehicleReader};
 
 /// Whether no vehicle before has one of this one's keys.
 pub(super) fn check_own(
@@ -125,10 +125,12 @@ pub(super) fn find_port<'a>(
 /// Opens the link of a vehicle.
 pub(super) fn open_port(
     vehicle: &Vehicle,
+    hosts: &Hosts,
     store: &mut dyn Disk,
 ) -> Result<(VehicleReader, OpenPort), StartError> {
     let record = format!("port-{:08x}", vehicle.id.0);
-    let (reader, writer, peer) = sockets::open_link("vehicle.link", &vehicle.link, &record, store)?;
+    let (reader, writer, peer) =
+        sockets::open_link("vehicle.link", &vehicle.link, hosts, &record, store)?;
     let link = vehicle.link.clone();
     let close = Rc::new(Notify::new());
     let port = OpenPort {
