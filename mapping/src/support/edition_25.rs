@@ -2,6 +2,10 @@
 //!
 //! All others go over field by field, and what is done with them is what the table has for Edition 4.
 
+use stanag_msgs::table::{Direction, MessageInfo};
+
+use super::lookup::message;
+
 /// One message of Edition 2.5.
 #[derive(Debug, Clone, Copy)]
 pub struct Edition25 {
@@ -24,6 +28,68 @@ pub fn edition_25(id: u16) -> Option<&'static Edition25> {
 pub fn edition_25_rows() -> &'static [Edition25] {
     EDITION_25
 }
+
+/// What becomes of a message of Edition 2.5.
+#[derive(Debug, Clone, Copy)]
+pub enum In25 {
+    /// What its row says.
+    ByHand(&'static Edition25),
+    /// What the table has for the messages of Edition 4 that hold the same.
+    FieldByField,
+    /// It is refused by name; why.
+    Refused(&'static str),
+    /// A VSM sends it, and this one never does.
+    Never,
+}
+
+/// What becomes of a message of Edition 2.5, by the rows of both editions.
+#[must_use]
+pub fn in_edition_25(info: &MessageInfo) -> In25 {
+    if let Some(row) = edition_25(info.id) {
+        return In25::ByHand(row);
+    }
+    let uses =
+        |id: &u16| message(*id).is_some_and(|row| !row.taken.is_empty() || !row.sends.is_empty());
+    if info.ed4_messages.iter().any(uses) {
+        In25::FieldByField
+    } else if info.direction == Direction::ToCucs {
+        In25::Never
+    } else {
+        let mut reasons = REFUSED.iter();
+        let reason = reasons.find(|(ids, _)| ids.contains(&info.id));
+        In25::Refused(reason.map_or("", |(_, why)| why))
+    }
+}
+
+/// Why a message is refused that a CUCS may send.
+static REFUSED: &[(&[u16], &str)] = &[
+    (
+        &[40],
+        "the configuration of the vehicle is set in its parameters",
+    ),
+    (&[44], "PX4 reports no lights, so none could be confirmed"),
+    (
+        &[46],
+        "PX4 confirms no armed termination: land, or disarm by #45 at LOI 5",
+    ),
+    (
+        &[47],
+        "a route is flown at the places that its waypoints name, and is not moved",
+    ),
+    (
+        &[200, 201, 202, 203, 204, 205, 206, 207],
+        "no payload is connected to this VSM",
+    ),
+    (
+        &[400, 401, 402, 403, 404],
+        "data links are the link's own matter, no radio is connected to this VSM",
+    ),
+    (
+        &[804, 805, 806],
+        "a waypoint has no actions of payload, airframe or vehicle here",
+    ),
+    (&[1500, 1501], "no transponder is connected to this VSM"),
+];
 
 macro_rules! rows {
     ($($id:literal $does:literal $([$($field:literal),*])?;)*) => {
@@ -68,6 +134,19 @@ rows! {
 mod tests {
     use super::*;
     use stanag_msgs::ed25;
+
+    #[test]
+    fn every_message_that_is_refused_says_why_and_no_other() {
+        let mut refused = Vec::new();
+        for info in ed25::messages() {
+            if let In25::Refused(why) = in_edition_25(info) {
+                assert!(!why.is_empty(), "{}", info.id);
+                refused.push(info.id);
+            }
+        }
+        let named: Vec<u16> = REFUSED.iter().flat_map(|(ids, _)| *ids).copied().collect();
+        assert_eq!(named, refused);
+    }
 
     #[test]
     fn rows_name_messages_of_the_edition_and_fields_without_a_place() {

@@ -7,7 +7,9 @@
 //!
 //! Parts: `values` (enumerations and bitmaps), `table` (one row for each message, in the form of the Edition 4 table:
 //! [`MessageInfo`](crate::table::MessageInfo) with a presence vector of no bytes), `wrapper` (splitting a datagram, and
-//! writing one). [`walk`](crate::table::walk) reads the fields of the data, [`json`](crate::json) shows and writes them.
+//! writing one), [`record`] (a message of any edition as values in units, and the way of each field from one edition to the
+//! other), `correspondence` (what of Edition 4 is where). [`walk`](crate::table::walk) reads the fields of the data,
+//! [`json`](crate::json) shows and writes them.
 //!
 //! ```
 //! use stanag_msgs::ed25;
@@ -22,10 +24,14 @@
 //! # Ok::<(), stanag_msgs::json::JsonError>(())
 //! ```
 
+mod correspondence;
+pub mod record;
 pub mod table;
 pub(crate) mod values;
 mod wrapper;
 
+pub use correspondence::{Parties, commands_of, ed4_of, parties, places, plan_record, reports_of};
+pub use record::{Fault, Record, Value};
 pub use table::{message, messages};
 pub use wrapper::{
     Frame, Frames, HEADER_BYTES, Header, MAX_DATA, TRAILER_BYTES, Version, encode, frames, is_ed25,

@@ -30,8 +30,9 @@ pub use route::model::{
 pub use route::read::RouteFileError;
 pub use session::alert::Alert;
 pub use session::download::Download;
+pub use session::edition_25::Unsayable;
 pub use session::machine::{Event, Session};
-pub use session::sender::{Delivery, Now, SessionConfig, Ticket};
+pub use session::sender::{Delivery, Edition, Now, SendError, SessionConfig, Ticket};
 pub use session::traffic::{ByType, Traffic};
 pub use session::vehicle::{Position, Vehicle};
 pub use station::command::LoiterAt;

@@ -16,7 +16,9 @@ use stanag_msgs::Id;
 
 use crate::operator::error::READER_GONE;
 use crate::operator::file_kind::{self, Reader};
-use crate::{Line, Operator, SessionConfig, Station, StationError, Style, Verb, parse_line};
+use crate::{
+    Edition, Line, Operator, SessionConfig, Station, StationError, Style, Verb, parse_line,
+};
 
 /// Command vehicles as a STANAG 4586 ground station (CUCS).
 #[derive(Debug, Parser)]
@@ -41,6 +43,9 @@ struct Arguments {
         requires = "multicast"
     )]
     interface: Option<Interface>,
+    /// Edition of STANAG 4586 to speak: 2.5, 3 or 4.
+    #[arg(long, value_name = "2.5|3|4", default_value = "4", global = true)]
+    edition: Edition,
     /// Hops that what is sent to the group may take, 0 to 255.
     #[arg(long, value_name = "HOPS", default_value_t = 1, global = true)]
     ttl: u8,
@@ -118,7 +123,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     let station = match arguments.multicast {
         Some(group) => in_group(&arguments, group),
-        None => Station::reach(arguments.id, arguments.listen, &arguments.vsm).await,
+        None => Station::reach(config(&arguments), arguments.listen, &arguments.vsm).await,
     };
     let station = station.map_err(|fault| failure(fault.exit_status(), fault))?;
     let style = if arguments.json {
@@ -163,7 +168,11 @@ fn in_group(arguments: &Arguments, address: SocketAddr) -> Result<Station, Stati
         ..Group::new(address)
     };
     let port = arguments.listen.map_or(0, |listen| listen.port());
-    Station::in_group(SessionConfig::new(arguments.id), &group, port)
+    Station::in_group(config(arguments), &group, port)
+}
+
+fn config(arguments: &Arguments) -> SessionConfig {
+    SessionConfig::of(arguments.edition, arguments.id)
 }
 
 /// Lines from standard input; the station is served between them.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use cucs::formats::{self, Import, Losses};
-use cucs::{LoiList, Operator, OperatorError, Station, Style, Vehicle, Verb};
+use cucs::{LoiList, Operator, OperatorError, SessionConfig, Station, Style, Vehicle, Verb};
 use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 
@@ -57,7 +57,7 @@ impl Command {
     }
 
     async fn upload(&self, plan: &cucs::Route, losses: &Losses) -> Result<(), OperatorError> {
-        let station = Station::reach(self.id, self.listen, &self.vsm).await?;
+        let station = Station::reach(SessionConfig::new(self.id), self.listen, &self.vsm).await?;
         let style = if self.json {
             Style::Json
         } else {

@@ -4,11 +4,12 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use stanag_msgs::Id;
+use stanag_msgs::ed25::Version;
 
 use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, Silence};
 use super::editions::Translator;
-use super::station_profile::StationProfile;
+use super::station_profile::{Shown, StationProfile};
 use crate::config::{Cucs, Dli, Edition};
 
 /// A CUCS of the configuration.
@@ -63,6 +64,32 @@ impl GroundStation {
         match self.spoken {
             Some((ed25, _)) => ed25,
             None => self.profile.edition() == Edition::Ed25,
+        }
+    }
+
+    /// The version by which it calls Edition 2.5, where it speaks that.
+    pub(crate) fn ed25_version(&self) -> Option<Version> {
+        self.speaks_ed25().then(|| self.translator.version())
+    }
+
+    /// What a restart has to know of how it speaks.
+    pub(crate) fn shown(&self) -> Shown {
+        Shown {
+            ed25: self.ed25_version().map(|version| version.text().to_owned()),
+            ..self.profile.shown()
+        }
+    }
+
+    /// How it spoke before a restart: it is answered so, and what comes in its name in another edition is dropped as if it
+    /// had spoken just now.
+    pub(crate) fn restore(&mut self, now: Duration, shown: &Shown) {
+        self.profile.restore(shown);
+        let version = shown.ed25.as_deref().and_then(Version::from_text);
+        if let Some(version) = version {
+            self.translator.call_it(version);
+        }
+        if version.is_some() || shown.spoken.is_some() {
+            self.spoken = Some((version.is_some(), now));
         }
     }
 

@@ -131,12 +131,13 @@ impl StationProfile {
     pub(crate) fn shown(&self) -> Shown {
         Shown {
             spoken: self.spoken.map(|(idd, style)| (idd, style.code())),
+            ed25: None,
             partial: !matches!(self.vectors, Vectors::Nothing | Vectors::Said(false)),
         }
     }
 
     /// What was known of it before a restart.
-    pub(crate) fn restore(&mut self, shown: Shown) {
+    pub(crate) fn restore(&mut self, shown: &Shown) {
         let spoken = shown.spoken;
         self.spoken = spoken.map(|(idd, style)| (idd, ChecksumStyle::from_code(style)));
         if shown.partial {
@@ -208,11 +209,14 @@ impl StationProfile {
 }
 
 /// What a restart has to know of how a station speaks.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Shown {
     /// IDD version and checksum code of its latest message.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) spoken: Option<(u8, u8)>,
+    /// It spoke Edition 2.5 last, which it calls this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) ed25: Option<String>,
     /// It takes partial presence vectors.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) partial: bool,
@@ -322,7 +326,7 @@ mod tests {
         let mut other = profile("");
         assert!(!sent(&mut other, None, true), "it has sent one");
         let mut again = profile("");
-        again.restore(other.shown());
+        again.restore(&other.shown());
         assert!(!again.takes_full_vectors());
         assert!(!profile("presence = \"partial\"").takes_full_vectors());
         let mut fixed = profile("presence = \"full\"");

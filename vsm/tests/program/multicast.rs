@@ -36,6 +36,7 @@ fn a_group_joins_bridges_and_stations_of_two_namespaces() {
     let scene = Scene::new(far);
     scene.as_typed_in_the_guide();
     scene.ipv4_with_two_bridges_and_two_stations();
+    scene.each_edition_in_one_group();
     scene.ipv6();
     scene.sources_are_those_that_are_listed();
     scene.through_loss();
@@ -178,6 +179,29 @@ impl Scene {
         );
     }
 
+    /// Stations of three editions share the group and the bridge; each is answered in its own.
+    fn each_edition_in_one_group(&self) {
+        const GROUP: &str = "239.45.86.5:26008";
+        let _bridge = self.bridge(1, GROUP, "");
+        for (station, edition) in [("a0", "2.5"), ("a1", "3")] {
+            let words = |words: &str| format!("--edition {edition} {words}");
+            let printed = self.done(station, GROUP, &words("discover"));
+            assert!(printed.contains("1b:00:01:01"), "{edition}: {printed}");
+            self.done(station, GROUP, &words("take"));
+            self.done(station, GROUP, &words("release"));
+        }
+        // Its id in another edition, from the same address, while it speaks its own.
+        let other = self.cucs("a0", GROUP, "far", "--edition 4 discover");
+        assert!(!other.status.success(), "{}", text(&other));
+        let unknown = self.cucs("a0", GROUP, "far", "--edition 2 discover");
+        assert_eq!(unknown.status.code(), Some(2));
+        assert!(
+            text(&unknown).contains("expected 2.5, 3 or 4"),
+            "{}",
+            text(&unknown)
+        );
+    }
+
     fn ipv6(&self) {
         for group in ["[ff15::4586]:26002", "[ff12::45:86]:26003"] {
             let _bridge = self.bridge(1, group, "ttl = 2");
@@ -207,6 +231,8 @@ impl Scene {
         for _ in 0..3 {
             self.done("a0", THERE, "take");
             self.done("a0", THERE, "release");
+            self.done("a1", THERE, "--edition 2.5 take");
+            self.done("a1", THERE, "--edition 2.5 release");
         }
         assert!(lossy.lost.load(Relaxed) > 3, "something was lost");
     }

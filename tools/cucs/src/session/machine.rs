@@ -7,14 +7,15 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use stanag_msgs::enums::{AckType, LoiBitmap};
+use stanag_msgs::enums::{AckType, LoiBitmap, PresenceVectorSupport};
 use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
 use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Frame, frames};
-use stanag_msgs::{EncodeError, Id, Message, TimeStamp};
+use stanag_msgs::{Id, Message, TimeStamp, ed25};
 
 use super::alert::{Alert, push_bounded};
-use super::sender::{Delivery, Now, Sender, SessionConfig, Ticket};
+use super::edition_25::Received;
+use super::sender::{Delivery, Edition, Now, SendError, Sender, SessionConfig, Ticket};
 use super::traffic::Traffic;
 use super::vehicle::{Change, Vehicle};
 
@@ -91,6 +92,12 @@ impl Session {
         self.config.id
     }
 
+    /// What this CUCS declares in messages 1 and 4: it takes partial presence vectors. `None` in editions without the field.
+    #[must_use]
+    pub fn presence_vector_support(&self) -> Option<PresenceVectorSupport> {
+        (self.config.edition == Edition::Ed4).then_some(PresenceVectorSupport::Partial)
+    }
+
     /// Switches heartbeats (16002, 1 Hz) on or off. A CUCS that never sent one does not lose control by
     /// sending none.
     pub fn set_heartbeats(&mut self, now: Now, on: bool) {
@@ -104,13 +111,13 @@ impl Session {
     /// Sends a message that requests an acknowledgement. Its Time Stamp is set when it is sent.
     ///
     /// # Errors
-    /// The message cannot be written.
+    /// The message cannot be written, or said in the edition that is spoken.
     pub fn send(
         &mut self,
         now: Now,
         destination: Id,
         message: impl Into<Message>,
-    ) -> Result<Ticket, EncodeError> {
+    ) -> Result<Ticket, SendError> {
         let ticket = self.sender.submit(destination, message.into(), true)?;
         self.sender.advance(now, &mut self.traffic);
         Ok(ticket)
@@ -125,7 +132,7 @@ impl Session {
         now: Now,
         destination: Id,
         messages: impl IntoIterator<Item = Message>,
-    ) -> Result<Vec<Ticket>, EncodeError> {
+    ) -> Result<Vec<Ticket>, SendError> {
         let mut tickets = Vec::new();
         for message in messages {
             match self.sender.submit(destination, message, true) {
@@ -151,7 +158,7 @@ impl Session {
         now: Now,
         destination: Id,
         message: impl Into<Message>,
-    ) -> Result<Ticket, EncodeError> {
+    ) -> Result<Ticket, SendError> {
         let ticket = self.sender.submit(destination, message.into(), false)?;
         self.sender.advance(now, &mut self.traffic);
         Ok(ticket)
@@ -187,10 +194,23 @@ impl Session {
 
     /// Handles a datagram from the VSM.
     pub fn handle_datagram(&mut self, now: Now, bytes: &[u8]) {
-        for frame in frames(bytes) {
-            match frame {
-                Ok(frame) => self.handle_frame(now, &frame),
-                Err(fault) => self.traffic.drop(fault.reason()),
+        let speaks_25 = self.config.edition == Edition::Ed25;
+        if speaks_25 != ed25::is_ed25(bytes) {
+            // A group carries the datagrams of all editions.
+            self.traffic.drop("another edition");
+        } else if speaks_25 {
+            for frame in ed25::frames(bytes) {
+                match frame {
+                    Ok(frame) => self.handle_ed25(now, &frame),
+                    Err(fault) => self.traffic.drop(fault.reason()),
+                }
+            }
+        } else {
+            for frame in frames(bytes) {
+                match frame {
+                    Ok(frame) => self.handle_frame(now, &frame),
+                    Err(fault) => self.traffic.drop(fault.reason()),
+                }
             }
         }
         // The acknowledgements made room in the window.
@@ -210,48 +230,88 @@ impl Session {
             Ok(message) => message,
             Err(fault) => return self.traffic.drop(fault.reason()),
         };
-        let to_us = header.destination == self.config.id;
+        let received = Received {
+            source: header.source,
+            destination: header.destination,
+            message,
+        };
+        if self.take(now, received) {
+            // Never for a 17000: two stations that acknowledge acknowledgements would not stop.
+            let to_us = header.destination == self.config.id;
+            if header.ack_requested && to_us && header.message_type != MessageAcknowledgement::ID {
+                self.acknowledge(header.source, header.message_type, frame);
+            }
+        }
+    }
+
+    fn handle_ed25(&mut self, now: Now, frame: &ed25::Frame<'_>) {
+        let Some(border) = self.sender.border() else {
+            return;
+        };
+        match border.received(frame) {
+            Ok(all) => {
+                for received in all {
+                    self.take(now, received);
+                }
+            }
+            Err(reason) => self.traffic.drop(reason),
+        }
+    }
+
+    /// Takes a message of whatever edition; true where it was of use.
+    fn take(&mut self, now: Now, received: Received) -> bool {
+        let Received {
+            source,
+            destination,
+            message,
+        } = received;
+        let message_type = message.id();
+        let to_us = destination == self.config.id;
+        let mut dropped = |reason| {
+            self.traffic.drop(reason);
+            false
+        };
         // In a group the requests of other stations arrive as well: who sends them is no vehicle.
         if !to_us && message.info().direction == Direction::ToVsm {
-            return self.traffic.drop("for a VSM");
+            return dropped("for a VSM");
         }
         match &message {
-            Message::MessageAcknowledgement(answer) => self.take_answer(header.source, answer),
+            Message::MessageAcknowledgement(answer) => self.take_answer(source, answer),
             // Broadcasts and messages to other stations are about their rights, not about those of this CUCS.
             Message::VsmAuthorisationResponse(_)
             | Message::PositiveHandoverAuthorisationRequest(_)
             | Message::PositiveHandoverAuthorisationGranted(_)
                 if !to_us =>
             {
-                return self.traffic.drop("for others");
+                return dropped("for others");
             }
-            _ => match self.take_report(now, header.source, &message) {
+            _ => match self.take_report(now, source, &message) {
                 Change::Taken | Change::Unused => {}
-                Change::Late => return self.traffic.drop("late"),
+                Change::Late => {
+                    self.traffic.drop("late");
+                    return false;
+                }
                 Change::Alert(alert) => self.push_event(Event::Alert {
-                    from: header.source,
+                    from: source,
                     alert,
                 }),
                 Change::HandoverRequested(by, loi) => self.push_event(Event::HandoverRequested {
-                    vehicle: header.source,
+                    vehicle: source,
                     by,
                     loi,
                 }),
                 Change::HandoverOffered(loi) => self.push_event(Event::HandoverOffered {
-                    vehicle: header.source,
+                    vehicle: source,
                     loi,
                 }),
             },
         }
-        self.traffic.received.count(header.message_type);
-        // Never for a 17000: two stations that acknowledge acknowledgements would not stop.
-        if header.ack_requested && to_us && header.message_type != MessageAcknowledgement::ID {
-            self.acknowledge(header.source, header.message_type, frame);
-        }
+        self.traffic.received.count(message_type);
         self.push_event(Event::Message {
-            from: header.source,
+            from: source,
             message: Box::new(message),
         });
+        true
     }
 
     fn take_report(&mut self, now: Now, source: Id, message: &Message) -> Change {

@@ -5,10 +5,12 @@
 //! - [`alert`]: 16000s whose text spans several messages;
 //! - [`download`]: a plan as a vehicle sends it;
 //! - [`vehicle`]: what one vehicle last reported;
+//! - [`edition_25`]: the border to VSMs of Edition 2.5;
 //! - [`machine`]: the session that joins them: datagrams and time in, datagrams and events out.
 
 pub(crate) mod alert;
 pub(crate) mod download;
+pub(crate) mod edition_25;
 pub(crate) mod machine;
 pub(crate) mod sender;
 pub(crate) mod traffic;

@@ -8,9 +8,10 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use stanag_msgs::enums::AckType;
-use stanag_msgs::wrapper::ChecksumStyle;
+use stanag_msgs::wrapper::{ChecksumStyle, Header};
 use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, Packer, TimeStamp};
 
+use super::edition_25::{Border, STAMPS_EACH, Unsayable};
 use super::traffic::Traffic;
 
 /// One moment on two clocks.
@@ -66,12 +67,50 @@ impl Delivery {
     }
 }
 
+/// The edition that a station speaks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Edition {
+    /// 2.5: other messages, translated at the border of the session.
+    Ed25,
+    /// 3: IDD version 30, additive checksums.
+    Ed3,
+    /// 4: IDD version 31.
+    #[default]
+    Ed4,
+}
+
+impl std::str::FromStr for Edition {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Edition, String> {
+        match text {
+            "2.5" => Ok(Edition::Ed25),
+            "3" => Ok(Edition::Ed3),
+            "4" => Ok(Edition::Ed4),
+            _ => Err("expected 2.5, 3 or 4".to_owned()),
+        }
+    }
+}
+
+/// Why a message is not sent.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum SendError {
+    /// It cannot be written.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// The edition that is spoken has no words for it.
+    #[error(transparent)]
+    Unsayable(#[from] Unsayable),
+}
+
 /// Settings of a session.
 #[derive(Clone, Copy, Debug)]
 pub struct SessionConfig {
     /// The id of this CUCS.
     pub id: Id,
-    /// Checksum of its messages.
+    /// The edition that it speaks; what it receives may be of Edition 3 or 4 wherever it speaks one of them.
+    pub edition: Edition,
+    /// Checksum of its messages; in Edition 2.5 it is always the sum.
     pub checksum: ChecksumStyle,
     /// Time without a 17000 after which a message is sent again.
     pub retry: Duration,
@@ -80,12 +119,22 @@ pub struct SessionConfig {
 }
 
 impl SessionConfig {
-    /// The defaults: no checksum, 5 tries, 0.5 s apart.
+    /// The defaults: Edition 4, no checksum, 5 tries, 0.5 s apart.
     #[must_use]
     pub fn new(id: Id) -> SessionConfig {
+        SessionConfig::of(Edition::Ed4, id)
+    }
+
+    /// The same in an edition; in Edition 3 with the checksum that its text has, the sum of the bytes.
+    #[must_use]
+    pub fn of(edition: Edition, id: Id) -> SessionConfig {
         SessionConfig {
             id,
-            checksum: ChecksumStyle::None,
+            edition,
+            checksum: match edition {
+                Edition::Ed3 => ChecksumStyle::Sum32,
+                Edition::Ed25 | Edition::Ed4 => ChecksumStyle::None,
+            },
             retry: Duration::from_millis(500),
             tries: 5,
         }
@@ -98,6 +147,8 @@ pub(crate) struct Sender {
     queue: VecDeque<(Ticket, Id, Message, bool)>,
     sent: BTreeMap<Ticket, Sent>,
     out: VecDeque<Vec<u8>>,
+    /// In Edition 2.5.
+    border: Option<Border>,
     next_ticket: u64,
     last_stamp: u64,
 }
@@ -139,6 +190,7 @@ impl Sender {
             queue: VecDeque::new(),
             sent: BTreeMap::new(),
             out: VecDeque::new(),
+            border: (config.edition == Edition::Ed25).then(|| Border::new(config.id)),
             next_ticket: 0,
             last_stamp: 0,
         }
@@ -153,7 +205,10 @@ impl Sender {
         destination: Id,
         message: Message,
         acknowledged: bool,
-    ) -> Result<Ticket, EncodeError> {
+    ) -> Result<Ticket, SendError> {
+        if let Some(border) = &self.border {
+            border.check(destination, &message)?;
+        }
         // Encoded once now, so that the caller gets the error and not the retransmission.
         message.encode(
             &self.envelope(destination, acknowledged),
@@ -179,15 +234,28 @@ impl Sender {
             let envelope = self.envelope(destination, acknowledged);
             let mut bytes = [0; MAX_DATAGRAM];
             let out = &mut self.out;
-            let written = message.encode(&envelope, &mut bytes).and_then(|length| {
-                packer.push(&envelope, &message, |full| out.push_back(full.to_vec()))?;
-                Ok(length)
-            });
-            let (length, delivery) = match written {
-                Ok(length) if acknowledged => (length, Delivery::Sent(1)),
-                Ok(_) => (0, Delivery::Unconfirmed),
+            let written = match &mut self.border {
+                Some(border) => border
+                    .datagram(destination, &message, stamp, acknowledged)
+                    .inspect(|datagram| {
+                        if !datagram.is_empty() {
+                            out.push_back(datagram.clone());
+                        }
+                    })
+                    .map_err(SendError::from),
+                None => message
+                    .encode(&envelope, &mut bytes)
+                    .and_then(|length| {
+                        packer.push(&envelope, &message, |full| out.push_back(full.to_vec()))?;
+                        Ok(bytes[..length].to_vec())
+                    })
+                    .map_err(SendError::from),
+            };
+            let (bytes, delivery) = match written {
+                Ok(bytes) if acknowledged && !bytes.is_empty() => (bytes, Delivery::Sent(1)),
+                Ok(_) => (Vec::new(), Delivery::Unconfirmed),
                 // It could be encoded without its Time Stamp; with it it is too long.
-                Err(_) => (0, Delivery::Unanswered),
+                Err(_) => (Vec::new(), Delivery::Unanswered),
             };
             if delivery != Delivery::Unanswered {
                 traffic.sent.count(message.id());
@@ -198,7 +266,7 @@ impl Sender {
                 destination,
                 message_type: message.id(),
                 stamp,
-                bytes: bytes[..length].into(),
+                bytes: bytes.into(),
                 tries: 1,
                 outcome_requests: 0,
                 due: now.mono + self.config.retry,
@@ -212,7 +280,9 @@ impl Sender {
 
     fn retransmit(&mut self, now: Duration, traffic: &mut Traffic) {
         for sent in self.sent.values_mut() {
-            if !sent.is_repeated() || sent.due > now {
+            // Edition 2.5 acknowledges once: asking again would bring nothing.
+            let done = self.border.is_some() && sent.delivery == Delivery::Received;
+            if done || !sent.is_repeated() || sent.due > now {
                 continue;
             }
             sent.due = now + self.config.retry;
@@ -300,12 +370,22 @@ impl Sender {
     }
 
     pub(crate) fn poll_transmit(&mut self) -> Option<Vec<u8>> {
-        self.out.pop_front()
+        let answer = || self.border.as_mut()?.poll_transmit();
+        self.out.pop_front().or_else(answer)
+    }
+
+    /// The border to VSMs of Edition 2.5, where that is spoken.
+    pub(crate) fn border(&mut self) -> Option<&mut Border> {
+        self.border.as_mut()
     }
 
     /// When [`Sender::advance`] is next needed.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
-        let repeated = self.sent.values().filter(|sent| sent.is_repeated());
+        let once = self.border.is_some();
+        let repeated = self
+            .sent
+            .values()
+            .filter(|sent| sent.is_repeated() && !(once && sent.delivery == Delivery::Received));
         repeated.map(|sent| sent.due).min()
     }
 
@@ -318,12 +398,22 @@ impl Sender {
     /// Later than every stamp before, even where the wall clock was set back: 17000 identifies a message by its type
     /// and stamp.
     fn stamp(&mut self, unix_ms: u64) -> TimeStamp {
-        self.last_stamp = TimeStamp::from_unix_ms(unix_ms).0.max(self.last_stamp + 1);
+        let apart = if self.border.is_some() {
+            STAMPS_EACH
+        } else {
+            1
+        };
+        self.last_stamp = TimeStamp::from_unix_ms(unix_ms)
+            .0
+            .max(self.last_stamp + apart);
         TimeStamp(self.last_stamp)
     }
 
     fn envelope(&self, destination: Id, acknowledged: bool) -> Envelope {
-        let envelope = Envelope::new(self.config.id, destination).summed(self.config.checksum);
+        let mut envelope = Envelope::new(self.config.id, destination).summed(self.config.checksum);
+        if self.config.edition == Edition::Ed3 {
+            envelope.idd = Header::IDD_ED3;
+        }
         if acknowledged {
             envelope.requesting_ack()
         } else {

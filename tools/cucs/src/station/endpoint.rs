@@ -54,7 +54,7 @@ impl Station {
     /// # Errors
     /// The VSM's address is none, or the own one is taken or cannot be used.
     pub async fn reach(
-        id: Id,
+        config: SessionConfig,
         local: Option<SocketAddr>,
         vsm: &str,
     ) -> Result<Station, StationError> {
@@ -68,7 +68,8 @@ impl Station {
         let vsm = found
             .next()
             .ok_or_else(|| address("no such host".to_owned()))?;
-        Station::bind(id, local.unwrap_or_else(|| any_port(vsm)), vsm).await
+        let local = local.unwrap_or_else(|| any_port(vsm));
+        Station::with_config(config, local, vsm).await
     }
 
     /// [`Station::bind`] with a session of another kind.

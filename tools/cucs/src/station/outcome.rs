@@ -5,9 +5,10 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use stanag_msgs::enums::LoiBitmap;
-use stanag_msgs::{EncodeError, Id, OutOfRange};
+use stanag_msgs::{Id, OutOfRange};
 
 use crate::route::model::RouteError;
+use crate::session::sender::SendError;
 
 /// What became of a command or a transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -146,9 +147,9 @@ pub enum StationError {
     /// A value that its field cannot express.
     #[error(transparent)]
     Value(#[from] OutOfRange),
-    /// A message cannot be written.
+    /// A message cannot be written, or said in the edition that is spoken.
     #[error(transparent)]
-    Encode(#[from] EncodeError),
+    Send(#[from] SendError),
 }
 
 impl StationError {
@@ -163,7 +164,8 @@ impl StationError {
                 ..
             }
             | Self::Route(_)
-            | Self::Value(_) => 2,
+            | Self::Value(_)
+            | Self::Send(SendError::Unsayable(_)) => 2,
             _ => 1,
         }
     }

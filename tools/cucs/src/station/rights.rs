@@ -63,6 +63,7 @@ impl Station {
                 data_link_id: Some(Id::NULL),
                 requested_handover_loi: Some(LoiBitmap::NONE),
                 requested_handover_access: Some(RequestedAccess::Relinquish),
+                presence_vector_support: self.session.presence_vector_support(),
                 ..CucsAuthorisationRequest::default()
             };
             let now = self.now();
@@ -155,6 +156,7 @@ impl Station {
                 requested_handover_loi: Some(loi),
                 requested_handover_access: Some(access),
                 controlled_station_1_16: Some(StationBitmap1To16::NONE),
+                presence_vector_support: self.session.presence_vector_support(),
                 ..CucsAuthorisationRequest::default()
             };
             let now = self.now();
@@ -204,6 +206,7 @@ impl Station {
             data_link_id: Some(Id::NULL),
             requested_handover_loi: Some(levels),
             requesting_cucs_id: Some(acquirer),
+            presence_vector_support: self.session.presence_vector_support(),
             ..PositiveHandoverAuthorisationRequest::default()
         };
         let what = "handover (message 4)".to_owned();

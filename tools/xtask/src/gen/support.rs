@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use mapping::support::{self, MessageSupport, Received};
+use mapping::support::{self, In25, MessageSupport, Received};
 use mavlink::Message as _;
 use mavlink_link::dialect::MavMessage;
 use stanag_msgs::ed25;
@@ -102,24 +102,17 @@ fn edition_25(page: &mut String) {
     page.push_str(EDITION_25);
     for info in ed25::messages() {
         let numbers: Vec<_> = info.ed4_messages.iter().map(u16::to_string).collect();
-        let by_hand = support::edition_25(info.id);
-        let uses = |id: &u16| {
-            support::message(*id).is_some_and(|row| !row.taken.is_empty() || !row.sends.is_empty())
+        let becomes = support::in_edition_25(info);
+        let (does, own) = match becomes {
+            In25::ByHand(row) => (row.does.to_owned(), row.honoured),
+            In25::FieldByField => (format!("{}, field by field", numbers.join(", ")), &[][..]),
+            In25::Refused(why) => (format!("refused: {why}"), &[][..]),
+            In25::Never => ("never".to_owned(), &[][..]),
         };
-        let does = match by_hand {
-            Some(row) => row.does.to_owned(),
-            None if info.ed4_messages.iter().any(uses) => {
-                format!("{}, field by field", numbers.join(", "))
-            }
-            None if info.direction == Direction::ToCucs => "never".to_owned(),
-            None => "refused".to_owned(),
-        };
-        let own = by_hand.map_or(&[][..], |row| row.honoured);
         let left = info.fields.iter().skip(3).filter(|field| {
             field.ed4.is_none()
                 && !own.contains(&(field.bit + 1))
-                && does != "never"
-                && does != "refused"
+                && !matches!(becomes, In25::Never | In25::Refused(_))
         });
         let left: Vec<_> = left
             .map(|field| format!("{} ({})", field.bit + 1, field.name))

@@ -8,6 +8,7 @@ use std::time::Duration;
 use mavlink_link::store::{Disk, Durability, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
+use stanag_msgs::ed25::Version;
 
 use super::audit::{AuditKey, Entry};
 use super::rules::{Authority, Change, Decision, Handover, Record, Rights};
@@ -29,8 +30,8 @@ pub(crate) struct AuthorityRecord {
     waiting: Vec<(Id, Origin)>,
     /// Holders that have sent heartbeats, as stored: their silence counts after a restart too.
     beats: BTreeSet<Id>,
-    /// Where holders have proved to be, as stored: status goes there after a restart.
-    places: BTreeMap<Id, SocketAddr>,
+    /// Where holders have proved to be, and how they speak there, as stored: status goes there after a restart.
+    places: BTreeMap<Id, (SocketAddr, Option<Version>)>,
     /// What the audit logs are bound by.
     key: Option<AuditKey>,
     control: Trail,
@@ -177,7 +178,8 @@ impl AuthorityRecord {
         let id = station.id();
         let beats = station.sends_heartbeats != self.beats.contains(&id);
         // An address without proof is not worth a write: whoever likes can name another one a thousand times a second.
-        let moved = station.proven && self.places.get(&id).copied() != station.peer;
+        let here = station.peer.map(|peer| (peer, station.ed25_version()));
+        let moved = station.proven && self.places.get(&id).copied() != here;
         let durability = match (beats, moved) {
             (true, _) => Durability::Power,
             (false, true) => Durability::Process,
@@ -213,7 +215,7 @@ impl AuthorityRecord {
                 sends_heartbeats: holder.beats,
                 peer: holder.peer,
                 proven: holder.proven,
-                shown: holder.shown,
+                shown: holder.shown.clone(),
             });
         }
         Ok((rights, known))
@@ -307,16 +309,17 @@ impl AuthorityRecord {
                 beats: station.is_some_and(|station| station.sends_heartbeats),
                 peer: station.and_then(|station| station.peer),
                 proven: station.is_some_and(|station| station.proven),
-                shown: station
-                    .map(|station| station.profile.shown())
-                    .unwrap_or_default(),
+                shown: station.map(GroundStation::shown).unwrap_or_default(),
             }
         });
         let holders: Vec<Holder> = holders.collect();
         let beats = holders.iter().filter(|holder| holder.beats);
         self.beats = beats.map(|holder| Id(holder.id)).collect();
         self.places = (holders.iter().filter(|holder| holder.proven))
-            .filter_map(|holder| Some((Id(holder.id), holder.peer?)))
+            .filter_map(|holder| {
+                let version = holder.shown.ed25.as_deref().and_then(Version::from_text);
+                Some((Id(holder.id), (holder.peer?, version)))
+            })
             .collect();
         let (vehicle, key) = (context.id(), self.key.as_ref());
         let stored = Stored {

@@ -66,12 +66,8 @@ impl Bridge {
     }
 
     fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
-        // What is for a logical id is for the vehicle that it stands for, also once that is there.
         let mut frame = *frame;
-        let meant = |(_, logical): &&(Id, Id)| *logical == frame.header.destination;
-        if let Some((real, _)) = self.logical.iter().find(meant) {
-            frame.header.destination = *real;
-        }
+        frame.header.destination = self.meant_by(frame.header.destination);
         let frame = &frame;
         // Before the message is decoded: a stranger's bytes get no further than the wrapper.
         let edition = Edition::of_idd(frame.header.idd);
@@ -126,6 +122,13 @@ impl Bridge {
         }
     }
 
+    /// What is for a logical id is for the vehicle that it stands for, also once that is there.
+    pub(super) fn meant_by(&self, destination: Id) -> Id {
+        let mut logical = self.logical.iter();
+        let stands = logical.find(|(_, logical)| *logical == destination);
+        stands.map_or(destination, |(real, _)| *real)
+    }
+
     /// Takes a message from where its station is; true where it is new, and was dispatched.
     pub(super) fn take_frame(
         &mut self,
@@ -134,6 +137,10 @@ impl Bridge {
         frame: &Frame<'_>,
         disk: &mut dyn Disk,
     ) -> bool {
+        // One that was held back, or made of another edition, comes as its station has addressed it.
+        let mut frame = *frame;
+        frame.header.destination = self.meant_by(frame.header.destination);
+        let frame = &frame;
         let header = frame.header;
         let origin = Origin {
             station: index,

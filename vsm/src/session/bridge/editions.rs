@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
+use stanag_msgs::ed25::Parties;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
@@ -20,7 +21,7 @@ use super::reach::Arriving;
 use crate::config::Edition;
 use crate::session::context::Origin;
 use crate::session::duplicates::is_command;
-use crate::session::editions::{self, Addressed, Inbound, Standing};
+use crate::session::editions::{self, Inbound, Standing};
 use crate::session::outbox::{Datagram, Destination};
 
 impl Bridge {
@@ -50,7 +51,7 @@ impl Bridge {
         frame: &ed25::Frame<'_>,
         disk: &mut dyn Disk,
     ) {
-        let Some(at) = editions::addressed(frame) else {
+        let Some(at) = ed25::parties(frame) else {
             return self.counters.count("bad length");
         };
         // The wrapper does not say who sends: what VSMs send to the group names the same vehicle and CUCS.
@@ -62,7 +63,12 @@ impl Bridge {
             return self.counters.count("our own");
         }
         let header = header(frame, &at);
-        match self.admit(from, &header, Edition::Ed25) {
+        // The station is answered in the name that it uses; the rules hold for the vehicle that is meant.
+        let meant = Header {
+            destination: self.meant_by(header.destination),
+            ..header
+        };
+        match self.admit(from, &meant, Edition::Ed25) {
             Ok(index) => {
                 let made = at.info.and_then(|info| info.ed4_messages.first());
                 let rate = if made.is_none_or(|made| is_command(*made)) {
@@ -117,7 +123,7 @@ impl Bridge {
         frame: &ed25::Frame<'_>,
         disk: &mut dyn Disk,
     ) {
-        let Some(at) = editions::addressed(frame) else {
+        let Some(at) = ed25::parties(frame) else {
             return;
         };
         self.stations[index].spoken = Some((true, now.mono));
@@ -141,7 +147,8 @@ impl Bridge {
                     ack_requested: false,
                 };
                 if at.info.is_some() {
-                    self.refuse_command(now, &origin, at.destination, refusal.why, disk);
+                    let meant = self.meant_by(at.vehicle);
+                    self.refuse_command(now, &origin, meant, refusal.why, disk);
                 }
                 return;
             }
@@ -154,7 +161,7 @@ impl Bridge {
         &mut self,
         now: Now,
         index: usize,
-        at: &Addressed,
+        at: &Parties,
         taken: Inbound,
         stamp: TimeStamp,
         disk: &mut dyn Disk,
@@ -165,12 +172,13 @@ impl Bridge {
             notices,
             latch,
         } = taken;
+        let meant = self.meant_by(at.vehicle);
         {
             let (mut dli, aircraft) = self.effects(now, disk);
             for reply in &replies {
                 dli.send_translated(index, reply);
             }
-            if let Some(one) = aircraft.iter_mut().find(|one| one.id() == at.destination) {
+            if let Some(one) = aircraft.iter_mut().find(|one| one.id() == meant) {
                 for notice in notices {
                     one.effects(&mut dli).answer_sometimes(&[index], notice);
                 }
@@ -185,15 +193,15 @@ impl Bridge {
         }
         if let Some(latch) = latch.filter(|_| accepted) {
             let vehicle = latch.0;
-            let levels = self.levels(at.source, vehicle);
+            let levels = self.levels(at.cucs, meant);
             let translator = &mut self.stations[index].translator;
             if translator.accept(latch, levels) {
-                let report = translator.preference_report(vehicle, at.source, stamp);
+                let report = translator.preference_report(vehicle, at.cucs, stamp);
                 self.effects(now, disk).0.send_translated(index, &report);
             }
         }
         if discovers && accepted {
-            self.show_holders_to(now, index, at.destination, disk);
+            self.show_holders_to(now, index, meant, disk);
         }
     }
 
@@ -365,10 +373,10 @@ impl Bridge {
 }
 
 /// As the wrapper of Edition 4 would say it.
-fn header(frame: &ed25::Frame<'_>, at: &Addressed) -> Header {
+fn header(frame: &ed25::Frame<'_>, at: &Parties) -> Header {
     Header {
-        source: at.source,
-        destination: at.destination,
+        source: at.cucs,
+        destination: at.vehicle,
         message_type: frame.header.message_type.try_into().unwrap_or(u16::MAX),
         ack_requested: false,
         idd: Header::IDD_ED4,

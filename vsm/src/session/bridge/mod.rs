@@ -238,7 +238,7 @@ impl Bridge {
                 station.peer = self.paths.peer(index);
                 station.proven = self.paths.is_proven(index);
             }
-            station.profile.restore(known.shown);
+            station.restore(now, &known.shown);
             if known.sends_heartbeats {
                 station.sends_heartbeats = true;
                 // Its silence counts from this start: what it sent while the VSM was down is not known.

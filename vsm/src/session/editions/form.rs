@@ -1,10 +1,9 @@
 //! What the parts of the border share: refusals, and messages made of records.
 
-use stanag_msgs::ed25::{self, Version};
+use mapping::support::{In25, in_edition_25};
+use stanag_msgs::ed25::{self, Fault, Record, Version};
 use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::{Id, Message, TimeStamp};
-
-use super::record::{self, Fault, Record};
 
 /// What the bridge knows of the sender of a message.
 #[derive(Debug, Clone, Copy)]
@@ -45,32 +44,38 @@ pub(super) fn generic(record: &Record) -> Result<Message, Refusal> {
     let Some(target) = info.and_then(|info| info.ed4_messages.first()) else {
         return Err(Refusal::new(
             "not supported",
-            format!("message #{} is not supported by this VSM", record.id()),
+            match info.map(in_edition_25) {
+                Some(In25::Refused(why)) => {
+                    format!("message #{} is not supported: {why}", record.id())
+                }
+                _ => format!("message #{} is not supported by this VSM", record.id()),
+            },
         ));
     };
     to(record, *target)
 }
 
+/// Takes away what a loiter of this type does not have: all fields are always sent, and those are filled with their ends.
+/// `radius`: its field, which length and bearing follow in #41 and #803 alike.
+pub(super) fn clear_unused_of_loiter(record: &mut Record, of_type: u8, radius: u8) {
+    match record.whole(of_type) {
+        CIRCULAR => {}
+        HOVER => record.clear(radius),
+        _ => return,
+    }
+    record.clear(radius + 1);
+    record.clear(radius + 2);
+}
+
+const CIRCULAR: u32 = 1;
+const HOVER: u32 = 4;
+
 /// A record as the message of Edition 4 with this number.
 pub(super) fn to(record: &Record, target: u16) -> Result<Message, Refusal> {
-    let Some(target) = record::ed4(target) else {
-        return Err(Refusal::new("not supported", "no such message"));
-    };
-    Ok(record.to_ed4(target)?.message()?)
+    Ok(record.become_ed4(target)?)
 }
 
 /// An empty message of Edition 2.5; the number is one of this border's own.
 pub(super) fn new(number: u16) -> Record {
     Record::ed25(number).unwrap_or_else(|| Record::new(&Heartbeat::INFO))
-}
-
-pub(super) fn set_stamp(record: &mut Record, stamp: TimeStamp) {
-    record.set(1, stamp.unix_ms() as f64 / 1e3);
-}
-
-pub(super) fn stamp_of(seconds: Option<f64>) -> Option<TimeStamp> {
-    let ms = seconds.filter(|seconds| seconds.is_finite())? * 1e3;
-    let first = TimeStamp(0).unix_ms() as f64;
-    let fits = (first..first + TimeStamp::PERIOD_MS as f64).contains(&ms.round());
-    fits.then(|| TimeStamp::from_unix_ms(ms.round() as u64))
 }

@@ -4,7 +4,7 @@
 //! Each station has a [`Translator`]. It has no clock and decides nothing about rights: what it makes of a datagram goes
 //! the way of every message, through the rules of addresses, time stamps, duplicates and levels of interoperability.
 //!
-//! Most messages go over field by field, by the places that the table of Edition 2.5 names for Edition 4 ([`record`]). By
+//! Most messages go over field by field, by the places that the table of Edition 2.5 names for Edition 4 ([`Record`]). By
 //! hand is what has another form there:
 //!
 //! - [`steering`]: the mode (#42), the demands (#43), the loiter (#41) and which of them rules (#48) become one 2016.
@@ -18,7 +18,6 @@
 
 mod form;
 pub(crate) mod plans;
-pub(crate) mod record;
 pub(crate) mod requests;
 pub(crate) mod steering;
 #[cfg(test)]
@@ -26,17 +25,17 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use stanag_msgs::ed25::{self, Version};
+use stanag_msgs::ed25::record::{stamp_of, times};
+use stanag_msgs::ed25::{self, Parties, Record, Version};
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::CucsAuthorisationRequest;
-use stanag_msgs::table::{Direction, MessageInfo};
+use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 pub(crate) use self::form::{Refusal, Standing};
-use self::form::{generic, new, set_stamp, stamp_of, to};
+use self::form::{generic, new, to};
 use self::plans::Plans;
-use self::record::{Record, times};
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
@@ -73,62 +72,31 @@ pub(crate) struct Inbound {
     pub(crate) latch: Option<(Id, Latch)>,
 }
 
-/// Sender, receiver and type of a message of Edition 2.5, as the wrapper of Edition 4 would name them.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Addressed {
-    /// Field CUCS ID.
-    pub(crate) source: Id,
-    /// Field Vehicle ID, or VSM ID where that names no vehicle.
-    pub(crate) destination: Id,
-    /// Its row; `None` where the table has no message of this type, or its data has another length.
-    pub(crate) info: Option<&'static MessageInfo>,
-}
-
-/// Reads who sends a message to whom: fields 2 and 3 of every message.
-pub(crate) fn addressed(frame: &ed25::Frame<'_>) -> Option<Addressed> {
-    let word = |at: usize| {
-        let bytes = frame.data.get(at..at + 4)?;
-        Some(Id(u32::from_be_bytes(bytes.try_into().ok()?)))
-    };
-    let (vehicle, source) = (word(8)?, word(12)?);
-    let info = ed25::message(frame.header.message_type, frame.header.version)
-        .filter(|info| info.full_bytes() == frame.data.len());
-    let names_vsm = info.is_some_and(|info| {
-        info.fields
-            .get(3)
-            .is_some_and(|field| field.name == "VSM ID")
-    });
-    // A logical id 0 is best avoided, so 0 is nobody's.
-    let destination = match vehicle {
-        Id::NULL | Id(0) if names_vsm => word(16)?,
-        vehicle => vehicle,
-    };
-    Some(Addressed {
-        source,
-        destination,
-        info,
-    })
-}
-
 /// The stamp of a heartbeat of ours that a #1400 answers: who has it has received what was sent to this address.
 pub(crate) fn proof(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
     let info = ed25::message(frame.header.message_type, frame.header.version)
         .filter(|info| info.id == ACKNOWLEDGEMENT)?;
     let answer = Record::read(info, frame.data).ok()?;
-    (answer.whole(8) == u32::from(REQUEST)).then(|| stamp_of(answer.number(6)))?
+    (answer.whole(8) == u32::from(REQUEST)).then(|| answer.number(6).and_then(stamp_of))?
 }
 
 /// The Time Stamp of a message, also of one that is not taken.
 pub(crate) fn stamp(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
-    stamp_of(
-        frame
-            .data
-            .first_chunk()
-            .map(|bytes| f64::from_be_bytes(*bytes)),
-    )
+    let bytes = frame.data.first_chunk()?;
+    stamp_of(f64::from_be_bytes(*bytes))
 }
 
 impl Translator {
+    /// The version by which the station calls the edition.
+    pub(crate) fn version(&self) -> Version {
+        self.version.unwrap_or(Version::Ed25)
+    }
+
+    /// It called the edition so before a restart.
+    pub(crate) fn call_it(&mut self, version: Version) {
+        self.version = Some(version);
+    }
+
     /// Takes a message of the station.
     ///
     /// # Errors
@@ -136,7 +104,7 @@ impl Translator {
     pub(crate) fn inbound(
         &mut self,
         frame: &ed25::Frame<'_>,
-        at: &Addressed,
+        at: &Parties,
         standing: &Standing<'_>,
     ) -> Result<Inbound, Refusal> {
         let message_type = frame.header.message_type;
@@ -175,7 +143,7 @@ impl Translator {
                 let answer = requests::acknowledgement(&record, instance, standing);
                 taken
                     .replies
-                    .push(self.datagram(&answer, at.destination, at.source));
+                    .push(self.datagram(&answer, at.vehicle, at.cucs));
             }
             return Ok(taken);
         };
@@ -188,12 +156,12 @@ impl Translator {
     fn take(
         &mut self,
         record: &Record,
-        at: &Addressed,
+        at: &Parties,
         standing: &Standing<'_>,
         taken: &mut Inbound,
     ) -> Result<(), Refusal> {
-        let envelope = Envelope::new(at.source, at.destination);
-        let vehicle = at.destination;
+        let envelope = Envelope::new(at.cucs, at.vehicle);
+        let vehicle = at.vehicle;
         let message = match record.id() {
             1 => Some(authorisation(record, at)?),
             41..=43 | 48 => {
@@ -219,9 +187,7 @@ impl Translator {
             REQUEST => match record.whole(7) {
                 MODE_PREFERENCE_REPORT => {
                     let report = self.preference(vehicle, standing.stamp);
-                    taken
-                        .replies
-                        .push(self.datagram(&report, vehicle, at.source));
+                    taken.replies.push(self.datagram(&report, vehicle, at.cucs));
                     None
                 }
                 _ => Some(requests::report(record)?),
@@ -230,9 +196,7 @@ impl Translator {
                 Some(message) => Some(message),
                 None => {
                     for answer in requests::unavailable(record, standing) {
-                        taken
-                            .replies
-                            .push(self.datagram(&answer, vehicle, at.source));
+                        taken.replies.push(self.datagram(&answer, vehicle, at.cucs));
                     }
                     None
                 }
@@ -243,7 +207,7 @@ impl Translator {
                 let services = requests::services(standing);
                 taken
                     .replies
-                    .push(self.datagram(&services, vehicle, at.source));
+                    .push(self.datagram(&services, vehicle, at.cucs));
                 None
             }
             600 => {
@@ -282,7 +246,7 @@ impl Translator {
     fn preference(&self, vehicle: Id, stamp: TimeStamp) -> Record {
         let modes = self.steering.get(&vehicle).map(Steering::preference);
         let mut report = new(109);
-        set_stamp(&mut report, stamp);
+        report.set_stamp(stamp);
         for (field, mode) in (4..).zip(modes.unwrap_or_default()) {
             report.set(field, mode);
         }
@@ -352,7 +316,7 @@ impl Translator {
             before.extend(answers);
             return self.datagrams(&before, vehicle, cucs);
         }
-        for number in counterparts(record.id()) {
+        for number in ed25::reports_of(record.id()) {
             before.extend(self.report(number, &record, vehicle));
         }
         self.datagrams(&before, vehicle, cucs)
@@ -488,7 +452,7 @@ impl Translator {
 
     /// A message with its wrapper, in a datagram of its own.
     fn datagram(&mut self, record: &Record, vehicle: Id, cucs: Id) -> Vec<u8> {
-        let version = self.version.unwrap_or(Version::Ed25);
+        let version = self.version();
         let mut record = record.clone();
         // 700 names the parties of a handover in its own fields 3 and 4.
         for (field, id) in [(2, vehicle), (3, cucs)] {
@@ -502,7 +466,7 @@ impl Translator {
         };
         let data = record.data(info);
         // Stamps of ours rise strictly, so their low bits tell the messages of a mission apart, after a restart too.
-        let stamp = stamp_of(record.number(1)).map_or(0, |stamp| stamp.0 as u32);
+        let stamp = record.stamp().map_or(0, |stamp| stamp.0 as u32);
         // Several messages may be made of one; the difference is taken modulo 2^32.
         let rises = stamp.wrapping_sub(self.instance).wrapping_sub(1) < u32::MAX / 2;
         self.instance = if rises {
@@ -530,7 +494,7 @@ impl Translator {
         stamp: TimeStamp,
     ) -> Vec<u8> {
         let mut record = new(21);
-        set_stamp(&mut record, stamp);
+        record.set_stamp(stamp);
         record.set(4, vsm.0);
         record.set(5, Id::NULL.0);
         record.set(6, levels.raw());
@@ -541,9 +505,9 @@ impl Translator {
 }
 
 /// #1: of a broadcast the mode is always 0 (4.1.1.1), so it releases nothing.
-fn authorisation(record: &Record, at: &Addressed) -> Result<Message, Refusal> {
+fn authorisation(record: &Record, at: &Parties) -> Result<Message, Refusal> {
     let mut record = record.clone();
-    if at.destination == Id::BROADCAST {
+    if at.vehicle == Id::BROADCAST {
         if record.whole(10) != 0 {
             return Err(Refusal::new(
                 "out of range",
@@ -553,17 +517,6 @@ fn authorisation(record: &Record, at: &Addressed) -> Result<Message, Refusal> {
         record.set(8, 0);
     }
     to(&record, CucsAuthorisationRequest::ID)
-}
-
-/// The messages of Edition 2.5 that a VSM sends for one of Edition 4: those that have their Time Stamp of it, since one may
-/// be made of several.
-pub(crate) fn counterparts(ed4: u16) -> impl Iterator<Item = u16> {
-    ed25::messages()
-        .filter(move |info| {
-            let stamp = info.fields.first().and_then(|field| field.ed4);
-            info.direction != Direction::ToVsm && stamp.is_some_and(|(of, _)| of == ed4)
-        })
-        .map(|info| info.id)
 }
 
 /// Messages that this border composes or answers itself.

@@ -8,13 +8,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use stanag_msgs::Message;
-use stanag_msgs::enums::{LoiterDurationUnits, RouteType, WaypointType};
+use stanag_msgs::ed25::{self, Record};
+use stanag_msgs::enums::{LoiterDurationUnits, RouteType};
 use stanag_msgs::messages::{
     MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
 };
 
-use super::form::{Refusal, generic, new, to};
-use super::record::Record;
+use super::form::{Refusal, clear_unused_of_loiter, generic, new, to};
 
 /// What a station has sent of a plan, and was sent.
 #[derive(Debug, Default)]
@@ -43,6 +43,13 @@ impl Plans {
                     self.end_upload();
                 }
                 self.uploaded.insert(name.clone());
+                // Its waypoints may name the route that is sent here: it is one, not two.
+                if let Some(named) = kind
+                    .checked_sub(CONTINGENCY_A)
+                    .and_then(|kind| self.named.get_mut(kind as usize))
+                {
+                    *named = first;
+                }
                 if first == 0 {
                     self.routes.remove(&name);
                 } else if kind < CONTINGENCY_A && self.routes.len() < MAX_ROUTES {
@@ -164,64 +171,33 @@ impl Plans {
     /// # Errors
     /// What of it Edition 2.5 cannot say.
     pub(super) fn sent(&mut self, message: &Message) -> Result<Option<Record>, String> {
-        let ed4 = Record::of(message);
-        match message {
-            Message::UaRoute(route) => {
+        let mut record = ed25::plan_record(message)?;
+        match (message, &mut record) {
+            (Message::UaRoute(route), _) => {
                 let first = route.initial_waypoint_number.unwrap_or(0);
                 match route.route_type {
                     Some(RouteType::ContingencyA) => self.sent[0] = first,
                     Some(RouteType::ContingencyB) => self.sent[1] = first,
                     _ => {}
                 }
-                let mut record = new(801);
-                // A route without a type is a flight.
-                record.set(6, FLIGHT);
-                record.take_from(&ed4);
-                Ok(Some(record))
             }
-            Message::UaPositionWaypoint(waypoint) => {
-                if waypoint
-                    .waypoint_type
-                    .is_some_and(|kind| kind != WaypointType::from_raw(0))
-                {
-                    let number = waypoint.waypoint_number.unwrap_or(0);
-                    return Err(format!(
-                        "waypoint {number} ends a loop, which Edition 2.5 cannot name"
-                    ));
-                }
-                let mut record = new(802);
-                record.take_from(&ed4);
+            (Message::UaPositionWaypoint(waypoint), Some(record)) => {
                 let own = waypoint.waypoint_number.unwrap_or(0);
                 for (field, first) in [13, 14].into_iter().zip(self.sent) {
                     record.set(field, if own == first { 0 } else { first });
                 }
-                Ok(Some(record))
             }
-            Message::UaLoiterWaypoint(loiter) => {
-                let number = loiter.waypoint_number.unwrap_or(0);
-                let in_seconds = loiter
-                    .loiter_duration_units
-                    .is_none_or(|units| units == LoiterDurationUnits::Seconds);
-                // 0 is no loiter in both editions.
-                if loiter.loiter_duration != Some(0)
-                    && (!in_seconds || loiter.loiter_duration.is_none())
-                {
-                    return Err(format!(
-                        "the loiter at waypoint {number} has no end in seconds, which Edition 2.5 cannot name"
-                    ));
-                }
-                let mut record = new(803);
-                record.take_from(&ed4);
-                Ok(Some(record))
-            }
-            _ => Ok(None),
+            _ => {}
         }
+        Ok(record)
     }
 }
 
 /// #803.
 fn loiter(record: &Record) -> Result<Vec<Message>, Refusal> {
-    let mut message = to(record, UaLoiterWaypoint::ID)?;
+    let mut kept = record.clone();
+    clear_unused_of_loiter(&mut kept, 6, 7);
+    let mut message = to(&kept, UaLoiterWaypoint::ID)?;
     if let Message::UaLoiterWaypoint(loiter) = &mut message {
         // A time of 0 is kept: it is no loiter, where an absent one would have no end.
         loiter.loiter_duration = Some(record.whole(5) as u16);
@@ -246,7 +222,6 @@ const DOWNLOAD: u32 = 3;
 const CANCEL: u32 = 5;
 /// Of the contingencies.
 const NAMES: [&str; 2] = ["A", "B"];
-const FLIGHT: u32 = 2;
 const CONTINGENCY_A: u32 = 3;
 const ARRIVAL_TIME: u32 = 3;
 /// Routes whose contingencies are compared; a plan has fewer.

@@ -3,7 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use stanag_msgs::ed25;
+use stanag_msgs::ed25::record::ed4;
+use stanag_msgs::ed25::{self, Record, places};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{
     ConfigurationComplete, FieldConfigurationEnumeratedResponse, FieldConfigurationFloatResponse,
@@ -14,8 +15,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::table::{Direction, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, TimeStamp};
 
-use super::form::{Refusal, Standing, new, set_stamp, stamp_of, to};
-use super::record::{Record, ed4};
+use super::form::{Refusal, Standing, new, to};
 
 /// What a station has asked for, by the numbers of its edition.
 #[derive(Debug, Default)]
@@ -73,7 +73,7 @@ impl Requests {
     /// A message of the station became this one of Edition 4.
     pub(super) fn sent(&mut self, ed4: u16, record: &Record, instance: u32) {
         self.numbers.insert(ed4, record.id());
-        let Some((seconds, stamp)) = record.number(1).zip(stamp_of(record.number(1))) else {
+        let Some((seconds, stamp)) = record.number(1).zip(record.stamp()) else {
             return;
         };
         if self.sent.len() >= MAX_SENT {
@@ -106,7 +106,7 @@ impl Requests {
         let sent = sent.find(|one| one.ed4 == of && one.stamp == stamp && !one.done)?;
         sent.done = true;
         let mut record = new(1400);
-        set_stamp(&mut record, answer.time_stamp?);
+        record.set_stamp(answer.time_stamp?);
         record.set(4, vsm.0);
         record.set(5, Id::NULL.0);
         record.set(6, sent.seconds);
@@ -260,7 +260,7 @@ pub(super) fn unavailable(request: &Record, standing: &Standing<'_>) -> Vec<Reco
     let mut complete = new(1203);
     let mut field = unsupported(request, request.whole(7), request.whole(8));
     for record in [&mut field, &mut complete] {
-        set_stamp(record, standing.stamp);
+        record.set_stamp(standing.stamp);
         record.set(4, standing.vsm.0);
         record.set(5, Id::NULL.0);
     }
@@ -270,7 +270,7 @@ pub(super) fn unavailable(request: &Record, standing: &Standing<'_>) -> Vec<Reco
 /// #1304.
 pub(super) fn services(standing: &Standing<'_>) -> Record {
     let mut record = new(1304);
-    set_stamp(&mut record, standing.stamp);
+    record.set_stamp(standing.stamp);
     record.set_text(4, standing.web_page.unwrap_or_default());
     record
 }
@@ -278,7 +278,7 @@ pub(super) fn services(standing: &Standing<'_>) -> Record {
 /// #1400 for a message that this border itself carries out.
 pub(super) fn acknowledgement(of: &Record, instance: u32, standing: &Standing<'_>) -> Record {
     let mut record = new(1400);
-    set_stamp(&mut record, standing.stamp);
+    record.set_stamp(standing.stamp);
     record.set(4, standing.vsm.0);
     record.set(5, Id::NULL.0);
     record.set(6, of.number(1).unwrap_or_default());
@@ -321,23 +321,6 @@ fn report_of(number: u32) -> Result<u16, Refusal> {
             format!("message #{number} is not sent by this VSM"),
         )
     })
-}
-
-/// Where a message of Edition 4, or one field of it, is in Edition 2.5.
-fn places(
-    message: u16,
-    number: u8,
-) -> impl Iterator<Item = (&'static MessageInfo, Option<&'static FieldInfo>)> {
-    ed25::messages()
-        .filter(move |info| info.ed4_messages.contains(&message))
-        .flat_map(move |info| {
-            let fields = info.fields.iter();
-            let fields = fields.filter(move |field| field.ed4 == Some((message, number)));
-            let whole = (number == 0).then_some((info, None));
-            whole
-                .into_iter()
-                .chain(fields.map(move |field| (info, Some(field))))
-        })
 }
 
 fn name(mut record: Record, info: &MessageInfo, field: Option<&FieldInfo>) -> Record {

@@ -17,11 +17,12 @@
 //! a waypoint is reached.
 
 use stanag_msgs::Message;
+use stanag_msgs::ed25::Record;
+use stanag_msgs::ed25::record::ed4;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
-use super::form::{Refusal, to};
-use super::record::{Record, ed4};
+use super::form::{Refusal, clear_unused_of_loiter, to};
 
 /// What a station steers one vehicle by.
 #[derive(Debug, Default)]
@@ -67,9 +68,7 @@ impl Steering {
             41 => {
                 let mut loiter = record.clone();
                 // Fields 9 to 12, altitude and speed, have no place in 2017: they go with mode 12.
-                if loiter.whole(4) == HOVER {
-                    loiter.clear(5);
-                }
+                clear_unused_of_loiter(&mut loiter, 4, 5);
                 Ok(Order {
                     message: to(&loiter, LoiterConfiguration::ID)?,
                     latch: Latch::Loiter(record.clone()),
@@ -344,6 +343,5 @@ const MANUAL: u8 = 2;
 const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;
-const HOVER: u32 = 4;
 /// A mode is entered within this time, or was refused.
 const ENTERED_WITHIN_S: f64 = 5.0;

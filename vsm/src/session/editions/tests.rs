@@ -2,11 +2,10 @@
 
 use std::io::Read as _;
 
-use stanag_msgs::ed25::{self, Version};
+use stanag_msgs::ed25::{self, Value, Version};
 use stanag_msgs::field::FieldInfo;
 use stanag_msgs::table::{self, MESSAGES};
 
-use super::record::Value;
 use super::*;
 
 /// Messages that another codec has made: data and row.
@@ -187,4 +186,111 @@ fn texts_name_messages_by_the_numbers_of_the_edition() {
         own("climbs to 3000 m, 13002 m"),
         "climbs to 3000 m, 13002 m"
     );
+}
+
+/// A message of a station with every number in the middle of its range.
+fn middling(info: &'static table::MessageInfo) -> Record {
+    let mut record = Record::new(info);
+    for field in info.fields {
+        let number = field.bit + 1;
+        match (field.wire, field.range) {
+            (table::Wire::Char(_), _) => record.set_text(number, "A"),
+            _ if field.unit == Some("s since 1970") => record.set(number, 1.7e9),
+            (_, Some((low, high))) => record.set(number, (low + (high - low) * 0.3).round()),
+            _ => record.set(number, 1),
+        }
+    }
+    record
+}
+
+/// What it becomes for a station that controls a vehicle in this mode, with this preference.
+fn becomes(record: &Record, mode: u8, preference: u8) -> Option<Vec<Message>> {
+    let vehicle = Id(0x1b00_0101);
+    let mut translator = Translator::default();
+    let steering = translator.steering.entry(vehicle).or_default();
+    steering.granted(LoiBitmap::from_raw(0x0f));
+    steering.shows(Some(mode));
+    steering.accept(Latch::Preference([preference; 3]));
+    let at = Parties {
+        cucs: Id(0x1b00_00a0),
+        vehicle,
+        info: None,
+    };
+    let standing = Standing {
+        vsm: Id(0x1b00_0001),
+        stamp: TimeStamp(800_000_000_000),
+        web_page: None,
+    };
+    let mut taken = Inbound::default();
+    translator.take(record, &at, &standing, &mut taken).ok()?;
+    Some(taken.messages.into_iter().map(|(_, one)| one).collect())
+}
+
+/// A field that Edition 4 honours, and that has a place here, changes what the bridge is commanded, in some state at least.
+#[test]
+fn every_honoured_field_of_a_station_reaches_the_bridge() {
+    use mapping::support::{Received, field as supported};
+    let mut seen = 0;
+    for info in ed25::messages().filter(|info| info.direction != Direction::ToCucs) {
+        for field in info.fields {
+            let Some((message, number)) = field.ed4 else {
+                continue;
+            };
+            let target = table::message(message).unwrap();
+            let place = &target.fields[usize::from(number) - 1];
+            // The mode of #43 is that of #42, and an acknowledgement proves an address.
+            if !matches!(supported(target, place).received, Received::Honoured(_))
+                || info.id == 1400
+            {
+                continue;
+            }
+            let changed_number = field.bit + 1;
+            let selectors = info.fields.iter().filter(|one| one.wire == table::Wire::U8);
+            let selectors: Vec<u8> = selectors.map(|one| one.bit + 1).collect();
+            let mut states = vec![(0, 0)];
+            states.extend(
+                selectors
+                    .iter()
+                    .flat_map(|one| (0..6).map(|value| (*one, value))),
+            );
+            let reaches = states.iter().any(|(selector, value)| {
+                [(15, 0), (12, 2), (11, 2)]
+                    .iter()
+                    .any(|(mode, preference)| {
+                        let mut base = middling(info);
+                        if *selector != 0 {
+                            base.set(*selector, *value);
+                        }
+                        // Messages are named, where one is, by one that this VSM sends.
+                        match info.id {
+                            1200 => base.set(7, 43),
+                            1402 => base.set(4, 101),
+                            1403 => base.set(7, 101),
+                            _ => {}
+                        }
+                        (0..8).any(|step| {
+                            let mut other = base.clone();
+                            match base.value(changed_number) {
+                                Some(Value::Text(_)) => other.set_text(changed_number, "B"),
+                                Some(Value::Number(was)) if field.unit == Some("rad") => {
+                                    other.set(changed_number, was + 0.1);
+                                }
+                                Some(Value::Number(was)) => {
+                                    other.set(changed_number, was + f64::from(1 << step));
+                                }
+                                None => return false,
+                            }
+                            let (one, two) = (
+                                becomes(&base, *mode, *preference),
+                                becomes(&other, *mode, *preference),
+                            );
+                            one.is_some() && two.is_some() && one != two
+                        })
+                    })
+            });
+            assert!(reaches, "#{}.{:02} {}", info.id, changed_number, field.name);
+            seen += 1;
+        }
+    }
+    assert!(seen > 60, "{seen}");
 }

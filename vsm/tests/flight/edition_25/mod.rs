@@ -4,8 +4,11 @@
 mod border;
 mod commands;
 mod mixed;
+mod operator;
 mod plans;
+mod restarts;
 mod station;
+mod table;
 
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use serde_json::{Value, json};

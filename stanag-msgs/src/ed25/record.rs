@@ -7,21 +7,20 @@
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-use stanag_msgs::ed25;
-use stanag_msgs::error::DecodeError;
-use stanag_msgs::table::{self, FieldInfo, MessageInfo, Wire, walk};
-use stanag_msgs::{Message, TimeStamp};
+use crate::error::DecodeError;
+use crate::scalar::TimeStamp;
+use crate::table::{self, FieldInfo, Message, MessageInfo, Wire, walk};
 
 /// The fields of one message.
 #[derive(Debug, Clone)]
-pub(crate) struct Record {
+pub struct Record {
     info: &'static MessageInfo,
     values: Vec<Option<Value>>,
 }
 
 /// One field.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Value {
+pub enum Value {
     /// In the unit of its row.
     Number(f64),
     /// Without its NUL.
@@ -30,7 +29,7 @@ pub(crate) enum Value {
 
 /// Why data of Edition 2.5 is not taken.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Fault {
+pub enum Fault {
     /// No such message, or not as long as it is.
     Layout(DecodeError),
     /// A float that is no number.
@@ -45,7 +44,8 @@ pub(crate) enum Fault {
 
 impl Fault {
     /// The counter of what is dropped for it.
-    pub(crate) fn counter(&self) -> &'static str {
+    #[must_use]
+    pub fn counter(&self) -> &'static str {
         match self {
             Fault::Layout(DecodeError::UnknownMessage { .. }) => "unknown message type",
             Fault::Layout(_) => "undecodable",
@@ -91,7 +91,8 @@ impl fmt::Display for Fault {
 
 impl Record {
     /// No field has a value.
-    pub(crate) fn new(info: &'static MessageInfo) -> Record {
+    #[must_use]
+    pub fn new(info: &'static MessageInfo) -> Record {
         Record {
             info,
             values: vec![None; info.fields.len()],
@@ -99,8 +100,9 @@ impl Record {
     }
 
     /// Of a message of Edition 2.5, by its number.
-    pub(crate) fn ed25(number: u16) -> Option<Record> {
-        ed25::message(number.into(), ed25::Version::Ed25).map(Record::new)
+    #[must_use]
+    pub fn ed25(number: u16) -> Option<Record> {
+        super::table::message(number.into(), super::wrapper::Version::Ed25).map(Record::new)
     }
 
     /// Reads message data of Edition 2.5, and checks it by the ranges of the text.
@@ -109,7 +111,7 @@ impl Record {
     ///
     /// # Errors
     /// See [`Fault`].
-    pub(crate) fn read(info: &'static MessageInfo, data: &[u8]) -> Result<Record, Fault> {
+    pub fn read(info: &'static MessageInfo, data: &[u8]) -> Result<Record, Fault> {
         let mut record = Record::new(info);
         for step in walk(info, data) {
             let (field, bytes) = step.map_err(Fault::Layout)?;
@@ -119,10 +121,11 @@ impl Record {
     }
 
     /// The fields of a message of Edition 4 that are present.
-    pub(crate) fn of(message: &Message) -> Record {
+    #[must_use]
+    pub fn of(message: &Message) -> Record {
         let info = message.info();
         let mut record = Record::new(info);
-        let mut data = [0; stanag_msgs::wrapper::MAX_DATA];
+        let mut data = [0; crate::wrapper::MAX_DATA];
         // Every message that the bridge composes has a layout whose lengths are known.
         let length = message.encode_data(&mut data).unwrap_or(0);
         for (field, bytes) in walk(info, data.get(..length).unwrap_or_default()).flatten() {
@@ -132,12 +135,14 @@ impl Record {
     }
 
     /// Its Message Type.
-    pub(crate) fn id(&self) -> u16 {
+    #[must_use]
+    pub fn id(&self) -> u16 {
         self.info.id
     }
 
     /// A number, by the number of its field from 1.
-    pub(crate) fn number(&self, field: u8) -> Option<f64> {
+    #[must_use]
+    pub fn number(&self, field: u8) -> Option<f64> {
         match self.values.get(usize::from(field).checked_sub(1)?)? {
             Some(Value::Number(number)) => Some(*number),
             _ => None,
@@ -145,18 +150,20 @@ impl Record {
     }
 
     /// A value, by the number of its field from 1.
-    #[cfg(test)]
-    pub(super) fn value(&self, field: u8) -> Option<Value> {
+    #[must_use]
+    pub fn value(&self, field: u8) -> Option<Value> {
         self.values.get(usize::from(field).checked_sub(1)?)?.clone()
     }
 
     /// An integer; 0 where the field has no value.
-    pub(crate) fn whole(&self, field: u8) -> u32 {
+    #[must_use]
+    pub fn whole(&self, field: u8) -> u32 {
         self.number(field).map_or(0, |number| number as i64 as u32)
     }
 
     /// A text; empty where the field has none.
-    pub(crate) fn text(&self, field: u8) -> &str {
+    #[must_use]
+    pub fn text(&self, field: u8) -> &str {
         let index = usize::from(field).saturating_sub(1);
         match self.values.get(index) {
             Some(Some(Value::Text(text))) => text,
@@ -165,17 +172,28 @@ impl Record {
     }
 
     /// Gives a field a number.
-    pub(crate) fn set(&mut self, field: u8, number: impl Into<f64>) {
+    pub fn set(&mut self, field: u8, number: impl Into<f64>) {
         self.put(field, Some(Value::Number(number.into())));
     }
 
     /// Gives a field a text; what does not fit is cut off on writing.
-    pub(crate) fn set_text(&mut self, field: u8, text: impl Into<String>) {
+    pub fn set_text(&mut self, field: u8, text: impl Into<String>) {
         self.put(field, Some(Value::Text(text.into())));
     }
 
+    /// Sets its Time Stamp, field 1 of every message.
+    pub fn set_stamp(&mut self, stamp: TimeStamp) {
+        self.set(1, stamp.unix_ms() as f64 / 1e3);
+    }
+
+    /// Its Time Stamp; `None` where it has none, or one that Edition 4 cannot name.
+    #[must_use]
+    pub fn stamp(&self) -> Option<TimeStamp> {
+        stamp_of(self.number(1)?)
+    }
+
     /// Takes the value of a field away.
-    pub(crate) fn clear(&mut self, field: u8) {
+    pub fn clear(&mut self, field: u8) {
         self.put(field, None);
     }
 
@@ -192,7 +210,7 @@ impl Record {
     ///
     /// # Errors
     /// A station that the message of Edition 4 cannot name.
-    pub(crate) fn to_ed4(&self, target: &'static MessageInfo) -> Result<Record, Fault> {
+    pub fn to_ed4(&self, target: &'static MessageInfo) -> Result<Record, Fault> {
         let mut record = Record::new(target);
         for field in self.info.fields {
             let Some((message, number)) = field.ed4 else {
@@ -221,7 +239,7 @@ impl Record {
     }
 
     /// Takes over what a message of Edition 4 has; fields that it lacks keep what they have.
-    pub(crate) fn take_from(&mut self, ed4: &Record) {
+    pub fn take_from(&mut self, ed4: &Record) {
         for field in self.info.fields {
             let Some((message, number)) = field.ed4 else {
                 continue;
@@ -247,7 +265,7 @@ impl Record {
     ///
     /// # Errors
     /// A value that its field there cannot hold: what is commanded is refused, never cut.
-    pub(crate) fn message(&self) -> Result<Message, Fault> {
+    pub fn message(&self) -> Result<Message, Fault> {
         let mut presence = 0_u64;
         let mut data = vec![0; usize::from(self.info.presence_bytes)];
         for field in self.info.fields {
@@ -261,8 +279,20 @@ impl Record {
         Message::decode(self.info.id, &data).map_err(Fault::Layout)
     }
 
+    /// The same as the message of Edition 4 with this number.
+    ///
+    /// # Errors
+    /// There is no such message, or a field of it cannot hold a value of this one.
+    pub fn become_ed4(&self, target: u16) -> Result<Message, Fault> {
+        let unknown = Fault::Layout(DecodeError::UnknownMessage {
+            message_type: target.into(),
+        });
+        self.to_ed4(ed4(target).ok_or(unknown)?)?.message()
+    }
+
     /// As message data of Edition 2.5: every field, those without a value as [`neutral`].
-    pub(crate) fn data(&self, info: &'static MessageInfo) -> Vec<u8> {
+    #[must_use]
+    pub fn data(&self, info: &'static MessageInfo) -> Vec<u8> {
         let mut data = Vec::with_capacity(info.full_bytes());
         for field in info.fields {
             let value = self.values.get(usize::from(field.bit)).cloned().flatten();
@@ -306,8 +336,8 @@ fn neutral(field: &FieldInfo) -> Value {
     }
 }
 
-const fn table_kind() -> stanag_msgs::enums::EnumKind {
-    stanag_msgs::enums::EnumKind::Enumeration
+const fn table_kind() -> crate::enums::EnumKind {
+    crate::enums::EnumKind::Enumeration
 }
 
 /// A field of Edition 2.5, checked.
@@ -350,9 +380,20 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
 }
 
 /// The moments that Edition 4 can name, s since 1970.
-pub(super) fn times() -> std::ops::Range<f64> {
+#[must_use]
+pub fn times() -> std::ops::Range<f64> {
     let epoch = TimeStamp(0).unix_ms() as f64 / 1e3;
     epoch..epoch + TimeStamp::PERIOD_MS as f64 / 1e3
+}
+
+/// A moment as Edition 2.5 has it, s since 1970, as Edition 4 has it; `None` for one that it cannot name.
+#[must_use]
+pub fn stamp_of(seconds: f64) -> Option<TimeStamp> {
+    let ms = seconds * 1e3;
+    let first = TimeStamp(0).unix_ms() as f64;
+    // Not a number is in no range.
+    let fits = (first..first + TimeStamp::PERIOD_MS as f64).contains(&ms.round());
+    fits.then(|| TimeStamp::from_unix_ms(ms.round() as u64))
 }
 
 fn is_time(field: &FieldInfo) -> bool {
@@ -469,6 +510,7 @@ fn turned(angle: f64, low: f64, high: f64) -> f64 {
 }
 
 /// The row of a message of Edition 4.
-pub(crate) fn ed4(id: u16) -> Option<&'static MessageInfo> {
+#[must_use]
+pub fn ed4(id: u16) -> Option<&'static MessageInfo> {
     table::message(id)
 }

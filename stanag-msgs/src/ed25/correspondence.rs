@@ -1,0 +1,143 @@
+//! What of Edition 4 has which place in Edition 2.5, by the rows of both tables: who a message is from and for, the messages
+//! and fields that hold the same, and the parts of a plan.
+//!
+//! It is what both sides of the link need that speak Edition 2.5 while they think in Edition 4: a VSM and a ground station.
+//! What the modes and demands of the editions mean (#41, #42, #43, #48) is not here: each side sees one direction of it.
+
+use super::record::Record;
+use super::table::{message, messages};
+use super::wrapper::{Frame, Version};
+use crate::enums::{LoiterDurationUnits, WaypointType};
+use crate::id::Id;
+use crate::table::{Direction, FieldInfo, Message, MessageInfo};
+
+/// CUCS, vehicle and type of a message of Edition 2.5: what the wrapper of Edition 4 would name.
+#[derive(Debug, Clone, Copy)]
+pub struct Parties {
+    /// Field CUCS ID.
+    pub cucs: Id,
+    /// Field Vehicle ID, or VSM ID where that names no vehicle.
+    pub vehicle: Id,
+    /// Its row; `None` where the table has no message of this type, or its data has another length.
+    pub info: Option<&'static MessageInfo>,
+}
+
+/// Reads who a message is from and for: fields 2 and 3 of every message. `None` where the data ends before them.
+#[must_use]
+pub fn parties(frame: &Frame<'_>) -> Option<Parties> {
+    let word = |at: usize| {
+        let bytes = frame.data.get(at..at + 4)?;
+        Some(Id(u32::from_be_bytes(bytes.try_into().ok()?)))
+    };
+    let (vehicle, cucs) = (word(8)?, word(12)?);
+    let info = message(frame.header.message_type, frame.header.version)
+        .filter(|info| info.full_bytes() == frame.data.len());
+    let names_vsm = info.is_some_and(|info| {
+        let fourth = info.fields.get(3);
+        fourth.is_some_and(|field| field.name == "VSM ID")
+    });
+    // A logical id 0 is best avoided, so 0 is nobody's.
+    let vehicle = match vehicle {
+        Id::NULL | Id(0) if names_vsm => word(16)?,
+        vehicle => vehicle,
+    };
+    Some(Parties {
+        cucs,
+        vehicle,
+        info,
+    })
+}
+
+/// Where a message of Edition 4, or one field of it by its number from 1, is in Edition 2.5; 0 stands for the whole message.
+pub fn places(
+    ed4: u16,
+    number: u8,
+) -> impl Iterator<Item = (&'static MessageInfo, Option<&'static FieldInfo>)> {
+    messages()
+        .filter(move |info| info.ed4_messages.contains(&ed4))
+        .flat_map(move |info| {
+            let fields = info.fields.iter();
+            let fields = fields.filter(move |field| field.ed4 == Some((ed4, number)));
+            let whole = (number == 0).then_some((info, None));
+            whole
+                .into_iter()
+                .chain(fields.map(move |field| (info, Some(field))))
+        })
+}
+
+/// The messages that one side sends for one of Edition 4: those that have their Time Stamp of it, since one may be made of
+/// several. `from` is the direction that is excluded.
+fn stamped_by(ed4: u16, excluded: Direction) -> impl Iterator<Item = u16> {
+    messages()
+        .filter(move |info| {
+            let stamp = info.fields.first().and_then(|field| field.ed4);
+            info.direction != excluded && stamp.is_some_and(|(of, _)| of == ed4)
+        })
+        .map(|info| info.id)
+}
+
+/// The messages of Edition 2.5 that a VSM sends for one of Edition 4.
+pub fn reports_of(ed4: u16) -> impl Iterator<Item = u16> {
+    stamped_by(ed4, Direction::ToVsm)
+}
+
+/// The messages of Edition 2.5 that a CUCS sends for one of Edition 4.
+pub fn commands_of(ed4: u16) -> impl Iterator<Item = u16> {
+    stamped_by(ed4, Direction::ToCucs)
+}
+
+/// The message of Edition 4 that one of Edition 2.5, with this number, is made of or becomes.
+#[must_use]
+pub fn ed4_of(number: u32) -> Option<u16> {
+    let info = message(number, Version::Ed25)?;
+    info.ed4_messages.first().copied()
+}
+
+/// A part of a plan (13001, 13002, 13003) as #801, #802 or #803; `Ok(None)` for every other message.
+///
+/// Where a waypoint goes on contingency is left open (#802.13, #802.14): Edition 4 has routes for that.
+///
+/// # Errors
+/// What of it Edition 2.5 cannot name: the end of a loop, a loiter that does not end after whole seconds.
+pub fn plan_record(part: &Message) -> Result<Option<Record>, String> {
+    let ed4 = Record::of(part);
+    let (number, route_type) = match part {
+        // A route without a type is a flight.
+        Message::UaRoute(_) => (801, Some(FLIGHT)),
+        Message::UaPositionWaypoint(waypoint) => {
+            let normal = WaypointType::from_raw(0);
+            if waypoint.waypoint_type.is_some_and(|kind| kind != normal) {
+                let number = waypoint.waypoint_number.unwrap_or(0);
+                return Err(format!(
+                    "waypoint {number} ends a loop, which Edition 2.5 cannot name"
+                ));
+            }
+            (802, None)
+        }
+        Message::UaLoiterWaypoint(loiter) => {
+            let units = loiter.loiter_duration_units;
+            let in_seconds = units.is_none_or(|units| units == LoiterDurationUnits::Seconds);
+            // 0 is no loiter in both editions.
+            if loiter.loiter_duration != Some(0)
+                && (!in_seconds || loiter.loiter_duration.is_none())
+            {
+                let number = loiter.waypoint_number.unwrap_or(0);
+                return Err(format!(
+                    "the loiter at waypoint {number} has no end in seconds, which Edition 2.5 cannot name"
+                ));
+            }
+            (803, None)
+        }
+        _ => return Ok(None),
+    };
+    let mut record = Record::ed25(number);
+    if let (Some(record), Some(kind)) = (&mut record, route_type) {
+        record.set(6, kind);
+    }
+    if let Some(record) = &mut record {
+        record.take_from(&ed4);
+    }
+    Ok(record)
+}
+
+const FLIGHT: u32 = 2;

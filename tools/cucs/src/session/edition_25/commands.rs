@@ -1,0 +1,253 @@
+//! What is sent: a message of Edition 4 as those of Edition 2.5 that say the same.
+//!
+//! A message whose fields have all a place goes over by the table. Not so a mode with its demands: Edition 4 has one 2016,
+//! Edition 2.5 has #42 for the mode, #43 for the demands, and #48 for which of both rules (tables B1-22 and B1-23).
+//! A field that has a value other than 0 and no place is never left out: the message is not sent.
+
+use stanag_msgs::ed25::{self, Record};
+use stanag_msgs::messages::{
+    FieldConfigurationRequest, LoiterConfiguration, PositiveHandoverAuthorisationRequest,
+    VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Id, Message};
+
+/// A message that Edition 2.5 has no words for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("Edition 2.5 cannot say it: {0}")]
+pub struct Unsayable(pub(crate) String);
+
+/// What one vehicle was commanded and has shown, as far as later commands depend on it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Steering {
+    /// The last #48: altitude, speed, course and heading.
+    preference: [u8; 3],
+    /// Altitude and its type (4000).
+    altitude: Option<(f64, u8)>,
+}
+
+impl Steering {
+    /// The vehicle has reported something.
+    pub(super) fn note(&mut self, message: &Message) {
+        if let Message::InertialStates(states) = message
+            && let (Some(altitude), Some(datum)) = (states.altitude, states.altitude_type)
+        {
+            self.altitude = Some((altitude.si(), datum.raw()));
+        }
+    }
+}
+
+/// The messages that say this one, in order; none where Edition 2.5 has no need of it.
+pub(super) fn records(
+    own: Id,
+    steering: &mut Steering,
+    message: &Message,
+) -> Result<Vec<Record>, Unsayable> {
+    let ed4 = Record::of(message);
+    match message {
+        // No edition before the third has heartbeats, and the border acknowledges by itself.
+        Message::Heartbeat(_) | Message::MessageAcknowledgement(_) => Ok(Vec::new()),
+        Message::VehicleOperatingModeCommand(_) => steering.mode(&ed4),
+        Message::LoiterConfiguration(_) => {
+            let mut record = placed(41, &ed4)?;
+            // #41 always names an altitude; it rules in mode 12 where #48 says so, which this CUCS never does.
+            let Some((metres, datum)) = steering.altitude else {
+                let why = "#41 names an altitude, and the vehicle has reported none yet (#101)";
+                return Err(Unsayable(why.to_owned()));
+            };
+            record.set(9, metres);
+            record.set(10, datum);
+            Ok(vec![record])
+        }
+        Message::UaRoute(_) | Message::UaPositionWaypoint(_) | Message::UaLoiterWaypoint(_) => {
+            let record = ed25::plan_record(message).map_err(Unsayable)?;
+            let record = record.ok_or_else(|| no_place(&ed4))?;
+            let number = record.id();
+            all_placed(&[number], &ed4)?;
+            Ok(vec![record])
+        }
+        Message::PositiveHandoverAuthorisationRequest(wish) => Ok(vec![handover(own, wish)?]),
+        Message::ScheduleMessageUpdateCommand(_) => named(1402, &ed4, 4),
+        Message::GenericInformationRequestMessage(_) => named(1403, &ed4, 7),
+        Message::FieldConfigurationRequest(request) => {
+            let mut record = placed(1200, &ed4)?;
+            let message = request.requested_message.unwrap_or(0);
+            if message != 0 {
+                let field = request.requested_field.unwrap_or(0);
+                let place = u16::try_from(message).ok();
+                let place = place.and_then(|message| ed25::places(message, field).next());
+                let (info, field) = place.ok_or_else(|| {
+                    Unsayable(format!("field {field} of message {message} has no place"))
+                })?;
+                record.set(7, u32::from(info.id));
+                record.set(8, field.map_or(0, |field| field.bit + 1));
+            }
+            Ok(vec![record])
+        }
+        _ => {
+            let number = ed25::commands_of(ed4.id()).next();
+            Ok(vec![placed(number.ok_or_else(|| no_place(&ed4))?, &ed4)?])
+        }
+    }
+}
+
+impl Steering {
+    fn mode(&mut self, ed4: &Record) -> Result<Vec<Record>, Unsayable> {
+        all_placed(&[42, 43], ed4)?;
+        let mode = ed4.number(2).map(|mode| mode as u8);
+        if let Some(mode @ (2 | 23..)) = mode {
+            let why = format!("flight path control mode {mode} is flown by nothing that it has");
+            return Err(Unsayable(why));
+        }
+        let commanded = [
+            ed4.whole(3) != 0,
+            ed4.number(13).is_some(),
+            ed4.whole(6) != 0 || ed4.number(18).is_some(),
+        ];
+        let demands =
+            commanded.contains(&true) || [15, 16].iter().any(|field| ed4.number(*field).is_some());
+        self.preference = match mode {
+            Some(WAYPOINT) => commanded.map(|one| if one { MANUAL } else { CONFIGURATION }),
+            // What is not commanded stays, where #41 would command an altitude.
+            Some(LOITER) => [MANUAL; 3],
+            None => {
+                let mut kept = self.preference;
+                for (kept, commanded) in kept.iter_mut().zip(commanded) {
+                    if commanded {
+                        *kept = MANUAL;
+                    }
+                }
+                kept
+            }
+            Some(_) => self.preference,
+        };
+        let mut preference = empty(48)?;
+        for (field, value) in (4..).zip(self.preference) {
+            preference.set(field, value);
+        }
+        let mut command = empty(42)?;
+        if let Some(mode) = mode {
+            command.set(4, mode);
+        }
+        let mut demand = empty(43)?;
+        demand.take_from(ed4);
+        if demand.number(15).is_none() {
+            demand.set(15, NO_WAYPOINT);
+        }
+        // A waypoint counts where it is another than that of the #43 before.
+        let mut neutral = empty(43)?;
+        neutral.set(15, NO_WAYPOINT);
+        let names_waypoint = ed4.number(15).is_some();
+        let mut all = Vec::new();
+        match mode {
+            None => all.extend([preference, demand]),
+            // The demand follows its mode: before it, it would steer in the mode that the vehicle is in.
+            Some(WAYPOINT | LOITER | AUTOPILOT) => {
+                if mode != Some(AUTOPILOT) {
+                    all.push(preference);
+                }
+                if names_waypoint {
+                    all.push(neutral);
+                }
+                all.push(command);
+                if demands {
+                    all.push(demand);
+                }
+            }
+            // Such as the altitude of a launch, which has to be there when it begins.
+            Some(_) => {
+                if demands {
+                    all.push(demand);
+                }
+                all.push(command);
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// Message 4: a request is #1 that waits for the coordination by the holder, who consents by #600.
+fn handover(own: Id, wish: &PositiveHandoverAuthorisationRequest) -> Result<Record, Unsayable> {
+    let levels = wish.requested_handover_loi.unwrap_or_default();
+    let acquirer = wish.requesting_cucs_id.unwrap_or(own);
+    if levels.is_empty() {
+        let why = "a handover is refused or withdrawn by silence";
+        return Err(Unsayable(why.to_owned()));
+    }
+    if acquirer != own {
+        let mut record = empty(600)?;
+        record.set(4, Id::NULL.0);
+        record.set(5, acquirer.0);
+        return Ok(record);
+    }
+    let mut record = empty(1)?;
+    record.set(4, wish.vsm_id.unwrap_or(Id::BROADCAST).0);
+    record.set(5, Id::NULL.0);
+    record.set(8, levels.raw());
+    record.set(10, REQUEST_CONTROL);
+    record.set(11, WAIT_FOR_COORDINATION);
+    Ok(record)
+}
+
+/// A message that names another in this field.
+fn named(number: u16, ed4: &Record, field: u8) -> Result<Vec<Record>, Unsayable> {
+    let mut record = placed(number, ed4)?;
+    let of = u16::try_from(record.whole(field)).unwrap_or(0);
+    let report = ed25::reports_of(of).next();
+    let report = report.ok_or_else(|| Unsayable(format!("it has no message for {of}")))?;
+    record.set(field, report);
+    Ok(vec![record])
+}
+
+/// By the places of the table.
+fn placed(number: u16, ed4: &Record) -> Result<Record, Unsayable> {
+    all_placed(&[number], ed4)?;
+    let mut record = empty(number)?;
+    record.take_from(ed4);
+    Ok(record)
+}
+
+/// Whether each field that says something has a place in one of these messages.
+fn all_placed(numbers: &[u16], ed4: &Record) -> Result<(), Unsayable> {
+    let Some(info) = ed25::record::ed4(ed4.id()) else {
+        return Ok(());
+    };
+    for field in info.fields {
+        let number = field.bit + 1;
+        let says = ed4.number(number).is_some_and(|value| value != 0.0);
+        let mut places = ed25::places(ed4.id(), number);
+        // Payload stations 17 to 32 share a field with those before them.
+        let has_place =
+            field.name.contains("17-32") || places.any(|(info, _)| numbers.contains(&info.id));
+        if (says || !ed4.text(number).is_empty()) && !has_place {
+            return Err(Unsayable(format!("{} of {}", field.name, info.id)));
+        }
+    }
+    Ok(())
+}
+
+fn empty(number: u16) -> Result<Record, Unsayable> {
+    Record::ed25(number).ok_or_else(|| Unsayable(format!("#{number}")))
+}
+
+fn no_place(ed4: &Record) -> Unsayable {
+    Unsayable(format!("message {} has no counterpart", ed4.id()))
+}
+
+/// The message of Edition 4 that a message of Edition 2.5 is a part of.
+pub(super) fn ed4_of(number: u16) -> Option<u16> {
+    match number {
+        41 => Some(LoiterConfiguration::ID),
+        42 | 43 | 48 => Some(VehicleOperatingModeCommand::ID),
+        1200 => Some(FieldConfigurationRequest::ID),
+        _ => ed25::ed4_of(number.into()),
+    }
+}
+
+const CONFIGURATION: u8 = 0;
+const MANUAL: u8 = 2;
+const WAYPOINT: u8 = 11;
+const LOITER: u8 = 12;
+const AUTOPILOT: u8 = 15;
+const NO_WAYPOINT: u32 = 65_535;
+const REQUEST_CONTROL: u32 = 1;
+const WAIT_FOR_COORDINATION: u32 = 1;
