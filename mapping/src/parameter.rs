@@ -32,6 +32,7 @@ pub const NAMES: &[&str] = &[
     "MPC_ACC_HOR",
     "MPC_JERK_AUTO",
     "MPC_XY_CRUISE",
+    "MPC_XY_TRAJ_P",
     "MPC_XY_VEL_MAX",
     "MPC_Z_VEL_MAX_DN",
     "MPC_Z_VEL_MAX_UP",
@@ -40,6 +41,10 @@ pub const NAMES: &[&str] = &[
     "NAV_ACC_RAD",
     "NAV_DLL_ACT",
     "NAV_LOITER_RAD",
+    "NPFG_DAMPING",
+    "NPFG_PERIOD",
+    "NPFG_ROLL_TC",
+    "NPFG_SW_DST_MLT",
     "VTO_LOITER_ALT",
     "VT_FW_MIN_ALT",
 ];

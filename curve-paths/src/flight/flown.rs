@@ -1,7 +1,8 @@
 //! A flown track beside the route that it was to follow: how far it strayed, and which points of the route it passed.
 //!
 //! Promised: only the part between the route's start and end counts, wherever the track begins and ends; distances are
-//! in three dimensions, against the curves themselves and not their chords.
+//! in three dimensions, against the curves themselves and not their chords, and both ways: a vehicle that cuts a bend is near
+//! the route everywhere, and the bend is far from its track.
 
 use crate::densify::Leg;
 use crate::vector::Vec3;
@@ -11,8 +12,9 @@ use crate::wgs84::{Position, east_north, up};
 /// What a flown track was like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flown {
-    /// Greatest distance of the track from the route, m.
+    /// Greatest distance of the track from the route and of the route from the track, m.
     pub deviation_m: f64,
+
     /// Points of the densified route.
     pub points: usize,
     /// Those of them that the track comes within the given distance of.
@@ -56,7 +58,11 @@ pub fn measure(
             .map(|s| to_segment(p, s[0], s[1]))
             .fold(f64::INFINITY, f64::min)
     };
-    let deviation_m = part.iter().map(|p| to_line(*p, &route)).fold(0.0, f64::max);
+    let farthest = |points: &[Vec3], line: &[Vec3]| {
+        let off_m = points.iter().map(|p| to_line(*p, line));
+        off_m.fold(0.0, f64::max)
+    };
+    let deviation_m = farthest(part, &route).max(farthest(&route, part));
     let points = densified.vertices.iter().map(|v| flat.of(v.position));
     let passed = points.filter(|p| to_line(*p, part) <= within_m).count();
     Some(Flown {

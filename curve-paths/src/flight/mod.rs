@@ -1,15 +1,23 @@
 //! Whether a route can be flown: where it is too tight for a speed, what speed it allows, what that costs.
 //!
 //! Promised: every finding names the place, the figure and the fastest legal speed there; nothing is changed silently.
-//! What a policy makes of the findings is data: a list of speed changes, or a refusal. The predicted deviation is a
-//! prediction from flights that were measured, never a bound.
+//! What a policy makes of the findings is data: a list of speed changes, or a refusal. The predicted deviation is a bound that
+//! all measured flights held ([`flown_bound_m`]); it is not proven as the planned one is.
 
 mod curvature;
+mod deviation;
 mod flown;
+mod npfg;
 mod plan;
 mod vehicle;
+mod wing_track;
 
 pub use curvature::{Tightest, tightest};
+pub use deviation::{FlownItem, MAX_WIND_SHARE, flown_bound_m};
 pub use flown::{Flown, measure};
-pub use plan::{FlightPlan, NotFlyable, Policy, SpeedChange, Tight, plan_flight};
-pub use vehicle::{Airframe, FixedWing, Multicopter};
+pub use npfg::{NorthEast, Npfg};
+pub use plan::{
+    FlightPlan, MIN_ACCEPTANCE_M, NotFlyable, Policy, SpeedChange, Tight, chord_acceptance_m,
+    plan_flight,
+};
+pub use vehicle::{Airframe, FixedWing, Multicopter, ParameterError};

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::curvature::tightest;
+use super::deviation::{FlownItem, flown_bound_m};
 use super::vehicle::Airframe;
 use crate::densify::Leg;
 use crate::walk::Densified;
@@ -53,7 +54,8 @@ pub struct FlightPlan {
     pub changes: Vec<SpeedChange>,
     /// Time that the chords take at those speeds, and no faster than the autopilot takes each chord, s.
     pub time_s: f64,
-    /// Predicted flown deviation, m; none where measured flights are missing (fixed wing).
+    /// Within this deviation its curves are flown, m ([`flown_bound_m`]); none without curves, and for wings in a wind that
+    /// is too strong for the speed.
     pub predicted_deviation_m: Option<f64>,
     /// The slowest chord by the autopilot's own rule, m/s: a tight tolerance makes short chords and slow flight.
     pub slowest_chord_mps: f64,
@@ -121,7 +123,7 @@ pub fn plan_flight(
     }
     plan.tight.extend(run);
     let speeds = speeds(&chords, speed_mps, braking(airframe));
-    let (mut now, mut lead_m) = (speed_mps, 0.0_f64);
+    let mut now = speed_mps;
     for (k, &speed) in speeds.iter().enumerate() {
         if speed != now {
             plan.changes.push(SpeedChange {
@@ -130,11 +132,7 @@ pub fn plan_flight(
             });
             now = speed;
         }
-        let time_s = chords[k].length_m / speed.min(chords[k].autopilot_mps);
-        plan.time_s += time_s;
-        if let Airframe::Multicopter(m) = airframe {
-            lead_m = lead_m.max(m.lead_m(chords[k].rise_m, time_s));
-        }
+        plan.time_s += chords[k].length_m / speed.min(chords[k].autopilot_mps);
     }
     if now != speed_mps {
         plan.changes.push(SpeedChange {
@@ -142,11 +140,30 @@ pub fn plan_flight(
             speed_mps,
         });
     }
-    if let Airframe::Multicopter(m) = airframe {
-        plan.predicted_deviation_m =
-            Some(densified.bound_m + m.added_deviation_m(speed_mps).hypot(lead_m));
-    }
+    let items = items(legs, densified, &speeds, speed_mps);
+    plan.predicted_deviation_m = flown_bound_m(&items, densified.bound_m, airframe);
     Ok(plan)
+}
+
+/// The vertices as the items of a mission, with the acceptance radius of chords.
+fn items(legs: &[Leg], densified: &Densified, speeds: &[f64], speed_mps: f64) -> Vec<FlownItem> {
+    let acceptance_m = chord_acceptance_m(densified.shortest_chord_m);
+    let vertices = densified.vertices.iter().enumerate();
+    vertices
+        .map(|(k, vertex)| FlownItem {
+            position: vertex.position,
+            speed_mps: *speeds.get(k.max(1) - 1).unwrap_or(&speed_mps),
+            acceptance_m,
+            curved: k > 0 && matches!(legs.get(vertex.leg), Some(Leg::Bezier(_))),
+        })
+        .collect()
+}
+
+/// The acceptance radius that chords are given, m, for the shortest of them: under 2 m a multicopter can miss a vertex for
+/// good, over half a chord it would skip one.
+#[must_use]
+pub fn chord_acceptance_m(shortest_chord_m: f64) -> f64 {
+    (0.5 * shortest_chord_m).clamp(MIN_ACCEPTANCE_M, MAX_ACCEPTANCE_M)
 }
 
 fn check(
@@ -168,7 +185,6 @@ fn check(
 
 struct Chord {
     length_m: f64,
-    rise_m: f64,
     tight: Option<Tight>,
     /// The speed that the autopilot holds itself to, m/s.
     autopilot_mps: f64,
@@ -219,7 +235,6 @@ fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord
             };
             Chord {
                 length_m,
-                rise_m: pair[1].position.alt_m - pair[0].position.alt_m,
                 tight,
                 autopilot_mps,
             }
@@ -266,5 +281,8 @@ fn braking(airframe: &Airframe) -> f64 {
     }
 }
 
+/// Acceptance radii of chords, m.
+pub const MIN_ACCEPTANCE_M: f64 = 2.0;
+const MAX_ACCEPTANCE_M: f64 = 3.0;
 /// No place is flown slower than this, m/s: at a cusp a multicopter all but stops and turns.
 const CRAWL_MPS: f64 = 0.5;

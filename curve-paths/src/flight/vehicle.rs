@@ -1,7 +1,11 @@
-//! What flies, and what it can do: the formulas of its speed limits.
+//! What flies, and what it can do: the formulas of its speed limits, and how it takes the corners of its route.
+
+use thiserror::Error;
+
+use super::npfg::{NorthEast, Npfg, dot, norm, unit};
 
 /// Standard gravity, m/s^2.
-const G: f64 = 9.806_65;
+pub(super) const G: f64 = 9.806_65;
 
 /// A vehicle by the way that it turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +23,15 @@ pub struct FixedWing {
     pub bank_rad: f64,
     /// Slowest speed that it flies, m/s (PX4: FW_AIRSPD_MIN).
     pub slowest_mps: f64,
+    /// Its guidance law.
+    pub npfg: Npfg,
+    /// Least distance before a waypoint at which it is taken, m (PX4: NAV_ACC_RAD; a waypoint's own radius does not count
+    /// on wings).
+    pub acceptance_m: f64,
+    /// Time constant of the bank behind its command, s (PX4: NPFG_ROLL_TC, by which it reckons itself).
+    pub roll_s: f64,
+    /// The wind in which its flights are predicted, from any direction, m/s.
+    pub wind_mps: f64,
 }
 
 /// A multicopter under PX4's own smoothing.
@@ -32,31 +45,121 @@ pub struct Multicopter {
     pub climb_mps: f64,
     /// Descent, m/s (PX4: MPC_Z_V_AUTO_DN).
     pub descent_mps: f64,
+    /// Part of the acceleration that it turns a corner with (PX4: MPC_XY_TRAJ_P).
+    pub corner_gain: f64,
 }
 
 impl Default for FixedWing {
-    /// 30 degrees of bank, 10 m/s at the slowest.
+    /// PX4's defaults: 50 degrees of bank, 10 m/s at the slowest, an acceptance of 10 m; a wind of 5 m/s.
     fn default() -> Self {
         Self {
-            bank_rad: 30f64.to_radians(),
+            bank_rad: 50f64.to_radians(),
             slowest_mps: 10.0,
+            npfg: Npfg::default(),
+            acceptance_m: 10.0,
+            roll_s: 0.5,
+            wind_mps: 5.0,
         }
     }
 }
 
 impl Default for Multicopter {
-    /// PX4's defaults: 3 m/s^2, 4 m/s^3, 3 m/s up, 1.5 m/s down.
+    /// PX4's defaults: 3 m/s^2, 4 m/s^3, 3 m/s up, 1.5 m/s down, half the acceleration in corners.
     fn default() -> Self {
         Self {
             acceleration: 3.0,
             jerk: 4.0,
             climb_mps: 3.0,
             descent_mps: 1.5,
+            corner_gain: 0.5,
         }
     }
 }
 
+/// A parameter of the vehicle that cannot be taken.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ParameterError {
+    /// It decides nothing here.
+    #[error("{0} is unknown, expected one of {known}", known = Airframe::NAMES.join(", "))]
+    Unknown(String),
+    /// It is out of range.
+    #[error("{name} is {value}, expected more than {above} and at most {most}")]
+    Range {
+        /// Its name.
+        name: String,
+        /// What it is.
+        value: f64,
+        /// It must be more.
+        above: f64,
+        /// The most that it may be.
+        most: f64,
+    },
+}
+
+impl Airframe {
+    /// What [`set`](Self::set) takes: parameters of PX4, in its units, and `wind_m_s`, the wind to reckon with on wings.
+    pub const NAMES: [&'static str; 13] = [
+        "FW_AIRSPD_MIN",
+        "FW_R_LIM",
+        "MPC_ACC_HOR",
+        "MPC_JERK_AUTO",
+        "MPC_XY_TRAJ_P",
+        "MPC_Z_V_AUTO_DN",
+        "MPC_Z_V_AUTO_UP",
+        "NAV_ACC_RAD",
+        "NPFG_DAMPING",
+        "NPFG_PERIOD",
+        "NPFG_ROLL_TC",
+        "NPFG_SW_DST_MLT",
+        "wind_m_s",
+    ];
+
+    /// Takes a value of the vehicle; one of the other airframe is checked, and changes nothing.
+    ///
+    /// # Errors
+    /// The name is unknown, or the value out of range.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), ParameterError> {
+        if !Self::NAMES.contains(&name) {
+            return Err(ParameterError::Unknown(name.to_owned()));
+        }
+        let (above, most) = match name {
+            "FW_R_LIM" => (0.0, 84.0),
+            "NPFG_DAMPING" | "NPFG_SW_DST_MLT" | "MPC_XY_TRAJ_P" => (0.0, 1.0),
+            // No wind is a wind.
+            "wind_m_s" => (-f64::MIN_POSITIVE, 30.0),
+            _ => (0.0, 1_000.0),
+        };
+        if !(value > above && value <= most) {
+            return Err(ParameterError::Range {
+                name: name.to_owned(),
+                value,
+                above: above.max(0.0),
+                most,
+            });
+        }
+        match self {
+            Self::FixedWing(wing) => wing.take(name, value),
+            Self::Multicopter(copter) => copter.take(name, value),
+        }
+        Ok(())
+    }
+}
+
 impl FixedWing {
+    fn take(&mut self, name: &str, value: f64) {
+        match name {
+            "FW_AIRSPD_MIN" => self.slowest_mps = value,
+            "FW_R_LIM" => self.bank_rad = value.to_radians(),
+            "NAV_ACC_RAD" => self.acceptance_m = value,
+            "NPFG_DAMPING" => self.npfg.damping = value,
+            "NPFG_PERIOD" => self.npfg.period_s = value,
+            "NPFG_ROLL_TC" => self.roll_s = value,
+            "NPFG_SW_DST_MLT" => self.npfg.switch_multiplier = value,
+            "wind_m_s" => self.wind_mps = value,
+            _ => {}
+        }
+    }
+
     /// The tightest radius at a speed, m: R = V^2 / (g tan bank).
     #[must_use]
     pub fn radius_m(&self, speed_mps: f64) -> f64 {
@@ -68,9 +171,26 @@ impl FixedWing {
     pub fn fastest_mps(&self, radius_m: f64) -> f64 {
         (radius_m * G * self.bank_rad.tan()).sqrt()
     }
+
+    /// How far before a waypoint it is taken at a speed over ground, m.
+    #[must_use]
+    pub fn switch_m(&self, ground_mps: f64) -> f64 {
+        self.acceptance_m.max(self.npfg.switch_m(ground_mps))
+    }
 }
 
 impl Multicopter {
+    fn take(&mut self, name: &str, value: f64) {
+        match name {
+            "MPC_ACC_HOR" => self.acceleration = value,
+            "MPC_JERK_AUTO" => self.jerk = value,
+            "MPC_XY_TRAJ_P" => self.corner_gain = value,
+            "MPC_Z_V_AUTO_DN" => self.descent_mps = value,
+            "MPC_Z_V_AUTO_UP" => self.climb_mps = value,
+            _ => {}
+        }
+    }
+
     /// The fastest speed, m/s, at which a turn keeps the lateral acceleration V^2 / R and the lateral jerk
     /// V^3 |d(1/R)/ds| within the limits.
     #[must_use]
@@ -109,18 +229,42 @@ impl Multicopter {
         rise_m.abs() * (1.0 - share) + self.climb_mps * (1.0 + self.climb_mps / 8.0)
     }
 
-    /// What flying adds to the planned deviation at a speed, m: 0.8 m at 5 m/s and 1.4 m at 10 m/s as measured, in
-    /// proportion below, and on the same line above.
+    /// How far it is off a straight leg at a speed, m: its estimate of where it is, and what its controller lags.
     #[must_use]
-    pub fn added_deviation_m(&self, speed_mps: f64) -> f64 {
-        if speed_mps <= 5.0 {
-            0.16 * speed_mps
+    pub fn straight_m(&self, speed_mps: f64) -> f64 {
+        ESTIMATE_M + LAG_S * speed_mps
+    }
+
+    /// How far it is off both legs of a corner, that is taken at a speed and within an acceptance radius, m.
+    ///
+    /// PX4 slows down for the corner to what turns within the radius, begins to turn on entering it, and needs a time for
+    /// that which its jerk limits: it cuts the corner, or is carried over the next leg, or both.
+    #[must_use]
+    pub fn corner_m(&self, legs: [NorthEast; 2], speed_mps: f64, acceptance_m: f64) -> f64 {
+        let [before, after] = legs;
+        let turn = dot(unit(before), unit(after)).clamp(-1.0, 1.0).acos();
+        let by_radius = (self.corner_gain * self.acceleration * acceptance_m
+            / (0.5 * turn).tan().max(1e-9))
+        .sqrt();
+        let at_corner = speed_mps.min(by_radius).min(self.on_chord_mps(norm(after)));
+        // Beyond a right angle all of the speed is across.
+        let across = at_corner * turn.min(std::f64::consts::FRAC_PI_2).sin();
+        let least = self.acceleration * self.acceleration / self.jerk;
+        let carried_m = if across <= least {
+            across * (across / self.jerk).sqrt()
         } else {
-            0.8 + 0.12 * (speed_mps - 5.0)
-        }
+            0.5 * across * (across / self.acceleration + self.acceleration / self.jerk)
+        };
+        let over_m = carried_m - acceptance_m * turn.sin().max(0.0);
+        let cut_m = acceptance_m * (0.5 * turn).sin();
+        over_m.max(cut_m) + self.straight_m(speed_mps)
     }
 }
 
+/// Error of the estimated position, m: what px4-sim and PX4's SIH have of it.
+const ESTIMATE_M: f64 = 0.35;
+/// Lag of the position controller, s.
+const LAG_S: f64 = 0.08;
 /// PX4 takes items this close for level, m.
 const LEVEL_M: f64 = 1e-3;
 
@@ -142,7 +286,10 @@ mod tests {
 
     #[test]
     fn the_speedway_allows_9_to_10_metres_a_second_at_30_degrees_of_bank() {
-        let f = FixedWing::default();
+        let f = FixedWing {
+            bank_rad: 30f64.to_radians(),
+            ..FixedWing::default()
+        };
         assert!(
             (9.0..9.5).contains(&f.fastest_mps(15.0)) && (9.9..10.2).contains(&f.fastest_mps(18.0))
         );

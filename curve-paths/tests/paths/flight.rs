@@ -37,6 +37,57 @@ fn route() -> Vec<Leg> {
     ]
 }
 
+fn banking(deg: f64) -> FixedWing {
+    FixedWing {
+        bank_rad: deg.to_radians(),
+        ..FixedWing::default()
+    }
+}
+
+/// What flying adds to a route at a speed, m.
+fn added_m(legs: &[Leg], airframe: Airframe, speed_mps: f64) -> Option<f64> {
+    let dense = densify(legs, &Options::flight(1.0)).unwrap();
+    let plan = plan_flight(legs, &dense, &airframe, speed_mps, Policy::Slow).unwrap();
+    plan.predicted_deviation_m.map(|m| m - dense.bound_m)
+}
+
+#[test]
+fn wings_are_predicted_wider_the_tighter_the_turn_and_the_stronger_the_wind() {
+    let windy = |wind_mps| {
+        Airframe::FixedWing(FixedWing {
+            wind_mps,
+            ..banking(50.0)
+        })
+    };
+    let [calm, breeze, wind] = [0.0, 5.0, 8.0].map(|w| added_m(&route(), windy(w), 15.0).unwrap());
+    assert!(calm < breeze && breeze < wind, "{calm} {breeze} {wind}");
+    // A radius of 40 m in calm air: a real PX4 flew half circles of 39 m 2.2 m wider than planned.
+    assert!((2.2..6.0).contains(&calm), "{calm}");
+    let slow = added_m(&route(), windy(5.0), 10.0).unwrap();
+    assert!(slow < breeze, "{slow} {breeze}");
+    // A wind that is most of the air speed is no prediction, and a straight route needs none.
+    assert_eq!(added_m(&route(), windy(9.5), 15.0), None);
+    assert_eq!(added_m(&route()[..1], windy(0.0), 15.0), None);
+}
+
+#[test]
+fn a_multicopter_is_predicted_wider_where_a_bend_tightens() {
+    let bend = |drawn_out_m: f64| {
+        vec![Leg::from(
+            BezierLeg::new(
+                position(0.0, 0.0),
+                control(60.0 + drawn_out_m, 0.0),
+                control(50.0, 60.0),
+                position(110.0, 60.0),
+            )
+            .unwrap(),
+        )]
+    };
+    let copter = Airframe::Multicopter(Multicopter::default());
+    let [even, tighter] = [0.0, 40.0].map(|m| added_m(&bend(m), copter, 5.0).unwrap());
+    assert!(tighter > even + 0.1, "{even} {tighter}");
+}
+
 #[test]
 fn the_tightest_place_of_a_circle_is_its_radius() {
     let Leg::Bezier(leg) = route()[1] else {
@@ -50,7 +101,7 @@ fn the_tightest_place_of_a_circle_is_its_radius() {
 fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
     let legs = route();
     let dense = densify(&legs, &Options::flight(0.5)).unwrap();
-    let plane = Airframe::FixedWing(FixedWing::default());
+    let plane = Airframe::FixedWing(banking(30.0));
     let plan = plan_flight(&legs, &dense, &plane, 18.0, Policy::Slow).unwrap();
     // V = sqrt(R g tan 30) for 40 m, less what the cubic is tighter than its circle.
     assert!(
@@ -73,7 +124,6 @@ fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
             && dense.vertices[fast.vertex].leg == 1
             && dense.vertices[fast.vertex].t == 1.0
     );
-    assert!(plan.predicted_deviation_m.is_none());
     let untouched = plan_flight(&legs, &dense, &plane, 14.0, Policy::Refuse).unwrap();
     assert!(untouched.changes.is_empty() && untouched.tight.is_empty());
 }
@@ -82,7 +132,7 @@ fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
 fn the_policy_refuse_names_the_place_the_figure_and_the_fastest_speed() {
     let legs = route();
     let dense = densify(&legs, &Options::flight(0.5)).unwrap();
-    let plane = Airframe::FixedWing(FixedWing::default());
+    let plane = Airframe::FixedWing(banking(30.0));
     let error = plan_flight(&legs, &dense, &plane, 18.0, Policy::Refuse).unwrap_err();
     let NotFlyable::TooFast(tight, 18.0) = error else {
         panic!("{error}")
@@ -94,7 +144,7 @@ fn the_policy_refuse_names_the_place_the_figure_and_the_fastest_speed() {
     assert!(error.to_string().contains("leg 1 at t = "), "{error}");
     let slow_flyer = Airframe::FixedWing(FixedWing {
         slowest_mps: 16.0,
-        ..FixedWing::default()
+        ..banking(30.0)
     });
     let error = plan_flight(&legs, &dense, &slow_flyer, 18.0, Policy::Slow).unwrap_err();
     assert!(matches!(error, NotFlyable::TooTight(..)), "{error}");
@@ -114,7 +164,8 @@ fn a_multicopter_is_slowed_by_short_chords_and_the_flown_deviation_is_predicted(
     let (bound, tight) = plan(0.2, 5.0);
     let (_, loose) = plan(2.0, 5.0);
     assert!(tight.slowest_chord_mps < loose.slowest_chord_mps);
-    assert!((tight.predicted_deviation_m.unwrap() - bound - 0.8).abs() < 1e-9);
+    let added_m = tight.predicted_deviation_m.unwrap() - bound;
+    assert!((0.7..2.0).contains(&added_m), "{added_m}");
     assert!(tight.time_s > 662.0 / 5.0);
     // sqrt(3 m/s^2 * 40 m) is 10.9 m/s; a cubic's change of curvature asks for less.
     let (_, fast) = plan(2.0, 12.0);

@@ -1,5 +1,6 @@
 //! Compiles a route waypoint by waypoint, in the order that they are flown.
 
+use curve_paths::flight::MIN_ACCEPTANCE_M;
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
 use stanag_msgs::messages::UaPositionWaypoint;
@@ -28,7 +29,9 @@ pub fn compile(plan: &Plan, initial: u16, site: &Site) -> Result<CompiledMission
         })?,
         other => other?,
     };
-    if let Some(curved) = compiled.curved {
+    if let Some(mut curved) = compiled.curved {
+        curved.predicted_m = curve::flown_m(plan, &compiled, site);
+        compiled.curved = Some(curved);
         let note = curved.note(site.curving.tolerance_m, site.limits.items);
         compiled.notes.push(note);
     }
@@ -312,10 +315,10 @@ fn note_own_radius(compiled: &mut CompiledMission, straight: &[usize], performan
     let own_m = performance.acceptance_m;
     let mut items = straight.iter().filter_map(|at| compiled.items.get(*at));
     let own = items.any(|item| item.command == NAV_WAYPOINT && item.params[1] <= 0.0);
-    if own && own_m < curve::MIN_ACCEPTANCE_M {
+    if own && own_m < MIN_ACCEPTANCE_M {
         compiled.notes.push(format!(
             "NAV_ACC_RAD is {own_m:.1} m: under {} m the vehicle can miss a waypoint and fly on",
-            curve::MIN_ACCEPTANCE_M
+            MIN_ACCEPTANCE_M
         ));
     }
 }

@@ -3,7 +3,7 @@
 //! What a curve message means, and why the deviation is bounded, is in [`curve_paths`]. Here it gets its ends from the
 //! waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
 
-use curve_paths::flight::{Airframe, Policy, plan_flight};
+use curve_paths::flight::{FlownItem, Policy, chord_acceptance_m, flown_bound_m, plan_flight};
 use curve_paths::{BezierLeg, Control, Densified, Options, Position, densify};
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::AltitudeType;
@@ -130,7 +130,7 @@ fn with(before: Option<Curved>, chords: &Chords, tolerance_m: f64) -> Curved {
         chords: 0,
         tolerance_m,
         bound_m: 0.0,
-        predicted_m: Some(0.0),
+        predicted_m: None,
         time_s: 0.0,
     });
     Curved {
@@ -138,10 +138,7 @@ fn with(before: Option<Curved>, chords: &Chords, tolerance_m: f64) -> Curved {
         chords: so_far.chords + chords.vertices.len() + 1,
         tolerance_m,
         bound_m: so_far.bound_m.max(chords.bound_m),
-        predicted_m: so_far
-            .predicted_m
-            .zip(chords.predicted_m)
-            .map(|(a, b)| a.max(b)),
+        predicted_m: None,
         time_s: so_far.time_s + chords.time_s,
     }
 }
@@ -163,8 +160,6 @@ pub(super) struct Chords {
     pub reads_differently: bool,
     /// Proven deviation of the chords, m.
     pub bound_m: f64,
-    /// Predicted flown deviation, m.
-    pub predicted_m: Option<f64>,
     /// Predicted time, s.
     pub time_s: f64,
 }
@@ -213,11 +208,7 @@ pub(super) fn chords(
         ..Options::flight(tolerance_m)
     };
     let densified = densify(&legs, &options).map_err(|fault| shape(&fault))?;
-    let airframe = if site.hovers() {
-        Airframe::Multicopter(site.curving.multicopter)
-    } else {
-        Airframe::FixedWing(site.curving.fixed_wing)
-    };
+    let airframe = site.airframe();
     let climbs = site.hovers() && !is_level(&densified);
     let wished_m_s = speed_m_s;
     let speed_m_s = if climbs {
@@ -258,17 +249,11 @@ pub(super) fn chords(
                 speed_m_s: speed_at(index),
             }
         });
-    let half_m = 0.5 * densified.shortest_chord_m;
-    // Under 2 m a multicopter can miss a vertex for good; over half a chord it would skip one.
-    let mut acceptance_m = half_m.clamp(MIN_ACCEPTANCE_M, MAX_ACCEPTANCE_M);
-    let mut predicted_m = flown.predicted_deviation_m;
+    let mut acceptance_m = chord_acceptance_m(densified.shortest_chord_m);
     if climbs {
-        let wider_m =
+        let half_m = 0.5 * densified.shortest_chord_m;
+        acceptance_m =
             (0.5 * CURVE_SWING_S * speed_m_s).clamp(acceptance_m, half_m.max(acceptance_m));
-        // It turns so much earlier.
-        let cut_m = 0.5 * (wider_m - acceptance_m) * sharpest_turn(&densified);
-        predicted_m = predicted_m.map(|m| m + cut_m);
-        acceptance_m = wider_m;
     }
     Ok(Chords {
         vertices: vertices.collect(),
@@ -278,7 +263,6 @@ pub(super) fn chords(
         slowed: slower.is_some() || !flown.changes.is_empty(),
         reads_differently: leg.reads_differently(tolerance_m),
         bound_m: densified.bound_m,
-        predicted_m,
         time_s: flown.time_s,
     })
 }
@@ -313,18 +297,46 @@ fn climbing_speed(
     }
 }
 
-/// The greatest change of heading from one chord to the next, rad.
-fn sharpest_turn(densified: &Densified) -> f64 {
-    let places: Vec<_> = densified
-        .vertices
-        .iter()
-        .map(|vertex| vertex.position.ground().to_ecef())
+/// Within what deviation the curves of a mission are flown, m: none without curves, and on wings in a wind too strong for
+/// the speed. Of the whole mission, since a curve is entered as what is before it leaves it.
+pub(super) fn flown_m(plan: &Plan, compiled: &CompiledMission, site: &Site) -> Option<f64> {
+    let pairs = compiled.order.windows(2);
+    let curved: Vec<u16> = pairs
+        .filter(|pair| {
+            plan.curves_from(pair[0].number)
+                .any(|(to, _)| to == pair[1].number)
+        })
+        .map(|pair| pair[1].number)
         .collect();
-    let turn = |at: &[curve_paths::vector::Vec3]| {
-        let (before, after) = ((at[1] - at[0]).unit(), (at[2] - at[1]).unit());
-        before.dot(after).clamp(-1.0, 1.0).acos()
-    };
-    places.windows(3).map(turn).fold(0.0, f64::max)
+    let mut speed_mps = site.performance.cruise_m_s;
+    let mut items = Vec::new();
+    for (item, number) in compiled.items.iter().zip(&compiled.waypoint_of) {
+        if item.command == DO_CHANGE_SPEED {
+            speed_mps = f64::from(item.params[1]);
+        }
+        if !item.is_global() {
+            continue;
+        }
+        let own_m = f64::from(item.params[1]);
+        let own = item.command == NAV_WAYPOINT && own_m > 0.0;
+        let level = Level::of_frame(item.frame, item.z.into())?;
+        let degrees = |e7: i32| f64::from(e7) * 1e-7;
+        items.push(FlownItem {
+            position: Position::new(
+                degrees(item.x),
+                degrees(item.y),
+                level.amsl(site.home.amsl_m),
+            ),
+            speed_mps,
+            acceptance_m: if own {
+                own_m
+            } else {
+                site.performance.acceptance_m
+            },
+            curved: curved.contains(number),
+        });
+    }
+    flown_bound_m(&items, compiled.curved?.bound_m, &site.airframe())
 }
 
 fn controls(
@@ -389,8 +401,5 @@ fn controls(
 
 /// Most that the end of a curve is widened to, m.
 const WIDEST_M: f32 = 20.0;
-/// Acceptance radii, m.
-pub(super) const MIN_ACCEPTANCE_M: f64 = 2.0;
-const MAX_ACCEPTANCE_M: f64 = 3.0;
 /// Altitudes this close are one to PX4, m.
 const LEVEL_M: f64 = 1e-3;

@@ -60,7 +60,8 @@ pub struct Curved {
     pub tolerance_m: f64,
     /// Proven deviation of the chords from the curves, both ways, m.
     pub bound_m: f64,
-    /// Predicted flown deviation, m, never a promise; none for a fixed wing.
+    /// Within this deviation they are flown, m, by every flight that was measured; on wings in the wind that is reckoned
+    /// with (`vehicle.curve.wind_m_s`), none where that is too strong for the speed.
     pub predicted_m: Option<f64>,
     /// Predicted time that the curved legs take, s.
     pub time_s: f64,
@@ -81,6 +82,8 @@ impl Curved {
             "{legs} curved legs in {chords} chords, proven within {bound_m:.2} m, {time_s:.0} s"
         );
         if let Some(predicted_m) = self.predicted_m {
+            // A bound is rounded upwards.
+            let predicted_m = (predicted_m * 10.0).ceil() * 0.1;
             text += &format!("; flown within {predicted_m:.1} m, predicted and not promised");
         }
         if *tolerance_m > wished_m {

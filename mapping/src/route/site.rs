@@ -1,6 +1,7 @@
 //! What a route is compiled for: the vehicle, where its home is, the limits, and how curves are flown.
 
 pub use curve_paths::Vertices;
+use curve_paths::flight::Airframe;
 pub use curve_paths::flight::{FixedWing, Multicopter, Policy};
 
 use super::wings::Wings;
@@ -36,6 +37,15 @@ impl Site {
     pub fn hovers(&self) -> bool {
         self.wings.is_none()
     }
+
+    /// What turns along its curves, and how.
+    pub(super) fn airframe(&self) -> Airframe {
+        if self.hovers() {
+            Airframe::Multicopter(self.curving.multicopter)
+        } else {
+            Airframe::FixedWing(self.curving.fixed_wing)
+        }
+    }
 }
 
 /// How curved legs are flown: `vehicle.curve`.
@@ -68,15 +78,17 @@ impl Default for Curving {
 impl Curving {
     /// Applies the vehicle's own parameters; what it has not reported stays the default.
     pub fn know(&mut self, parameters: &Parameters) {
-        let (quad, plane) = (&mut self.multicopter, &mut self.fixed_wing);
-        for (known, name) in [
-            (&mut quad.acceleration, "MPC_ACC_HOR"),
-            (&mut quad.jerk, "MPC_JERK_AUTO"),
-            (&mut quad.climb_mps, "MPC_Z_V_AUTO_UP"),
-            (&mut quad.descent_mps, "MPC_Z_V_AUTO_DN"),
-            (&mut plane.slowest_mps, "FW_AIRSPD_MIN"),
-        ] {
-            *known = parameters.above_zero(name).unwrap_or(*known);
+        let mut quad = Airframe::Multicopter(self.multicopter);
+        let mut plane = Airframe::FixedWing(self.fixed_wing);
+        for name in Airframe::NAMES {
+            if let Some(value) = parameters.get(name) {
+                // What is out of its range is as good as not reported.
+                let _ = quad.set(name, value);
+                let _ = plane.set(name, value);
+            }
+        }
+        if let (Airframe::Multicopter(quad), Airframe::FixedWing(plane)) = (quad, plane) {
+            (self.multicopter, self.fixed_wing) = (quad, plane);
         }
     }
 }

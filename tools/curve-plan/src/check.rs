@@ -4,24 +4,16 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use curve_paths::flight::{
-    Airframe, FixedWing, FlightPlan, Flown, Multicopter, Policy, measure, plan_flight,
-};
+use curve_paths::flight::{Airframe, FlightPlan, Flown, Policy, measure, plan_flight};
 use curve_paths::{Densified, Leg, Position};
 use serde_json::json;
 
+use crate::airframe::Vehicle;
 use crate::failure::Failure;
 use crate::heights::{Heights, Home};
 use crate::load::{Densify, Loaded};
 use crate::output::print;
 use crate::tlog;
-
-/// How it turns.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
-enum Kind {
-    Quad,
-    Plane,
-}
 
 /// What to do about a turn that is too tight.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
@@ -57,26 +49,25 @@ pub(crate) struct Command {
         allow_negative_numbers = true
     )]
     speed: f64,
-    /// Check for this airframe.
-    #[arg(long, value_enum, default_value_t = Kind::Quad)]
-    airframe: Kind,
-    /// Limit the bank of a plane to this, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = bank, allow_negative_numbers = true)]
-    bank: f64,
-    /// Keep a plane at or above this speed, m/s.
-    #[arg(
-        long,
-        value_name = "M/S",
-        default_value_t = 10.0,
-        allow_negative_numbers = true
-    )]
-    slowest: f64,
+    /// Check for quad or plane as PX4 comes, or by a vehicle file: PX4's parameters by name in a .toml, or as saved in
+    /// a .params.
+    #[arg(long, value_name = "quad|plane|FILE", default_value = "quad")]
+    airframe: Vehicle,
+    /// Limit the bank of a plane to this, degrees (FW_R_LIM).
+    #[arg(long, value_name = "DEG", value_parser = bank, allow_negative_numbers = true)]
+    bank: Option<f64>,
+    /// Keep a plane at or above this speed, m/s (FW_AIRSPD_MIN).
+    #[arg(long, value_name = "M/S", value_parser = positive, allow_negative_numbers = true)]
+    slowest: Option<f64>,
+    /// Predict for a plane in this wind from any direction, m/s [default: 5].
+    #[arg(long, value_name = "M/S", value_parser = wind, allow_negative_numbers = true)]
+    wind: Option<f64>,
     /// Limit the horizontal acceleration of a quad to this, m/s^2 (MPC_ACC_HOR).
-    #[arg(long, default_value_t = 3.0, value_parser = positive, allow_negative_numbers = true)]
-    acceleration: f64,
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    acceleration: Option<f64>,
     /// Limit the jerk of a quad to this, m/s^3 (MPC_JERK_AUTO).
-    #[arg(long, default_value_t = 4.0, value_parser = positive, allow_negative_numbers = true)]
-    jerk: f64,
+    #[arg(long, value_parser = positive, allow_negative_numbers = true)]
+    jerk: Option<f64>,
     /// Fly a turn that is too tight slower, or refuse the route.
     #[arg(long, value_enum, default_value_t = Tightness::Slow)]
     policy: Tightness,
@@ -94,17 +85,7 @@ impl Command {
         let loaded = Loaded::read(&self.file, &self.how)?;
         loaded.report_losses(&self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
-        let airframe = match self.airframe {
-            Kind::Plane => Airframe::FixedWing(FixedWing {
-                bank_rad: self.bank.to_radians(),
-                slowest_mps: self.slowest,
-            }),
-            Kind::Quad => Airframe::Multicopter(Multicopter {
-                acceleration: self.acceleration,
-                jerk: self.jerk,
-                ..Multicopter::default()
-            }),
-        };
+        let airframe = self.airframe()?;
         let heights = Heights::of(
             &loaded,
             &densified,
@@ -142,6 +123,24 @@ impl Command {
             );
         }
         print(&text)
+    }
+
+    /// That of the file, with the limits of the command line.
+    fn airframe(&self) -> Result<Airframe, Failure> {
+        let mut airframe = self.airframe.airframe()?;
+        for (name, value) in [
+            ("FW_R_LIM", self.bank),
+            ("FW_AIRSPD_MIN", self.slowest),
+            ("wind_m_s", self.wind),
+            ("MPC_ACC_HOR", self.acceleration),
+            ("MPC_JERK_AUTO", self.jerk),
+        ] {
+            if let Some(value) = value {
+                let set = airframe.set(name, value);
+                set.map_err(|fault| Failure::Usage(fault.to_string()))?;
+            }
+        }
+        Ok(airframe)
     }
 
     fn report(
@@ -255,9 +254,16 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+fn wind(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (0.0..=30.0).contains(&x) => Ok(x),
+        _ => Err("expected 0 to 30".into()),
+    }
+}
+
 fn bank(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(x) if x > 0.0 && x < 85.0 => Ok(x),
-        _ => Err("expected more than 0 and less than 85 degrees".into()),
+        Ok(x) if x > 0.0 && x <= 84.0 => Ok(x),
+        _ => Err("expected more than 0 and at most 84 degrees".into()),
     }
 }

@@ -6,6 +6,7 @@
 //! 2: the command line or a file is wrong, with the file, the line and the field on standard error.
 #![forbid(unsafe_code)]
 
+mod airframe;
 mod check;
 mod compare;
 mod convert;

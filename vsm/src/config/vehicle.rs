@@ -78,6 +78,8 @@ table! {
         /// Vertices of the straight legs `"on"` the curve, or `"free"`: off it by up to the tolerance, about a quarter fewer
         /// items, proven all the same
         pub vertices: CurveVertices => Value("\"on\""),
+        /// Wind, from any direction, in which the flown deviation of wings is predicted, 0 to 30 m/s
+        pub wind_m_s: f64 => Value("5.0"),
     }
 }
 
@@ -88,6 +90,7 @@ impl Default for Curve {
             max_items: 500,
             policy: CurvePolicy::Slow,
             vertices: CurveVertices::On,
+            wind_m_s: 5.0,
         }
     }
 }
@@ -335,6 +338,9 @@ impl Curve {
         }
         if !(2..=10_000).contains(&self.max_items) {
             return fault(at, "vehicle.curve.max_items", self.max_items, "2 to 10000");
+        }
+        if !(0.0..=30.0).contains(&self.wind_m_s) {
+            return fault(at, "vehicle.curve.wind_m_s", self.wind_m_s, "0 to 30 (m/s)");
         }
         Ok(())
     }

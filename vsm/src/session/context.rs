@@ -14,7 +14,7 @@ use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::route::{Curving, Pattern, Policy, Vertices, Wings};
+use mapping::route::{Curving, FixedWing, Pattern, Policy, Vertices, Wings};
 use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
 use stanag_msgs::enums::{CommandedEngineState, RouteType};
@@ -338,6 +338,10 @@ impl Bounds {
                 vertices: match config.curve.vertices {
                     config::CurveVertices::On => Vertices::OnCurve,
                     config::CurveVertices::Free => Vertices::Free,
+                },
+                fixed_wing: FixedWing {
+                    wind_mps: config.curve.wind_m_s,
+                    ..FixedWing::default()
                 },
                 ..Curving::default()
             },

@@ -8,7 +8,7 @@
 use curve_paths::flight::measure;
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
-use px4_sim::{Config, Mode as Px4};
+use px4_sim::{Airframe, Config, Mode as Px4};
 use stanag_msgs::enums::{
     AckType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode, MissionTransferStatus,
 };
@@ -34,7 +34,26 @@ const fn climbing(p: [At; 4]) -> Curve {
     Curve { p, climbs: true }
 }
 
-/// Ten routes: arcs, an S, a hook, a loop, climbs, a circle, an eight.
+/// Two bends, the P2 of the second drawn out by so much.
+fn tightening(drawn_out_m: f64) -> Vec<Curve> {
+    const H: f64 = 30.0;
+    vec![
+        level([
+            (30.0, 0.0, H),
+            (90.0, 0.0, H),
+            (120.0, 40.0, H),
+            (120.0, 100.0, H),
+        ]),
+        level([
+            (120.0, 100.0, H),
+            (120.0, 160.0 + drawn_out_m, H),
+            (60.0, 150.0, H),
+            (60.0, 210.0, H),
+        ]),
+    ]
+}
+
+/// Twelve routes: arcs, an S, a hook, a loop, bends that tighten, climbs, a circle, an eight.
 fn routes() -> Vec<(&'static str, Vec<Curve>)> {
     const H: f64 = 30.0;
     // The arm of a quarter circle, as a part of its radius.
@@ -84,23 +103,9 @@ fn routes() -> Vec<(&'static str, Vec<Curve>)> {
                 (180.0, 0.0, H),
             ])],
         ),
-        (
-            "two bends",
-            vec![
-                level([
-                    (30.0, 0.0, H),
-                    (90.0, 0.0, H),
-                    (120.0, 40.0, H),
-                    (120.0, 100.0, H),
-                ]),
-                level([
-                    (120.0, 100.0, H),
-                    (120.0, 160.0, H),
-                    (60.0, 150.0, H),
-                    (60.0, 210.0, H),
-                ]),
-            ],
-        ),
+        ("two bends", tightening(0.0)),
+        ("a bend that tightens by 30 m", tightening(30.0)),
+        ("a bend that tightens by 40 m", tightening(40.0)),
         (
             "even climb",
             vec![level([
@@ -272,7 +277,7 @@ fn flown(rig: &mut Rig, height_m: f64) -> Vec<Position> {
 }
 
 #[test]
-fn ten_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_and_10_m_s() {
+fn twelve_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_and_10_m_s() {
     for speed_m_s in [5.0, 10.0] {
         for (seed, (name, curves)) in routes().into_iter().enumerate() {
             let setup = Setup {
@@ -286,7 +291,10 @@ fn ten_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_and
                 reported.legs == curves.len() && reported.bound_m <= 1.0,
                 "{name}: {reported:?}"
             );
-            let text = format!("flown within {predicted_m:.1} m, predicted and not promised");
+            let text = format!(
+                "flown within {:.1} m, predicted and not promised",
+                (predicted_m * 10.0).ceil() * 0.1
+            );
             assert!(
                 rig.station().has_alert(&text),
                 "{name}: {:?}",
@@ -530,4 +538,138 @@ fn too_few_items_are_kept_with_the_smallest_tolerance_reported_at_load() {
     let dense = densify(&legs, &Options::flight(1.0)).expect("flyable");
     let flown = measure(&legs, &dense, &track, ACCEPTANCE_M).expect("from end to end");
     assert!(flown.deviation_m <= predicted_m, "{flown:?} {predicted_m}");
+}
+
+/// On wings: 200 m straight to the north, a half circle to the right, and 150 m straight back.
+fn half_circle(radius_m: f64) -> Vec<Curve> {
+    const H: f64 = 60.0;
+    let (r, arm) = (radius_m, 0.552_284_75 * radius_m);
+    let line = |from: (f64, f64), to: (f64, f64)| {
+        let part = |f: f64| {
+            (
+                from.0 + f * (to.0 - from.0),
+                from.1 + f * (to.1 - from.1),
+                H,
+            )
+        };
+        level([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(part))
+    };
+    vec![
+        line((300.0, 0.0), (500.0, 0.0)),
+        level([
+            (500.0, 0.0, H),
+            (500.0 + arm, 0.0, H),
+            (500.0 + r, r - arm, H),
+            (500.0 + r, r, H),
+        ]),
+        level([
+            (500.0 + r, r, H),
+            (500.0 + r, r + arm, H),
+            (500.0 + arm, 2.0 * r, H),
+            (500.0, 2.0 * r, H),
+        ]),
+        line((500.0, 2.0 * r), (350.0, 2.0 * r)),
+    ]
+}
+
+/// The same at 15 m/s as a plan, and a straight leg after it: at the end of a route wings begin their loiter early.
+fn wing_plan(curves: &[Curve]) -> Vec<Message> {
+    let mut plan = plan(curves, 15.0);
+    let (last, beyond) = (number(curves.len()), number(curves.len() + 1));
+    for message in &mut plan {
+        if let Message::UaPositionWaypoint(waypoint) = message
+            && waypoint.waypoint_number == Some(last)
+        {
+            waypoint.next_waypoint = Some(beyond);
+        }
+    }
+    let (_, east, up) = curves[curves.len() - 1].p[3];
+    plan.push(orders::waypoint(beyond, 0, 0.0, east, up).into());
+    plan
+}
+
+fn winged(curve_keys: &'static str) -> Setup {
+    Setup {
+        vehicles: vec![Config {
+            airframe: Airframe::Plane,
+            wind_ne_ms: [3.5, 3.5],
+            ..Config::default()
+        }],
+        vehicle_keys: curve_keys,
+        ..Setup::default()
+    }
+}
+
+#[test]
+fn a_turn_on_wings_in_a_wind_is_flown_within_the_predicted_deviation() {
+    let curves = half_circle(35.0);
+    let keys = "landing = { course_deg = 90.0, height_m = 40.0 }";
+    let mut rig = loaded(winged(keys), wing_plan(&curves));
+    let predicted_m = curved(&rig).predicted_m.expect("of wings too");
+    rig.take_off(60.0);
+    let up = rig.until(200.0, |rig| {
+        rig.truth().mode == Px4::Loiter && !rig.truth().landed
+    });
+    assert!(up, "{:?}", rig.truth());
+    // Level at its altitude before the first waypoint.
+    rig.run(30.0);
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::CarriedOut)
+    );
+    let ground_m = Config::default().home.altitude_m;
+    let mut track = Vec::new();
+    for _ in 0..1_500 {
+        rig.run(0.1);
+        let at = rig.truth().place;
+        track.push(Position::new(
+            at.latitude_deg,
+            at.longitude_deg,
+            at.altitude_m - ground_m,
+        ));
+    }
+    let legs = legs(&curves);
+    let dense = densify(&legs, &Options::flight(1.0)).expect("flyable");
+    let flown = measure(&legs, &dense, &track, ACCEPTANCE_M).expect("from end to end");
+    println!(
+        "half circle of 35 m on wings: {:.2} m flown, {predicted_m:.2} m predicted",
+        flown.deviation_m
+    );
+    // A wing that lags by nothing is no wing: a real PX4 is 3 to 9 m off in such turns.
+    let off_m = flown.deviation_m;
+    assert!(
+        off_m > 1.5 && off_m <= predicted_m,
+        "{flown:?} {predicted_m}"
+    );
+}
+
+#[test]
+fn a_turn_tighter_than_the_wing_can_is_refused_with_its_waypoint_and_figures() {
+    let slow = "landing = { course_deg = 90.0, height_m = 40.0 }";
+    let refuse =
+        "landing = { course_deg = 90.0, height_m = 40.0 }\ncurve = { policy = \"refuse\" }";
+    for (keys, radius_m, texts) in [
+        // 8.6 m at FW_AIRSPD_MIN, 10 m/s, and FW_R_LIM, 50 degrees; 19.3 m at 15 m/s.
+        (
+            slow,
+            6.0,
+            ["radius 5.9 m allows 8.3 m/s", "the slowest is 10 m/s"],
+        ),
+        (
+            refuse,
+            15.0,
+            ["radius 14.8 m", "15 m/s asked for, at most 13.2 m/s"],
+        ),
+    ] {
+        let mut rig = Rig::ready_with(winged(keys));
+        rig.send_plan(wing_plan(&half_circle(radius_m)));
+        assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+        for text in ["waypoint 693: its curved leg to 686:", texts[0], texts[1]] {
+            assert!(
+                rig.station().has_alert(text),
+                "{text}: {:?}",
+                rig.station().alerts()
+            );
+        }
+    }
 }

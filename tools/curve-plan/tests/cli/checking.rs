@@ -19,6 +19,8 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
         "plane",
         "--slowest",
         "5",
+        "--bank",
+        "30",
         "--json",
     ]);
     let fastest = report["fastest_mps"].as_f64().unwrap();
@@ -36,6 +38,8 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
         "30",
         "--airframe",
         "plane",
+        "--bank",
+        "30",
         "--policy",
         "refuse",
     ]);
@@ -50,6 +54,122 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
             .contains("predicted and not promised")
     );
     assert_eq!(files.refused(&["check", "route.toml", "--bank", "90"]).0, 2);
+}
+
+#[test]
+fn check_takes_the_airframe_of_a_vehicle_file() {
+    let files = Files::new();
+    files.put(
+        "wing.toml",
+        include_str!("../../../../examples/plane.airframe.toml"),
+    );
+    files.put(
+        "wing.params",
+        "# Onboard parameters\n1\t1\tMAV_TYPE\t22\t6\n1\t1\tFW_R_LIM\t45.0\t9\n1\t1\tSYS_AUTOSTART\t10043\t6\n",
+    );
+    files.put("quad.toml", "MAV_TYPE = 2\nMPC_ACC_HOR = 1.0\n");
+    let check = |airframe: &str, more: &[&str]| {
+        let common = [
+            "check",
+            "route.toml",
+            "--home",
+            HOME,
+            "--speed",
+            "15",
+            "--json",
+        ];
+        files.json(&[&common[..], &["--airframe", airframe], more].concat())
+    };
+    let figure = |report: &serde_json::Value, key: &str| report[key].as_f64().unwrap();
+    let file = check("wing.toml", &[]);
+    // 45 degrees of bank: the same as by the option, and less than the 50 of PX4.
+    let [saved, option, px4] = [
+        check("wing.params", &[]),
+        check("plane", &["--bank", "45"]),
+        check("plane", &[]),
+    ];
+    assert_eq!(figure(&file, "fastest_mps"), figure(&option, "fastest_mps"));
+    assert_eq!(
+        figure(&saved, "fastest_mps"),
+        figure(&option, "fastest_mps")
+    );
+    assert!(figure(&file, "fastest_mps") < figure(&px4, "fastest_mps"));
+    // 8 m/s of wind in the file, 5 where nothing is said.
+    let predicted = "predicted_deviation_m";
+    assert!(figure(&file, predicted) > figure(&saved, predicted));
+    let lazy = check("quad.toml", &[]);
+    assert!(figure(&lazy, "fastest_mps") < figure(&check("quad", &[]), "fastest_mps"));
+}
+
+#[test]
+fn a_mistake_in_a_vehicle_file_is_named() {
+    let files = Files::new();
+    for (name, text, named) in [
+        ("a.toml", "FW_R_LIM = 45.0\n", "MAV_TYPE is missing"),
+        (
+            "b.toml",
+            "MAV_TYPE = 6\n",
+            "key MAV_TYPE: MAV_TYPE is 6, expected 1 (fixed wing)",
+        ),
+        (
+            "c.toml",
+            "MAV_TYPE = 1\nFW_RLIM = 45\n",
+            "FW_RLIM is unknown, expected one of FW_AIRSPD_MIN",
+        ),
+        (
+            "d.toml",
+            "MAV_TYPE = 1\nFW_R_LIM = 90\n",
+            "FW_R_LIM is 90, expected more than 0 and at most 84",
+        ),
+        (
+            "e.toml",
+            "MAV_TYPE = 1\nFW_R_LIM = \"45\"\n",
+            "key FW_R_LIM: \"45\", expected a number",
+        ),
+        (
+            "f.toml",
+            "MAV_TYPE = 1\nFW_R_LIM = nan\n",
+            "FW_R_LIM is NaN",
+        ),
+        ("g.toml", "MAV_TYPE = \n", "line 1"),
+        (
+            "h.params",
+            "1\t1\tMAV_TYPE\t1\t6\n1\t1\tFW_R_LIM\n",
+            "line 2: ",
+        ),
+        (
+            "i.params",
+            "1\t1\tMAV_TYPE\t1\t6\n1\t1\tFW_R_LIM\tx\t9\n",
+            "line 2: FW_R_LIM is \"x\", expected a number",
+        ),
+        (
+            "j.params",
+            "1\t1\tMAV_TYPE\t1\t6\n1\t1\tNPFG_PERIOD\t-1\t9\n",
+            "line 2: NPFG_PERIOD is -1",
+        ),
+    ] {
+        files.put(name, text);
+        let (status, printed) =
+            files.refused(&["check", "route.toml", "--home", HOME, "--airframe", name]);
+        assert!(
+            status == 2 && printed.contains(name) && printed.contains(named),
+            "{status} {printed}"
+        );
+    }
+    for (airframe, named) in [
+        ("missing.toml", "missing.toml"),
+        ("glider", "expected quad, plane"),
+    ] {
+        let (status, printed) = files.refused(&[
+            "check",
+            "route.toml",
+            "--home",
+            HOME,
+            "--airframe",
+            airframe,
+        ]);
+        assert!(status == 2 && printed.contains(named), "{status} {printed}");
+    }
 }
 
 /// A .tlog record of a MAVLink 1 GLOBAL_POSITION_INT.

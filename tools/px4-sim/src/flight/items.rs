@@ -6,7 +6,8 @@ use mavlink_link::service::mission::Item;
 
 use super::view::View;
 use crate::config::{Airframe, Param};
-use crate::physics::motion::{GRAVITY, Geodetic, LocalFrame, Ned};
+use crate::physics::airframe::npfg;
+use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 
 /// Where an item is.
 pub(crate) fn place(item: &Item, view: &View<'_>) -> Ned {
@@ -67,11 +68,11 @@ pub(crate) fn acceptance(item: &Item, view: &View<'_>) -> f64 {
     }
 }
 
-/// How early a plane turns: the tangent of its turn circle, at least the acceptance radius.
+/// How early a plane takes a waypoint: by its guidance law, at least within the acceptance radius.
 pub(crate) fn turn_switch_distance(view: &View<'_>) -> f64 {
-    let bank = view.params.get(Param::FW_R_LIM).to_radians().min(0.8);
-    let radius = view.velocity.horizontal().powi(2) / (GRAVITY * bank.tan());
-    view.acceptance().max(0.6 * radius)
+    let npfg = npfg(view.params);
+    view.acceptance()
+        .max(npfg.switch_m(view.velocity.horizontal()))
 }
 
 /// Whether the item is flown to, rather than carried out where the vehicle is.

@@ -1,5 +1,7 @@
 //! Either airframe behind one set of calls, and the parameters that it flies by.
 
+use curve_paths::flight::Npfg;
+
 use crate::config::{Airframe, Config, Param, Params};
 use crate::physics::motion::{Motion, Ned};
 use crate::physics::plane::{Plane, PlaneTuning};
@@ -210,6 +212,15 @@ fn quad(p: &Params) -> QuadTuning {
     }
 }
 
+/// The guidance law of wings.
+pub(crate) fn npfg(p: &Params) -> Npfg {
+    Npfg {
+        period_s: above(p, Param::NPFG_PERIOD, 1.0),
+        damping: above(p, Param::NPFG_DAMPING, 0.1),
+        switch_multiplier: above(p, Param::NPFG_SW_DST_MLT, 0.1),
+    }
+}
+
 fn plane(p: &Params) -> PlaneTuning {
     let above = |param, least| above(p, param, least);
     PlaneTuning {
@@ -218,5 +229,6 @@ fn plane(p: &Params) -> PlaneTuning {
         bank_max: above(Param::FW_R_LIM, 5.0).min(65.0).to_radians(),
         climb: above(Param::FW_T_CLMB_R_SP, 0.1),
         sink: above(Param::FW_T_SINK_R_SP, 0.1),
+        npfg: npfg(p),
     }
 }

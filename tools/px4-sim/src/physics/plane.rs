@@ -1,7 +1,9 @@
 //! A fixed wing: it flies at an airspeed, turns by banking, drifts with the wind, and never stops
 //! before it has landed.
 
-use crate::physics::motion::{GRAVITY, Motion, Ned, wrap_pi};
+use curve_paths::flight::Npfg;
+
+use crate::physics::motion::{GRAVITY, Motion, Ned};
 use crate::physics::noise::{Drift, Noise};
 use crate::physics::trajectory::{Circle, Guidance, Leg, Trajectory};
 
@@ -18,6 +20,8 @@ pub(crate) struct PlaneTuning {
     pub climb: f64,
     /// FW_T_SINK_R_SP, m/s.
     pub sink: f64,
+    /// NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT.
+    pub npfg: Npfg,
 }
 
 /// The airframe's state.
@@ -86,6 +90,7 @@ impl Plane {
             bank_max: 0.1,
             climb: 0.0,
             sink: 0.0,
+            npfg: Npfg::default(),
         };
         self.fly(dt, &demand, &wide);
         self.airspeed = (self.airspeed + push * dt).max(0.0);
@@ -129,20 +134,13 @@ impl Plane {
         }
     }
 
+    /// By PX4's own guidance law, so that a curve is flown with its lag.
     fn along(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Demand {
         self.target.position = leg.target;
-        let line = leg.target - leg.from;
-        let length = line.horizontal();
-        let to_target = leg.target - believed;
-        let course = if length < 1.0 {
-            to_target.bearing()
-        } else {
-            let (un, ue) = (line.n / length, line.e / length);
-            let run = believed - leg.from;
-            let off = -run.n * ue + run.e * un;
-            // The farther off the line, the steeper the way back to it.
-            line.bearing() - (off / (0.3 * 6.0 * self.airspeed.max(8.0))).atan()
-        };
+        let flat = |at: Ned| [at.n, at.e];
+        let ground = self.motion.velocity.horizontal();
+        let [at, from, to] = [believed, leg.from, leg.target].map(flat);
+        let course = tuning.npfg.course(at, from, to, ground);
         Demand {
             course,
             climb: self.climb_to(leg.target.d, believed, tuning),
@@ -214,10 +212,12 @@ impl Plane {
         };
         self.climb += (climb - self.climb).clamp(-1.5 * dt, 1.5 * dt);
 
-        let speed = self.motion.velocity.horizontal().max(5.0);
-        let turn = 0.8 * wrap_pi(demand.course - self.course());
+        let heading = self.motion.attitude[2];
+        let speed = self.airspeed.max(5.0);
+        let air = [speed * heading.cos(), speed * heading.sin()];
         let bank = if airborne {
-            (speed * turn / GRAVITY).atan()
+            let turn = tuning.npfg.acceleration(demand.course, air, self.wind);
+            (turn / GRAVITY).atan()
         } else {
             0.0
         };
