@@ -130,6 +130,12 @@ pub struct Means {
     /// Restores it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub restore_vehicle_link: Option<String>,
+    /// Drives the vehicle's energy level below the caution limit that the configuration declares.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lower_energy: Option<String>,
+    /// Restores it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub restore_energy: Option<String>,
 }
 
 /// Figures of the subject.
@@ -146,6 +152,25 @@ pub struct Figures {
     pub offer_s: f64,
     /// Seconds without heartbeats after which control is taken.
     pub act_s: f64,
+    /// Seconds after which a handover fails to which nobody consents.
+    pub handover_s: f64,
+    /// What a vehicle in flight does when its controlling CUCS is lost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub on_loss: Option<OnLoss>,
+}
+
+/// What is provisioned for the loss of the controlling CUCS.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnLoss {
+    /// What it does goes on.
+    Continue,
+    /// It loiters where it is.
+    Hold,
+    /// It flies a contingency route.
+    Contingency,
+    /// It returns to where it was launched.
+    Return,
 }
 
 impl Default for Figures {
@@ -156,6 +181,8 @@ impl Default for Figures {
             load_per_s: 100,
             offer_s: 5.0,
             act_s: 10.0,
+            handover_s: 20.0,
+            on_loss: None,
         }
     }
 }

@@ -693,7 +693,7 @@ fn rank(rule: &Rule) -> (u8, String) {
     let airborne = flies(rule);
     let rank = match rule.hazard {
         // A station that has sent heartbeats is watched for its silence from then on, in all that follows.
-        _ if ["HB-001", "HB-003", "HB-004"].contains(&rule.id.as_str()) => 23,
+        _ if ["HB-001", "HB-003", "HB-004", "LINK-005"].contains(&rule.id.as_str()) => 23,
         // What may kill a subject goes last.
         _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => {
             20

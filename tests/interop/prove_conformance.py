@@ -143,7 +143,8 @@ class Bench:
                 lines += ["position = [47.3977434, 8.5455939]", "amsl_m = 488.0", "geoid_m = 47.0", 'tail_number = "SECOND-01"']
         order = f"{python} {PROGRAM} --order {self.control}"
         lines += ["[means]", f'restart = "{python} {here} --restart {self.path}"', f'cut_vehicle_link = "{order} link down"',
-                  f'restore_vehicle_link = "{order} link up"', "[figures]", f"speed_factor = {float(self.speed)}"]
+                  f'restore_vehicle_link = "{order} link up"', f'lower_energy = "{order} battery 20"', f'restore_energy = "{order} battery 100"',
+                  "[figures]", f"speed_factor = {float(self.speed)}", f'on_loss = "{"hold" if "--on-loss" in self.run.options else "continue"}"']
         return "\n".join(lines) + "\n"
 
     def owner(self):

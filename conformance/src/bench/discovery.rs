@@ -64,8 +64,9 @@ pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
         let station = Station::new(bench, candidate.id, Id::BROADCAST)?;
         let mut answers = station.discover()?;
         survey.broadcast |= !answers.is_empty();
-        if answers.is_empty() && !survey.vehicles.is_empty() {
-            // A subject that does not answer broadcasts may still be judged by its other rules.
+        if answers.is_empty() && !survey.vehicles.is_empty() && !survey.broadcast {
+            // A subject that does not answer broadcasts may still be judged by its other rules. One that answers those of
+            // another id does not know this one.
             let directed = Station::new(bench, candidate.id, survey.vehicles[0].id)?;
             answers.extend(directed.request(0, Access::Release).ok());
         }

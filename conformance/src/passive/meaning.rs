@@ -1,10 +1,12 @@
 //! Judges of what messages mean together: ids, rights, alerts, acknowledgements, transfers, configuration.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use stanag_msgs::Id;
 
 use super::view::{Found, Judge, View};
+use crate::wire::Seen;
 
 pub(super) const JUDGES: &[Judge] = &[
     Judge {
@@ -115,7 +117,21 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
     let mut open: BTreeMap<(u32, usize), BTreeSet<i64>> = BTreeMap::new();
     let mut first: BTreeMap<(u32, usize, i64), Vec<u8>> = BTreeMap::new();
     let mut parts = BTreeSet::new();
+    let mut ever = BTreeSet::new();
+    // Who gives up its levels is sent nothing of an alert that changes: when it connects again, what stands is new to it.
+    let levels = |seen: &&Arc<Seen>| {
+        seen.kind() == 1 && seen.raw("Requested/Handover LOI").unwrap_or_default() != 0
+    };
+    let mut connects: Vec<_> = view.requests().filter(levels).collect();
+    connects.sort_by_key(|seen| seen.at);
+    let mut connects = connects.into_iter().peekable();
     for seen in view.messages().filter(|seen| seen.kind() == 16000) {
+        while let Some(connected) = connects.next_if(|connected| connected.at <= seen.at) {
+            let receiver = (connected.piece.source.0, connected.socket);
+            open.remove(&receiver);
+            first.retain(|known, _| (known.0, known.1) != receiver);
+            parts.retain(|known: &((u32, usize), i64, i64)| known.0 != receiver);
+        }
         let Some(id) = seen.raw("Alert (Warning) ID") else {
             continue;
         };
@@ -132,6 +148,7 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
             continue;
         }
         if id < 0 {
+            ever.insert(-id);
             let again = !known.insert(-id);
             // The same bytes again are a repetition of the network or of the sender, not a new alert.
             let same = first
@@ -143,7 +160,7 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
             });
         } else {
             // A receiver that joined later, or that lost the first one, sees an update only.
-            let elsewhere = open.values().any(|ids| ids.contains(&id));
+            let elsewhere = ever.contains(&id);
             found.check(seen, id != 0 && (elsewhere || !view.live), || format!("expected the first message of an alert to have a negative id; got {id}, and -{id} was never sent"));
         }
     }

@@ -43,6 +43,10 @@ pub(super) const SCENES: &[Scene] = &[
         play: limits_make_sense,
     },
     Scene {
+        rule: "CONF-011",
+        play: limits_are_watched_by_the_cucs,
+    },
+    Scene {
         rule: "CONF-008",
         play: what_is_declared_is_accepted,
     },
@@ -420,6 +424,67 @@ fn limits_make_sense(t: &Trial) -> Judged {
     full(t, &station, 3).precondition("a full configuration")?;
     Ok(())
 }
+
+/// The CUCS warns by the declared limits: the VSM does not do the same by an alert of its own.
+fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
+    let means = &t.bench.profile.means;
+    let (Some(lower), Some(restore)) = (&means.lower_energy, &means.restore_energy) else {
+        return Err(Stop::not_applicable(
+            "needs means.lower_energy and means.restore_energy in the profile",
+        ));
+    };
+    let station = t.monitor()?;
+    let configuration = full(t, &station, 1).precondition("a full configuration")?;
+    let declared = configuration.iter().find(|seen| {
+        matches!(seen.kind(), 41000 | 41001 | 41003)
+            && seen.raw("Requested Message") == Some(3002)
+            && seen.raw("Requested Field") == Some(ENERGY)
+            && seen.raw("Low Caution Limit").is_some_and(|limit| limit > 0)
+    });
+    let Some(declared) = declared else {
+        return Err(Stop::not_applicable(
+            "no caution limit is declared for the energy level (field 12 of 3002)",
+        ));
+    };
+    t.cite(declared);
+    let limit = declared.raw("Low Caution Limit").unwrap_or_default();
+    let level = |seen: &Seen| seen.raw("Current Propulsion Energy Level");
+    if level(&*station.query(3002)?).is_none_or(|level| level <= limit) {
+        return Err(Stop::inconclusive(
+            "the energy level is below its declared caution limit already, or absent",
+        ));
+    }
+    let mark = t.bench.net.mark();
+    crate::means::shell(lower).map_err(Stop::Inconclusive)?;
+    let result = (|| {
+        let low = station.wait(mark, t.timers().status, |seen| {
+            seen.kind() == 3002 && level(seen).is_some_and(|level| level < limit)
+        });
+        t.pause(t.timers().quiet)?;
+        Ok(low.is_some())
+    })();
+    crate::means::shell(restore).map_err(Stop::Inconclusive)?;
+    if !result? {
+        return Err(Stop::inconclusive(
+            "means.lower_energy did not bring the energy level in 3002 below its declared caution limit",
+        ));
+    }
+    let own = station.received(mark, |seen| {
+        seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+    });
+    if let Some(own) = own.first() {
+        t.expect_of(own, false, || {
+            format!(
+                "expected no 16000 for an energy level below its declared limit, which the CUCS watches; got {:?}",
+                own.text("Text").unwrap_or_default()
+            )
+        })?;
+    }
+    Ok(())
+}
+
+/// Current Propulsion Energy Level of 3002.
+const ENERGY: i64 = 12;
 
 fn what_is_declared_is_accepted(t: &Trial) -> Judged {
     let a = t.controller()?;

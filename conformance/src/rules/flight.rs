@@ -96,6 +96,9 @@ fn fixes(t: &Trial, a: &Station, time: Duration) -> Judged<Vec<Fix>> {
 /// The track between the first and the last of these fixes, in the vehicle's time: stamps of a simulation run faster.
 fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     let (first, last) = (fixes.first()?, fixes.last()?);
+    // The last in steady flight: at the end of its leg a vehicle may have stopped.
+    let flies = |fix: &&Fix| fix.north.hypot(fix.east) > 2.5;
+    let steady = fixes.iter().rev().find(flies);
     let (north, east) = last.from(first.latitude, first.longitude);
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
     let mut integrated = [0.0; 3];
@@ -108,9 +111,16 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     }
     Some(Track {
         distance: north.hypot(east),
-        course: last.east.atan2(last.north).rem_euclid(TAU),
+        // Of a slow vehicle by where it went: its velocity is little more than noise.
+        course: match steady {
+            Some(fix) => fix.east.atan2(fix.north),
+            None => east.atan2(north),
+        }
+        .rem_euclid(TAU),
         // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
-        heading: last.heading.filter(|_| last.north.hypot(last.east) > 2.5),
+        heading: steady
+            .or(Some(last).filter(|_| north.hypot(east) > 8.0))
+            .and_then(|fix| fix.heading),
         moved: [north, east, last.altitude - first.altitude],
         integrated,
     })

@@ -271,7 +271,7 @@ fn a_handover_that_lapses(t: &Trial) -> Judged {
         move |seen: &crate::wire::Seen| seen.kind() == 35000 && seen.raw("Status") == Some(wanted)
     };
     let begun = a.wait(mark, t.timers().answer, status(1)).is_some();
-    let limit = Duration::from_secs_f64(t.bench.profile.figures.act_s) + t.timers().answer * 3;
+    let limit = Duration::from_secs_f64(t.bench.profile.figures.handover_s) + t.timers().answer;
     let failed = a.wait(mark, limit, status(3));
     let successful = a.received(mark, status(2));
     t.expect(successful.is_empty(), || {

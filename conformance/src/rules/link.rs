@@ -3,11 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use super::flight::stretch;
 use super::scene::Scene;
-use crate::bench::flight::mode_command;
+use crate::bench::flight::{
+    Plan, airborne, fix, fly_until, home, loaded, mode, mode_becomes, mode_command, reported_mode,
+    route_head,
+};
 use crate::bench::station::{Access, Station, loi};
 use crate::bench::trial::Trial;
-use crate::verdict::{Judged, Stop};
+use crate::profile::OnLoss;
+use crate::verdict::{Judged, Precondition as _, Stop};
 use crate::wire::{Direction, Draft};
 use stanag_msgs::Id;
 
@@ -29,10 +34,90 @@ pub(super) const SCENES: &[Scene] = &[
         play: loss_of_the_vehicle_link_keeps_control,
     },
     Scene {
+        rule: "LINK-005",
+        play: loss_of_the_cucs_is_flown_as_planned,
+    },
+    Scene {
         rule: "TIME-005",
         play: a_wrong_clock_is_not_ignored_silently,
     },
 ];
+
+/// The holder sends heartbeats, then nothing, on a long route: another CUCS watches what follows.
+fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
+    let figures = &t.bench.profile.figures;
+    let Some(planned) = figures.on_loss else {
+        return Err(Stop::not_applicable(
+            "needs figures.on_loss in the profile: what is provisioned for the loss of the CUCS",
+        ));
+    };
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "LOST", &[1, 2, 3]);
+    stretch(&home, &mut plan, 1_500.0);
+    if planned == OnLoss::Contingency {
+        let contingency = Plan::zigzag(&home, "LOST", &[101, 102]);
+        plan.points.push(route_head("R-LOST", 101, 3));
+        plan.points.extend(contingency.points);
+    }
+    loaded(t, &a, &plan)?;
+    a.send(mode_command(mode::WAYPOINT).acked());
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Err(Stop::inconclusive("mode 11 was not entered"));
+    }
+    let b = t.b()?;
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    for _ in 0..4 {
+        a.send(Draft::new(16002));
+        t.pause(Duration::from_secs(1))?;
+    }
+    let mark = t.bench.net.mark();
+    t.pause(Duration::from_secs_f64(figures.act_s))?;
+    let expected = |shown: Option<i64>| match planned {
+        OnLoss::Continue => shown == Some(mode::WAYPOINT),
+        OnLoss::Hold => shown == Some(mode::LOITER),
+        OnLoss::Contingency => matches!(shown, Some(23 | 24)),
+        OnLoss::Return => !matches!(
+            shown,
+            None | Some(mode::WAYPOINT | mode::LOITER | mode::AUTOPILOT)
+        ),
+    };
+    let deadline = t.bench.net.now() + t.timers().begin;
+    let mut shown = reported_mode(&b)?;
+    while !expected(shown) && t.bench.net.now() < deadline {
+        t.pause(Duration::from_millis(200))?;
+        shown = reported_mode(&b)?;
+    }
+    t.expect(expected(shown), || {
+        format!(
+            "expected the vehicle to {planned:?} {:.0} s after the last heartbeat of the CUCS in control, as the profile has it; 3001 shows mode {shown:?}",
+            figures.act_s
+        )
+    })?;
+    let from = fix(t, &b)?;
+    let far = from.distance(home.latitude, home.longitude);
+    let moved = fly_until(t, &b, t.timers().begin, |fix| {
+        let moved = fix.distance(from.latitude, from.longitude);
+        match planned {
+            OnLoss::Return => fix.distance(home.latitude, home.longitude) < (far - 10.0).max(5.0),
+            // A hovering vehicle comes to rest, a circling one stays near.
+            OnLoss::Hold => moved > 400.0,
+            OnLoss::Continue | OnLoss::Contingency => moved > 20.0,
+        }
+    })?;
+    t.expect(moved.is_some() != (planned == OnLoss::Hold), || {
+        format!(
+            "expected 4000 to show the vehicle {planned:?} after the loss of the CUCS; it does not"
+        )
+    })?;
+    let said = b.received(mark, |seen| {
+        seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+    });
+    t.expect(!said.is_empty(), || {
+        "expected a 16000 of priority 2 or more about the loss of the CUCS in control; none came"
+            .into()
+    })
+}
 
 fn data_links_are_found_by_broadcast(t: &Trial) -> Judged {
     let station = t.any()?;

@@ -65,17 +65,10 @@ pub fn scenes() -> Vec<&'static Scene> {
 }
 
 /// Rules of the catalogue that have neither scene nor judge, with the reason.
-pub const WITHOUT_CODE: &[(&str, &str)] = &[
-    (
-        "ROUTE-018",
-        "needs a means by which a contingency is declared",
-    ),
-    ("CONF-011", "needs a value driven under its declared limit"),
-    (
-        "LINK-005",
-        "needs to know which behaviour was provisioned for the loss of the CUCS",
-    ),
-];
+pub const WITHOUT_CODE: &[(&str, &str)] = &[(
+    "ROUTE-018",
+    "needs a means by which a contingency is declared",
+)];
 
 /// Rules that name Edition 2.5 and cannot be judged there by playing, with the reason.
 pub const NOT_IN_25: &[(&str, &str)] = &[

@@ -66,6 +66,17 @@ def _(vsm):
         vehicle.mission.highest_m = 1e9
 
 
+@fault("CONF-011", "an alert of its own for an energy level below the declared limit")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def tick(_result, _dt, vehicle=vehicle):
+            if vehicle.aircraft.battery < 30:
+                vehicle.alerts.raise_("energy", alert.CAUTION, alert.ENERGY, "battery low", vehicle.now())
+            else:
+                vehicle.alerts.clear("energy")
+        after(vehicle, "advance", tick)
+
+
 # Alerts
 
 @fault("ALERT-001", "an alert has a new negative id each time")

@@ -16,15 +16,8 @@ use crate::steps::{Steps, cargo, root};
 /// Builds, starts bridge and vehicle, and judges. Arguments behind `conform` are passed on, such as `--rule AUTH-002`; `--docs`
 /// writes the report that stands in the documents.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
-    let packages = [
-        "--package",
-        "vsm",
-        "--package",
-        "px4-sim",
-        "--package",
-        "conformance",
-    ];
-    steps.run(cargo(["build", "--bins", "--locked"]).args(packages))?;
+    // Of the whole workspace: with its features nothing is compiled twice.
+    steps.run(&mut cargo(["build", "--workspace", "--bins", "--locked"]))?;
     let folder = root().join("target/conform");
     if folder.exists() {
         fs::remove_dir_all(&folder).context("the folder of an earlier run")?;
@@ -57,16 +50,9 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     ]);
     let _vehicle = Started::begin(&mut vehicle)?;
     std::thread::sleep(BOOT);
+    fs::write(folder.join("profile.toml"), PROFILE).context("profile.toml")?;
     let mut judge = program("dli-check", &folder);
-    judge.args([
-        "vsm",
-        &dli,
-        "--simulated",
-        "--speed",
-        "10",
-        "--out",
-        "report",
-    ]);
+    judge.args(["vsm", &dli, "--profile", "profile.toml", "--out", "report"]);
     judge
         .arg("--expected")
         .arg(root().join("conformance/known.toml"));
@@ -124,6 +110,32 @@ override = true
 [[cucs]]
 id = \"1b:00:00:a2\"
 loi = [2, 3, 4, 5]
+";
+/// What `dli-check` has to know of them. The place is that of px4-sim.
+const PROFILE: &str = "
+[subject]
+name = \"vsm run and px4-sim\"
+edition = \"4\"
+project = true
+[[cucs]]
+id = \"1b:00:00:a0\"
+loi = [2, 3, 4, 5]
+[[cucs]]
+id = \"1b:00:00:a1\"
+loi = [2, 3, 4, 5]
+override = true
+[[cucs]]
+id = \"1b:00:00:a2\"
+loi = [2, 3, 4, 5]
+[[vehicle]]
+id = \"1b:00:01:01\"
+simulated = true
+position = [47.397742, 8.545594]
+amsl_m = 488.0
+geoid_m = 47.4
+[figures]
+speed_factor = 10.0
+on_loss = \"continue\"
 ";
 /// Until the vehicle has a position and can be armed, ten times faster than time.
 const BOOT: Duration = Duration::from_secs(6);
