@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use super::Scene;
+use super::scene::Scene;
 use crate::bench::flight::{airborne, fix, fly_until, home, mode};
 use crate::bench::trial::{Player, Trial};
 use crate::verdict::{Judged, Precondition, Stop};
