@@ -120,6 +120,11 @@ impl Forward {
         self.key.as_ref().map(KeyState::id)
     }
 
+    /// Where the ground station is, once it was received.
+    pub(crate) fn peer(&self) -> Option<Peer> {
+        self.link.peer()
+    }
+
     /// Whether it is for this vehicle.
     pub(crate) fn covers(&self, vehicle: Id) -> bool {
         self.config.vehicles.is_empty() || self.config.vehicles.contains(&vehicle)

@@ -175,6 +175,13 @@ impl VehicleReader {
 }
 
 impl VehicleWriter {
+    /// Who is there is the ground station: a connection of TCP that is not is closed after some seconds.
+    pub fn accept(&self, peer: Peer) {
+        if let (VehicleWriter::Tcp(connections), Peer::Tcp(peer)) = (self, peer) {
+            connections.accept(peer);
+        }
+    }
+
     /// Sends one frame, or loses it: nobody waits.
     ///
     /// # Errors

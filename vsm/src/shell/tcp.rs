@@ -2,7 +2,9 @@
 //!
 //! A connection is a peer as an address of UDP is one: the machine decides which of them is the ground station, and only that one
 //! is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for `PATIENCE` is
-//! closed. Few may connect at once; what comes after them is turned away.
+//! closed. Few may connect at once; what comes after them is turned away. So that strangers who say nothing do not keep the
+//! ground station out, one that has connected and that the machine has not accepted ([`TcpWriter::accept`]) within
+//! `ACCEPTED_WITHIN` is closed, and one whose other end is gone is found by the system's probes.
 
 use std::collections::HashMap;
 use std::io;
@@ -10,9 +12,10 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{sleep, timeout};
 
 use crate::session::Peer;
@@ -21,9 +24,22 @@ use crate::session::Peer;
 #[derive(Debug)]
 pub struct TcpReader(mpsc::Receiver<(SocketAddr, Vec<u8>)>);
 
-/// The connections, each with its queue.
+/// The connections.
 #[derive(Debug, Clone, Default)]
-pub struct TcpWriter(Arc<Mutex<HashMap<SocketAddr, mpsc::Sender<Vec<u8>>>>>);
+pub struct TcpWriter(Arc<Mutex<HashMap<SocketAddr, Connection>>>);
+
+#[derive(Debug)]
+struct Connection {
+    queue: mpsc::Sender<Vec<u8>>,
+    /// Whether the machine has taken its other end for the ground station.
+    accepted: watch::Sender<bool>,
+}
+
+/// What its task needs of it.
+struct Ends {
+    queue: mpsc::Receiver<Vec<u8>>,
+    accepted: watch::Receiver<bool>,
+}
 
 impl TcpReader {
     /// What came, and from where.
@@ -45,19 +61,32 @@ impl TcpWriter {
     /// [`io::ErrorKind::NotConnected`], or [`io::ErrorKind::WouldBlock`] where there is no room.
     pub fn push(&self, bytes: &[u8], to: SocketAddr) -> io::Result<()> {
         let connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let queue = connections.get(&to).ok_or(io::ErrorKind::NotConnected)?;
-        let queued = queue.try_send(bytes.to_vec());
+        let connection = connections.get(&to).ok_or(io::ErrorKind::NotConnected)?;
+        let queued = connection.queue.try_send(bytes.to_vec());
         queued.map_err(|_| io::ErrorKind::WouldBlock.into())
     }
 
-    fn add(&self, peer: SocketAddr) -> Option<mpsc::Receiver<Vec<u8>>> {
+    /// The machine takes who is at the other end for the ground station: the connection stays.
+    pub fn accept(&self, peer: SocketAddr) {
+        let connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(connection) = connections.get(&peer) {
+            connection.accepted.send_replace(true);
+        }
+    }
+
+    fn add(&self, peer: SocketAddr) -> Option<Ends> {
         let mut connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if connections.len() >= MAX_CONNECTIONS {
             return None;
         }
-        let (sender, receiver) = mpsc::channel(QUEUE);
-        connections.insert(peer, sender);
-        Some(receiver)
+        let (sender, queue) = mpsc::channel(QUEUE);
+        let (waits, accepted) = watch::channel(false);
+        let connection = Connection {
+            queue: sender,
+            accepted: waits,
+        };
+        connections.insert(peer, connection);
+        Some(Ends { queue, accepted })
     }
 
     fn remove(&self, peer: SocketAddr) {
@@ -86,8 +115,8 @@ pub fn listen(address: SocketAddr) -> io::Result<(TcpReader, TcpWriter)> {
             };
             match accepted {
                 Ok((stream, peer)) => match connections.add(peer) {
-                    Some(queue) => {
-                        let serve = serve(stream, peer, queue, sender.clone(), connections.clone());
+                    Some(ends) => {
+                        let serve = serve(stream, peer, ends, sender.clone(), connections.clone());
                         tokio::spawn(serve);
                     }
                     None => tracing::warn!(
@@ -117,8 +146,10 @@ pub fn connect(peer: SocketAddr) -> (TcpReader, TcpWriter) {
             match connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into())) {
                 Ok(stream) => {
                     failing = false;
-                    if let Some(queue) = connections.add(peer) {
-                        serve(stream, peer, queue, sender.clone(), connections.clone()).await;
+                    if let Some(ends) = connections.add(peer) {
+                        // Who is connected to is who the configuration names.
+                        connections.accept(peer);
+                        serve(stream, peer, ends, sender.clone(), connections.clone()).await;
                     }
                 }
                 Err(cause) => {
@@ -144,12 +175,22 @@ pub fn connect(peer: SocketAddr) -> (TcpReader, TcpWriter) {
 async fn serve(
     stream: TcpStream,
     peer: SocketAddr,
-    mut queue: mpsc::Receiver<Vec<u8>>,
+    ends: Ends,
     received: mpsc::Sender<(SocketAddr, Vec<u8>)>,
     connections: TcpWriter,
 ) {
     // Frames are small, and each is awaited.
     let _ = stream.set_nodelay(true);
+    // A ground station that is switched off closes nothing.
+    let probes = TcpKeepalive::new()
+        .with_time(PROBED_AFTER)
+        .with_interval(PROBED_AFTER)
+        .with_retries(3);
+    let _ = SockRef::from(&stream).set_tcp_keepalive(&probes);
+    let Ends {
+        mut queue,
+        mut accepted,
+    } = ends;
     let (mut reading, mut writing) = stream.into_split();
     let read = async {
         let mut bytes = vec![0; AT_ONCE];
@@ -179,9 +220,20 @@ async fn serve(
             }
         }
     };
+    let stranger = async {
+        let waited = timeout(ACCEPTED_WITHIN, accepted.wait_for(|accepted| *accepted));
+        if waited.await.is_ok() {
+            std::future::pending::<()>().await;
+        }
+        tracing::info!(
+            "TCP: {peer} has not shown itself as the ground station within {} s and is disconnected",
+            ACCEPTED_WITHIN.as_secs()
+        );
+    };
     tokio::select! {
         () = read => {}
         () = write => {}
+        () = stranger => {}
         () = received.closed() => {}
     }
     connections.remove(peer);
@@ -195,6 +247,10 @@ const QUEUE: usize = 64;
 const AT_ONCE: usize = 2_048;
 /// How long a connection may take nothing, or an attempt to connect last.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// How long who connects may leave open whether it is the ground station, whose HEARTBEAT comes once a second.
+const ACCEPTED_WITHIN: Duration = Duration::from_secs(10);
+/// A connection that is silent so long is probed, three times at the same interval.
+const PROBED_AFTER: Duration = Duration::from_secs(5);
 /// Between attempts.
 const AGAIN: Duration = Duration::from_secs(2);
 
@@ -257,5 +313,43 @@ mod tests {
             !matches!(read, Ok(Ok(1..)) | Err(_)),
             "it is turned away: {read:?}"
         );
+    }
+
+    #[tokio::test]
+    async fn silent_strangers_keep_nobody_out_and_who_is_accepted_stays() {
+        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = free.local_addr().unwrap();
+        drop(free);
+        let (mut server, to_clients) = listen(address).unwrap();
+        let mut station = TcpStream::connect(address).await.unwrap();
+        station.write_all(b"x").await.unwrap();
+        let (_, from) = server.receive(&mut [0; 9]).await.unwrap();
+        let Peer::Tcp(from) = from else {
+            panic!("{from:?}")
+        };
+        to_clients.accept(from);
+        let mut strangers = vec![];
+        while strangers.len() + 1 < MAX_CONNECTIONS {
+            strangers.push(TcpStream::connect(address).await.unwrap());
+        }
+        // They are served, and wait.
+        while to_clients.0.lock().unwrap().len() < MAX_CONNECTIONS {
+            sleep(Duration::from_millis(5)).await;
+        }
+        tokio::time::pause();
+        sleep(ACCEPTED_WITHIN + Duration::from_secs(1)).await;
+        tokio::time::resume();
+        for mut stranger in strangers {
+            let read = timeout(PATIENCE, stranger.read(&mut [0; 9])).await;
+            assert!(matches!(read, Ok(Ok(0))), "{read:?}");
+        }
+        to_clients.push(b"on", from).unwrap();
+        let mut bytes = [0; 2];
+        station.read_exact(&mut bytes).await.unwrap();
+        assert_eq!(&bytes, b"on");
+        let mut late = TcpStream::connect(address).await.unwrap();
+        late.write_all(b"y").await.unwrap();
+        let received = timeout(PATIENCE, server.receive(&mut [0; 9])).await;
+        assert!(received.is_ok(), "there is room again");
     }
 }

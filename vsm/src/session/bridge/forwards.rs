@@ -124,6 +124,13 @@ impl Bridge {
         forwards.find(|one| one.number == number)?.key_id()
     }
 
+    /// Where the ground station in this place is, once it was received.
+    #[must_use]
+    pub fn forward_peer(&self, number: usize) -> Option<Peer> {
+        let mut forwards = self.forwards.iter();
+        forwards.find(|one| one.number == number)?.peer()
+    }
+
     /// Lets each vehicle know under which system ids others may command it through this VSM.
     pub(super) fn name_commanders(&mut self) {
         for one in &mut self.aircraft {

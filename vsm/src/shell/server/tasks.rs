@@ -126,9 +126,21 @@ pub(super) async fn receive_forward(
             return beat.finish();
         };
         match received {
-            Ok((length, from)) => shared.with(|Core { bridge, store, .. }, now| {
+            Ok((length, from)) => shared.with(|core, now| {
+                let Core {
+                    bridge,
+                    store,
+                    forwards,
+                    ..
+                } = core;
                 let bytes = bytes.get(..length).unwrap_or_default();
                 bridge.handle_forward(now, number, from, bytes, store);
+                let forward = forwards.iter().find(|one| one.number == number);
+                if let Some(forward) = forward
+                    && bridge.forward_peer(number) == Some(from)
+                {
+                    forward.writer.accept(from);
+                }
             }),
             Err(cause) => pause_after("the link of a ground station", &cause).await,
         }
