@@ -10,7 +10,6 @@ use curve_paths::terrain::Terrain;
 use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
 use mapping::limits::{Limits, Performance};
-use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
@@ -258,27 +257,14 @@ impl MissionView<'_> {
 
     /// Whether the vehicle flies the landing of the mission aboard: the touch-down, or what leads to it.
     pub(crate) fn lands(&self, telemetry: &Telemetry) -> bool {
-        self.current_item(telemetry)
-            .is_some_and(|(uploaded, seq)| uploaded.compiled.lands(seq))
+        self.uploaded
+            .is_some_and(|uploaded| uploaded.lands(telemetry))
     }
 
-    /// Whether a wing flies to its touch-down: a hold would circle it as low as it has come.
+    /// [`UploadedMission::is_on_final`] of the mission aboard.
     pub(crate) fn is_on_final(&self, telemetry: &Telemetry) -> bool {
-        telemetry.airframe().has_wings()
-            && self
-                .current_item(telemetry)
-                .is_some_and(|(uploaded, seq)| uploaded.compiled.is_touch_down(seq))
-    }
-
-    /// The item that AUTO.MISSION flies, where it is one of the mission aboard.
-    fn current_item(&self, telemetry: &Telemetry) -> Option<(&UploadedMission, u16)> {
-        let mission = telemetry
-            .mission
-            .filter(|_| telemetry.mode == Some(Px4Mode::MISSION))?;
-        let uploaded = self.uploaded?;
-        uploaded
-            .is_aboard(mission.mission_id)
-            .then_some((uploaded, mission.seq))
+        self.uploaded
+            .is_some_and(|uploaded| uploaded.is_on_final(telemetry))
     }
 
     /// Whether the vehicle carries a route of this type.

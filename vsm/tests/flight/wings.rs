@@ -4,7 +4,7 @@
 use kit::bridge::{Rig, Setup, orders};
 use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, LoiBitmap, LoiterType, RequestedAccess,
+    AckType, FlightPathControlMode as Mode, LoiBitmap, LoiterType, MissionPlanMode, RequestedAccess,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, LoiterConfiguration, PositiveHandoverAuthorisationRequest,
@@ -145,6 +145,15 @@ fn a_wing_on_its_final_approach_lands_when_its_controller_is_lost() {
     // 2 the loiter at the end of the route, 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
     assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
     assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
+    // Another mission would put it on hold here.
+    for command in [orders::load(), orders::transfer(MissionPlanMode::Clear)] {
+        assert_eq!(rig.carry_out(command), Some(AckType::Refused));
+        assert!(
+            rig.station()
+                .has_alert("final approach: abort the landing first")
+        );
+    }
+    assert_eq!(rig.truth().mode, Px4::Mission);
     rig.stations[0].heartbeats = false;
     let left = rig.until(300.0, |rig| {
         !rig.truth().armed || rig.truth().mode != Px4::Mission

@@ -3,8 +3,10 @@
 //! Messages are stored as they came, DLI bytes in hex: a field that nothing here reads is not lost.
 
 use mapping::altitude::Level;
+use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::route::{CompiledMission, Curved, Leg};
+use mapping::telemetry::Telemetry;
 use mavlink_link::service::mission::Item;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::RouteType;
@@ -31,6 +33,25 @@ impl UploadedMission {
     /// Whether the vehicle flies it, where it names this mission; 0 names none.
     pub(crate) fn is_aboard(&self, mission_id: u32) -> bool {
         self.mission_id == 0 || mission_id == 0 || self.mission_id == mission_id
+    }
+
+    /// The item that AUTO.MISSION flies, where it is one of this mission.
+    fn current_item(&self, telemetry: &Telemetry) -> Option<u16> {
+        let flown = telemetry.mode == Some(Px4Mode::MISSION);
+        let mission = telemetry.mission.filter(|_| flown)?;
+        self.is_aboard(mission.mission_id).then_some(mission.seq)
+    }
+
+    /// Whether the vehicle flies its landing: the touch-down, or what leads to it.
+    pub(crate) fn lands(&self, telemetry: &Telemetry) -> bool {
+        let seq = self.current_item(telemetry);
+        seq.is_some_and(|seq| self.compiled.lands(seq))
+    }
+
+    /// Whether a wing flies to the touch-down: a hold would circle it as low as it has come.
+    pub(crate) fn is_on_final(&self, telemetry: &Telemetry) -> bool {
+        let seq = self.current_item(telemetry);
+        telemetry.airframe().has_wings() && seq.is_some_and(|seq| self.compiled.is_touch_down(seq))
     }
 
     /// Whether it is the route of this name.

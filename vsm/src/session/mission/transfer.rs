@@ -66,6 +66,19 @@ pub(super) type WaitingCommand = (
 /// Whether the vehicle's mission store can be changed now, or why not.
 pub(super) type Free = Result<(), &'static str>;
 
+/// Whether the mission aboard can be taken from the vehicle: it is put on hold for that, or PX4 does so where there is none
+/// any more, and on its final approach a wing would circle as low as it has come.
+fn replaceable(context: &Context<'_>, store: &MissionStore) -> Free {
+    let telemetry = &context.vehicle.telemetry;
+    let aboard = store.uploaded.as_ref();
+    if aboard.is_some_and(|aboard| aboard.is_on_final(telemetry)) {
+        return Err(
+            "the vehicle is on its final approach: abort the landing first (2016 mode 20), or let it end",
+        );
+    }
+    Ok(())
+}
+
 impl Transfers {
     /// 13000.
     pub(super) fn command(
@@ -81,9 +94,11 @@ impl Transfers {
         let (name, route_id) = (mission_name(command), route_name(command));
         let part = match command.mission_plan_mode {
             Some(Mode::Load) => {
+                let free = free.and(replaceable(context, store));
                 return self.load(context, origin, command, store, free, effects);
             }
             Some(Mode::Clear) => {
+                let free = free.and(replaceable(context, store));
                 return self.clear(context, (origin, name), route_id, store, free, effects);
             }
             Some(Mode::Cancel) => return self.cancel(context, (origin, &name), store, effects),
@@ -247,7 +262,7 @@ impl Transfers {
         free: Free,
         effects: &mut Effects<'_>,
     ) {
-        if let Err(why) = free {
+        if let Err(why) = free.and(replaceable(context, store)) {
             return effects.refuse(origin, why);
         }
         let loaded = store.loaded.as_ref();

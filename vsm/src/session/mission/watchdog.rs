@@ -16,6 +16,7 @@
 use mapping::altitude::Level;
 use mapping::limits::metres;
 use mapping::mode::Px4Mode;
+use mapping::route::CompiledMission;
 use mapping::telemetry::MissionProgress;
 use mavlink_link::dialect::{MavType, MissionState};
 
@@ -257,11 +258,7 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     let uploaded = uploaded?;
     let mission = flown(context, uploaded)?;
     // Beyond the route a wing waits for its landing, or lands: PX4 aborts a landing by itself, and a hold would keep it low.
-    if uploaded
-        .compiled
-        .landing_start()
-        .is_some_and(|start| mission.seq >= start.saturating_sub(1))
-    {
+    if waits_or_lands(&uploaded.compiled, mission.seq) {
         return None;
     }
     let items = &uploaded.compiled.items;
@@ -306,6 +303,12 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
         banks,
         slowest_m_s: slowest_m_s.max(SLOWEST_M_S),
     })
+}
+
+/// Whether the vehicle waits at the end of its route for its landing, or lands, when it reports this item: any number.
+fn waits_or_lands(compiled: &CompiledMission, seq: u16) -> bool {
+    let start = compiled.landing_start();
+    start.is_some_and(|start| seq >= start.saturating_sub(1))
 }
 
 /// All but the types that only hover: a convertiplane banks half of the time.
@@ -358,7 +361,37 @@ const DO_CHANGE_SPEED: u16 = 178;
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::service::mission::Item;
+
     use super::*;
+
+    #[test]
+    fn any_item_that_a_vehicle_reports_is_taken() {
+        const DO_LAND_START: u16 = 189;
+        let mut compiled = CompiledMission::default();
+        for command in [16, 17, DO_LAND_START, 21] {
+            compiled.items.push(Item {
+                command,
+                ..Item::default()
+            });
+            compiled.waypoint_of.push(0);
+        }
+        for (seq, expected) in [
+            (0, false),
+            (1, true),
+            (3, true),
+            (4, true),
+            (u16::MAX, true),
+        ] {
+            assert_eq!(waits_or_lands(&compiled, seq), expected, "{seq}");
+            // Neither does anything else of a mission end the program.
+            assert!(compiled.place_from(seq) >= seq);
+            assert_eq!(compiled.leg_ended_by(seq), None);
+            assert_eq!(compiled.leg_of_item(seq), None);
+            assert_eq!(compiled.is_touch_down(seq), seq == 3);
+            assert_eq!(compiled.is_past_the_route(seq), expected);
+        }
+    }
 
     /// A multicopter at 5 m/s, so far from item 3.
     fn at(time_s: f64, ground_m: f64, height_m: f64) -> Sample {
