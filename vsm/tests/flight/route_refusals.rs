@@ -5,8 +5,8 @@ use kit::bridge::{Faults, Rig, Setup, orders, vehicle_id};
 use px4_sim::{Airframe, Config, Param};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
-    AckType, AltitudeType, LimitType, LocationType, LoiterDurationUnits, MissionTransferStatus,
-    WaypointType,
+    AckType, AltitudeType, FlightPathControlMode as Mode, LimitType, LocationType,
+    LoiterDurationUnits, MissionTransferStatus, WaypointType,
 };
 use stanag_msgs::messages::{CurveSegment, UaLoiterWaypoint, UaPositionWaypoint};
 use stanag_msgs::{Bam32, Scaled};
@@ -445,6 +445,44 @@ fn a_route_through_a_ridge_is_refused_between_its_waypoints_and_on_its_curves() 
         let done = rig.carry_out(orders::load()) == Some(AckType::CarriedOut);
         assert_eq!(done, expected, "{more} {:?}", rig.station().alerts());
     }
+}
+
+#[test]
+fn the_way_to_the_route_is_compared_with_the_terrain_where_it_is_flown() {
+    let ground = ridge();
+    let terrain = format!("terrain = {:?}\n", ground.path());
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: terrain.leak(),
+        ..Setup::default()
+    });
+    // The route itself is beyond the ridge, and above the ground there.
+    let beyond = |height_m| -> Vec<Message> {
+        vec![
+            orders::route(7).into(),
+            orders::waypoint(7, 8, 250.0, 0.0, height_m).into(),
+            orders::waypoint(8, 0, 300.0, 0.0, height_m).into(),
+        ]
+    };
+    rig.send_plan(beyond(30.0));
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.take_off(20.0);
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::Refused)
+    );
+    let text = rig.station().alerts().join("; ");
+    assert!(
+        text.contains("from where the vehicle is, waypoint 7: on the way to it, at ")
+            && text.contains("m below the terrain (548.0 m)"),
+        "{text}"
+    );
+    // PX4 climbs to the altitude of the waypoint before it flies there.
+    rig.send_plan(beyond(70.0));
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Waypoint)),
+        Some(AckType::CarriedOut)
+    );
 }
 
 #[test]

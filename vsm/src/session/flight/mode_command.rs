@@ -175,6 +175,9 @@ fn fly(
         ),
         None => restarts_route(command, at.telemetry, Some(uploaded)).then_some(0),
     };
+    if enters || start.is_some() {
+        check_way_to_route(uploaded, start, enters, at)?;
+    }
     // A speed for the leg that is being flown is the operator's decision: it applies, and the mission watchdog holds a
     // vehicle that flies past its waypoint.
     let begins = enters || start.is_some();
@@ -213,6 +216,46 @@ fn fly(
         commanded.speed_type = Some(flown_as(at.wings.is_none()));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// Whether the straight way from the vehicle to where its route is begun or continued is above the terrain, where that is
+/// known. On the ground there is none yet: a launch is refused elsewhere, and this is compared when the route is flown.
+fn check_way_to_route(
+    uploaded: &UploadedMission,
+    start: Option<u16>,
+    enters: bool,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    let Some(terrain) = at.terrain.filter(|_| at.telemetry.airborne()) else {
+        return Ok(());
+    };
+    let compiled = &uploaded.compiled;
+    let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+    let leg = compiled.leg_of_item(compiled.place_from(seq.unwrap_or(0)));
+    let Some(leg) = leg.and_then(|index| compiled.order.get(index)) else {
+        return Ok(());
+    };
+    let present = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has not reported a position yet")?;
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    let to_m = leg.level.amsl(home.amsl_m);
+    // On entering AUTO.MISSION a multicopter climbs before, on the spot; a wing climbs on the way.
+    let climbs_first = enters && at.wings.is_none();
+    let from_m = if climbs_first {
+        present.amsl_m.max(to_m)
+    } else {
+        present.amsl_m
+    };
+    let from = Position::new(present.latitude, present.longitude, from_m);
+    let to = Position::new(leg.latitude, leg.longitude, to_m);
+    check_way(from, to, &at.limits, terrain).map_err(|fault| {
+        format!(
+            "from where the vehicle is, waypoint {}: {fault}",
+            leg.number
+        )
+    })
 }
 
 /// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
