@@ -37,6 +37,13 @@ pub fn message(message_type: u16) -> Option<&'static MessageInfo> {
     Some(&MESSAGES[index])
 }
 
+/// A message type as a person reads it: `13000 (Mission Transfer Command)`.
+#[must_use]
+pub fn named(message_type: u16) -> String {
+    let name = message(message_type).map_or("unknown", |info| info.name);
+    format!("{message_type} ({name})")
+}
+
 /// Gathers the messages of all groups, in the order of their types: [`message`] searches the table by halves.
 macro_rules! gather {
     ($($group:ident: $($Name:ident),*;)*) => {

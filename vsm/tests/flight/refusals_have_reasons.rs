@@ -111,7 +111,7 @@ fn what_is_no_report_or_too_often_is_refused_with_the_reason() {
     refused(
         &mut rig,
         VehicleConfigurationCommand::default(),
-        "2000 is not supported",
+        "2000 (Vehicle Configuration Command) is not supported",
     );
     for hertz in [51, 100] {
         assert_eq!(

@@ -11,7 +11,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use stanag_msgs::enums::LoiBitmap;
-use stanag_msgs::{Id, Message};
+use stanag_msgs::{Id, Message, table};
 use tokio::net::UdpSocket;
 use tokio::time::{Instant, timeout_at};
 
@@ -265,7 +265,7 @@ impl Station {
         match delivery {
             Some(Delivery::Unanswered) if !self.answered => Err(self.no_vsm(within)),
             Some(Delivery::Unanswered) => {
-                let waited = format!("acknowledgement (17000) of {message_type}");
+                let waited = format!("acknowledgement (17000) of {}", table::named(message_type));
                 Err(self.timed_out(waited, within, destination))
             }
             Some(delivery) => Ok(delivery),
@@ -276,7 +276,10 @@ impl Station {
                     ""
                 };
                 Err(StationError::TimedOut {
-                    expected: format!("outcome (17000 type 2 or 3) of {message_type}"),
+                    expected: format!(
+                        "outcome (17000 type 2 or 3) of {}",
+                        table::named(message_type)
+                    ),
                     within,
                     seen: format!("{what}{}", self.seen_of(destination)),
                 })

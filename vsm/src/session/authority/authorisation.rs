@@ -1,9 +1,9 @@
 //! Message 1 and its answer, message 2: requests, releases and questions.
 
 use mavlink_link::store::Changes;
-use stanag_msgs::Id;
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess, WaitTransition};
 use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{Id, table};
 
 use super::rules::{Access, Answer, CONTROL, Refusal, Rights, Stations};
 use super::{AuthorityMachine, Context, Of, Unstored, messages, releases};
@@ -26,7 +26,13 @@ impl AuthorityMachine {
         // A release is always granted, whatever else the message asks.
         if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
             self.answer(context, origin.station, Some(request), effects);
-            effects.answer(&[origin.station], format!("message 1 refused: {why}"));
+            effects.answer(
+                &[origin.station],
+                format!(
+                    "message {} refused: {why}",
+                    table::named(CucsAuthorisationRequest::ID)
+                ),
+            );
             return AckType::Refused;
         }
         let stations = Stations::from_bitmaps(
@@ -90,7 +96,13 @@ impl AuthorityMachine {
             _ => return self.question(context, origin.station, request, effects),
         };
         self.answer(context, origin.station, Some(request), effects);
-        effects.answer(&[origin.station], format!("message 1 refused: {why}"));
+        effects.answer(
+            &[origin.station],
+            format!(
+                "message {} refused: {why}",
+                table::named(CucsAuthorisationRequest::ID)
+            ),
+        );
         AckType::Refused
     }
 
@@ -160,7 +172,10 @@ impl AuthorityMachine {
                 } else {
                     format!("{} refused", missing.in_words())
                 };
-                let text = format!("message {}: {what}: {why}", origin.message_type);
+                let text = format!(
+                    "message {}: {what}: {why}",
+                    table::named(origin.message_type)
+                );
                 if is_too_often(answer) {
                     // Who asks too often is not sent more than it sends.
                     effects.answer_sometimes(&[origin.station], text);

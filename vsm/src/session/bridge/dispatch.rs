@@ -4,7 +4,7 @@ use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::CucsAuthorisationRequest;
-use stanag_msgs::{Id, Message};
+use stanag_msgs::{Id, Message, table};
 
 use super::{Bridge, destination_as_source};
 use crate::session::aircraft::Aircraft;
@@ -204,7 +204,7 @@ fn command_one(
             dli.counters.count("not supported");
             let why = format!(
                 "message {} is not supported by this VSM",
-                origin.message_type
+                table::named(origin.message_type)
             );
             one.effects(dli).refuse_unprivileged(&origin, &why);
         }

@@ -390,7 +390,7 @@ impl Reports {
         if reports.is_empty() {
             return Err(format!(
                 "no data received yet for message {}",
-                named(message)
+                table::named(message)
             ));
         }
         Ok(())
@@ -576,15 +576,9 @@ fn known_report(message: u16) -> Result<(), String> {
     } else {
         Err(format!(
             "message {} is not a report of this VSM",
-            named(message)
+            table::named(message)
         ))
     }
-}
-
-/// A message by its number and its name.
-fn named(message: u16) -> String {
-    let name = table::message(message).map_or("unknown", |info| info.name);
-    format!("{message} ({name})")
 }
 
 /// Subsystem ID of what the autopilot reports of itself: VSM specific.
