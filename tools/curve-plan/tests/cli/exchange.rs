@@ -255,6 +255,13 @@ fn missions_of_mavproxy_are_read_with_their_home_or_without() {
     // Jumped back twice: flown three times.
     assert_eq!(waypoints[3]["next"].as_integer(), Some(20));
     assert_eq!(waypoints[3]["loop"]["limit"].as_integer(), Some(3));
+    // The same mission as `wp save` of MAVProxy 1.8.75 writes it.
+    files.convert("mavproxy-saved.waypoints", "saved.toml", &[]);
+    let saved = files.get("saved.toml");
+    assert_eq!(
+        saved.replace("mavproxy-saved", "mavproxy"),
+        files.get("route.toml")
+    );
     let (error, _) = files.convert("mavproxy-px4.txt", "px4.csv", &[]);
     assert_eq!(
         error,
