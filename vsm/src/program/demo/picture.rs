@@ -53,6 +53,7 @@ impl Picture<'_> {
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
              font-family=\"sans-serif\" font-size=\"13\">\n\
+             <style>text {{ paint-order: stroke; stroke: #fff; stroke-width: 3px }}</style>\n\
              <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n\
              <text x=\"{MARGIN}\" y=\"28\" font-size=\"18\" font-weight=\"bold\">{}</text>\n\
              <text x=\"{MARGIN}\" y=\"48\" fill=\"#555\">{}</text>\n",
@@ -274,10 +275,14 @@ impl Picture<'_> {
     }
 }
 
-/// A mark with its letter. Marks at one place, such as those of a launch and a landing, have theirs on two `sides`.
+/// A mark with its letter. Marks at one place, such as those of a launch and a landing, have theirs on several `sides`.
 fn diamond(svg: &mut String, (x, y): (f64, f64), letter: char, sides: bool) {
-    let below = sides && u32::from(letter).is_multiple_of(2);
-    let (right, down) = if below { (8.0, 18.0) } else { (-16.0, -6.0) };
+    let side = if sides {
+        letter as usize - 'A' as usize
+    } else {
+        0
+    };
+    let (right, down) = SIDES[side % SIDES.len()];
     let _ = writeln!(
         svg,
         "<path d=\"M{x:.1} {:.1} l6 6 l-6 6 l-6 -6 z\" fill=\"{MARKED}\"/>\
@@ -287,6 +292,16 @@ fn diamond(svg: &mut String, (x, y): (f64, f64), letter: char, sides: bool) {
         y + down
     );
 }
+
+/// Where the letters of marks at one place stand, in pixels.
+const SIDES: [(f64, f64); 6] = [
+    (-16.0, -6.0),
+    (-16.0, 18.0),
+    (8.0, -6.0),
+    (-16.0, 18.0),
+    (-32.0, -6.0),
+    (-2.0, 34.0),
+];
 
 fn scale_bar(svg: &mut String, pixels_a_metre: f64) {
     let metres = [1.0, 2.0, 5.0]

@@ -35,7 +35,7 @@ use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
 pub(super) use self::writer::dirty_names;
-use self::writer::{Batch, Done, Grown, Waiting, write};
+use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
 use super::disk::{Added, FileDisk};
 
 mod writer;
@@ -489,8 +489,6 @@ fn sweep(disk: &FileDisk) -> io::Result<()> {
     Ok(())
 }
 
-/// Between the name of a record and the number of the change that wrote it.
-const BESIDE: &str = ".new-";
 /// How often the end of the program looks whether all is written.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 

@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
-use super::BESIDE;
 use crate::shell::disk::FileSystem;
 
 /// The content of a record, or of a log that is written whole, that is not in its place yet.
@@ -259,5 +258,7 @@ pub(in crate::shell) fn dirty_names(system: &dyn FileSystem, folder: &Path) -> i
     system.remove(&name)
 }
 
+/// Between the name of a record and the number of the change that wrote it.
+pub(super) const BESIDE: &str = ".new-";
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
