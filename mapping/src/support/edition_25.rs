@@ -122,7 +122,7 @@ rows! {
     1300 "41000 and 41003, in the units of the field";
     1301 "41000, 41001 and 41003 of a field that is a float here, in its unit";
     1302 "41002";
-    1303 "44003, and for each message of the level that has none in Edition 4";
+    1303 "44003, and for each message of the level that has none in Edition 4" [4, 5];
     1400 "17000 types 1 and 2, once for each message; not of one that is refused, which #1100 says. Of a station it proves an \
           address";
     1401 "its message is acknowledged from then on, until a release or an abort; sent with #1403 to ask an address for a proof" [6];

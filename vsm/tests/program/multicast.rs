@@ -38,6 +38,7 @@ fn a_group_joins_bridges_and_stations_of_two_namespaces() {
     scene.ipv4_with_two_bridges_and_two_stations();
     scene.each_edition_in_one_group();
     scene.ipv6();
+    scene.one_socket_for_ipv4_and_ipv6();
     scene.sources_are_those_that_are_listed();
     scene.through_loss();
 }
@@ -84,16 +85,28 @@ impl Scene {
 
     /// A bridge with this number and one vehicle, in the group; two stations may connect.
     fn bridge(&self, number: u8, group: &str, keys: &str) -> Running {
+        self.bridge_at("127.0.0.1:0", number, group, keys)
+    }
+
+    /// The same that listens elsewhere; where stations can reach it, they are answered at their own addresses too.
+    fn bridge_at(&self, listen: &str, number: u8, group: &str, keys: &str) -> Running {
+        let delivery = if listen.starts_with("127.") {
+            "group"
+        } else {
+            "both"
+        };
         let path = self
             .folder
             .path()
             .join(format!("vsm-{number}-{}", group.len()));
         std::fs::create_dir_all(&path).expect("a folder");
         let station = |id| {
-            format!("[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"group\"\n")
+            format!(
+                "[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"{delivery}\"\n"
+            )
         };
         let text = format!(
-            "[dli]\nvsm_id = \"1b:00:00:0{number}\"\nlisten = \"127.0.0.1:0\"\nmulticast = \"{group}\"\n\
+            "[dli]\nvsm_id = \"1b:00:00:0{number}\"\nlisten = \"{listen}\"\nmulticast = \"{group}\"\n\
              interface = \"near\"\n{keys}\n{}{}[[vehicle]]\nid = \"1b:00:01:0{number}\"\nlink = \"udpin:127.0.0.1:0\"\n\
              system_id = 1\nsigning = \"off\"\n[store]\ndir = \"state\"\n",
             station("a0"),
@@ -205,9 +218,45 @@ impl Scene {
     fn ipv6(&self) {
         for group in ["[ff15::4586]:26002", "[ff12::45:86]:26003"] {
             let _bridge = self.bridge(1, group, "ttl = 2");
+            let hops = self.hops(group, 2);
             let printed = self.done("a0", group, "discover");
             assert!(printed.contains("1b:00:01:01"), "{printed}");
+            hops.arrived();
         }
+    }
+
+    /// `[::]` is every address of both kinds; each station is answered where it is, and the group as configured.
+    fn one_socket_for_ipv4_and_ipv6(&self) {
+        const GROUP: &str = "239.45.86.6:26009";
+        let _bridge = self.bridge_at("[::]:26010", 1, GROUP, "ttl = 7");
+        let hops = self.hops(GROUP, 7);
+        for vsm in ["10.77.86.1:26010", "[fd00:4586::1]:26010"] {
+            for edition in ["2.5", "4"] {
+                let id = if edition == "4" { "a0" } else { "a1" };
+                let mut command = Command::new("nsenter");
+                command.args(["-t", &self.far, "-n"]).arg(program("cucs"));
+                command.args(["--vsm", vsm, "--edition", edition, "--id"]);
+                command.arg(format!("1b:00:00:{id}")).arg("discover");
+                let output = command.output().expect("nsenter starts");
+                let printed = text(&output);
+                assert!(output.status.success(), "{vsm} {edition}: {printed}");
+                assert!(
+                    printed.contains("1b:00:01:01"),
+                    "{vsm} {edition}: {printed}"
+                );
+            }
+        }
+        hops.arrived();
+    }
+
+    /// Waits on the other side for a datagram of the group that has taken this many hops from its start: none, so that it
+    /// arrives with all of them.
+    fn hops(&self, group: &str, hops: u8) -> Hops {
+        let mut command = Command::new("nsenter");
+        command.args(["-t", &self.far, "-n", "python3", "-c", HOPS, group]);
+        let mut listens = Running::spawn(command.arg(hops.to_string()));
+        listens.wait_for("listens", LIMIT);
+        Hops(listens)
     }
 
     fn sources_are_those_that_are_listed(&self) {
@@ -237,6 +286,40 @@ impl Scene {
         assert!(lossy.lost.load(Relaxed) > 3, "something was lost");
     }
 }
+
+/// Who looks at the hop limit of what arrives.
+struct Hops(Running);
+
+impl Hops {
+    fn arrived(mut self) {
+        self.0.wait_for("arrived", LIMIT);
+    }
+}
+
+/// Of what stations send the limit is 1.
+const HOPS: &str = r#"
+import socket, struct, sys
+host, port = sys.argv[1].rsplit(":", 1)
+host, six, index = host.strip("[]"), "[" in host, socket.if_nametoindex("far")
+s = socket.socket(socket.AF_INET6 if six else socket.AF_INET, socket.SOCK_DGRAM)
+s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+if six:
+    s.bind((host, int(port), 0, index))
+    s.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, socket.inet_pton(socket.AF_INET6, host) + struct.pack("@I", index))
+    s.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_RECVHOPLIMIT, 1)
+else:
+    s.bind((host, int(port)))
+    s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(host) + struct.pack("@II", 0, index))
+    s.setsockopt(socket.IPPROTO_IP, 12, 1)  # IP_RECVTTL
+print("listens", flush=True)
+while True:
+    _, control, _, _ = s.recvmsg(2048, 64)
+    limits = [struct.unpack("@i", data[:4])[0] for _, _, data in control]
+    if int(sys.argv[2]) in limits:
+        print("arrived", flush=True)
+        break
+"#;
 
 fn text(output: &Output) -> String {
     let [out, err] =

@@ -44,6 +44,8 @@ use self::steering::{Latch, Steering};
 pub(crate) struct Translator {
     /// The version by which it calls the edition.
     version: Option<Version>,
+    /// The identification number of this VSM, for messages that name it where Edition 4 does not.
+    vsm: Option<Id>,
     requests: Requests,
     steering: BTreeMap<Id, Steering>,
     plans: BTreeMap<Id, Plans>,
@@ -133,6 +135,7 @@ impl Translator {
             return Err(Refusal::new("no time stamp", "Time Stamp is before 2000"));
         }
         self.version = Some(frame.header.version);
+        self.vsm = Some(standing.vsm);
         let instance = frame.header.instance;
         let mut taken = Inbound::default();
         self.take(&record, at, standing, &mut taken)?;
@@ -460,6 +463,10 @@ impl Translator {
                 record.set(field, id.0);
             }
         }
+        if let (AVAILABILITY, None, Some(vsm)) = (record.id(), record.number(4), self.vsm) {
+            record.set(4, vsm.0);
+            record.set(5, Id::NULL.0);
+        }
         let number = u32::from(record.id());
         let Some(info) = ed25::message(number, version) else {
             return Vec::new();
@@ -524,6 +531,8 @@ const ACKNOWLEDGEMENT: u16 = 1400;
 const REQUEST: u16 = 1403;
 const RESOURCES: u16 = 1202;
 const ENGINE: u16 = 105;
+/// Names this VSM, as 44003 does not.
+const AVAILABILITY: u16 = 1303;
 const MODE_PREFERENCE_REPORT: u32 = 109;
 /// Cautions of this border are numbered from here.
 const CAUTIONS: u32 = 1_000_000_000;

@@ -232,6 +232,7 @@ fn the_configuration_phase_speaks_in_messages_and_fields_of_the_edition() {
         "metres, not steps: {high}"
     );
     let modes = station.take(&rig, 1303);
+    assert!(modes.iter().all(|one| one["VSM ID"] == VSM.0), "{modes:?}");
     let refused = |message: u16, field: u8| {
         modes
             .iter()

@@ -172,7 +172,12 @@ fn the_scriptable_station_flies_from_discovery_to_release() {
             })
     };
     let now = Operator::now(&rig);
-    let load = operator.session.send(now, vehicle_id(0), orders::load());
+    let named = stanag_msgs::messages::MissionTransferCommand {
+        // #800 has no field for it: a mission is loaded whole.
+        route_id: Some(stanag_msgs::Text::new("R1")),
+        ..orders::load()
+    };
+    let load = operator.session.send(now, vehicle_id(0), named);
     load.expect("a load");
     assert!(
         operator.until(&mut rig, 20.0, loaded),

@@ -132,3 +132,37 @@ fn a_name_that_is_guarded_is_no_way_around_by_edition_2_5() {
         );
     }
 }
+
+/// What `vsm doctor` prints of a station, entered in its `[[cucs]]`, fixes how it is spoken to.
+#[test]
+fn the_profile_that_is_proposed_fixes_the_edition() {
+    let (mut rig, mut station) = ready();
+    let status = rig.bridge.as_ref().unwrap();
+    let status = status.status(String::new(), rig.now().mono);
+    let own = status
+        .stations
+        .iter()
+        .find(|one| one.id == CUCS.to_string());
+    let lines = own.expect("the station").profile.join("\n");
+    assert_eq!(lines, "edition = \"2.5\"");
+    let text = rig.text.replace(TABLES, &format!("{TABLES}{lines}\n"));
+    assert_ne!(text, rig.text);
+    rig.reload(&text).expect("a configuration");
+    station.take(&rig, 101);
+    rig.run(2.0);
+    assert!(
+        !station.take(&rig, 101).is_empty(),
+        "it is served as before"
+    );
+    let beat = stanag_msgs::Message::from(stanag_msgs::messages::Heartbeat::default());
+    let mut bytes = [0; 548];
+    let envelope = stanag_msgs::Envelope::new(CUCS, vehicle_id(0));
+    let length = beat.encode(&envelope, &mut bytes).unwrap();
+    // Later than a station may come back in another edition by itself.
+    rig.run(15.0);
+    rig.deliver_from(station.address, &bytes[..length]);
+    rig.run(0.3);
+    let bridge = rig.bridge.as_ref().unwrap();
+    let status = bridge.status(String::new(), rig.now().mono);
+    assert_eq!(status.refused.get("another edition than configured"), 1);
+}

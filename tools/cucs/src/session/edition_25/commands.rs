@@ -66,6 +66,14 @@ pub(super) fn records(
             Ok(vec![record])
         }
         Message::PositiveHandoverAuthorisationRequest(wish) => Ok(vec![handover(own, wish)?]),
+        Message::MissionTransferCommand(_) => {
+            let mut transfer = ed4;
+            // A mission is loaded whole: which of its routes is flown is the type of each.
+            if transfer.whole(3) == LOAD {
+                transfer.clear(ROUTE_ID);
+            }
+            Ok(vec![placed(800, &transfer)?])
+        }
         Message::ScheduleMessageUpdateCommand(_) => named(1402, &ed4, 4),
         Message::GenericInformationRequestMessage(_) => named(1403, &ed4, 7),
         Message::FieldConfigurationRequest(request) => {
@@ -248,6 +256,9 @@ const MANUAL: u8 = 2;
 const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;
+const LOAD: u32 = 2;
+/// Of 13000.
+const ROUTE_ID: u8 = 5;
 const NO_WAYPOINT: u32 = 65_535;
 const REQUEST_CONTROL: u32 = 1;
 const WAIT_FOR_COORDINATION: u32 = 1;
