@@ -1,3 +1,5 @@
+//! What the threads leave on a disk that fails, and after a power cut.
+
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::fs::File;
