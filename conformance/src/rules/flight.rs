@@ -78,6 +78,9 @@ fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged {
             .raw("Altitude Command Type", 1)
             .set("Commanded Altitude", now.altitude + up)
             .raw("Altitude Type", now.altitude_type)
+            // As the waypoints of plans: an autopilot's own speed for this may be a crawl, of which a course is noise.
+            .set("Commanded Speed", 5.0)
+            .raw("Speed Type", 2)
             .acked(),
     );
     Ok(())
@@ -111,16 +114,12 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     }
     Some(Track {
         distance: north.hypot(east),
-        // Of a slow vehicle by where it went: its velocity is little more than noise.
-        course: match steady {
-            Some(fix) => fix.east.atan2(fix.north),
-            None => east.atan2(north),
-        }
-        .rem_euclid(TAU),
+        course: {
+            let along = steady.unwrap_or(last);
+            along.east.atan2(along.north).rem_euclid(TAU)
+        },
         // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
-        heading: steady
-            .or(Some(last).filter(|_| north.hypot(east) > 8.0))
-            .and_then(|fix| fix.heading),
+        heading: steady.and_then(|fix| fix.heading),
         moved: [north, east, last.altitude - first.altitude],
         integrated,
     })
