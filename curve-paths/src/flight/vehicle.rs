@@ -264,7 +264,7 @@ impl Multicopter {
 /// Error of the estimated position, m: what px4-sim and PX4's SIH have of it.
 const ESTIMATE_M: f64 = 0.35;
 /// Lag of the position controller, s.
-const LAG_S: f64 = 0.08;
+const LAG_S: f64 = 0.12;
 /// PX4 takes items this close for level, m.
 const LEVEL_M: f64 = 1e-3;
 
