@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use dli_group::{Group, Interface};
 use serde::Deserialize;
 use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
 use toml::Spanned;
 
 use super::disputed::Readings;
@@ -14,7 +15,7 @@ use super::explain;
 use super::forward::Forward;
 use super::key::WhenAbsent::{Nothing, Required, Table, Value};
 use super::key::table;
-use super::station::Cucs;
+use super::station::{Cucs, Edition};
 use super::terrain::{self, TerrainFault};
 use super::value::{
     LinkAddress, OnLoss, Provisional, Signing, bytes_a_second, group, hops, id, interface, lease,
@@ -330,6 +331,22 @@ impl Config {
             warnings.push(format!(
                 "dli.listen is {listen}: stations that reach this VSM by the group are sent nothing at their addresses; listen on \
                  another address, or set delivery = \"group\" in their [[cucs]]"
+            ));
+        }
+        let silent = |cucs: &&Cucs| {
+            let controls = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
+            cucs.edition == Some(Edition::Ed25) && cucs.loi.0.intersects(controls)
+        };
+        let silent = self
+            .stations()
+            .filter(silent)
+            .map(|cucs| cucs.id.to_string());
+        let silent: Vec<_> = silent.collect();
+        if !silent.is_empty() {
+            warnings.push(format!(
+                "{}: Edition 2.5 has no heartbeat: in control and silent it keeps control, and on_loss is not flown; give \
+                 another CUCS override = true",
+                silent.join(", ")
             ));
         }
         warnings

@@ -49,6 +49,20 @@ fn every_key_of_the_contract_is_read() {
 }
 
 #[test]
+fn a_station_whose_silence_costs_it_nothing_is_warned_of() {
+    let warns = |key: &str| {
+        let text = GOOD.replace("override = false", &format!("override = false\n{key}"));
+        let config = Config::parse(&text, Path::new("")).expect("good");
+        let warnings = config.warnings();
+        warnings
+            .iter()
+            .any(|one| one.contains("1b:00:00:a0: Edition 2.5 has no heartbeat"))
+    };
+    assert!(warns("edition = \"2.5\""));
+    assert!(!warns("edition = \"3\"") && !warns(""));
+}
+
+#[test]
 fn a_country_may_be_named_in_place_of_its_code() {
     let text = GOOD.replace("id = \"1b:00:00:a0\"", "id = \"deu:00:00:a0\"");
     let config = Config::parse(&text, Path::new("")).expect("good");
