@@ -100,12 +100,20 @@ impl Bridge {
                 };
                 if self.is_there(now, from, index, &arriving, disk) {
                     self.stations[index].spoken = Some((false, now.mono));
-                    self.take_frame(now, index, frame, disk);
+                    self.take_frame(now, index, frame, None, disk);
                 }
                 self.asker = None;
             }
             Err(why) => self.note_barred(now, from, &frame.header, &why),
         }
+    }
+
+    /// The id of the vehicle that an id names: what is for a logical id is for the vehicle that it stands for, also once
+    /// that is there.
+    pub(super) fn meant_by(&self, id: Id) -> Id {
+        let mut logical = self.logical.iter();
+        let real = logical.find(|(_, logical)| *logical == id);
+        real.map_or(id, |(real, _)| *real)
     }
 
     /// A frame gets no further than its header.
@@ -122,19 +130,14 @@ impl Bridge {
         }
     }
 
-    /// What is for a logical id is for the vehicle that it stands for, also once that is there.
-    pub(super) fn meant_by(&self, destination: Id) -> Id {
-        let mut logical = self.logical.iter();
-        let stands = logical.find(|(_, logical)| *logical == destination);
-        stands.map_or(destination, |(real, _)| *real)
-    }
-
-    /// Takes a message from where its station is; true where it is new, and was dispatched.
+    /// Takes a message from where its station is; true where it is new, and was dispatched. `made_of`: the message of
+    /// Edition 2.5 that it was made of.
     pub(super) fn take_frame(
         &mut self,
         now: Now,
         index: usize,
         frame: &Frame<'_>,
+        made_of: Option<u16>,
         disk: &mut dyn Disk,
     ) -> bool {
         // One that was held back, or made of another edition, comes as its station has addressed it.
@@ -196,7 +199,8 @@ impl Bridge {
         let wall_ms = i64::try_from(now.wall.as_millis()).unwrap_or(i64::MAX);
         let stamp_ms = i64::try_from(stamp.unix_ms()).unwrap_or(i64::MAX);
         self.stations[index].note_clock(stamp_ms - wall_ms);
-        let seen = Seen::new(frame, &message, stamp, origin.ack_requested, now.mono);
+        let ack_requested = origin.ack_requested;
+        let seen = Seen::new(frame, &message, made_of, stamp, ack_requested, now.mono);
         // A release needs no stamp. One that has a stamp is no recording of a release made when nothing was held.
         let releases = matches!(&message, Message::CucsAuthorisationRequest(request) if authority::releases(request));
         match self.remembered[index].judge(&seen, commands || releases, now.mono) {

@@ -7,6 +7,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use mapping::plan::Plan;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::ed25::Parties;
@@ -21,7 +22,7 @@ use super::reach::Arriving;
 use crate::config::Edition;
 use crate::session::context::Origin;
 use crate::session::duplicates::is_command;
-use crate::session::editions::{self, Inbound, Standing};
+use crate::session::editions::{self, Contingencies, Inbound, Standing, Upload};
 use crate::session::outbox::{Datagram, Destination};
 
 impl Bridge {
@@ -51,7 +52,7 @@ impl Bridge {
         frame: &ed25::Frame<'_>,
         disk: &mut dyn Disk,
     ) {
-        let Some(at) = ed25::parties(frame) else {
+        let Some(at) = self.parties(frame) else {
             return self.counters.count("bad length");
         };
         // The wrapper does not say who sends: what VSMs send to the group names the same vehicle and CUCS.
@@ -63,12 +64,7 @@ impl Bridge {
             return self.counters.count("our own");
         }
         let header = header(frame, &at);
-        // The station is answered in the name that it uses; the rules hold for the vehicle that is meant.
-        let meant = Header {
-            destination: self.meant_by(header.destination),
-            ..header
-        };
-        match self.admit(from, &meant, Edition::Ed25) {
+        match self.admit(from, &header, Edition::Ed25) {
             Ok(index) => {
                 let made = at.info.and_then(|info| info.ed4_messages.first());
                 let rate = if made.is_none_or(|made| is_command(*made)) {
@@ -100,6 +96,15 @@ impl Bridge {
         }
     }
 
+    /// Sender and receiver of a message; a logical id stands for its vehicle.
+    fn parties(&self, frame: &ed25::Frame<'_>) -> Option<Parties> {
+        let at = ed25::parties(frame)?;
+        Some(Parties {
+            vehicle: self.meant_by(at.vehicle),
+            ..at
+        })
+    }
+
     /// Whether a station may speak this edition now.
     pub(super) fn may_speak(&self, now: Duration, index: usize, ed25: bool) -> bool {
         let station = &self.stations[index];
@@ -123,20 +128,28 @@ impl Bridge {
         frame: &ed25::Frame<'_>,
         disk: &mut dyn Disk,
     ) {
-        let Some(at) = ed25::parties(frame) else {
+        let Some(at) = self.parties(frame) else {
             return;
         };
         self.stations[index].spoken = Some((true, now.mono));
         let standing = Standing {
             vsm: self.vsm,
+            named: self.shown_as(at.vehicle),
             stamp: self.outbox.stamp(now),
             web_page: self.settings.web_page.as_deref(),
         };
-        let stamp = standing.stamp;
-        let taken = match self.stations[index]
-            .translator
-            .inbound(frame, &at, &standing)
-        {
+        let answered = (standing.named, standing.stamp);
+        let translator = &mut self.stations[index].translator;
+        let mut aircraft = self.aircraft.iter();
+        let vehicle = aircraft.find(|one| one.id() == at.vehicle);
+        let live = vehicle.filter(|one| one.vehicle.live());
+        if let Some(mode) = live.and_then(|one| one.vehicle.telemetry.mode) {
+            translator.shows(at.vehicle, mode.reported());
+        }
+        let none = Plan::default();
+        let (plan, sent) = vehicle.map_or((&none, None), |one| one.mission.upload_of(at.cucs));
+        let upload = Upload { plan, sent };
+        let taken = match translator.inbound(frame, &at, &standing, &upload) {
             Ok(taken) => taken,
             Err(refusal) => {
                 self.counters.count(refusal.counter);
@@ -147,23 +160,23 @@ impl Bridge {
                     ack_requested: false,
                 };
                 if at.info.is_some() {
-                    let meant = self.meant_by(at.vehicle);
-                    self.refuse_command(now, &origin, meant, refusal.why, disk);
+                    self.refuse_command(now, &origin, at.vehicle, refusal.why, disk);
                 }
                 return;
             }
         };
         self.stations[index].received = Some(now.mono);
-        self.carry_out(now, index, &at, taken, stamp, disk);
+        let stamp = editions::stamp(frame);
+        self.carry_out(now, index, (&at, stamp), taken, answered, disk);
     }
 
     fn carry_out(
         &mut self,
         now: Now,
         index: usize,
-        at: &Parties,
+        (at, sent_at): (&Parties, Option<TimeStamp>),
         taken: Inbound,
-        stamp: TimeStamp,
+        (named, stamp): (Id, TimeStamp),
         disk: &mut dyn Disk,
     ) {
         let Inbound {
@@ -171,14 +184,16 @@ impl Bridge {
             replies,
             notices,
             latch,
+            waypoint,
+            downloads,
         } = taken;
-        let meant = self.meant_by(at.vehicle);
+        let vehicle = at.vehicle;
         {
             let (mut dli, aircraft) = self.effects(now, disk);
             for reply in &replies {
                 dli.send_translated(index, reply);
             }
-            if let Some(one) = aircraft.iter_mut().find(|one| one.id() == meant) {
+            if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
                 for notice in notices {
                     one.effects(&mut dli).answer_sometimes(&[index], notice);
                 }
@@ -187,22 +202,40 @@ impl Bridge {
         let discovers = messages
             .iter()
             .any(|(_, message)| matches!(message, Message::CucsAuthorisationRequest(_)));
+        let made_of = at.info.map(|info| info.id);
         let mut accepted = false;
+        let mut refused = false;
         for (envelope, message) in messages {
-            accepted = self.take_made(now, index, &envelope, &message, disk);
+            accepted = self.take_made(now, index, &envelope, &message, made_of, disk);
+            let was = |stamp| self.remembered[index].was_refused(message.id(), stamp);
+            refused = sent_at.is_some_and(was);
         }
         if let Some(latch) = latch.filter(|_| accepted) {
-            let vehicle = latch.0;
-            let levels = self.levels(at.cucs, meant);
+            let levels = self.levels(at.cucs, vehicle);
             let translator = &mut self.stations[index].translator;
-            if translator.accept(latch, levels) {
-                let report = translator.preference_report(vehicle, at.cucs, stamp);
+            if translator.accept(latch, levels, refused) {
+                let report = translator.preference_report(vehicle, named, at.cucs, stamp);
                 self.effects(now, disk).0.send_translated(index, &report);
             }
         }
-        if discovers && accepted {
-            self.show_holders_to(now, index, meant, disk);
+        // Also of one that comes again after a restart.
+        if let Some(waypoint) = waypoint.filter(|one| self.holds(vehicle, at.cucs, one)) {
+            self.stations[index].translator.stored(vehicle, waypoint);
         }
+        if downloads && accepted {
+            self.stations[index].translator.begin_download(vehicle);
+        }
+        if discovers && accepted {
+            self.show_holders_to(now, index, vehicle, disk);
+        }
+    }
+
+    /// Whether a waypoint is in the upload of its station.
+    fn holds(&self, vehicle: Id, station: Id, waypoint: &Contingencies) -> bool {
+        let of = self.aircraft.iter().find(|one| one.id() == vehicle);
+        let sent = of.and_then(|one| one.mission.upload_of(station).1);
+        let held = sent.and_then(|sent| sent.waypoint(waypoint.number));
+        held.is_some_and(|held| held.time_stamp == Some(waypoint.stamp))
     }
 
     /// A message that a datagram of Edition 2.5 has become goes the way of those that arrive in Edition 4.
@@ -212,6 +245,7 @@ impl Bridge {
         index: usize,
         envelope: &Envelope,
         message: &Message,
+        made_of: Option<u16>,
         disk: &mut dyn Disk,
     ) -> bool {
         let mut bytes = [0; MAX_DATAGRAM];
@@ -224,7 +258,7 @@ impl Bridge {
         let Some(Ok(frame)) = profile.frames(made).next() else {
             return false;
         };
-        self.take_frame(now, index, &frame, disk)
+        self.take_frame(now, index, &frame, made_of, disk)
     }
 
     /// What a station holds of a vehicle.
@@ -255,9 +289,17 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) {
         let (vsm, stamp) = (self.vsm, self.outbox.stamp(now));
+        let named = self.shown_as(vehicle);
         let translator = &mut self.stations[index].translator;
-        let line = translator.holder(vsm, vehicle, holder, levels, stamp);
+        let line = translator.holder(vsm, named, holder, levels, stamp);
         self.effects(now, disk).0.send_translated(index, &line);
+    }
+
+    /// The id in whose name a vehicle speaks now.
+    fn shown_as(&self, vehicle: Id) -> Id {
+        let mut waiting = self.waiting.iter();
+        let logical = waiting.find(|(real, _)| *real == vehicle);
+        logical.map_or(vehicle, |(_, logical)| *logical)
     }
 
     /// Vehicle, holder, and what it holds beyond listening.
@@ -333,7 +375,10 @@ impl Bridge {
             let decoded = readings.decode(frame.header.message_type, frame.data);
             let Ok(message) = decoded else { continue };
             let envelope = frame.header.envelope();
-            let translated = station.translator.outbound(&envelope, &message);
+            let mut logical = self.logical.iter();
+            let real = logical.find(|(_, logical)| *logical == envelope.source);
+            let of = real.map_or(envelope.source, |(real, _)| *real);
+            let translated = station.translator.outbound(&envelope, of, &message);
             let question = matches!(message, Message::Heartbeat(_)) && envelope.ack_requested;
             let charged = if question {
                 self.paths.question_bytes(index)

@@ -15,7 +15,7 @@ use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;
 use crate::session::outbox::{Destination, Outbox};
-use crate::session::paths::{Arrival, Proof, question_bytes};
+use crate::session::paths::{Arrival, Kind, Proof, question_bytes};
 
 /// What of a message shows where its station is.
 pub(super) struct Arriving<'a> {
@@ -153,6 +153,13 @@ impl Bridge {
                 datagram.bytes().len() <= question_bytes(false),
                 "a longer heartbeat"
             );
+            // Whoever writes the id of a station makes the VSM ask there.
+            let cost = self.paths.question_bytes(index);
+            if to == Destination::Multicast
+                && !(self.paths).admit_to_group(now.mono, index, cost, Kind::Answer)
+            {
+                return self.counters.count("group over the rate");
+            }
             self.outbox.push(datagram);
         }
     }
@@ -185,7 +192,7 @@ impl Bridge {
             }
             let readings = self.stations[index].profile.readings.clone();
             for frame in readings.frames(&held).flatten() {
-                self.take_frame(now, index, &frame, disk);
+                self.take_frame(now, index, &frame, None, disk);
             }
         }
     }

@@ -42,7 +42,7 @@ use stanag_msgs::{Id, TimeStamp};
 use self::command_log::{
     STICKS_LINE, USED_LINE, log_file, parse_line, parse_span, write_line, write_span,
 };
-pub(crate) use self::recent::{Digest, Seen, is_command};
+pub(crate) use self::recent::{Digest, Seen, commands_values, is_command};
 use self::recent::{MAX_COMMANDS, Recent, is_final};
 use self::refusals::{FLOWN, OLDER, OVERTAKEN, REPEATED, TOO_MANY_AHEAD, USED, late_text};
 use self::stamps::{MAX_AHEAD, StationClock, UsedStamps};
@@ -197,6 +197,13 @@ impl Remembered {
             // That nothing can be written was raised as an alert when the command came.
             let _ = self.log(station, &seen, disk);
         }
+    }
+
+    /// Whether the latest command of this type and stamp was refused.
+    pub(crate) fn was_refused(&self, message_type: u16, stamp: TimeStamp) -> bool {
+        let is_it = |seen: &&Seen| (seen.message_type, seen.stamp) == (message_type, stamp);
+        let seen = self.recent.commands.iter().rev().find(is_it);
+        seen.is_some_and(|seen| seen.answer == Some(AckType::Refused))
     }
 
     /// Reads back what a station has commanded before a restart; the commands that were not answered to their end.

@@ -8,7 +8,11 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
-use stanag_msgs::enums::{AckType, AreaPlanMode, MissionPlanMode, RequestedAccess};
+use stanag_msgs::enums::{
+    AckType, AltitudeCommandType, AreaPlanMode, FlightPathControlMode, HeadingCommandType,
+    MissionPlanMode, RequestedAccess,
+};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, Message, TimeStamp};
 
@@ -54,13 +58,15 @@ pub(crate) struct Seen {
     /// It was authorised: its stamp is used.
     pub(super) accepted: bool,
     /// When it came, and what it is about; none of what was read back after a restart.
-    pub(crate) came: Option<(Duration, Option<u64>)>,
+    pub(crate) came: Option<(Duration, Option<About>)>,
 }
 
 impl Seen {
+    /// `made_of`: the message of Edition 2.5 that became this one.
     pub(crate) fn new(
         frame: &Frame<'_>,
         message: &Message,
+        made_of: Option<u16>,
         stamp: TimeStamp,
         ack_requested: bool,
         now: Duration,
@@ -92,7 +98,7 @@ impl Seen {
             answer: None,
             question,
             accepted: false,
-            came: Some((now, about(message))),
+            came: Some((now, about(message, made_of))),
         }
     }
 
@@ -149,7 +155,7 @@ impl Recent {
                 return false;
             };
             seen.message_type == new.message_type
-                && known == about
+                && about.is_undone_by(known)
                 && seen.destination == new.destination
                 && seen.accepted
                 // A refused order had no effect that an earlier one could undo.
@@ -213,8 +219,63 @@ pub(super) fn is_final(answer: Option<AckType>) -> bool {
 }
 
 /// What a message orders about: of two orders about the same thing, which the message type names beside this, the later
-/// one counts. None of those whose order means nothing.
-fn about(message: &Message) -> Option<u64> {
+/// one counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum About {
+    /// This one of the things that messages of the type order about.
+    Thing(u64),
+    /// The mode, and with it whatever is flown (2016, #42).
+    Mode,
+    /// Values within the mode that the vehicle has (2016 that names none, #43).
+    Values,
+    /// A setting that is kept, such as the altimeter's (2016 that commands nothing else).
+    Setting,
+    /// Which values rule (#48).
+    Preference,
+}
+
+impl About {
+    /// Whether a later order leaves nothing of this one to do. What names no mode ends none: a station repeats its values all
+    /// the time, and a hold or a landing that was lost on its way must still be taken when it is repeated.
+    fn is_undone_by(self, later: About) -> bool {
+        self == later || (self, later) == (About::Values, About::Mode)
+    }
+}
+
+/// Whether a 2016 commands an altitude, speed, heading, place or waypoint.
+pub(crate) fn commands_values(command: &VehicleOperatingModeCommand) -> bool {
+    let angles = [
+        command.loiter_position_latitude,
+        command.loiter_position_longitude,
+    ];
+    let altitude = command.altitude_command_type != Some(AltitudeCommandType::None)
+        && command.commanded_altitude.is_some();
+    let moves = |rate: f64| rate != 0.0;
+    altitude
+        || (command.commanded_vertical_speed).is_some_and(|rate| moves(rate.si()))
+        || (command.commanded_speed).is_some_and(|speed| moves(speed.si()))
+        || (command.heading_command_type).is_some_and(|kind| kind != HeadingCommandType::None)
+        || (command.commanded_waypoint_number).is_some_and(|number| number != 0)
+        || (angles.iter().flatten()).any(|angle| moves(angle.degrees()))
+}
+
+/// What a message orders about; none of those whose order means nothing.
+fn about(message: &Message, made_of: Option<u16>) -> Option<About> {
+    if let Message::VehicleOperatingModeCommand(command) = message {
+        let mode = command.select_flight_path_control_mode;
+        return Some(match made_of {
+            // It names the mode that a #42 before it has commanded, or commands nothing now and is kept.
+            Some(43) => About::Values,
+            Some(48) => About::Preference,
+            _ if mode.is_some_and(|mode| mode != FlightPathControlMode::NoMode) => About::Mode,
+            _ if commands_values(command) => About::Values,
+            _ => About::Setting,
+        });
+    }
+    thing(message).map(About::Thing)
+}
+
+fn thing(message: &Message) -> Option<u64> {
     let named = |name: &str| {
         let bytes = name.bytes();
         bytes.fold(0_u64, |sum, byte| {
@@ -223,9 +284,7 @@ fn about(message: &Message) -> Option<u64> {
     };
     let pair = |high: Option<u16>, low: Option<u16>| Some(u64::from(high?) << 16 | u64::from(low?));
     match message {
-        Message::VehicleOperatingModeCommand(_)
-        | Message::LoiterConfiguration(_)
-        | Message::EngineCommand(_) => Some(0),
+        Message::LoiterConfiguration(_) | Message::EngineCommand(_) => Some(0),
         Message::MissionTransferCommand(command) => {
             use MissionPlanMode as Mode;
             let changes = [Mode::Clear, Mode::Load, Mode::Cancel];

@@ -10,6 +10,8 @@ use stanag_msgs::{Id, Message, TimeStamp};
 pub(crate) struct Standing<'a> {
     /// The identification number of this VSM.
     pub(crate) vsm: Id,
+    /// In whose name the vehicle that it is for answers: its own, or its logical id.
+    pub(crate) named: Id,
     /// The stamp of an answer.
     pub(crate) stamp: TimeStamp,
     /// Where the status page is.

@@ -27,7 +27,7 @@ use std::collections::BTreeMap;
 
 use stanag_msgs::ed25::record::{stamp_of, times};
 use stanag_msgs::ed25::{self, Parties, Record, Version};
-use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
@@ -36,6 +36,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 pub(crate) use self::form::{Refusal, Standing};
 use self::form::{generic, new, to};
 use self::plans::Plans;
+pub(crate) use self::plans::{Contingencies, Upload};
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
@@ -72,6 +73,10 @@ pub(crate) struct Inbound {
     pub(crate) notices: Vec<String>,
     /// What it changes here once the last of the messages is accepted.
     pub(crate) latch: Option<(Id, Latch)>,
+    /// A waypoint of a plan, whose contingencies are known from here on where it is stored.
+    pub(crate) waypoint: Option<Contingencies>,
+    /// It asks for a download.
+    pub(crate) downloads: bool,
 }
 
 /// The stamp of a heartbeat of ours that a #1400 answers: who has it has received what was sent to this address.
@@ -108,6 +113,7 @@ impl Translator {
         frame: &ed25::Frame<'_>,
         at: &Parties,
         standing: &Standing<'_>,
+        upload: &Upload<'_>,
     ) -> Result<Inbound, Refusal> {
         let message_type = frame.header.message_type;
         let Some(info) = at.info else {
@@ -138,7 +144,7 @@ impl Translator {
         self.vsm = Some(standing.vsm);
         let instance = frame.header.instance;
         let mut taken = Inbound::default();
-        self.take(&record, at, standing, &mut taken)?;
+        self.take(&record, at, standing, upload, &mut taken)?;
         let acknowledged = self.requests.acknowledges(info.id);
         let Some((last, message)) = taken.messages.last_mut() else {
             // Nothing of it goes further: what is taken here is acknowledged here.
@@ -146,7 +152,7 @@ impl Translator {
                 let answer = requests::acknowledgement(&record, instance, standing);
                 taken
                     .replies
-                    .push(self.datagram(&answer, at.vehicle, at.cucs));
+                    .push(self.datagram(&answer, standing.named, at.cucs));
             }
             return Ok(taken);
         };
@@ -161,6 +167,7 @@ impl Translator {
         record: &Record,
         at: &Parties,
         standing: &Standing<'_>,
+        upload: &Upload<'_>,
         taken: &mut Inbound,
     ) -> Result<(), Refusal> {
         let envelope = Envelope::new(at.cucs, at.vehicle);
@@ -176,9 +183,11 @@ impl Translator {
             }
             800..=806 => {
                 let plans = self.plans.entry(vehicle).or_default();
-                let messages = plans.received(record)?;
+                let messages = plans.received(record, upload)?;
                 let all = messages.into_iter().map(|message| (envelope, message));
                 taken.messages.extend(all);
+                taken.waypoint = Contingencies::of(record);
+                taken.downloads = plans::downloads(record);
                 None
             }
             ACKNOWLEDGEMENT => None,
@@ -189,8 +198,9 @@ impl Translator {
             1402 => Some(requests::schedule(record)?),
             REQUEST => match record.whole(7) {
                 MODE_PREFERENCE_REPORT => {
-                    let report = self.preference(vehicle, standing.stamp);
-                    taken.replies.push(self.datagram(&report, vehicle, at.cucs));
+                    let (named, stamp) = (standing.named, standing.stamp);
+                    let report = self.preference_report(vehicle, named, at.cucs, stamp);
+                    taken.replies.push(report);
                     None
                 }
                 _ => Some(requests::report(record)?),
@@ -199,7 +209,9 @@ impl Translator {
                 Some(message) => Some(message),
                 None => {
                     for answer in requests::unavailable(record, standing) {
-                        taken.replies.push(self.datagram(&answer, vehicle, at.cucs));
+                        taken
+                            .replies
+                            .push(self.datagram(&answer, standing.named, at.cucs));
                     }
                     None
                 }
@@ -210,7 +222,7 @@ impl Translator {
                 let services = requests::services(standing);
                 taken
                     .replies
-                    .push(self.datagram(&services, vehicle, at.cucs));
+                    .push(self.datagram(&services, standing.named, at.cucs));
                 None
             }
             600 => {
@@ -232,18 +244,45 @@ impl Translator {
         Ok(())
     }
 
-    /// The messages made of the last one were taken: what it says counts from here on. `accepted`: its sender controls
-    /// the vehicle.
-    pub(crate) fn accept(&mut self, (vehicle, latch): (Id, Latch), levels: LoiBitmap) -> bool {
+    /// The messages made of the last one were taken: what it says counts from here on, where its sender has these levels.
+    /// `refused`: for what it commands.
+    pub(crate) fn accept(
+        &mut self,
+        (vehicle, latch): (Id, Latch),
+        levels: LoiBitmap,
+        refused: bool,
+    ) -> bool {
         let controls = levels.intersects(LoiBitmap::LOI4.union(LoiBitmap::LOI5));
         let steering = self.steering.entry(vehicle).or_default();
-        controls && steering.accept(latch)
+        controls && steering.accept(latch, refused)
     }
 
-    /// #109, as a datagram.
-    pub(crate) fn preference_report(&mut self, vehicle: Id, cucs: Id, stamp: TimeStamp) -> Vec<u8> {
+    /// The plan of a vehicle holds this waypoint.
+    pub(crate) fn stored(&mut self, vehicle: Id, waypoint: Contingencies) {
+        self.plans.entry(vehicle).or_default().stored(waypoint);
+    }
+
+    /// A download of a vehicle's plan begins.
+    pub(crate) fn begin_download(&mut self, vehicle: Id) {
+        self.plans.entry(vehicle).or_default().begin_download();
+    }
+
+    /// The mode that a vehicle is in now. What is sent may be late, or was dropped on the way out.
+    pub(crate) fn shows(&mut self, vehicle: Id, mode: FlightPathControlMode) {
+        let steering = self.steering.entry(vehicle).or_default();
+        steering.shows(Some(mode.raw()));
+    }
+
+    /// #109 of a vehicle in this name, as a datagram.
+    pub(crate) fn preference_report(
+        &mut self,
+        vehicle: Id,
+        named: Id,
+        cucs: Id,
+        stamp: TimeStamp,
+    ) -> Vec<u8> {
         let report = self.preference(vehicle, stamp);
-        self.datagram(&report, vehicle, cucs)
+        self.datagram(&report, named, cucs)
     }
 
     fn preference(&self, vehicle: Id, stamp: TimeStamp) -> Record {
@@ -256,8 +295,14 @@ impl Translator {
         report
     }
 
-    /// What a datagram of Edition 4 for this station is in Edition 2.5: none, one or several.
-    pub(crate) fn outbound(&mut self, envelope: &Envelope, message: &Message) -> Vec<Vec<u8>> {
+    /// What a datagram of Edition 4 for this station is in Edition 2.5: none, one or several. `of`: the vehicle that speaks,
+    /// perhaps in the name of a logical id.
+    pub(crate) fn outbound(
+        &mut self,
+        envelope: &Envelope,
+        of: Id,
+        message: &Message,
+    ) -> Vec<Vec<u8>> {
         let mut whole = [0; MAX_DATAGRAM];
         let length = message.encode(envelope, &mut whole).unwrap_or(0);
         let bytes = whole.get(..length).unwrap_or_default();
@@ -266,16 +311,16 @@ impl Translator {
         {
             return became.clone();
         }
-        let became = self.translate(envelope, message);
+        let became = self.translate(envelope, of, message);
         self.last = Some((bytes.to_vec(), became.clone()));
         became
     }
 
-    fn translate(&mut self, envelope: &Envelope, message: &Message) -> Vec<Vec<u8>> {
+    fn translate(&mut self, envelope: &Envelope, of: Id, message: &Message) -> Vec<Vec<u8>> {
         let (vehicle, cucs) = (envelope.source, envelope.destination);
         let mut record = Record::of(message);
         let mut before = Vec::new();
-        self.note(vehicle, message, &mut before);
+        self.note(of, message, &mut before);
         match message {
             // The group copies of others and pushed heartbeats say nothing here; one that asks for an acknowledgement
             // asks whether the station is at this address.
@@ -290,11 +335,11 @@ impl Translator {
             Message::SubsystemStatusAlert(alert) => {
                 let text = alert.text.as_ref().map_or("", |text| text.as_str());
                 record.set_text(12, self.requests.in_own_numbers(text));
-                let records = self.alert(&record, vehicle);
+                let records = self.alert(&record, of);
                 return self.datagrams(&records, vehicle, cucs);
             }
             Message::UaRoute(_) | Message::UaPositionWaypoint(_) | Message::UaLoiterWaypoint(_) => {
-                let plans = self.plans.entry(vehicle).or_default();
+                let plans = self.plans.entry(of).or_default();
                 match plans.sent(message) {
                     Ok(Some(waypoint)) => before.push(waypoint),
                     Ok(None) => {}
@@ -320,7 +365,7 @@ impl Translator {
             return self.datagrams(&before, vehicle, cucs);
         }
         for number in ed25::reports_of(record.id()) {
-            before.extend(self.report(number, &record, vehicle));
+            before.extend(self.report(number, &record, of));
         }
         self.datagrams(&before, vehicle, cucs)
     }
@@ -359,10 +404,7 @@ impl Translator {
                     self.requests.lapse();
                 }
                 let steering = self.steering.entry(vehicle).or_default();
-                if steering.granted(granted) {
-                    // What it sent without control was refused.
-                    self.plans.remove(&vehicle);
-                }
+                steering.granted(granted);
             }
             Message::VehicleOperatingModeReport(report) => {
                 let mode = report.select_flight_path_control_mode;

@@ -2,157 +2,205 @@
 //!
 //! In Edition 2.5 each waypoint names where to go from it on contingency A and B; Edition 4 has a route of each kind. A
 //! waypoint that names one makes that route, which begins there. One vehicle flies one route of a kind, so all waypoints of
-//! a flight route must name the same, or none: a load of others is refused. On a download each waypoint names the
-//! contingency routes.
+//! a flight route must name the same, or none: a load of others is refused. A mission that names none has none: its load
+//! deletes the route that an earlier one has made. On a download each waypoint names the contingency routes.
+//!
+//! What has been sent is asked of the bridge ([`Upload`]), so that a repeated datagram and a restart change nothing here.
+//! Kept is only what the plan has no place for: which contingencies a waypoint names. After a restart in the middle of an
+//! upload they are not known; where a contingency is named at all, those waypoints must be sent again before a load.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use stanag_msgs::Message;
+use mapping::plan::{Plan, route_type};
 use stanag_msgs::ed25::{self, Record};
 use stanag_msgs::enums::{LoiterDurationUnits, RouteType};
 use stanag_msgs::messages::{
     MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
 };
+use stanag_msgs::{Message, TimeStamp};
 
 use super::form::{Refusal, clear_unused_of_loiter, generic, new, to};
 
-/// What a station has sent of a plan, and was sent.
+/// What of a plan Edition 4 has no place for.
 #[derive(Debug, Default)]
 pub(crate) struct Plans {
-    /// Each waypoint: the next one, and where it goes on contingency A and B.
-    waypoints: BTreeMap<u16, [u16; 3]>,
-    /// Where flight routes begin, by their names.
-    routes: BTreeMap<String, u16>,
-    /// The routes of this upload: the same once more begins another.
-    uploaded: BTreeSet<String>,
-    /// Where its contingency routes begin.
-    named: [u16; 2],
+    /// The waypoints that the plan has stored.
+    waypoints: BTreeMap<u16, Contingencies>,
     /// Where the contingency routes of a download begin.
     sent: [u16; 2],
 }
 
+/// Where a waypoint leads on contingency A and B, 0 where it names none.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Contingencies {
+    pub(crate) number: u16,
+    /// Of its #802: a waypoint of another stamp is another one.
+    pub(crate) stamp: TimeStamp,
+    links: [u16; 2],
+}
+
+impl Contingencies {
+    /// Those of a #802.
+    pub(super) fn of(record: &Record) -> Option<Contingencies> {
+        let stamp = record.stamp().filter(|_| record.id() == 802)?;
+        Some(Contingencies {
+            number: record.whole(4) as u16,
+            stamp,
+            links: [13, 14].map(|field| record.whole(field) as u16),
+        })
+    }
+}
+
+/// What the bridge holds of a plan, for the station that sends to it. It is the truth about an upload: it survives a restart,
+/// and knows neither what was refused nor what came twice.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Upload<'a> {
+    /// What a load takes.
+    pub(crate) plan: &'a Plan,
+    /// What of that the station has sent since its last load.
+    pub(crate) sent: Option<&'a Plan>,
+}
+
+impl Upload<'_> {
+    /// Whether a flight has been sent, so that this is a mission of its own.
+    fn is_of_a_flight(&self) -> bool {
+        let routes = self.sent.map(|sent| sent.routes()).unwrap_or_default();
+        routes.iter().any(is_flight)
+    }
+
+    fn has_sent(&self, number: u16) -> bool {
+        self.sent
+            .is_some_and(|sent| sent.waypoint(number).is_some())
+    }
+}
+
+fn is_flight(route: &UaRoute) -> bool {
+    u32::from(route_type(route).raw()) < CONTINGENCY_A
+}
+
+/// The contingency route of a kind that is flown; a station may have sent it under a name of its own.
+fn route_of(plan: &Plan, kind: usize) -> Option<&UaRoute> {
+    plan.route_of_type(KINDS[kind.min(1)])
+}
+
+fn begins(plan: &Plan, kind: usize) -> Option<u16> {
+    route_of(plan, kind)?.initial_waypoint_number
+}
+
+/// Whether a plan has the contingency route that this border makes.
+fn has_made(plan: &Plan, kind: usize) -> bool {
+    plan.route_named(ROUTES[kind.min(1)]).is_some()
+}
+
+/// Whether a #800 asks for a download.
+pub(super) fn downloads(record: &Record) -> bool {
+    record.id() == 800 && record.whole(5) == DOWNLOAD
+}
+
 impl Plans {
     /// #800 to #806: what they are, in order.
-    pub(super) fn received(&mut self, record: &Record) -> Result<Vec<Message>, Refusal> {
+    pub(super) fn received(
+        &self,
+        record: &Record,
+        upload: &Upload<'_>,
+    ) -> Result<Vec<Message>, Refusal> {
         match record.id() {
-            800 => self.command(record),
+            800 => self.command(record, upload),
             801 => {
-                let (first, kind) = (record.whole(4) as u16, record.whole(6));
-                let name = record.text(5).to_owned();
-                if self.uploaded.contains(&name) || self.uploaded.len() >= MAX_ROUTES {
-                    self.end_upload();
-                }
-                self.uploaded.insert(name.clone());
-                // Its waypoints may name the route that is sent here: it is one, not two.
-                if let Some(named) = kind
-                    .checked_sub(CONTINGENCY_A)
-                    .and_then(|kind| self.named.get_mut(kind as usize))
-                {
-                    *named = first;
-                }
-                if first == 0 {
-                    self.routes.remove(&name);
-                } else if kind < CONTINGENCY_A && self.routes.len() < MAX_ROUTES {
-                    self.routes.insert(name, first);
-                }
                 // A route that is deleted begins nowhere, which must be said.
                 let mut route = record.clone();
-                route.set(4, first);
+                route.set(4, record.whole(4));
                 Ok(vec![to(&route, UaRoute::ID)?])
             }
-            802 => self.waypoint(record),
+            802 => waypoint(record, upload),
             803 => loiter(record),
             _ => Ok(vec![generic(record)?]),
         }
     }
 
-    fn waypoint(&mut self, record: &Record) -> Result<Vec<Message>, Refusal> {
-        let mut waypoint = record.clone();
-        // A speed of 0 fills its place, and an arrival time counts with speed type 3 alone.
-        let by_time = record.whole(11) == ARRIVAL_TIME;
-        if record.number(10).is_none_or(|speed| speed == 0.0) || by_time {
-            waypoint.clear(10);
-        }
-        if !by_time {
-            waypoint.clear(15);
-        }
-        // 0 ends the series: it is a value here.
-        waypoint.set(12, record.whole(12));
-        let message = to(&waypoint, UaPositionWaypoint::ID)?;
-        let number = record.whole(4) as u16;
-        let links = [12, 13, 14].map(|field| record.whole(field) as u16);
-        let mut messages = Vec::new();
-        for (kind, first) in (0..2).zip(&links[1..]) {
-            match self.named[kind] {
-                named if *first == 0 || named == *first => {}
-                0 => messages.push(contingency(record, kind, *first)?),
-                // A second 13001 of the route would begin another upload.
-                named => {
-                    return Err(Refusal::new(
-                        "not supported",
-                        format!(
-                            "Contingency Waypoint {} {first}, of other waypoints it is {named}: one contingency route is \
-                             flown, name the same in all of them",
-                            NAMES[kind]
-                        ),
-                    ));
-                }
-            }
-        }
-        for (named, first) in self.named.iter_mut().zip(&links[1..]) {
-            if *first != 0 {
-                *named = *first;
-            }
-        }
-        self.waypoints.insert(number, links);
-        messages.push(message);
-        Ok(messages)
+    /// The plan holds this waypoint.
+    pub(super) fn stored(&mut self, waypoint: Contingencies) {
+        self.waypoints.insert(waypoint.number, waypoint);
     }
 
-    /// What follows is another upload.
-    fn end_upload(&mut self) {
-        self.uploaded.clear();
-        self.named = [0; 2];
+    pub(super) fn begin_download(&mut self) {
+        self.sent = [0; 2];
     }
 
     /// #800.
-    fn command(&mut self, record: &Record) -> Result<Vec<Message>, Refusal> {
+    fn command(&self, record: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusal> {
         let mut command = record.clone();
+        let mut messages = Vec::new();
         match record.whole(5) {
-            CLEAR => {
-                *self = Plans::default();
-                command.clear(6);
-            }
+            CLEAR | DOWNLOAD => command.clear(6),
             LOAD => {
-                self.check()?;
-                self.end_upload();
+                self.check(upload)?;
+                messages = self.stale(record, upload)?;
                 command.clear(6);
             }
-            DOWNLOAD => {
-                self.sent = [0; 2];
-                command.clear(6);
-            }
-            CANCEL => self.end_upload(),
             _ => {}
         }
-        Ok(vec![to(&command, MissionTransferCommand::ID)?])
+        messages.push(to(&command, MissionTransferCommand::ID)?);
+        Ok(messages)
+    }
+
+    /// The contingencies of a waypoint of the plan, where they are known.
+    fn of(&self, plan: &Plan, number: u16) -> Option<[u16; 2]> {
+        let known = self.waypoints.get(&number)?;
+        let waypoint = plan.waypoint(number)?;
+        (waypoint.time_stamp == Some(known.stamp)).then_some(known.links)
+    }
+
+    /// What deletes the contingency routes of an earlier mission that the one which is loaded does not name. In Edition 4 a
+    /// route stays until it is deleted: a loss of the CUCS would lead along a route that nobody has sent.
+    fn stale(&self, load: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusal> {
+        let (Some(sent), true) = (upload.sent, upload.is_of_a_flight()) else {
+            return Ok(Vec::new());
+        };
+        let is_named = |kind: usize| {
+            let mut links = sent.numbers().filter_map(|number| self.of(sent, number));
+            match route_of(sent, kind) {
+                Some(_) => has_made(sent, kind),
+                None => links.any(|links| links[kind] != 0),
+            }
+        };
+        let stale = (0..2).filter(|kind| has_made(upload.plan, *kind) && !is_named(*kind));
+        stale.map(|kind| contingency(load, kind, 0)).collect()
     }
 
     /// Whether all waypoints of a flight route name one contingency of each kind, or none.
-    fn check(&self) -> Result<(), Refusal> {
-        for (name, first) in &self.routes {
-            let mut at = *first;
-            let mut seen = BTreeMap::new();
-            while let Some(links) = self.waypoints.get(&at).filter(|_| !seen.contains_key(&at)) {
-                seen.insert(at, [links[1], links[2]]);
-                at = links[0];
+    fn check(&self, upload: &Upload<'_>) -> Result<(), Refusal> {
+        let plan = upload.plan;
+        let sends = |kind| {
+            upload
+                .sent
+                .is_some_and(|sent| route_of(sent, kind).is_some())
+        };
+        let has_contingencies = (0..2).any(|kind| has_made(plan, kind) || sends(kind));
+        for route in plan.routes().iter().filter(|route| is_flight(route)) {
+            let part = plan.part(route);
+            let unknown = |number: &u16| {
+                has_contingencies && upload.has_sent(*number) && self.of(plan, *number).is_none()
+            };
+            if let Some(number) = part.numbers().find(unknown) {
+                return Err(Refusal::new(
+                    "not supported",
+                    format!(
+                        "where waypoint {number} leads on a contingency is not known any more, since the VSM has restarted: \
+                         send it again (#802), then #800"
+                    ),
+                ));
             }
+            let known = part.numbers();
+            let known = known.filter_map(|number| Some((number, self.of(plan, number)?)));
+            let known: Vec<_> = known.collect();
             for (index, kind) in NAMES.iter().enumerate() {
-                let mut all = seen.iter().map(|(number, links)| (*number, links[index]));
+                let mut all = known.iter().map(|(number, links)| (*number, links[index]));
                 let Some((begin, named)) = all.next() else {
                     continue;
                 };
                 if let Some((number, other)) = all.find(|(_, other)| *other != named) {
+                    let name = route.route_id.as_ref().map_or("", |id| id.as_str());
                     return Err(Refusal::new(
                         "not supported",
                         format!(
@@ -193,6 +241,48 @@ impl Plans {
     }
 }
 
+/// #802.
+fn waypoint(record: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusal> {
+    let mut waypoint = record.clone();
+    // A speed of 0 fills its place, and an arrival time counts with speed type 3 alone.
+    let by_time = record.whole(11) == ARRIVAL_TIME;
+    if record.number(10).is_none_or(|speed| speed == 0.0) || by_time {
+        waypoint.clear(10);
+    }
+    if !by_time {
+        waypoint.clear(15);
+    }
+    // 0 ends the series: it is a value here.
+    waypoint.set(12, record.whole(12));
+    let message = to(&waypoint, UaPositionWaypoint::ID)?;
+    let mut messages = Vec::new();
+    for (kind, field) in [13, 14].into_iter().enumerate() {
+        let first = record.whole(field) as u16;
+        if first == 0 {
+            continue;
+        }
+        match upload.sent.and_then(|sent| begins(sent, kind)) {
+            Some(named) if named == first => {}
+            // A second 13001 of the route would begin another upload.
+            Some(named) => {
+                return Err(Refusal::new(
+                    "not supported",
+                    format!(
+                        "Contingency Waypoint {} {first}, of other waypoints it is {named}: one contingency route is \
+                         flown, name the same in all of them",
+                        NAMES[kind]
+                    ),
+                ));
+            }
+            // A waypoint of the stored mission is changed, and leads where it did.
+            None if !upload.is_of_a_flight() && begins(upload.plan, kind) == Some(first) => {}
+            None => messages.push(contingency(record, kind, first)?),
+        }
+    }
+    messages.push(message);
+    Ok(messages)
+}
+
 /// #803.
 fn loiter(record: &Record) -> Result<Vec<Message>, Refusal> {
     let mut kept = record.clone();
@@ -206,12 +296,12 @@ fn loiter(record: &Record) -> Result<Vec<Message>, Refusal> {
     Ok(vec![message])
 }
 
-/// 13001 for the contingency route that a waypoint names.
-fn contingency(waypoint: &Record, kind: usize, first: u16) -> Result<Message, Refusal> {
+/// 13001 for a contingency route that waypoints name; one that begins at 0 is deleted.
+fn contingency(of: &Record, kind: usize, first: u16) -> Result<Message, Refusal> {
     let mut route = new(801);
-    route.set(1, waypoint.number(1).unwrap_or_default());
+    route.set(1, of.number(1).unwrap_or_default());
     route.set(4, first);
-    route.set_text(5, ["CONTINGENCY A", "CONTINGENCY B"][kind.min(1)]);
+    route.set_text(5, ROUTES[kind.min(1)]);
     route.set(6, CONTINGENCY_A + kind as u32);
     to(&route, UaRoute::ID)
 }
@@ -219,10 +309,9 @@ fn contingency(waypoint: &Record, kind: usize, first: u16) -> Result<Message, Re
 const CLEAR: u32 = 1;
 const LOAD: u32 = 2;
 const DOWNLOAD: u32 = 3;
-const CANCEL: u32 = 5;
-/// Of the contingencies.
+/// Of the contingencies, and of the routes that this border makes of them.
 const NAMES: [&str; 2] = ["A", "B"];
+const KINDS: [RouteType; 2] = [RouteType::ContingencyA, RouteType::ContingencyB];
+const ROUTES: [&str; 2] = ["CONTINGENCY A", "CONTINGENCY B"];
 const CONTINGENCY_A: u32 = 3;
 const ARRIVAL_TIME: u32 = 3;
-/// Routes whose contingencies are compared; a plan has fewer.
-const MAX_ROUTES: usize = 256;

@@ -8,13 +8,19 @@
 //! |---|---|---|
 //! | 11 | altitude and speed are the route's (#802) | those of #43 |
 //! | 12 | altitude and speed of #41; the place is where the vehicle is | those of #43, and its loiter position |
-//! | 15 and others | those of #43 | those of #43 |
+//! | 15 | those of #43 | those of #43 |
+//! | 20, 21 | the altitude of #43 | the altitude of #43 |
+//! | others | none | none |
 //!
 //! So a #43 changes the flight at once where it rules in the mode that the vehicle shows: in 15, and in 11 and 12 with #48.
 //! Else it is kept for the #42 that follows it, once: a demand from before the last #42 moves nothing. Within a #43 count an
 //! altitude and a heading whose command type is not 0, a speed and an altimeter setting that are not 0, and a waypoint of
 //! 1 to 65534 that is another than before, and another than the vehicle flies to. #48 preference 1 falls back to 0 when
 //! a waypoint is reached.
+//!
+//! A station repeats its last #43 all the time, in modes that do not use it too. So a landing takes nothing of it: a heading
+//! that stands by would have it refused. A wave-off takes an altitude only where that has changed since the last #42, since
+//! one from before the landing may lie below the vehicle.
 
 use stanag_msgs::Message;
 use stanag_msgs::ed25::Record;
@@ -33,10 +39,10 @@ pub(crate) struct Steering {
     shown: Option<u8>,
     /// The waypoint that the vehicle flies to.
     to: Option<u16>,
-    /// The last #42: its mode, and its stamp.
+    /// The mode of the last #42, and its stamp, until the vehicle shows that mode or changes to any other.
     commanded: Option<(u8, f64)>,
-    /// The last #43, and whether nothing was made of it yet.
-    demand: Option<(Record, bool)>,
+    /// The last #43.
+    demand: Option<Demand>,
     /// The last #41.
     loiter: Option<Record>,
     /// The last #48: altitude, speed, course and heading.
@@ -51,12 +57,23 @@ pub(crate) struct Order {
     pub(crate) notice: Option<String>,
 }
 
+/// A #43, and what of it may go with the next #42.
+#[derive(Debug, Clone)]
+pub(crate) struct Demand {
+    record: Record,
+    /// Nothing was made of it, and no #42 has followed it.
+    fresh: bool,
+    /// Its waypoint is another than before, and no #42 has followed since.
+    waypoint: bool,
+    /// The same of its altitude.
+    altitude: bool,
+}
+
 /// What a command changes here.
 #[derive(Debug, Clone)]
 pub(crate) enum Latch {
     Mode(u8, f64),
-    /// #43; whether something was made of it.
-    Demand(Record, bool),
+    Demand(Demand),
     Loiter(Record),
     Preference([u8; 3]),
 }
@@ -69,10 +86,12 @@ impl Steering {
                 let mut loiter = record.clone();
                 // Fields 9 to 12, altitude and speed, have no place in 2017: they go with mode 12.
                 clear_unused_of_loiter(&mut loiter, 4, 5);
+                let absent = |of: &Record| of.number(9) == Some(0.0);
+                let is_new = !self.loiter.as_ref().is_some_and(absent);
                 Ok(Order {
                     message: to(&loiter, LoiterConfiguration::ID)?,
                     latch: Latch::Loiter(record.clone()),
-                    notice: None,
+                    notice: (absent(record) && is_new).then(|| NO_LOITER_ALTITUDE.to_owned()),
                 })
             }
             42 => self.mode(record),
@@ -97,13 +116,16 @@ impl Steering {
             _ => {}
         }
         let mut command = whole(record)?;
-        let demand = self.demand.as_ref().filter(|(_, fresh)| *fresh);
-        self.rule(mode, demand.map(|(demand, _)| demand), &mut command);
+        let demand = self.demand.as_ref();
+        let demand = demand.filter(|one| one.fresh && (mode != WAVE_OFF || one.altitude));
+        if let Some(demand) = demand {
+            self.rule(mode, &demand.record, &mut command);
+        }
         if mode == LOITER {
             self.configured(&mut command);
         }
-        if let Some((demand, _)) = demand.filter(|_| mode == WAYPOINT) {
-            name_waypoint(demand, &mut command);
+        if let Some(demand) = demand.filter(|one| mode == WAYPOINT && one.waypoint) {
+            name_waypoint(&demand.record, &mut command);
         }
         Ok(Order {
             message: command.message()?,
@@ -130,8 +152,8 @@ impl Steering {
         }
         let mut notice = None;
         if let Some(mode @ (AUTOPILOT | WAYPOINT | LOITER)) = mode {
-            self.rule(mode, Some(record), &mut command);
-            if mode == WAYPOINT && self.is_new_waypoint(record) {
+            self.rule(mode, record, &mut command);
+            if mode == WAYPOINT && self.changes(record, &[15]) && !self.flies_there(record) {
                 name_waypoint(record, &mut command);
             }
             if mode == LOITER && self.preference[2] == 0 && has_place(record) {
@@ -145,20 +167,31 @@ impl Steering {
         if let Some((mode, _)) = entered.filter(|_| acts) {
             command.set(2, mode);
         }
+        let before = self.demand.as_ref();
+        let demand = Demand {
+            record: record.clone(),
+            fresh: !acts,
+            // In mode 11 it was commanded, or is not.
+            waypoint: mode != Some(WAYPOINT)
+                && (self.changes(record, &[15]) || before.is_some_and(|one| one.waypoint)),
+            altitude: self.changes(record, &[4, 5, 6, 17])
+                || before.is_some_and(|one| one.altitude),
+        };
         Ok(Order {
             message: command.message()?,
-            latch: Latch::Demand(record.clone(), acts),
-            notice: notice.filter(|_| self.place_is_new(record)),
+            latch: Latch::Demand(demand),
+            notice: notice.filter(|_| self.changes(record, &[18, 19])),
         })
     }
 
     /// What of a #43 rules in a mode.
-    fn rule(&self, mode: u8, demand: Option<&Record>, command: &mut Record) {
-        let Some(demand) = demand else {
-            return;
+    fn rule(&self, mode: u8, demand: &Record, command: &mut Record) {
+        let [altitude, speed, course] = match mode {
+            WAYPOINT | LOITER => self.preference.map(|mode| mode != 0),
+            AUTOPILOT => [true; 3],
+            WAVE_OFF | LAUNCH => [true, false, false],
+            _ => [false; 3],
         };
-        let configured = matches!(mode, WAYPOINT | LOITER);
-        let [altitude, speed, course] = self.preference.map(|mode| !configured || mode != 0);
         let mut copy = |from: u8, to: u8| {
             if let Some(value) = demand.number(from) {
                 command.set(to, value);
@@ -213,7 +246,9 @@ impl Steering {
             return;
         };
         let [altitude, speed, _] = self.preference;
-        if let (0, Some(metres)) = (altitude, loiter.number(9)) {
+        // 0 fills the place of an altitude, as it does of a speed.
+        let metres = loiter.number(9).filter(|metres| *metres != 0.0);
+        if let (0, Some(metres)) = (altitude, metres) {
             command.set(3, 1);
             command.set(4, metres);
             command.set(17, loiter.whole(10));
@@ -224,34 +259,33 @@ impl Steering {
         }
     }
 
-    fn is_new_waypoint(&self, demand: &Record) -> bool {
-        let number = demand.whole(15) as u16;
-        let before = self
-            .demand
-            .as_ref()
-            .map(|(before, _)| before.whole(15) as u16);
-        before != Some(number) && self.to != Some(number)
+    /// Whether a #43 has another value in one of these fields than the one before it.
+    fn changes(&self, demand: &Record, fields: &[u8]) -> bool {
+        let differs = |before: &Demand| {
+            let mut fields = fields.iter();
+            fields.any(|field| before.record.number(*field) != demand.number(*field))
+        };
+        self.demand.as_ref().is_none_or(differs)
     }
 
-    fn place_is_new(&self, demand: &Record) -> bool {
-        let place = |one: &Record| [18, 19].map(|field| one.number(field));
-        self.demand
-            .as_ref()
-            .is_none_or(|(before, _)| place(before) != place(demand))
+    fn flies_there(&self, demand: &Record) -> bool {
+        self.to == Some(demand.whole(15) as u16)
     }
 
-    /// A command was taken of the station that controls the vehicle. True where #109 has something new to say.
-    pub(super) fn accept(&mut self, latch: Latch) -> bool {
+    /// A command was taken of the station that controls the vehicle, and perhaps refused for what it commands. True where
+    /// #109 has something new to say.
+    pub(super) fn accept(&mut self, latch: Latch, refused: bool) -> bool {
         match latch {
             Latch::Mode(mode, seconds) => {
-                self.commanded = Some((mode, seconds));
-                if let Some((_, fresh)) = &mut self.demand {
-                    *fresh = false;
+                // Of a mode that is not entered a #43 names none.
+                if !refused {
+                    self.commanded = Some((mode, seconds)).filter(|_| self.shown != Some(mode));
+                }
+                if let Some(demand) = &mut self.demand {
+                    (demand.fresh, demand.waypoint, demand.altitude) = (false, false, false);
                 }
             }
-            Latch::Demand(demand, acted) => {
-                self.demand = Some((demand, !acted));
-            }
+            Latch::Demand(demand) => self.demand = Some(demand),
             Latch::Loiter(loiter) => self.loiter = Some(loiter),
             Latch::Preference(preference) => {
                 self.preference = preference;
@@ -261,12 +295,11 @@ impl Steering {
         false
     }
 
-    /// #21: what it demanded before it lost or won control counts no more. True where it did either.
-    pub(super) fn granted(&mut self, levels: LoiBitmap) -> bool {
+    /// #21: what it demanded before it lost or won control counts no more.
+    pub(super) fn granted(&mut self, levels: LoiBitmap) {
         let both = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
         let control = LoiBitmap::from_raw(levels.raw() & both.raw());
-        let changed = control.is_empty() != self.control.is_empty();
-        if changed {
+        if control.is_empty() != self.control.is_empty() {
             let (shown, to) = (self.shown, self.to);
             *self = Steering {
                 shown,
@@ -275,11 +308,19 @@ impl Steering {
             };
         }
         self.control = control;
-        changed
     }
 
-    /// 3001.
+    /// The mode that the vehicle reports.
+    ///
+    /// A mode that was commanded is named again until it is shown. Once it was, or the vehicle has changed to another, a
+    /// pilot or a failsafe has decided since: a #43 must not lead back.
     pub(super) fn shows(&mut self, mode: Option<u8>) {
+        let entered = self
+            .commanded
+            .is_some_and(|(wanted, _)| mode == Some(wanted));
+        if entered || (self.shown.is_some() && self.shown != mode) {
+            self.commanded = None;
+        }
         self.shown = mode;
     }
 
@@ -343,5 +384,146 @@ const MANUAL: u8 = 2;
 const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;
+const WAVE_OFF: u8 = 20;
+const LAUNCH: u8 = 21;
+const NO_LOITER_ALTITUDE: &str =
+    "#41: Loiter Altitude 0 is not flown to: mode 12 keeps the altitude that the vehicle has";
 /// A mode is entered within this time, or was refused.
 const ENTERED_WITHIN_S: f64 = 5.0;
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::scalar::Altitude;
+
+    use super::super::form::new;
+    use super::*;
+
+    /// A record of this type with these fields.
+    fn record(id: u16, seconds: f64, fields: &[(u8, f64)]) -> Record {
+        let mut record = new(id);
+        record.set(1, 1.7e9 + seconds);
+        for (field, value) in fields {
+            record.set(*field, *value);
+        }
+        record
+    }
+
+    /// The 2016 of a record that is taken.
+    fn take(steering: &mut Steering, record: &Record) -> VehicleOperatingModeCommand {
+        let order = steering.order(record).expect("it is taken");
+        steering.accept(order.latch, false);
+        match order.message {
+            Message::VehicleOperatingModeCommand(command) => command,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn mode(steering: &mut Steering, mode: u8, seconds: f64) -> VehicleOperatingModeCommand {
+        take(steering, &record(42, seconds, &[(4, f64::from(mode))]))
+    }
+
+    fn metres(command: &VehicleOperatingModeCommand) -> Option<f64> {
+        command
+            .commanded_altitude
+            .map(|altitude: Altitude| altitude.si())
+    }
+
+    /// Altitude 20 m and heading 1.5 rad, as a station repeats them.
+    const DEMAND: [(u8, f64); 5] = [(4, 1.0), (5, 20.0), (7, 1.0), (8, 1.5), (17, 2.0)];
+
+    #[test]
+    fn a_demand_that_stands_by_neither_turns_a_landing_nor_lowers_a_wave_off() {
+        let mut steering = Steering::default();
+        steering.shows(Some(15));
+        take(&mut steering, &record(43, 0.0, &DEMAND));
+        mode(&mut steering, LOITER, 1.0);
+        steering.shows(Some(LOITER));
+        take(&mut steering, &record(43, 2.0, &DEMAND));
+        let land = mode(&mut steering, 19, 3.0);
+        assert_eq!((land.heading_command_type, metres(&land)), (None, None));
+        steering.shows(Some(19));
+        take(&mut steering, &record(43, 4.0, &DEMAND));
+        let up = mode(&mut steering, WAVE_OFF, 5.0);
+        assert_eq!((up.heading_command_type, metres(&up)), (None, None));
+        // Another altitude is a demand for it.
+        steering.shows(Some(19));
+        let mut higher = DEMAND;
+        higher[1].1 = 60.0;
+        take(&mut steering, &record(43, 6.0, &higher));
+        take(&mut steering, &record(43, 6.5, &higher));
+        let up = mode(&mut steering, WAVE_OFF, 7.0);
+        assert_eq!((up.heading_command_type, metres(&up)), (None, Some(60.0)));
+        // A launch takes the last one, also where it is that of the launch before.
+        take(&mut steering, &record(43, 8.0, &higher));
+        assert_eq!(metres(&mode(&mut steering, LAUNCH, 9.0)), Some(60.0));
+    }
+
+    #[test]
+    fn a_waypoint_that_was_named_before_is_not_flown_back_to() {
+        let mut steering = Steering::default();
+        let third = [(15, 3.0)];
+        steering.shows(Some(WAYPOINT));
+        steering.flies_to(Some(1));
+        let named = take(&mut steering, &record(43, 0.0, &third));
+        assert_eq!(named.commanded_waypoint_number, Some(3));
+        steering.flies_to(Some(3));
+        steering.flies_to(Some(5));
+        mode(&mut steering, LOITER, 1.0);
+        steering.shows(Some(LOITER));
+        take(&mut steering, &record(43, 2.0, &third));
+        let resumed = mode(&mut steering, WAYPOINT, 3.0);
+        assert_eq!(resumed.commanded_waypoint_number, None);
+        // Another, however often it is repeated before the mode.
+        mode(&mut steering, LOITER, 4.0);
+        for at in [5.0, 5.5] {
+            take(&mut steering, &record(43, at, &[(15, 2.0)]));
+        }
+        let other = mode(&mut steering, WAYPOINT, 6.0);
+        assert_eq!(other.commanded_waypoint_number, Some(2));
+    }
+
+    #[test]
+    fn a_demand_names_a_mode_only_while_that_is_being_entered() {
+        let mut steering = Steering::default();
+        steering.shows(Some(LOITER));
+        mode(&mut steering, AUTOPILOT, 0.0);
+        let early = take(&mut steering, &record(43, 0.5, &DEMAND));
+        assert_eq!(
+            early.select_flight_path_control_mode.map(|one| one.raw()),
+            Some(15)
+        );
+        steering.shows(Some(AUTOPILOT));
+        // The safety pilot takes over.
+        steering.shows(Some(MANUAL));
+        let late = take(&mut steering, &record(43, 4.0, &DEMAND));
+        assert_eq!(late.select_flight_path_control_mode, None);
+        assert_eq!((late.heading_command_type, metres(&late)), (None, None));
+        // Before the mode was ever shown, too; and by a #42 that was refused nothing is entered.
+        mode(&mut steering, AUTOPILOT, 10.0);
+        steering.shows(Some(23));
+        let returned = take(&mut steering, &record(43, 11.0, &DEMAND));
+        assert_eq!(returned.select_flight_path_control_mode, None);
+        let order = steering
+            .order(&record(42, 20.0, &[(4, 15.0)]))
+            .expect("it is made");
+        steering.accept(order.latch, true);
+        let after = take(&mut steering, &record(43, 20.5, &DEMAND));
+        assert_eq!(after.select_flight_path_control_mode, None);
+    }
+
+    #[test]
+    fn a_loiter_altitude_of_zero_is_none_and_the_station_is_informed_once() {
+        let mut steering = Steering::default();
+        let low = record(41, 0.0, &[(4, 1.0), (5, 50.0), (9, 0.0), (10, 2.0)]);
+        let order = steering.order(&low).expect("it is made");
+        assert!(
+            order
+                .notice
+                .is_some_and(|text| text.contains("Loiter Altitude 0"))
+        );
+        steering.accept(order.latch, false);
+        assert_eq!(steering.order(&low).expect("it is made").notice, None);
+        let hold = mode(&mut steering, LOITER, 1.0);
+        assert_eq!((hold.altitude_command_type, metres(&hold)), (None, None));
+    }
+}

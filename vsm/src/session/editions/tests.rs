@@ -107,7 +107,7 @@ fn whatever_edition_4_says_is_a_whole_message_of_edition_25_or_none() {
             // Of a kind that this VSM never sends.
             continue;
         }
-        for bytes in translator.outbound(&envelope, &message) {
+        for bytes in translator.outbound(&envelope, envelope.source, &message) {
             for frame in ed25::frames(&bytes) {
                 let frame = frame.unwrap();
                 let info = ed25::message(frame.header.message_type, Version::Ed25).unwrap();
@@ -137,7 +137,7 @@ fn nothing_is_reported_before_it_is_known_and_what_is_absent_keeps_its_last_valu
     let mut report = |translator: &mut Translator, states: InertialStates| {
         ms += 1;
         let message = Message::from(states).stamped(TimeStamp(ms));
-        let all = translator.outbound(&envelope, &message);
+        let all = translator.outbound(&envelope, envelope.source, &message);
         all.first().map(|bytes| {
             let frame = ed25::frames(bytes).next().unwrap().unwrap();
             Record::read(ed25::message(101, Version::Ed25).unwrap(), frame.data).unwrap()
@@ -210,7 +210,7 @@ fn becomes(record: &Record, mode: u8, preference: u8) -> Option<Vec<Message>> {
     let steering = translator.steering.entry(vehicle).or_default();
     steering.granted(LoiBitmap::from_raw(0x0f));
     steering.shows(Some(mode));
-    steering.accept(Latch::Preference([preference; 3]));
+    steering.accept(Latch::Preference([preference; 3]), false);
     let at = Parties {
         cucs: Id(0x1b00_00a0),
         vehicle,
@@ -218,11 +218,19 @@ fn becomes(record: &Record, mode: u8, preference: u8) -> Option<Vec<Message>> {
     };
     let standing = Standing {
         vsm: Id(0x1b00_0001),
+        named: vehicle,
         stamp: TimeStamp(800_000_000_000),
         web_page: None,
     };
     let mut taken = Inbound::default();
-    translator.take(record, &at, &standing, &mut taken).ok()?;
+    let none = mapping::plan::Plan::default();
+    let upload = Upload {
+        plan: &none,
+        sent: None,
+    };
+    translator
+        .take(record, &at, &standing, &upload, &mut taken)
+        .ok()?;
     Some(taken.messages.into_iter().map(|(_, one)| one).collect())
 }
 

@@ -20,10 +20,11 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::settings::{self, Pattern};
 use super::situation::{
     Situation, Task, altitude, check_heights, checked_level, flown_as, has, holds, level, mode_of,
-    names_mode, names_nothing, place, plain, speed, steps_to_waypoint,
+    names_mode, place, plain, speed, steps_to_waypoint,
 };
 use super::steering::{self, Vertical};
 use super::wings;
+use crate::session::duplicates::commands_values;
 use crate::session::maneuver::{self, Step};
 use crate::session::mission::record::UploadedMission;
 
@@ -38,7 +39,7 @@ pub(crate) fn task(
     let mode = mode_of(command, at.telemetry)
         .ok_or("no mode is commanded, and the vehicle has not reported one")?;
     if !names_mode(command) {
-        if names_nothing(command) {
+        if !commands_values(command) {
             // A setting that is kept, such as the altimeter's.
             return Ok(Task::Nothing);
         }

@@ -12,7 +12,7 @@ use mapping::report::Commanded;
 use mapping::route::Wings;
 use mapping::telemetry::Telemetry;
 use stanag_msgs::enums::{
-    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, RouteType, SpeedType,
+    AltitudeCommandType, FlightPathControlMode as Mode, RouteType, SpeedType,
 };
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
@@ -105,28 +105,6 @@ pub(super) fn names_mode(command: &VehicleOperatingModeCommand) -> bool {
     command
         .select_flight_path_control_mode
         .is_some_and(|mode| mode != Mode::NoMode)
-}
-
-/// Whether no mode, altitude, speed, heading, place or waypoint is commanded: nothing is to be flown otherwise.
-pub(super) fn names_nothing(command: &VehicleOperatingModeCommand) -> bool {
-    let angles = [
-        command.loiter_position_latitude,
-        command.loiter_position_longitude,
-    ];
-    altitude(command).is_none()
-        && command
-            .commanded_vertical_speed
-            .is_none_or(|rate| rate.si() == 0.0)
-        && command
-            .commanded_speed
-            .is_none_or(|speed| speed.si() == 0.0)
-        && command
-            .heading_command_type
-            .is_none_or(|kind| kind == HeadingCommandType::None)
-        && !steps_to_waypoint(command)
-        && angles
-            .iter()
-            .all(|angle| angle.is_none_or(|angle| angle.degrees() == 0.0))
 }
 
 /// Whether the plan holds a route of this type.

@@ -38,10 +38,11 @@ pub(crate) use input::{Context, Input};
 use std::time::Duration;
 
 use mapping::area::Area;
+use mapping::plan::Plan;
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
-use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
+use stanag_msgs::{Id, Message};
 
 use self::descent::DescentWatch;
 use self::fence::Fence;
@@ -99,6 +100,11 @@ impl Mission {
     /// What the vehicle carries.
     pub(crate) fn uploaded(&self) -> Option<&UploadedMission> {
         self.store.uploaded.as_ref()
+    }
+
+    /// What a 13000 of this CUCS would load; and, of that, what it has sent since its last 13000.
+    pub(crate) fn upload_of(&self, cucs: Id) -> (&Plan, Option<&Plan>) {
+        self.store.upload_of(cucs)
     }
 
     /// What the other machines may know.

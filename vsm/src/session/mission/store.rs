@@ -42,6 +42,13 @@ impl MissionStore {
         self.received.offered(cucs)
     }
 
+    /// The same, and what of it was sent since its last 13000.
+    pub(super) fn upload_of(&self, cucs: Id) -> (&Plan, Option<&Plan>) {
+        let staged = self.received.staged.as_ref();
+        let own = staged.filter(|staged| staged.owner == cucs);
+        (self.offered(cucs), own.map(|staged| &staged.sent))
+    }
+
     /// What the 13000 that is carried out loads: what had been sent when it began.
     pub(super) fn to_load(&self) -> &Plan {
         self.received.to_load()

@@ -1,7 +1,10 @@
 //! What is dropped and refused by name, and that no edition is a way around the rules of another.
 
+use std::net::SocketAddr;
+
 use kit::bridge::vehicle_id;
 use serde_json::json;
+use stanag_msgs::ed25;
 
 use super::*;
 
@@ -254,4 +257,55 @@ fn an_unproven_address_is_sent_three_times_what_it_sent_at_most_in_its_own_editi
         assert!(sent > 0, "{what}");
         assert!(sent <= 3 * paid, "{what}: {sent} bytes for {paid}");
     }
+}
+
+/// The shortest that names a station, and a discovery: at its address, and in the group.
+#[test]
+fn a_question_for_a_proof_counts_too_at_an_address_and_in_the_group() {
+    let forged = SocketAddr::from(([192, 0, 2, 7], 7));
+    for keys in ["", "edition = \"2.5\"\n", "delivery = \"group\"\n"] {
+        for discovers in [false, true] {
+            let tables = format!("[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\n{keys}");
+            let mut rig = Rig::new(Setup {
+                tables: Box::leak(tables.into_boxed_str()),
+                dli_keys: "multicast = \"239.45.86.1:26001\"\ninterface = \"127.0.0.1\"",
+                ..Setup::default()
+            });
+            rig.run(9.0);
+            let mut station = StationEd25::new(CUCS, forged);
+            let discovery = station.datagram(&rig, Id::BROADCAST, 1, &json!({ "VSM ID": -1 }));
+            let bytes = if discovers {
+                discovery
+            } else {
+                shortest(&discovery)
+            };
+            rig.deliver_from(forged, &bytes);
+            rig.run(60.0);
+            let group = rig.group.iter().map(Vec::len).sum::<usize>();
+            let addressed = rig
+                .sent_to
+                .get(&forged)
+                .map_or(0, |(_, sent)| *sent as usize);
+            for sent in [group, addressed] {
+                assert!(
+                    sent <= 3 * bytes.len(),
+                    "{sent} for {}: {keys}",
+                    bytes.len()
+                );
+            }
+            assert!(group + addressed > 0, "{keys}");
+        }
+    }
+}
+
+/// A message of a type that is not known, with the first three fields of another.
+fn shortest(of: &[u8]) -> Vec<u8> {
+    let header = ed25::Header {
+        version: ed25::Version::Ed25,
+        instance: 1,
+        message_type: 1999,
+    };
+    let mut out = [0; 64];
+    let length = ed25::encode(&header, &of[30..46], &mut out).expect("it fits");
+    out[..length].to_vec()
 }

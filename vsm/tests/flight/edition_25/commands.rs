@@ -242,3 +242,86 @@ fn the_configuration_phase_speaks_in_messages_and_fields_of_the_edition() {
     assert!(!refused(48, 0));
     assert_eq!(station.take(&rig, 1203).len(), 1);
 }
+
+/// What a station keeps sending whether or not a mode uses it.
+fn stands_by() -> Value {
+    json!({
+        "Altitude Command Type": 1, "Commanded Altitude": 20.0, "Altitude Type": 2,
+        "Heading Command Type": 1, "Commanded Heading": 1.0,
+    })
+}
+
+#[test]
+fn a_landing_and_a_wave_off_are_flown_whatever_demand_stands_by() {
+    let (mut rig, mut station) = ready();
+    take_off(&mut rig, &mut station, 30.0);
+    for next in [12, 19, 20] {
+        steer(&mut rig, &mut station, &stands_by());
+        rig.run(0.5);
+        mode(&mut rig, &mut station, next);
+        rig.run(4.0);
+    }
+    let alerts = station.alerts(&rig).join("|");
+    assert!(!alerts.contains("refused"), "{alerts}");
+    // Back up to where the landing began.
+    let up = rig.until(30.0, |rig| -rig.truth().position.d > 29.0);
+    assert!(up, "{:?} {alerts}", rig.truth());
+    steer(&mut rig, &mut station, &stands_by());
+    mode(&mut rig, &mut station, 19);
+    assert!(rig.until(60.0, |rig| rig.truth().landed));
+}
+
+#[test]
+fn a_mode_that_arrives_after_a_younger_demand_is_taken() {
+    let (mut rig, mut station) = ready();
+    take_off(&mut rig, &mut station, 20.0);
+    mode(&mut rig, &mut station, 15);
+    assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Offboard));
+    for younger in [stands_by(), json!({})] {
+        let hold = station.datagram(
+            &rig,
+            vehicle_id(0),
+            42,
+            &json!({ "Select Flight Path Control Mode": 12 }),
+        );
+        rig.run(0.1);
+        steer(&mut rig, &mut station, &younger);
+        station.send(&mut rig, vehicle_id(0), 48, &json!({}));
+        rig.run(0.2);
+        rig.deliver_from(station.address, &hold);
+        let held = rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter);
+        assert!(held, "{:?}", station.alerts(&rig));
+        rig.run(2.0);
+        mode(&mut rig, &mut station, 15);
+        let steers = rig.until(10.0, |rig| rig.truth().mode == Px4::Offboard);
+        assert!(steers, "{:?}", station.alerts(&rig));
+    }
+    // Of two modes, of two demands and of two preferences the younger counts.
+    let old = [
+        (42, json!({ "Select Flight Path Control Mode": 12 })),
+        (
+            43,
+            json!({ "Altitude Command Type": 1, "Commanded Altitude": 90.0, "Altitude Type": 2 }),
+        ),
+        (
+            48,
+            json!({ "Altitude Mode": 2, "Speed Mode": 2, "Course/Heading Mode": 2 }),
+        ),
+    ];
+    let old = old.map(|(number, fields)| station.datagram(&rig, vehicle_id(0), number, &fields));
+    rig.run(0.1);
+    station.send(&mut rig, vehicle_id(0), 48, &json!({ "Altitude Mode": 1 }));
+    mode(&mut rig, &mut station, 15);
+    steer(&mut rig, &mut station, &stands_by());
+    rig.run(0.5);
+    station.take(&rig, 109);
+    for bytes in old {
+        rig.deliver_from(station.address, &bytes);
+    }
+    rig.run(1.0);
+    assert_eq!(rig.truth().mode, Px4::Offboard);
+    assert!(station.take(&rig, 109).is_empty());
+    let overtaken = station.alerts(&rig);
+    let overtaken = overtaken.iter().filter(|text| text.contains("later"));
+    assert_eq!(overtaken.count(), 3, "{:?}", station.alerts(&rig));
+}

@@ -204,3 +204,115 @@ fn a_plan_of_edition_4_reaches_a_station_of_edition_25() {
     numbers.sort_unstable();
     assert_eq!(numbers, [101, 102, 103, 104]);
 }
+
+/// Waypoint 1, which goes on to `next` and names 20 for contingency A where it names one; 20, and a route to them.
+fn mission(a: u16, next: u16) -> [(u16, Value); 3] {
+    [
+        (801, route(1, "R1", 2)),
+        (
+            802,
+            with(waypoint(1, next, 40.0, 0.0), "Contingency Waypoint A", a),
+        ),
+        (802, waypoint(20, 0, -40.0, 0.0)),
+    ]
+}
+
+fn send_all(rig: &mut Rig, station: &mut StationEd25, messages: &[(u16, Value)]) {
+    for (number, fields) in messages {
+        station.send(rig, vehicle_id(0), *number, fields);
+    }
+    rig.run(0.5);
+}
+
+/// The routes and waypoints of a download.
+fn downloaded(rig: &mut Rig, station: &mut StationEd25) -> (Vec<u64>, Vec<u64>) {
+    station.receive(rig);
+    station.received.clear();
+    assert_eq!(
+        transfer(rig, station, 3),
+        Some(1),
+        "{:?}",
+        station.alerts(rig)
+    );
+    let mut numbers = |of: u16, field: &str| {
+        let all = station.take(rig, of);
+        let mut all: Vec<_> = all.iter().filter_map(|one| one[field].as_u64()).collect();
+        all.sort_unstable();
+        all
+    };
+    (numbers(801, "Route Type"), numbers(802, "Waypoint Number"))
+}
+
+#[test]
+fn a_mission_that_names_no_contingency_keeps_none_of_an_earlier_one() {
+    let (mut rig, mut station) = ready();
+    send_all(&mut rig, &mut station, &mission(20, 0));
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(1));
+    assert_eq!(downloaded(&mut rig, &mut station).0, [2, 3]);
+    // Named again, in any order, and by a change of a single waypoint, it stays.
+    let [flight, first, other] = mission(20, 0);
+    send_all(&mut rig, &mut station, &[first.clone(), other, flight]);
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(1));
+    send_all(&mut rig, &mut station, &[first]);
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(1));
+    assert_eq!(downloaded(&mut rig, &mut station).0, [2, 3]);
+    // The same number, now on the way of the flight.
+    send_all(&mut rig, &mut station, &mission(0, 20));
+    let loaded = transfer(&mut rig, &mut station, 2);
+    assert_eq!(loaded, Some(1), "{:?}", station.alerts(&rig));
+    assert_eq!(downloaded(&mut rig, &mut station).0, [2]);
+}
+
+#[test]
+fn an_upload_survives_a_repeated_route_and_a_restart() {
+    let (mut rig, mut station) = ready();
+    let [flight, first, other] = mission(20, 2);
+    let flight = station.datagram(&rig, vehicle_id(0), flight.0, &flight.1);
+    rig.deliver_from(station.address, &flight);
+    send_all(&mut rig, &mut station, std::slice::from_ref(&first));
+    rig.deliver_from(station.address, &flight);
+    let second = with(waypoint(2, 3, 80.0, 0.0), "Contingency Waypoint A", 20);
+    send_all(&mut rig, &mut station, &[(802, second)]);
+    rig.restart_bridge();
+    rig.run(12.0);
+    rig.deliver_from(station.address, &flight);
+    let third = with(waypoint(3, 0, 90.0, 0.0), "Contingency Waypoint A", 20);
+    send_all(&mut rig, &mut station, &[(802, third), other]);
+    // Which contingencies the first two name is known no more.
+    assert_eq!(transfer(&mut rig, &mut station, 2), None);
+    let alerts = station.alerts(&rig).join("|");
+    assert!(
+        alerts.contains("waypoint 1 leads on a contingency"),
+        "{alerts}"
+    );
+    let second = with(waypoint(2, 3, 80.0, 0.0), "Contingency Waypoint A", 20);
+    send_all(&mut rig, &mut station, &[first, (802, second)]);
+    let loaded = transfer(&mut rig, &mut station, 2);
+    assert_eq!(loaded, Some(1), "{:?}", station.alerts(&rig));
+    let expected = (vec![2, 3], vec![1, 2, 3, 20]);
+    assert_eq!(downloaded(&mut rig, &mut station), expected);
+}
+
+#[test]
+fn a_loiter_that_is_taken_back_after_a_restart_is_gone() {
+    let (mut rig, mut station) = ready();
+    let loiter = |time: u16| {
+        let fields = json!({
+            "Waypoint Number": 1, "Waypoint Loiter Time": time, "Waypoint Loiter Type": 4,
+        });
+        (803, fields)
+    };
+    let [flight, first, other] = mission(0, 20);
+    let whole = [flight, first, other];
+    send_all(&mut rig, &mut station, &whole);
+    send_all(&mut rig, &mut station, &[loiter(4)]);
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(1));
+    rig.restart_bridge();
+    rig.run(12.0);
+    send_all(&mut rig, &mut station, &[loiter(0)]);
+    let loaded = transfer(&mut rig, &mut station, 2);
+    assert_eq!(loaded, Some(1), "{:?}", station.alerts(&rig));
+    downloaded(&mut rig, &mut station);
+    let loiters = station.take(&rig, 803);
+    assert_eq!(loiters[0]["Waypoint Loiter Time"], 0, "{loiters:?}");
+}
