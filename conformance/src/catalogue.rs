@@ -6,21 +6,49 @@
 
 use std::collections::BTreeMap;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 const TEXT: &str = include_str!("../rules.toml");
 
-/// The catalogue.
+/// The catalogue of this suite.
+pub type Catalogue = CatalogueOf<Rule>;
+
+/// A catalogue whose rules have the form `R`: `mavlink-check` has one of its own.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Catalogue {
+pub struct CatalogueOf<R> {
     /// Version and date.
     pub catalogue: Release,
     /// Seconds for each timer, by name.
+    #[serde(default)]
     pub timers: BTreeMap<String, f64>,
     /// What the groups are about, by the first part of a rule's id.
+    #[serde(default)]
     pub groups: BTreeMap<String, Group>,
     /// The rules, in the order of their groups.
-    pub rule: Vec<Rule>,
+    pub rule: Vec<R>,
+}
+
+/// The form of a suite's rules.
+pub trait Listed: DeserializeOwned {
+    /// The catalogue, embedded in the program.
+    const TEXT: &'static str;
+
+    /// Stable id, `AUTH-002`.
+    fn id(&self) -> &str;
+
+    /// The group, `AUTH`.
+    fn group(&self) -> &str {
+        self.id().split('-').next().unwrap_or_default()
+    }
+}
+
+impl Listed for Rule {
+    const TEXT: &'static str = TEXT;
+
+    fn id(&self) -> &str {
+        &self.id
+    }
 }
 
 /// A group of rules.
@@ -123,40 +151,67 @@ pub enum Hazard {
     Destructive,
 }
 
-impl Catalogue {
+impl<R: Listed> CatalogueOf<R> {
     /// The catalogue that this program was built with.
     ///
     /// # Panics
     /// Never in a program whose tests passed: a test parses the embedded text.
     #[must_use]
     pub fn embedded() -> Self {
-        toml::from_str(TEXT).expect("the embedded catalogue is tested")
+        toml::from_str(R::TEXT).expect("the embedded catalogue is tested")
     }
 
     /// The rule of this id.
     #[must_use]
-    pub fn find(&self, id: &str) -> Option<&Rule> {
-        self.rule.iter().find(|rule| rule.id == id)
+    pub fn find(&self, id: &str) -> Option<&R> {
+        self.rule.iter().find(|rule| rule.id() == id)
     }
 
     /// The bytes of the catalogue, for its hash in a statement.
     #[must_use]
     pub fn text() -> &'static str {
-        TEXT
+        R::TEXT
+    }
+
+    /// Ids as the catalogue has them, whatever their case.
+    ///
+    /// # Errors
+    /// There is no such rule; `program` lists all.
+    pub fn ids(&self, given: &[String], program: &str) -> Result<Vec<String>, String> {
+        let rules: Vec<String> = given.iter().map(|id| id.to_uppercase()).collect();
+        match rules.iter().find(|id| self.find(id).is_none()) {
+            Some(unknown) => Err(format!("no rule {unknown:?}; `{program} list` shows all")),
+            None => Ok(rules),
+        }
+    }
+
+    /// The rule of this id, whatever its case.
+    ///
+    /// # Errors
+    /// There is no such rule; `program` lists all.
+    pub fn named(&self, id: &str, program: &str) -> Result<&R, String> {
+        self.find(&id.to_uppercase())
+            .ok_or_else(|| format!("no rule {id:?}; `{program} list` shows all"))
     }
 }
 
 impl Rule {
-    /// The group, `AUTH`.
-    #[must_use]
-    pub fn group(&self) -> &str {
-        self.id.split('-').next().unwrap_or_default()
-    }
-
     /// Whether a clause was read in another edition than the one judged.
     #[must_use]
     pub fn carried_over(&self, edition: &str) -> bool {
         !self.firm.iter().any(|firm| firm == edition)
+    }
+}
+
+impl Level {
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Must => "must",
+            Self::Should => "should",
+            Self::May => "may",
+        }
     }
 }
 

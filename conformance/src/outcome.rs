@@ -1,13 +1,16 @@
 //! What follows every run: lines in the terminal, files, the exit status. Shared by the programs of the suite.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::Arc;
 
+use clap::Args;
 use sha2::{Digest, Sha256};
 
 use crate::bench::net::{Datagram, Net};
 use crate::expected;
-use crate::report::{self, Report};
+use crate::report::{self, Departure, Report, RuleReport};
 use crate::verdict::Verdict;
 
 /// Files that a run writes; none where `None`.
@@ -72,6 +75,66 @@ impl Files<'_> {
     }
 }
 
+/// Where a report goes, and what of it is expected.
+#[derive(Clone, Debug, Args)]
+pub struct Outputs {
+    /// Departures that are expected, each with its reason (TOML)
+    #[arg(long, value_name = "FILE")]
+    expected: Option<PathBuf>,
+    /// Write the fails of this run as expected departures
+    #[arg(long, value_name = "FILE")]
+    write_expected: Option<PathBuf>,
+    /// Write a JUnit file
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Write report.json, report.html, junit.xml, run.pcapng and statement.md into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write report.json to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write report.html to this file, with the evidence of fails and warnings only: small enough for documents
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+}
+
+impl Outputs {
+    /// Checks the expected departures before anything is sent.
+    ///
+    /// # Errors
+    /// The file cannot be read, or an entry of it is out of date or not complete.
+    pub fn read_expected(&self) -> Result<Vec<Departure>, String> {
+        match &self.expected {
+            Some(file) => expected::read(file, &today()),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// Compares with what is expected, sums up and writes; the exit status.
+    ///
+    /// # Errors
+    /// A file cannot be written: its name and why.
+    pub fn finish(
+        &self,
+        mut report: Report,
+        expected: Vec<Departure>,
+        datagrams: &[Datagram],
+    ) -> Result<u8, String> {
+        report.expected = expected;
+        report.count();
+        let status = finish(&mut report);
+        let files = Files {
+            json: self.json.as_deref(),
+            junit: self.junit.as_deref(),
+            html: self.html.as_deref(),
+            expected: self.write_expected.as_deref(),
+            folder: self.out.as_deref(),
+        };
+        files.write(&report, datagrams)?;
+        Ok(status)
+    }
+}
+
 /// Compares with the expected departures, prints the summary; the exit status: 0 as expected, 1 an unexpected fail or an
 /// entry that is not needed, 3 nothing could be judged.
 pub fn finish(report: &mut Report) -> u8 {
@@ -85,6 +148,72 @@ pub fn finish(report: &mut Report) -> u8 {
     } else {
         u8::from(!report.unexpected().is_empty() || !unused.is_empty())
     }
+}
+
+/// A program of the suite: its command line, what it does, its exit status.
+pub fn program<C: clap::Parser>(
+    name: &str,
+    carry_out: impl FnOnce(C) -> Result<u8, String>,
+) -> ExitCode {
+    let arguments = match C::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    match carry_out(arguments) {
+        Ok(status) => ExitCode::from(status),
+        Err(error) => {
+            eprint(&format!("{name}: {error}"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The line of a judged rule, its id in a column of this width.
+pub fn print_rule(rule: &RuleReport, width: usize) {
+    let reason = if rule.reason.is_empty() { "" } else { ": " };
+    print(&format!(
+        "{:<14} {:<width$} {:5.1} s  {}{reason}{}",
+        rule.verdict.name(),
+        rule.id,
+        rule.duration_s,
+        rule.title,
+        rule.reason
+    ));
+}
+
+/// Plays one rule many times and counts its verdicts; the exit status. A round returns the judged rule, and whether the operator
+/// has stopped the run.
+///
+/// # Errors
+/// That of a round.
+pub fn rounds(
+    rule: &str,
+    times: u32,
+    mut round: impl FnMut() -> Result<(Option<RuleReport>, bool), String>,
+) -> Result<u8, String> {
+    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    for number in 1..=times {
+        let (found, interrupted) = round()?;
+        let Some(found) = found else { continue };
+        *counts.entry(found.verdict.name()).or_default() += 1;
+        print(&format!(
+            "{number}: {} {}",
+            found.verdict.name(),
+            found.reason
+        ));
+        if interrupted {
+            break;
+        }
+    }
+    print(&format!("{rule}: {counts:?}"));
+    Ok(if counts.is_empty() {
+        3
+    } else {
+        u8::from(counts.contains_key("fail"))
+    })
 }
 
 /// What was judged, in a few lines.

@@ -12,6 +12,7 @@ use std::time::Duration;
 use crate::bench::context::Bench;
 use crate::bench::discovery::{alive, survey};
 use crate::bench::flight;
+use crate::bench::remarks::repeated;
 use crate::bench::station::{Access, loi};
 use crate::bench::trial::Trial;
 use crate::catalogue::{Catalogue, Hazard, Rule, Subject};
@@ -358,24 +359,14 @@ impl Run<'_> {
         let began = self.bench.net.now();
         let mark = self.bench.net.mark();
         let dropped = self.bench.net.dropped();
-        let mut judgement = self.attempt(rule, scene, report);
-        report.attempts.push(judgement.verdict);
-        if judgement.verdict == Verdict::Fail && self.options.repeat {
-            for _ in 0..2 {
-                if self.bench.net.interrupted() || !alive(&self.bench) {
-                    break;
-                }
-                let again = self.attempt(rule, scene, report);
-                report.attempts.push(again.verdict);
-                if matches!(again.verdict, Verdict::Pass | Verdict::Warning) {
-                    judgement = Judgement::new(
-                        Verdict::Flaky,
-                        format!("fails at times: {}", judgement.reason),
-                    );
-                    break;
-                }
-            }
-        }
+        let first = self.attempt(scene, report);
+        let mut attempts = Vec::new();
+        let mut judgement = repeated(first, &mut attempts, || {
+            let possible =
+                self.options.repeat && !self.bench.net.interrupted() && alive(&self.bench);
+            possible.then(|| self.attempt(scene, report))
+        });
+        report.attempts.extend(attempts);
         if judgement.verdict.is_fail() {
             judgement = self.excused(judgement, dropped);
         }
@@ -410,31 +401,11 @@ impl Run<'_> {
         judgement
     }
 
-    fn attempt(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
+    fn attempt(&self, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
         let trial = Trial::new(&self.bench);
         let _ = (self.bench.net.take_missing(), dialect::take_unplaced());
-        let result = catch_unwind(AssertUnwindSafe(|| (scene.play)(&trial)));
+        let mut judgement = trial.judge(|| (scene.play)(&trial));
         let (missing, unplaced) = (self.bench.net.take_missing(), dialect::take_unplaced());
-        let mut judgement = match result {
-            Ok(Ok(())) => match trial.warnings().first() {
-                Some(warning) => Judgement::new(Verdict::Warning, warning.clone()),
-                None => Judgement::pass(),
-            },
-            Ok(Err(stop)) => stop.judgement(),
-            Err(panic) => {
-                let text = panic
-                    .downcast_ref::<String>()
-                    .cloned()
-                    .or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-                Judgement::new(
-                    Verdict::Inconclusive,
-                    format!(
-                        "a defect of the suite, not of the subject: {}",
-                        text.unwrap_or_default()
-                    ),
-                )
-            }
-        };
         // What was not sent proves nothing either way.
         if !missing.is_empty() && judgement.verdict != Verdict::NotApplicable {
             let reason = format!("Edition 2.5 has no {}", missing.join(", no "));
@@ -455,7 +426,6 @@ impl Run<'_> {
         }
         report.notes.extend(trial.notes());
         report.evidence = self.evidence(&trial, end, judgement.verdict == Verdict::Pass);
-        let _ = rule;
         judgement
     }
 
@@ -478,14 +448,7 @@ impl Run<'_> {
             .cloned()
             .collect();
         drop(recording);
-        let skip = messages.len().saturating_sub(wanted);
-        let mut chosen: Vec<Arc<Seen>> = trial
-            .cited()
-            .into_iter()
-            .take(wanted)
-            .chain(messages.into_iter().skip(skip))
-            .collect();
-        chosen.sort_by_key(|seen| seen.at);
+        let mut chosen = trial.evidence(messages, wanted, |seen| seen.at);
         // One message of Edition 2.5 may have several counterparts.
         let shown = |seen: &Arc<Seen>| Arc::as_ptr(seen.original.as_ref().unwrap_or(seen));
         chosen.dedup_by(|a, b| shown(a) == shown(b));

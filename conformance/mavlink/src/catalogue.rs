@@ -1,18 +1,18 @@
 //! The catalogue of rules: `rules.toml`, embedded in the program and versioned.
 
-use conformance::catalogue::{Hazard, Level, Release};
+use conformance::catalogue::{Hazard, Level, Listed};
 use conformance::report::RuleReport;
 use serde::{Deserialize, Serialize};
 
-const TEXT: &str = include_str!("../rules.toml");
-
 /// The catalogue.
-#[derive(Clone, Debug, Deserialize)]
-pub struct Catalogue {
-    /// Version and date.
-    pub catalogue: Release,
-    /// The rules, in the order of their groups.
-    pub rule: Vec<Rule>,
+pub type Catalogue = conformance::catalogue::CatalogueOf<Rule>;
+
+impl Listed for Rule {
+    const TEXT: &'static str = include_str!("../rules.toml");
+
+    fn id(&self) -> &str {
+        &self.id
+    }
 }
 
 /// One rule.
@@ -89,46 +89,7 @@ pub const NEEDS: &[(&str, &str)] = &[
     ),
 ];
 
-impl Catalogue {
-    /// The catalogue that this program was built with.
-    ///
-    /// # Panics
-    /// Never in a program whose tests passed: a test parses the embedded text.
-    #[must_use]
-    pub fn embedded() -> Self {
-        toml::from_str(TEXT).expect("the embedded catalogue is tested")
-    }
-
-    /// The rule of this id.
-    #[must_use]
-    pub fn find(&self, id: &str) -> Option<&Rule> {
-        self.rule.iter().find(|rule| rule.id == id)
-    }
-
-    /// The bytes of the catalogue, for its hash in a statement.
-    #[must_use]
-    pub fn text() -> &'static str {
-        TEXT
-    }
-}
-
 impl Rule {
-    /// The group, `SIGN`.
-    #[must_use]
-    pub fn group(&self) -> &str {
-        self.id.split('-').next().unwrap_or_default()
-    }
-
-    /// Its level in words.
-    #[must_use]
-    pub fn level_name(&self) -> &'static str {
-        match self.level {
-            Level::Must => "must",
-            Level::Should => "should",
-            Level::May => "may",
-        }
-    }
-
     /// A report without a judgement yet.
     #[must_use]
     pub fn report(&self) -> RuleReport {
@@ -136,7 +97,7 @@ impl Rule {
             id: self.id.clone(),
             group: self.group().to_owned(),
             title: self.title.clone(),
-            level: self.level_name().into(),
+            level: self.level.name().into(),
             firm: true,
             basis: "public text or measured behaviour".into(),
             rule: self.rule.clone(),

@@ -1,14 +1,12 @@
 //! The run: which rules are judged, repetition, liveness, and the judges of passive rules at the end.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
-
-use conformance::catalogue::Hazard;
+use conformance::bench::remarks::repeated;
+use conformance::catalogue::{Hazard, Listed};
 use conformance::report::RuleReport;
-use conformance::verdict::{Judged, Judgement, Stop, Verdict};
+use conformance::verdict::{Judged, Judgement, Verdict};
 use conformance::wire::Direction;
 
-use crate::bench::{Bench, Peer, Seen, Trial};
+use crate::bench::{Bench, Peer, Trial};
 use crate::catalogue::{Catalogue, NEEDS, Role, Rule};
 use crate::passive::{JUDGES, View};
 use crate::scene::Scene;
@@ -169,28 +167,15 @@ impl Run<'_> {
         report: &mut RuleReport,
     ) {
         let (began, first) = (self.bench.net.now(), self.bench.net.datagrams());
-        let mut judgement = self.attempt(play, peer, report);
-        report.attempts.push(judgement.verdict);
+        let first_attempt = self.attempt(play, peer, report);
         // What may leave the subject changed is not done three times.
-        if judgement.verdict == Verdict::Fail
-            && self.options.repeat
-            && rule.hazard < Hazard::Destructive
-        {
-            for _ in 0..2 {
-                if self.bench.net.interrupted() {
-                    break;
-                }
-                let again = self.attempt(play, peer, report);
-                report.attempts.push(again.verdict);
-                if matches!(again.verdict, Verdict::Pass | Verdict::Warning) {
-                    judgement = Judgement::new(
-                        Verdict::Flaky,
-                        format!("fails at times: {}", judgement.reason),
-                    );
-                    break;
-                }
-            }
-        }
+        let repeats = self.options.repeat && rule.hazard < Hazard::Destructive;
+        let mut attempts = Vec::new();
+        let judgement = repeated(first_attempt, &mut attempts, || {
+            let possible = repeats && !self.bench.net.interrupted();
+            possible.then(|| self.attempt(play, peer, report))
+        });
+        report.attempts.extend(attempts);
         let judgement = judgement.at_level(rule.level, self.options.strict);
         (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
         report.duration_s = (self.bench.net.now() - began).as_secs_f64();
@@ -204,17 +189,7 @@ impl Run<'_> {
         report: &mut RuleReport,
     ) -> Judgement {
         let trial = Trial::new(self.bench, peer);
-        let judgement = match catch_unwind(AssertUnwindSafe(|| play(&trial))) {
-            Ok(Ok(())) => match trial.warnings().first() {
-                Some(warning) => Judgement::new(Verdict::Warning, warning.clone()),
-                None => Judgement::pass(),
-            },
-            Ok(Err(stop)) => stop.judgement(),
-            Err(_) => {
-                Stop::inconclusive("a defect of the suite, not of the subject: the scene panicked")
-                    .judgement()
-            }
-        };
+        let judgement = trial.judge(|| play(&trial));
         report.notes.extend(trial.notes());
         report.evidence = self.evidence(&trial, judgement.verdict == Verdict::Pass);
         judgement
@@ -231,15 +206,7 @@ impl Run<'_> {
                 || seen.frame.target().is_some()
                 || !TELEMETRY.iter().any(|name| seen.frame.is(name)) && seen.frame.is("PARAM_VALUE")
         });
-        let skip = frames.len().saturating_sub(wanted);
-        let mut chosen: Vec<Arc<Seen>> = trial
-            .cited()
-            .into_iter()
-            .take(wanted)
-            .chain(frames.into_iter().skip(skip))
-            .collect();
-        chosen.sort_by_key(|seen| seen.at);
-        chosen.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        let chosen = trial.evidence(frames, wanted, |seen| seen.at);
         chosen.iter().map(|seen| seen.evidence()).collect()
     }
 

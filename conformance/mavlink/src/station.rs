@@ -87,7 +87,7 @@ pub fn play(bench: &Bench, system: u8, command: Option<&str>, time: f64) -> Resu
     {
         vehicle.played.remarks.push(format!(
             "no frame of a station came to {}",
-            bench.port.local
+            bench.port.local()
         ));
     }
     Ok(vehicle.played)

@@ -1,6 +1,6 @@
 //! The bench: sockets, clock and recording, and the stations that a scene plays.
 //!
-//! Bottom to top: [`net`] opens sockets and records every datagram with time and direction; [`survey`] and [`fix`] are
+//! Bottom to top: [`tape`], [`listener`] and [`remarks`] are what `mavlink-check` stands on too; [`net`] opens sockets and records every datagram with time and direction; [`survey`] and [`fix`] are
 //! what is known of the subject; [`context`] outlives a scene; [`station`] is a CUCS of the suite; [`discovery`] makes the
 //! survey; [`trial`] is what a rule's scene is given; [`flight`] are the scenes that several rules begin with: a route, a
 //! launch, a landing.
@@ -9,7 +9,10 @@ pub mod context;
 pub mod discovery;
 pub mod fix;
 pub mod flight;
+pub mod listener;
 pub mod net;
+pub mod remarks;
 pub mod station;
 pub mod survey;
+pub mod tape;
 pub mod trial;

@@ -4,19 +4,21 @@
 //! recorded as well: the judges of passive rules look at everything.
 
 use std::io;
-use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::net::SocketAddr;
+use std::ops::Deref;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use super::listener::{Listener, towards};
+use super::tape::{MAX_RECORDED_BYTES, Tape};
 use crate::wire::dialect::{self, Role};
 use crate::wire::{self, Direction, Seen};
 
 /// Seconds from 1970 to 2000.
 const EPOCH_2000_S: u64 = 946_684_800;
-/// What is recorded at most: a subject that floods must not fill the memory.
-const MAX_RECORDED_BYTES: usize = 256 << 20;
+/// A socket that is dropped is free again within this time.
+const NOTICE: Duration = Duration::from_millis(100);
 /// Datagrams a second that are looked at. What a subject may answer to the floods of the suite's own rules is below it.
 const MAX_RECEIVED_PER_S: usize = 10_000;
 
@@ -131,12 +133,8 @@ pub struct Recorded {
 /// The network of a run.
 #[derive(Debug)]
 pub struct Net {
-    start: Instant,
-    recording: Mutex<Recording>,
-    arrived: Condvar,
-    interrupted: AtomicBool,
+    tape: Tape<Recording>,
     last_stamp: AtomicU64,
-    sockets: AtomicU64,
     dialect: Option<Role>,
     instances: AtomicU32,
     missing: Mutex<Vec<String>>,
@@ -155,19 +153,9 @@ impl Net {
                     .map_or(0, |now| (now.as_millis() >> 4) as u32),
             ),
             missing: Mutex::default(),
-            start: Instant::now(),
-            recording: Mutex::default(),
-            arrived: Condvar::new(),
-            interrupted: AtomicBool::new(false),
+            tape: Tape::default(),
             last_stamp: AtomicU64::new(0),
-            sockets: AtomicU64::new(0),
         })
-    }
-
-    /// Time since the run began.
-    #[must_use]
-    pub fn now(&self) -> Duration {
-        self.start.elapsed()
     }
 
     /// The suite's side, where Edition 2.5 is spoken.
@@ -213,25 +201,6 @@ impl Net {
             .last_stamp
             .fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
         now.max(last.unwrap_or_default() + 1) as i64
-    }
-
-    /// Ends every wait: the operator stops the run.
-    pub fn interrupt(&self) {
-        self.interrupted.store(true, Ordering::SeqCst);
-        self.arrived.notify_all();
-    }
-
-    /// Whether the operator stopped the run.
-    #[must_use]
-    pub fn interrupted(&self) -> bool {
-        self.interrupted.load(Ordering::SeqCst)
-    }
-
-    /// The recording, locked.
-    pub fn recording(&self) -> MutexGuard<'_, Recording> {
-        self.recording
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether nothing more can be recorded, so that nothing more can be judged.
@@ -290,7 +259,7 @@ impl Net {
         recording.datagrams.push(datagram);
         drop(recording);
         if direction == Direction::Received {
-            self.arrived.notify_all();
+            self.notify();
         }
         parsed
     }
@@ -303,7 +272,7 @@ impl Net {
         wanted: impl FnMut(&Datagram) -> bool,
     ) -> bool {
         let mut wanted = wanted;
-        self.wait_for(mark, deadline, |datagram| wanted(datagram).then_some(()))
+        self.first(mark, deadline, |datagram| wanted(datagram).then_some(()))
             .is_some()
     }
 
@@ -314,47 +283,36 @@ impl Net {
         deadline: Duration,
         mut wanted: impl FnMut(&Datagram, &Arc<Seen>) -> bool,
     ) -> Option<Arc<Seen>> {
-        self.wait_for(mark, deadline, |datagram| {
+        self.first(mark, deadline, |datagram| {
             let mut messages = datagram.messages.iter();
             messages.find(|seen| wanted(datagram, seen)).cloned()
         })
     }
 
-    fn wait_for<T>(
+    fn first<T>(
         &self,
         mark: usize,
         deadline: Duration,
         mut wanted: impl FnMut(&Datagram) -> Option<T>,
     ) -> Option<T> {
         let mut next = mark;
-        let mut recording = self.recording();
-        loop {
-            while let Some(datagram) = recording.datagrams.get(next) {
-                if let Some(found) = wanted(datagram) {
-                    return Some(found);
-                }
-                next += 1;
-            }
-            let left = deadline.saturating_sub(self.now());
-            if left.is_zero() || self.interrupted() {
-                return None;
-            }
-            recording = self
-                .arrived
-                .wait_timeout(recording, left)
-                .unwrap_or_else(PoisonError::into_inner)
-                .0;
-        }
+        self.wait_for(deadline, |recording| {
+            let found = recording
+                .datagrams
+                .get(next..)?
+                .iter()
+                .find_map(&mut wanted);
+            next = recording.datagrams.len();
+            found
+        })
     }
+}
 
-    /// Waits this long, or until the operator stops the run.
-    pub fn pause(&self, time: Duration) {
-        let deadline = self.now() + time;
-        while !self.interrupted() && self.now() < deadline {
-            std::thread::sleep(
-                (deadline - self.now().min(deadline)).min(Duration::from_millis(20)),
-            );
-        }
+impl Deref for Net {
+    type Target = Tape<Recording>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.tape
     }
 }
 
@@ -362,14 +320,10 @@ impl Net {
 #[derive(Debug)]
 pub struct Socket {
     net: Arc<Net>,
-    socket: Arc<UdpSocket>,
+    listener: Listener,
     /// Its number in the recording.
     pub number: usize,
-    /// Its address.
-    pub local: SocketAddr,
     remote: SocketAddr,
-    closing: Arc<AtomicBool>,
-    receiver: Option<JoinHandle<()>>,
 }
 
 impl Socket {
@@ -383,67 +337,38 @@ impl Socket {
         remote: SocketAddr,
         acknowledge: impl Fn(&Seen) -> Option<Vec<u8>> + Send + 'static,
     ) -> io::Result<Self> {
-        let any: IpAddr = if remote.is_ipv4() {
-            [0, 0, 0, 0].into()
-        } else {
-            [0_u16; 8].into()
-        };
-        // Which of our addresses goes there: a recording with 0.0.0.0 in it would not open as one conversation.
-        let probe = UdpSocket::bind((any, 0))?;
-        probe.connect(remote)?;
-        let ip = probe.local_addr()?.ip();
-        let socket = Arc::new(UdpSocket::bind((ip, 0))?);
-        let local = socket.local_addr()?;
-        socket.set_read_timeout(Some(Duration::from_millis(100)))?;
-        let number = net.sockets.fetch_add(1, Ordering::SeqCst) as usize;
-        let closing = Arc::new(AtomicBool::new(false));
-        let receiver = {
-            let (net, socket, closing) = (net.clone(), socket.clone(), closing.clone());
-            std::thread::spawn(move || {
-                let mut buffer = vec![0; 65_536];
-                while !closing.load(Ordering::SeqCst) {
-                    // A refused datagram (ICMP) is an error of the next call: the subject may come back.
-                    if let Ok((length, from)) = socket.recv_from(&mut buffer) {
-                        let bytes = &buffer[..length];
-                        let recorded = net.record(Direction::Received, number, local, from, bytes);
-                        for seen in recorded.originals {
-                            if let Some(answer) = acknowledge(&seen) {
-                                net.record(Direction::Sent, number, local, from, &answer);
-                                let _ = socket.send_to(&answer, from);
-                            }
-                        }
-                    }
-                }
-            })
-        };
+        let socket = towards(remote)?;
+        let (local, number) = (socket.local_addr()?, net.next_socket());
+        let receives = net.clone();
+        let listener = Listener::start(socket, NOTICE, move |socket, from, bytes| {
+            let recorded = receives.record(Direction::Received, number, local, from, bytes);
+            for answer in recorded
+                .originals
+                .iter()
+                .filter_map(|seen| acknowledge(seen))
+            {
+                receives.record(Direction::Sent, number, local, from, &answer);
+                let _ = socket.send_to(&answer, from);
+            }
+        })?;
         Ok(Self {
             net: net.clone(),
-            socket,
+            listener,
             number,
-            local,
             remote,
-            closing,
-            receiver: Some(receiver),
         })
     }
 
-    /// Sends a datagram. That the network refuses it (no listener, too long) is for the missing answer to show.
+    /// Sends a datagram.
     pub fn send(&self, bytes: &[u8]) {
+        let local = self.listener.local;
         self.net
-            .record(Direction::Sent, self.number, self.local, self.remote, bytes);
-        let _ = self.socket.send_to(bytes, self.remote);
+            .record(Direction::Sent, self.number, local, self.remote, bytes);
+        self.listener.send(bytes, self.remote);
     }
 
     /// Sends a datagram that is not recorded: floods.
     pub fn send_unrecorded(&self, bytes: &[u8]) {
-        let _ = self.socket.send_to(bytes, self.remote);
-    }
-}
-
-impl Drop for Socket {
-    fn drop(&mut self) {
-        self.closing.store(true, Ordering::SeqCst);
-        // Not joined: the thread ends within its read timeout, and nothing waits for it.
-        drop(self.receiver.take());
+        self.listener.send(bytes, self.remote);
     }
 }

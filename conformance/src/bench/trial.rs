@@ -4,6 +4,7 @@
 //! cancels what they scheduled. Sockets are opened anew for each scene.
 
 use std::cell::{Cell, RefCell};
+use std::ops::Deref;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,6 +12,7 @@ use std::time::Duration;
 use stanag_msgs::Id;
 
 use super::context::{Bench, Timers};
+use super::remarks::Remarks;
 use super::station::{Station, loi};
 use super::survey::CucsFound;
 use crate::verdict::{Judged, Precondition, Stop};
@@ -26,9 +28,7 @@ pub struct Trial {
     pub bench: Arc<Bench>,
     /// Datagrams before it.
     pub mark: usize,
-    warnings: RefCell<Vec<String>>,
-    notes: RefCell<Vec<String>>,
-    cited: RefCell<Vec<Arc<Seen>>>,
+    remarks: Remarks<Seen>,
     players: RefCell<Vec<Player>>,
     /// Whether a plan was loaded, so that the end of the run clears it.
     pub loaded: Cell<bool>,
@@ -41,9 +41,7 @@ impl Trial {
         Self {
             bench: bench.clone(),
             mark: bench.net.mark(),
-            warnings: RefCell::default(),
-            notes: RefCell::default(),
-            cited: RefCell::default(),
+            remarks: Remarks::default(),
             players: RefCell::default(),
             loaded: Cell::new(false),
         }
@@ -61,47 +59,6 @@ impl Trial {
         self.bench.net.dialect().is_some()
     }
 
-    /// A broken "should", a late answer, an odd value: remarked, and the scene continues.
-    pub fn warn(&self, reason: impl Into<String>) {
-        self.warnings.borrow_mut().push(reason.into());
-    }
-
-    /// Something to report that is not judged.
-    pub fn note(&self, text: impl Into<String>) {
-        self.notes.borrow_mut().push(text.into());
-    }
-
-    /// Puts a message into the evidence.
-    pub fn cite(&self, seen: &Arc<Seen>) {
-        self.cited.borrow_mut().push(seen.clone());
-    }
-
-    /// Fails unless `holds`.
-    ///
-    /// # Errors
-    /// The fail, with the reason.
-    pub fn expect(&self, holds: bool, reason: impl FnOnce() -> String) -> Judged {
-        if holds {
-            Ok(())
-        } else {
-            Err(Stop::Fail(reason()))
-        }
-    }
-
-    /// Fails with this message as evidence unless `holds`.
-    ///
-    /// # Errors
-    /// The fail, with the reason.
-    pub fn expect_of(
-        &self,
-        seen: &Arc<Seen>,
-        holds: bool,
-        reason: impl FnOnce() -> String,
-    ) -> Judged {
-        self.cite(seen);
-        self.expect(holds, reason)
-    }
-
     /// Waits.
     ///
     /// # Errors
@@ -113,24 +70,6 @@ impl Trial {
         } else {
             Ok(())
         }
-    }
-
-    /// What was remarked.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        self.warnings.borrow().clone()
-    }
-
-    /// What is reported without being judged.
-    #[must_use]
-    pub fn notes(&self) -> Vec<String> {
-        self.notes.borrow().clone()
-    }
-
-    /// Messages that were cited.
-    #[must_use]
-    pub fn cited(&self) -> Vec<Arc<Seen>> {
-        self.cited.borrow().clone()
     }
 
     /// The vehicle that is judged.
@@ -377,5 +316,13 @@ impl Trial {
             }
         }
         Ok(())
+    }
+}
+
+impl Deref for Trial {
+    type Target = Remarks<Seen>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.remarks
     }
 }

@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::output::{Outputs, profile};
+use super::output::profile;
 use crate::bench::net::Datagram;
 use crate::catalogue::{Catalogue, Subject as Role};
-use crate::outcome::sha256;
+use crate::outcome::{Outputs, sha256};
 use crate::passive::{View, judges_of};
 use crate::report::capture::{Captured, read};
 use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};

@@ -8,11 +8,11 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::output::{Outputs, profile, rule_ids};
+use super::output::profile;
 use crate::bench::net::Net;
 use crate::catalogue::Catalogue;
 use crate::cucs::{Board, Session, listen_to_terminal, page};
-use crate::outcome::{eprint, print, sha256, stop_on_interrupt};
+use crate::outcome::{Outputs, eprint, print, sha256, stop_on_interrupt};
 use crate::profile::Profile;
 use crate::report::{DLI, Report, SCHEMA, Subject, now};
 use crate::scripted::{Scenario, VEHICLE};
@@ -85,7 +85,7 @@ pub(super) fn judge(arguments: &CucsArguments) -> Result<u8, String> {
         catalogue: &catalogue,
         board: board(arguments, &profile)?,
         strict: arguments.strict,
-        only: rule_ids(&arguments.rule, &catalogue)?,
+        only: catalogue.ids(&arguments.rule, "dli-check")?,
         time: Duration::from_secs_f64(arguments.time),
         rules: BTreeMap::new(),
         remarks: Vec::new(),

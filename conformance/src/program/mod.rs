@@ -13,7 +13,7 @@ use clap::{Parser, Subcommand};
 use serde_json::json;
 
 use crate::catalogue::{Catalogue, Subject};
-use crate::outcome::{eprint, print};
+use crate::outcome::print;
 use crate::rules;
 
 /// Judge a VSM or CUCS by the interoperability rules of the STANAG 4586 Data Link Interface.
@@ -72,14 +72,7 @@ enum Command {
 /// Runs the program; its exit status.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => {
-            let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
-        }
-    };
-    let status = match cli.command {
+    crate::outcome::program("dli-check", |cli: Cli| match cli.command {
         Command::Vsm(arguments) => vsm::judge(&arguments),
         Command::Capture(arguments) => capture::judge(&arguments),
         Command::Cucs(arguments) => cucs::judge(&arguments),
@@ -99,14 +92,7 @@ pub fn run() -> ExitCode {
             Ok(0)
         }
         Command::Explain { rule } => explain(&rule),
-    };
-    match status {
-        Ok(status) => ExitCode::from(status),
-        Err(error) => {
-            eprint(&format!("dli-check: {error}"));
-            ExitCode::from(2)
-        }
-    }
+    })
 }
 
 /// How a rule is judged by this program: by a scene, by traffic, by an operator's word, or not at all.
@@ -155,7 +141,7 @@ fn list(as_json: bool, edition: Option<&str>) {
         print(&format!(
             "{:<11} {:<6} {:<5} {:<9} {:<24} {}{}",
             rule.id,
-            format!("{:?}", rule.level).to_lowercase(),
+            rule.level.name(),
             format!("{:?}", rule.subject).to_lowercase(),
             rule.profile,
             judged_by(&rule.id).join("+"),
@@ -167,9 +153,7 @@ fn list(as_json: bool, edition: Option<&str>) {
 
 fn explain(id: &str) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
-    let rule = catalogue
-        .find(&id.to_uppercase())
-        .ok_or_else(|| format!("no rule {id:?}; `dli-check list` shows all"))?;
+    let rule = catalogue.named(id, "dli-check")?;
     let judged = judged_by(&rule.id);
     let without = rules::WITHOUT_CODE
         .iter()

@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 
-use super::output::{Outputs, profile, rule_ids};
+use super::output::profile;
 use crate::bench::context::Bench;
 use crate::catalogue::{Catalogue, Hazard};
-use crate::outcome::{eprint, print, sha256, stop_on_interrupt};
+use crate::outcome::{Outputs, eprint, print, print_rule, rounds, sha256, stop_on_interrupt};
 use crate::profile::Profile;
 use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject, now};
 use crate::rules;
@@ -162,7 +162,7 @@ fn options(
     catalogue: &Catalogue,
 ) -> Result<Options, String> {
     Ok(Options {
-        rules: rule_ids(&arguments.rule, catalogue)?,
+        rules: catalogue.ids(&arguments.rule, "dli-check")?,
         strict: arguments.strict,
         hazards: hazards(arguments, profile),
         overrides: arguments.allow.contains(&Allow::Override),
@@ -196,30 +196,12 @@ pub(super) fn repeat(rule: &str, times: u32, arguments: &VsmArguments) -> Result
     arguments.rule = vec![rule.to_owned()];
     let mut options = options(&arguments, &profile, &catalogue)?;
     options.repeat = false;
-    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
-    for round in 1..=times {
+    rounds(rule, times, || {
         let bench = Bench::new(&catalogue, profile.clone(), address);
         stop_on_interrupt(&bench.net);
-        let report = run(&catalogue, &options, &bench, true);
-        let Some(found) = report.rules.first() else {
-            continue;
-        };
-        *counts.entry(found.verdict.name()).or_default() += 1;
-        print(&format!(
-            "{round}: {} {}",
-            found.verdict.name(),
-            found.reason
-        ));
-        if bench.net.interrupted() {
-            break;
-        }
-    }
-    print(&format!("{rule}: {counts:?}"));
-    let failed = counts.contains_key("fail");
-    Ok(if counts.is_empty() {
-        3
-    } else {
-        u8::from(failed)
+        let mut report = run(&catalogue, &options, &bench, true);
+        let found = (!report.rules.is_empty()).then(|| report.rules.remove(0));
+        Ok((found, bench.net.interrupted()))
     })
 }
 
@@ -247,14 +229,7 @@ fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool
     let started = now();
     let mut show = |rule: &RuleReport| {
         if !quiet {
-            print(&format!(
-                "{:<14} {:<11} {:5.1} s  {}{}",
-                rule.verdict.name(),
-                rule.id,
-                rule.duration_s,
-                rule.title,
-                reason(rule)
-            ));
+            print_rule(rule, 11);
         }
     };
     let mut run = Run {
@@ -317,12 +292,4 @@ fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool
     }
     report.count();
     report
-}
-
-fn reason(rule: &RuleReport) -> String {
-    if rule.reason.is_empty() {
-        String::new()
-    } else {
-        format!(": {}", rule.reason)
-    }
 }

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::catalogue::{Release, Rule};
+use crate::catalogue::{Listed, Release, Rule};
 use crate::verdict::Verdict;
 
 /// Version of the form of `report.json`.
@@ -152,7 +152,7 @@ impl RuleReport {
             id: rule.id.clone(),
             group: rule.group().to_owned(),
             title: rule.title.clone(),
-            level: format!("{:?}", rule.level).to_lowercase(),
+            level: rule.level.name().into(),
             firm: !rule.carried_over(edition),
             basis: rule.basis.clone(),
             verdict: Verdict::Skipped,

@@ -38,7 +38,7 @@ pub(crate) fn survey(
         found = net.wait(0, net.now() + Duration::from_millis(700), is_vehicle);
     }
     let heartbeat = found.ok_or_else(|| {
-        format!("no HEARTBEAT of an autopilot (component 1) came to {} within {:.0} s; is the link right, and nobody else on its port?", peer.port.local, PATIENCE.as_secs_f64() * bench.factor)
+        format!("no HEARTBEAT of an autopilot (component 1) came to {} within {:.0} s; is the link right, and nobody else on its port?", peer.port.local(), PATIENCE.as_secs_f64() * bench.factor)
     })?;
     let frame = &heartbeat.frame;
     bench.subject = (frame.system, frame.component);

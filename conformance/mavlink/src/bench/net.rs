@@ -1,19 +1,22 @@
 //! Sockets, the clock of the run, and the recording of every datagram and frame.
 
-use std::net::{IpAddr, SocketAddr, ToSocketAddrs, UdpSocket};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
+use std::ops::Deref;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use conformance::bench::listener::{Listener, towards};
 use conformance::bench::net::Datagram;
+use conformance::bench::tape::{MAX_RECORDED_BYTES, Tape};
 use conformance::wire::Direction;
 use serde_json::{Value, json};
 
 use crate::wire::frame::{Frame, Key, split};
 use crate::wire::{STAMP_HZ, wall_stamp};
 
-/// What is recorded at most: a subject that floods must not fill the memory.
-const MAX_RECORDED_BYTES: usize = 256 << 20;
+/// A port that is dropped is free again within this time.
+const NOTICE: Duration = Duration::from_millis(50);
 /// How far our clock follows verified frames beyond the wall clock. ArduPilot's run minutes ahead; a frame from next year must not
 /// carry the suite along.
 const FOLLOW: u64 = 3600 * STAMP_HZ;
@@ -82,13 +85,9 @@ pub struct Recording {
 /// The network of a run.
 #[derive(Debug)]
 pub struct Net {
-    start: Instant,
+    tape: Tape<Recording>,
     key: Mutex<Option<Key>>,
-    recording: Mutex<Recording>,
-    arrived: Condvar,
-    interrupted: AtomicBool,
     stamp: AtomicU64,
-    sockets: AtomicUsize,
     sending: Mutex<()>,
 }
 
@@ -97,13 +96,9 @@ impl Net {
     #[must_use]
     pub fn new(key: Option<Key>) -> Arc<Self> {
         Arc::new(Self {
-            start: Instant::now(),
+            tape: Tape::default(),
             key: Mutex::new(key),
-            recording: Mutex::default(),
-            arrived: Condvar::new(),
-            interrupted: AtomicBool::new(false),
             stamp: AtomicU64::new(0),
-            sockets: AtomicUsize::new(0),
             sending: Mutex::default(),
         })
     }
@@ -116,12 +111,6 @@ impl Net {
     /// Takes another key, or none.
     pub fn set_key(&self, key: Option<Key>) {
         *self.key.lock().unwrap_or_else(PoisonError::into_inner) = key;
-    }
-
-    /// Time since the run began.
-    #[must_use]
-    pub fn now(&self) -> Duration {
-        self.start.elapsed()
     }
 
     /// The next timestamp of ours: the time, later than every one before and than what verified frames carried.
@@ -145,25 +134,6 @@ impl Net {
         if stamp < wall_stamp() + FOLLOW {
             self.stamp.fetch_max(stamp, Ordering::SeqCst);
         }
-    }
-
-    /// Ends every wait: the operator stops the run.
-    pub fn interrupt(&self) {
-        self.interrupted.store(true, Ordering::SeqCst);
-        self.arrived.notify_all();
-    }
-
-    /// Whether the operator stopped the run.
-    #[must_use]
-    pub fn interrupted(&self) -> bool {
-        self.interrupted.load(Ordering::SeqCst)
-    }
-
-    /// The recording, locked.
-    pub fn recording(&self) -> MutexGuard<'_, Recording> {
-        self.recording
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// How many frames there are: a mark to search from.
@@ -223,7 +193,7 @@ impl Net {
             recording.skipped += skipped;
         }
         recording.datagrams.push(Datagram {
-            at: self.start.elapsed(),
+            at: self.now(),
             wall,
             direction,
             local,
@@ -236,7 +206,7 @@ impl Net {
         recording.seen.extend(seen);
         drop(recording);
         if direction == Direction::Received {
-            self.arrived.notify_all();
+            self.notify();
         }
         found
     }
@@ -249,24 +219,11 @@ impl Net {
         mut wanted: impl FnMut(&Seen) -> bool,
     ) -> Option<Arc<Seen>> {
         let mut next = mark;
-        let mut recording = self.recording();
-        loop {
-            while let Some(seen) = recording.seen.get(next) {
-                if wanted(seen) {
-                    return Some(seen.clone());
-                }
-                next += 1;
-            }
-            let left = deadline.saturating_sub(self.now());
-            if left.is_zero() || self.interrupted() {
-                return None;
-            }
-            recording = self
-                .arrived
-                .wait_timeout(recording, left)
-                .unwrap_or_else(PoisonError::into_inner)
-                .0;
-        }
+        self.wait_for(deadline, |recording| {
+            let new = recording.seen.get(next..)?;
+            next = recording.seen.len();
+            new.iter().find(|seen| wanted(seen)).cloned()
+        })
     }
 
     /// All frames from `mark` on that `wanted` accepts.
@@ -278,15 +235,13 @@ impl Net {
             .cloned()
             .collect()
     }
+}
 
-    /// Waits this long, or until the operator stops the run.
-    pub fn pause(&self, time: Duration) {
-        let deadline = self.now() + time;
-        while !self.interrupted() && self.now() < deadline {
-            std::thread::sleep(
-                (deadline - self.now().min(deadline)).min(Duration::from_millis(20)),
-            );
-        }
+impl Deref for Net {
+    type Target = Tape<Recording>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.tape
     }
 }
 
@@ -294,13 +249,10 @@ impl Net {
 #[derive(Debug)]
 pub struct Port {
     net: Arc<Net>,
-    socket: Arc<UdpSocket>,
+    listener: Listener,
     /// Its number in the recording.
     pub number: usize,
-    /// Its address.
-    pub local: SocketAddr,
     remote: Arc<Mutex<Option<SocketAddr>>>,
-    closing: Arc<AtomicBool>,
 }
 
 impl Port {
@@ -335,16 +287,7 @@ impl Port {
     /// # Errors
     /// The system has no socket.
     pub fn to(net: &Arc<Net>, remote: SocketAddr) -> std::io::Result<Self> {
-        let any: IpAddr = if remote.is_ipv4() {
-            [0, 0, 0, 0].into()
-        } else {
-            [0_u16; 8].into()
-        };
-        // Which of our addresses goes there: a recording with 0.0.0.0 in it would not open as one conversation.
-        let probe = UdpSocket::bind((any, 0))?;
-        probe.connect(remote)?;
-        let socket = UdpSocket::bind((probe.local_addr()?.ip(), 0))?;
-        Self::with(net, socket, Some(remote))
+        Self::with(net, towards(remote)?, Some(remote))
     }
 
     fn with(
@@ -352,42 +295,27 @@ impl Port {
         socket: UdpSocket,
         remote: Option<SocketAddr>,
     ) -> std::io::Result<Self> {
-        let local = socket.local_addr()?;
-        socket.set_read_timeout(Some(Duration::from_millis(50)))?;
-        let number = net.sockets.fetch_add(1, Ordering::SeqCst);
-        let socket = Arc::new(socket);
+        let (local, number) = (socket.local_addr()?, net.next_socket());
         let remote = Arc::new(Mutex::new(remote));
-        let closing = Arc::new(AtomicBool::new(false));
-        let (thread_net, thread_socket, thread_remote, thread_closing) =
-            (net.clone(), socket.clone(), remote.clone(), closing.clone());
-        std::thread::spawn(move || {
-            let mut buffer = vec![0; 65_536];
-            while !thread_closing.load(Ordering::SeqCst) {
-                // A refused datagram (ICMP) is an error of the next call: the subject may come back.
-                if let Ok((length, from)) = thread_socket.recv_from(&mut buffer)
-                    && thread_net.record(
-                        Direction::Received,
-                        number,
-                        local,
-                        from,
-                        &buffer[..length],
-                    )
-                {
-                    thread_remote
-                        .lock()
-                        .unwrap_or_else(PoisonError::into_inner)
-                        .get_or_insert(from);
-                }
+        let (receives, learns) = (net.clone(), remote.clone());
+        let listener = Listener::start(socket, NOTICE, move |_, from, bytes| {
+            if receives.record(Direction::Received, number, local, from, bytes) {
+                let mut remote = learns.lock().unwrap_or_else(PoisonError::into_inner);
+                remote.get_or_insert(from);
             }
-        });
+        })?;
         Ok(Self {
             net: net.clone(),
-            socket,
+            listener,
             number,
-            local,
             remote,
-            closing,
         })
+    }
+
+    /// Its address.
+    #[must_use]
+    pub fn local(&self) -> SocketAddr {
+        self.listener.local
     }
 
     /// The other end, once it is known.
@@ -396,18 +324,12 @@ impl Port {
         *self.remote.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sends a datagram. That the network refuses it is for the missing answer to show.
+    /// Sends a datagram, once the other end is known.
     pub fn send(&self, bytes: &[u8]) {
         if let Some(remote) = self.remote() {
             self.net
-                .record(Direction::Sent, self.number, self.local, remote, bytes);
-            let _ = self.socket.send_to(bytes, remote);
+                .record(Direction::Sent, self.number, self.local(), remote, bytes);
+            self.listener.send(bytes, remote);
         }
-    }
-}
-
-impl Drop for Port {
-    fn drop(&mut self) {
-        self.closing.store(true, Ordering::SeqCst);
     }
 }

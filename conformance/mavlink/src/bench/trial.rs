@@ -1,13 +1,14 @@
 //! What outlives a scene ([`Bench`]), and what a scene is given ([`Trial`]): the peer that it plays, probes, and what it
 //! wants to have remarked.
 
-use std::cell::RefCell;
 use std::collections::BTreeSet;
+use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use conformance::bench::remarks::Remarks;
 use conformance::catalogue::Hazard;
 use conformance::verdict::{Judged, Stop};
 
@@ -113,9 +114,7 @@ pub struct Trial<'a> {
     pub mark: usize,
     /// The suite's station.
     pub peer: Peer,
-    warnings: RefCell<Vec<String>>,
-    notes: RefCell<Vec<String>>,
-    cited: RefCell<Vec<Arc<Seen>>>,
+    remarks: Remarks<Seen>,
 }
 
 impl<'a> Trial<'a> {
@@ -126,9 +125,7 @@ impl<'a> Trial<'a> {
             bench,
             mark: bench.net.mark(),
             peer: peer.clone(),
-            warnings: RefCell::default(),
-            notes: RefCell::default(),
-            cited: RefCell::default(),
+            remarks: Remarks::default(),
         }
     }
 
@@ -160,65 +157,6 @@ impl<'a> Trial<'a> {
     #[must_use]
     pub fn seconds(&self, seconds: f64) -> Duration {
         Duration::from_secs_f64(seconds * self.bench.factor)
-    }
-
-    /// A broken "should", a late answer: remarked, and the scene continues.
-    pub fn warn(&self, reason: impl Into<String>) {
-        self.warnings.borrow_mut().push(reason.into());
-    }
-
-    /// Something to report that is not judged.
-    pub fn note(&self, text: impl Into<String>) {
-        self.notes.borrow_mut().push(text.into());
-    }
-
-    /// Puts a frame into the evidence.
-    pub fn cite(&self, seen: &Arc<Seen>) {
-        self.cited.borrow_mut().push(seen.clone());
-    }
-
-    /// What was remarked.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        self.warnings.borrow().clone()
-    }
-
-    /// What is reported without being judged.
-    #[must_use]
-    pub fn notes(&self) -> Vec<String> {
-        self.notes.borrow().clone()
-    }
-
-    /// Frames that were cited.
-    #[must_use]
-    pub fn cited(&self) -> Vec<Arc<Seen>> {
-        self.cited.borrow().clone()
-    }
-
-    /// Fails unless `holds`.
-    ///
-    /// # Errors
-    /// The fail, with the reason.
-    pub fn expect(&self, holds: bool, reason: impl FnOnce() -> String) -> Judged {
-        if holds {
-            Ok(())
-        } else {
-            Err(Stop::Fail(reason()))
-        }
-    }
-
-    /// Fails with this frame as evidence unless `holds`.
-    ///
-    /// # Errors
-    /// The fail, with the reason.
-    pub fn expect_of(
-        &self,
-        seen: &Arc<Seen>,
-        holds: bool,
-        reason: impl FnOnce() -> String,
-    ) -> Judged {
-        self.cite(seen);
-        self.expect(holds, reason)
     }
 
     /// Waits.
@@ -364,5 +302,13 @@ impl<'a> Trial<'a> {
         self.from_subject(0, |seen| seen.frame.is("HEARTBEAT"))
             .last()
             .is_some_and(|seen| seen.frame.int("base_mode") & 0x80 != 0)
+    }
+}
+
+impl Deref for Trial<'_> {
+    type Target = Remarks<Seen>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.remarks
     }
 }

@@ -7,8 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::{Args, ValueEnum};
 use conformance::catalogue::Hazard;
-use conformance::expected;
-use conformance::outcome::{Files, eprint, finish, on_interrupt, print, sha256, today};
+use conformance::outcome::{Outputs, eprint, on_interrupt, print, print_rule, rounds, sha256};
 use conformance::report::{Report, RuleReport, SCHEMA, Subject};
 use conformance::verdict::Verdict;
 
@@ -39,21 +38,8 @@ pub(super) struct Common {
     /// Do not repeat a rule that fails
     #[arg(long)]
     no_repeat: bool,
-    /// Departures that are expected, each with its reason (TOML)
-    #[arg(long, value_name = "FILE")]
-    expected: Option<PathBuf>,
-    /// Write the fails of this run as expected departures
-    #[arg(long, value_name = "FILE")]
-    write_expected: Option<PathBuf>,
-    /// Write report.json, report.html, junit.xml, run.pcapng and statement.md into this folder
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Write a JUnit file
-    #[arg(long, value_name = "FILE")]
-    junit: Option<PathBuf>,
-    /// Write report.json to this file
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    outputs: Outputs,
     /// Files of the subject (logs, recordings) in which neither the key nor signed frames may be found (repeatable)
     #[arg(long, value_name = "FILE")]
     logs: Vec<PathBuf>,
@@ -184,12 +170,7 @@ impl Common {
     }
 
     fn options(&self, catalogue: &Catalogue) -> Result<Options, String> {
-        let rules: Vec<String> = self.rule.iter().map(|id| id.to_uppercase()).collect();
-        if let Some(unknown) = rules.iter().find(|id| catalogue.find(id).is_none()) {
-            return Err(format!(
-                "no rule {unknown:?}; `mavlink-check list` shows all"
-            ));
-        }
+        let rules = catalogue.ids(&self.rule, "mavlink-check")?;
         if !(0.1..=100.0).contains(&self.factor) {
             return Err(format!("--factor {}: expected 0.1 to 100", self.factor));
         }
@@ -239,18 +220,7 @@ impl Common {
         let quiet = self.quiet;
         move |rule| {
             if !quiet {
-                let reason = if rule.reason.is_empty() {
-                    String::new()
-                } else {
-                    format!(": {}", rule.reason)
-                };
-                print(&format!(
-                    "{:<14} {:<10} {:5.1} s  {}{reason}",
-                    rule.verdict.name(),
-                    rule.id,
-                    rule.duration_s,
-                    rule.title
-                ));
+                print_rule(rule, 10);
             }
         }
     }
@@ -264,10 +234,7 @@ impl Common {
         remarks: Vec<String>,
         rules: Vec<RuleReport>,
     ) -> Result<u8, String> {
-        let expected = match &self.expected {
-            Some(file) => expected::read(file, &today())?,
-            None => Vec::new(),
-        };
+        let expected = self.outputs.read_expected()?;
         let mut subject = subject;
         if let Some(name) = &self.name {
             subject.name.clone_from(name);
@@ -291,7 +258,6 @@ impl Common {
                 sha256(Catalogue::text().as_bytes()),
             )]),
             remarks,
-            expected,
             rules,
             ..Report::default()
         };
@@ -312,17 +278,8 @@ impl Common {
                 "{skipped} bytes of the subject were part of no frame"
             ));
         }
-        report.count();
-        let files = Files {
-            json: self.json.as_deref(),
-            junit: self.junit.as_deref(),
-            expected: self.write_expected.as_deref(),
-            folder: self.out.as_deref(),
-            ..Files::default()
-        };
-        let status = finish(&mut report);
-        files.write(&report, &bench.net.recording().datagrams)?;
-        Ok(status)
+        let datagrams = std::mem::take(&mut bench.net.recording().datagrams);
+        self.outputs.finish(report, expected, &datagrams)
     }
 }
 
@@ -483,29 +440,14 @@ pub(super) fn repeat(rule: &str, times: u32, arguments: &AutopilotArguments) -> 
     arguments.common.rule = vec![rule.to_owned()];
     let mut options = arguments.common.options(&catalogue)?;
     options.repeat = false;
-    let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
-    for round in 1..=times {
-        let (bench, _, _, rules) = play_autopilot(&arguments, &catalogue, &options, true)?;
-        let Some(found) = rules.first() else { continue };
-        *counts.entry(found.verdict.name()).or_default() += 1;
-        print(&format!(
-            "{round}: {} {}",
-            found.verdict.name(),
-            found.reason
-        ));
-        if bench.net.interrupted() {
-            break;
-        }
+    rounds(rule, times, || {
+        let (bench, _, _, mut rules) = play_autopilot(&arguments, &catalogue, &options, true)?;
         let net = bench.net.clone();
         drop(bench);
         // The port is free once its thread has noticed.
         net.pause(std::time::Duration::from_millis(120));
-    }
-    print(&format!("{rule}: {counts:?}"));
-    Ok(if counts.is_empty() {
-        3
-    } else {
-        u8::from(counts.contains_key("fail"))
+        let found = (!rules.is_empty()).then(|| rules.remove(0));
+        Ok((found, net.interrupted()))
     })
 }
 

@@ -5,7 +5,7 @@ mod judge;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use conformance::outcome::{eprint, print};
+use conformance::outcome::print;
 use serde_json::json;
 
 use crate::catalogue::{Catalogue, Role};
@@ -57,14 +57,7 @@ enum Command {
 /// Runs the program; its exit status.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => {
-            let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
-        }
-    };
-    let status = match cli.command {
+    conformance::outcome::program("mavlink-check", |cli: Cli| match cli.command {
         Command::Autopilot(arguments) => judge::autopilot(&arguments),
         Command::Station(arguments) => judge::station(&arguments),
         Command::Router(arguments) => judge::router(&arguments),
@@ -78,14 +71,7 @@ pub fn run() -> ExitCode {
             Ok(0)
         }
         Command::Explain { rule } => explain(&rule),
-    };
-    match status {
-        Ok(status) => ExitCode::from(status),
-        Err(error) => {
-            eprint(&format!("mavlink-check: {error}"));
-            ExitCode::from(2)
-        }
-    }
+    })
 }
 
 fn subjects(roles: &[Role]) -> String {
@@ -107,7 +93,7 @@ fn list(as_json: bool) {
         print(&format!(
             "{:<10} {:<6} {:<17} {:<11} {}",
             rule.id,
-            rule.level_name(),
+            rule.level.name(),
             subjects(&rule.subjects),
             rule.hazard.to_string(),
             rule.title
@@ -117,16 +103,14 @@ fn list(as_json: bool) {
 
 fn explain(id: &str) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
-    let rule = catalogue
-        .find(&id.to_uppercase())
-        .ok_or_else(|| format!("no rule {id:?}; `mavlink-check list` shows all"))?;
+    let rule = catalogue.named(id, "mavlink-check")?;
     print(&format!(
         "{} {}\n\n{}\n\nJudges     {}, {}, hazard {}\nNeeds      {}\nObserved   {}\nBreaks     {}\nSource     {}\nPitfall    {}",
         rule.id,
         rule.title,
         rule.rule,
         subjects(&rule.subjects),
-        rule.level_name(),
+        rule.level.name(),
         rule.hazard,
         if rule.needs.is_empty() {
             "nothing but a reachable subject".into()

@@ -1,0 +1,133 @@
+//! What a scene wants to have remarked, and what became of it: shared by the programs of the suite. `S` is a message as it was
+//! seen.
+
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use crate::verdict::{Judged, Judgement, Stop, Verdict};
+
+/// Warnings, notes and messages of one scene.
+#[derive(Debug)]
+pub struct Remarks<S> {
+    warnings: RefCell<Vec<String>>,
+    notes: RefCell<Vec<String>>,
+    cited: RefCell<Vec<Arc<S>>>,
+}
+
+impl<S> Default for Remarks<S> {
+    fn default() -> Self {
+        Self {
+            warnings: RefCell::default(),
+            notes: RefCell::default(),
+            cited: RefCell::default(),
+        }
+    }
+}
+
+impl<S> Remarks<S> {
+    /// A broken "should", a late answer, an odd value: remarked, and the scene continues.
+    pub fn warn(&self, reason: impl Into<String>) {
+        self.warnings.borrow_mut().push(reason.into());
+    }
+
+    /// Something to report that is not judged.
+    pub fn note(&self, text: impl Into<String>) {
+        self.notes.borrow_mut().push(text.into());
+    }
+
+    /// Puts a message into the evidence.
+    pub fn cite(&self, seen: &Arc<S>) {
+        self.cited.borrow_mut().push(seen.clone());
+    }
+
+    /// Fails unless `holds`.
+    ///
+    /// # Errors
+    /// The fail, with the reason.
+    pub fn expect(&self, holds: bool, reason: impl FnOnce() -> String) -> Judged {
+        if holds {
+            Ok(())
+        } else {
+            Err(Stop::Fail(reason()))
+        }
+    }
+
+    /// Fails with this message as evidence unless `holds`.
+    ///
+    /// # Errors
+    /// The fail, with the reason.
+    pub fn expect_of(&self, seen: &Arc<S>, holds: bool, reason: impl FnOnce() -> String) -> Judged {
+        self.cite(seen);
+        self.expect(holds, reason)
+    }
+
+    /// What is reported without being judged.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        self.notes.borrow().clone()
+    }
+
+    /// The judgement of a scene that plays with these remarks: a panic is the suite's own defect.
+    pub fn judge(&self, play: impl FnOnce() -> Judged) -> Judgement {
+        match catch_unwind(AssertUnwindSafe(play)) {
+            Ok(Ok(())) => match self.warnings.borrow().first() {
+                Some(warning) => Judgement::new(Verdict::Warning, warning.clone()),
+                None => Judgement::pass(),
+            },
+            Ok(Err(stop)) => stop.judgement(),
+            Err(panic) => {
+                let text = panic
+                    .downcast_ref::<String>()
+                    .cloned()
+                    .or(panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+                Stop::inconclusive(format!(
+                    "a defect of the suite, not of the subject: {}",
+                    text.unwrap_or_default()
+                ))
+                .judgement()
+            }
+        }
+    }
+
+    /// The evidence: what was cited, and the last of the other messages, at most `limit` of each, in the order of time.
+    pub fn evidence<T: Ord>(
+        &self,
+        others: Vec<Arc<S>>,
+        limit: usize,
+        at: impl Fn(&S) -> T,
+    ) -> Vec<Arc<S>> {
+        let skip = others.len().saturating_sub(limit);
+        let cited = self.cited.borrow();
+        let mut chosen: Vec<Arc<S>> = cited
+            .iter()
+            .take(limit)
+            .cloned()
+            .chain(others.into_iter().skip(skip))
+            .collect();
+        chosen.sort_by_key(|seen| at(seen));
+        chosen.dedup_by(|a, b| Arc::ptr_eq(a, b));
+        chosen
+    }
+}
+
+/// A fail is repeated twice, and unequal results are flaky. `again` plays once more; none where that is not possible.
+pub fn repeated(
+    first: Judgement,
+    attempts: &mut Vec<Verdict>,
+    mut again: impl FnMut() -> Option<Judgement>,
+) -> Judgement {
+    attempts.push(first.verdict);
+    if first.verdict != Verdict::Fail {
+        return first;
+    }
+    for _ in 0..2 {
+        let Some(other) = again() else { break };
+        attempts.push(other.verdict);
+        if matches!(other.verdict, Verdict::Pass | Verdict::Warning) {
+            let reason = format!("fails at times: {}", first.reason);
+            return Judgement::new(Verdict::Flaky, reason);
+        }
+    }
+    first
+}
