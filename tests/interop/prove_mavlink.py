@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from mavlink_peers.faults import FAULTS
+from mavlink_peers.router import FAULTS as ROUTER_FAULTS
 
 HERE = Path(__file__).resolve().parent
 HEAD = """# The proof of mavlink-check
@@ -96,13 +97,36 @@ def judge(fault, args):
     return fault, found
 
 
+def judge_router(fault, args):
+    """The same of a router, between two ends of the suite."""
+    ports = [free_port(), free_port()]
+    options = [word for port in ports for word in ("--port", str(port))] + (["--fault", fault] if fault else [])
+    with tempfile.TemporaryDirectory() as name:
+        report = Path(name) / "report.json"
+        command = [args.mavlink_check, "router", "--vehicle", f"udpout:127.0.0.1:{ports[0]}", "--station", f"udpout:127.0.0.1:{ports[1]}",
+                   "--quiet", "--strict", "--no-repeat", "--json", str(report)]
+        command += ["--rule", fault] if fault else []
+        subject = subprocess.Popen([sys.executable, "-m", "mavlink_peers", "router", *options], cwd=HERE, start_new_session=True)
+        try:
+            subprocess.run(command, capture_output=True, text=True, timeout=args.limit)
+        except subprocess.TimeoutExpired:
+            pass
+        subject.kill()
+        subject.wait()
+        rules = json.loads(report.read_text())["rules"] if report.exists() else []
+    found = {rule["id"]: (rule["verdict"], rule["reason"]) for rule in rules}
+    shown = {fault: found.get(fault)} if fault else {rule: verdict for rule, verdict in found.items() if verdict[0] in ("fail", "flaky")}
+    print(f"router {fault or 'lawful'}: {shown}", flush=True)
+    return fault, found
+
+
 def wanted(fault):
     """The rule of a fault, and what gives a passive rule something to look at."""
     passive = ("FRAME-001", "FRAME-008", "FRAME-009", "HB-001", "SIGN-002", "SIGN-010", "SIGN-014", "SIGN-015", "SIGN-016", "SIGN-028", "PARAM-010")
     return [fault, "SIGN-040" if fault != "PARAM-010" else "PARAM-003"] if fault in passive else [fault]
 
 
-def table(done):
+def table(done, routers):
     lawful = next((found for fault, found in done if not fault), {})
     lines = [HEAD, "## The lawful autopilot", "", "| verdict | rules |", "|---|---|"]
     for verdict in ("pass", "warning", "inconclusive", "not_applicable", "fail", "flaky"):
@@ -116,6 +140,17 @@ def table(done):
     caught = sum(found.get(fault, ("",))[0] in ("fail", "flaky") for fault, found in done if fault)
     without = sorted(set(lawful) - set(FAULTS))
     lines += ["", f"{caught} of {len([1 for fault, _ in done if fault])} faults are found.", "", "Rules of an autopilot without a fault: " + (", ".join(without) or "none") + "."]
+    return "\n".join(lines) + "\n" + router_table(routers)
+
+
+def router_table(done):
+    lawful = next((found for fault, found in done if not fault), {})
+    passed = [rule for rule, found in lawful.items() if found[0] == "pass"]
+    others = [f"{rule} {found[0]}" for rule, found in lawful.items() if found[0] != "pass"]
+    lines = ["", "## A router", "", f"The lawful router passes {len(passed)} rules; others: {', '.join(others) or 'none'}.", "", "| rule | the router | verdict |", "|---|---|---|"]
+    lines += [f"| {fault} | {ROUTER_FAULTS[fault]} | {found.get(fault, ('no end',))[0]} |" for fault, found in done if fault]
+    without = sorted(set(lawful) - set(ROUTER_FAULTS))
+    lines += ["", "Rules of a router without a fault: " + (", ".join(without) or "none") + " (a *may* never fails)."]
     return "\n".join(lines) + "\n"
 
 
@@ -123,6 +158,7 @@ def main():
     parser = argparse.ArgumentParser(description="Prove mavlink-check on a Python autopilot and its faults.")
     parser.add_argument("--mavlink-check", default="target/debug/mavlink-check", metavar="PROGRAM")
     parser.add_argument("--only", action="append", metavar="RULE", help="just this fault, or 'lawful' (repeat)")
+    parser.add_argument("--routers", action="store_true", help="only the routers; --out is written with their table alone")
     parser.add_argument("--at-once", type=int, default=6, help="number of runs side by side")
     parser.add_argument("--limit", type=float, default=240, metavar="S", help="time for one run")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the table here")
@@ -132,10 +168,14 @@ def main():
         stop(args.restart)
         start(args.restart)
         return
-    chosen = [fault for fault in (None, *FAULTS) if not args.only or (fault or "lawful") in args.only]
+    def chosen(faults):
+        return [fault for fault in (None, *faults) if not args.only or (fault or "lawful") in args.only]
+
     with ThreadPoolExecutor(args.at_once) as pool:
-        done = list(pool.map(lambda fault: judge(fault, args), chosen))
-    text = table(done)
+        done = list(pool.map(lambda fault: judge(fault, args), [] if args.routers else chosen(FAULTS)))
+        routers = list(pool.map(lambda fault: judge_router(fault, args), chosen(ROUTER_FAULTS)))
+    text = router_table(routers) if args.routers else table(done, routers)
+    done += routers
     if args.out:
         args.out.write_text(text)
     missed = [fault for fault, found in done if fault and found.get(fault, ("",))[0] not in ("fail", "flaky")]

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from .autopilot import Autopilot
 from .faults import FAULTS
+from .router import FAULTS as ROUTER_FAULTS
+from .router import Router
 from .wire import now_stamp
 
 
@@ -14,13 +16,15 @@ def address(text):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="A MAVLink 2 autopilot with signing, with a fault for each rule of mavlink-check.")
-    parser.add_argument("role", choices=["autopilot"])
+    parser = argparse.ArgumentParser(description="A MAVLink 2 autopilot with signing, or a router, with a fault for each rule of mavlink-check.")
+    parser.add_argument("role", choices=["autopilot", "router"])
     parser.add_argument("--link", action="append", type=address, help="address that the subject sends to (repeat: a second link)")
-    parser.add_argument("--port", action="append", default=[], type=int, help="own port of each link (repeat)")
+    parser.add_argument("--port", action="append", default=[], type=int, help="own port of each link (repeat); of a router the ends: vehicle, station")
     parser.add_argument("--key-file", help="64 hexadecimal digits; written when the key changes")
-    parser.add_argument("--fault", action="append", default=[], choices=sorted(FAULTS), metavar="RULE", help="break this rule (repeat)")
+    parser.add_argument("--fault", action="append", default=[], choices=sorted(FAULTS | ROUTER_FAULTS), metavar="RULE", help="break this rule (repeat)")
     args = parser.parse_args()
+    if args.role == "router":
+        Router(args.port, set(args.fault)).run()
     key = bytes.fromhex(open(args.key_file).read().strip()) if args.key_file else None
     subject = Autopilot(args.link, key, set(args.fault), ports=args.port)
     if args.key_file and not subject.has("SIGN-019"):

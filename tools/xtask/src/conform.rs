@@ -1,11 +1,15 @@
 //! `cargo xtask conform`: the conformance suite against this project's own bridge and simulated PX4.
 //!
+//! `cargo xtask conform mavlink` does the same for the simulated PX4 alone, by `mavlink-check`.
+//!
 //! Each run has a folder, ports and keys of its own; the report lies in `target/conform/report`. What the bridge is known to
 //! depart in is in `conformance/known.toml`, each with its reason: anything else that fails is an error.
 
 use std::fs;
+use std::io::Read as _;
 use std::net::UdpSocket;
-use std::path::Path;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -16,13 +20,11 @@ use crate::steps::{Steps, cargo, root};
 /// Builds, starts bridge and vehicle, and judges. Arguments behind `conform` are passed on, such as `--rule AUTH-002`; `--docs`
 /// writes the report that stands in the documents.
 pub(crate) fn run(steps: &mut Steps) -> Result<()> {
-    // Of the whole workspace: with its features nothing is compiled twice.
-    steps.run(&mut cargo(["build", "--workspace", "--bins", "--locked"]))?;
-    let folder = root().join("target/conform");
-    if folder.exists() {
-        fs::remove_dir_all(&folder).context("the folder of an earlier run")?;
+    let further: Vec<String> = std::env::args().skip(2).collect();
+    if further.first().is_some_and(|first| first == "mavlink") {
+        return run_mavlink(steps, &further[1..]);
     }
-    fs::create_dir_all(&folder).context("target/conform")?;
+    let folder = prepare(steps)?;
     let (dli, mavlink) = (free_port()?, free_port()?);
     let mut init = program("vsm", &folder);
     init.args([
@@ -56,7 +58,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     judge
         .arg("--expected")
         .arg(root().join("conformance/known.toml"));
-    for argument in std::env::args().skip(2) {
+    for argument in further {
         if argument == "--docs" {
             judge.arg("--html").arg(root().join(REPORT));
         } else {
@@ -64,6 +66,52 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         }
     }
     steps.run_here(&mut judge)
+}
+
+/// The simulated PX4, signed, in real time: what it is known to share with the real one is in
+/// `conformance/mavlink/known.toml`.
+fn run_mavlink(steps: &mut Steps, further: &[String]) -> Result<()> {
+    let folder = prepare(steps)?;
+    let mut key = [0_u8; 32];
+    fs::File::open("/dev/urandom")
+        .and_then(|mut source| source.read_exact(&mut key))
+        .context("a key")?;
+    let digits: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+    let file = folder.join("uav1.key");
+    fs::write(&file, digits).context("uav1.key")?;
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).context("uav1.key")?;
+    let mavlink = free_port()?;
+    let mut vehicle = program("px4-sim", &folder);
+    vehicle.args([
+        "--link",
+        &format!("udpout:{mavlink}"),
+        "--key-file",
+        "uav1.key",
+    ]);
+    let _vehicle = Started::begin(&mut vehicle)?;
+    let mut judge = program("mavlink-check", &folder);
+    judge.args([
+        "autopilot",
+        &format!("udpin:{mavlink}"),
+        "--key-file",
+        "uav1.key",
+    ]);
+    judge.args(["--simulated", "--out", "report", "--expected"]);
+    judge.arg(root().join("conformance/mavlink/known.toml"));
+    judge.args(further);
+    steps.run_here(&mut judge)
+}
+
+/// Builds the programs, and empties the folder of the run.
+fn prepare(steps: &mut Steps) -> Result<PathBuf> {
+    // Of the whole workspace: with its features nothing is compiled twice.
+    steps.run(&mut cargo(["build", "--workspace", "--bins", "--locked"]))?;
+    let folder = root().join("target/conform");
+    if folder.exists() {
+        fs::remove_dir_all(&folder).context("the folder of an earlier run")?;
+    }
+    fs::create_dir_all(&folder).context("target/conform")?;
+    Ok(folder)
 }
 
 /// The report of the full run that stands in the documents.

@@ -81,7 +81,8 @@ usage: cargo xtask TASK
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
-  conform judge our own bridge by the conformance suite; further arguments are dli-check's, such as --rule AUTH-002
+  conform judge our own bridge by the conformance suite; further arguments are dli-check's, such as --rule AUTH-002;
+          conform mavlink judges the simulated PX4 by mavlink-check, further arguments are that program's
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR;
           --architecture NAME: what those programs are for, where it is not this machine
   portable  build static programs into target/portable/ARCHITECTURE; --architecture x86_64|aarch64

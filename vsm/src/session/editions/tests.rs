@@ -302,3 +302,36 @@ fn every_honoured_field_of_a_station_reaches_the_bridge() {
     }
     assert!(seen > 60, "{seen}");
 }
+
+/// A station that commands the loiter which the vehicle shows already, and the place at once after it: the place is not lost in
+/// the moment in which the vehicle enters the mode anew.
+#[test]
+fn a_place_right_after_a_loiter_names_the_mode_again() {
+    let mut steering = Steering::default();
+    let record = |number: u16, fields: &[(u8, f64)]| {
+        let mut record = new(number);
+        for (field, value) in fields {
+            record.set(*field, *value);
+        }
+        record
+    };
+    let seconds = 1_163_000_000.0;
+    steering.shows(Some(12));
+    steering.accept(Latch::Preference([2, 2, 2]));
+    steering.accept(Latch::Mode(12, seconds));
+    let demand = |at: f64| {
+        record(
+            43,
+            &[(1, at), (4, 0.0), (7, 0.0), (13, 0.0), (18, 0.8), (19, 0.1)],
+        )
+    };
+    let mode = |at: f64| {
+        let order = steering
+            .order(&demand(at))
+            .unwrap_or_else(|_| panic!("refused"));
+        Record::of(&order.message).number(2)
+    };
+    assert_eq!(mode(seconds + 0.1), Some(12.0));
+    // Later it is a demand within the mode.
+    assert_eq!(mode(seconds + 60.0), None);
+}

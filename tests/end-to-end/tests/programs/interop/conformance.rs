@@ -1,7 +1,8 @@
-//! The fast set of the conformance suite: a handful of rules on the bridge and on the second VSM, three faults that have to
+//! The fast set of the conformance suite, and of that for MAVLink endpoints: a handful of rules on the bridge and on the second VSM, three faults that have to
 //! fail, and both ground stations without an operator. `cargo xtask conform` runs the full set.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
@@ -44,7 +45,11 @@ impl Judged {
 
 /// Runs it to its end in this folder, with our programs on the path.
 fn dli_check(folder: &Path, arguments: &[&str]) -> Judged {
-    let own = program("dli-check");
+    check("dli-check", folder, arguments)
+}
+
+fn check(judge: &str, folder: &Path, arguments: &[&str]) -> Judged {
+    let own = program(judge);
     let beside = own.parent().expect("the folder of the programs");
     let path = std::env::var("PATH").unwrap_or_default();
     let report = tempfile::tempdir().expect("a folder");
@@ -287,6 +292,111 @@ fn the_second_ground_station_passes_and_its_faults_do_not() {
             scope.spawn(move || {
                 let judged = judge_second_cucs(&[scenario], &[fault]);
                 assert_eq!(judged.verdict(rule), "fail", "{fault}\n{}", judged.output);
+            });
+        }
+    });
+}
+
+/// Frames, commands, parameters, missions and signatures.
+const FEW_MAVLINK: [&str; 8] = [
+    "FRAME-002",
+    "CMD-002",
+    "PARAM-004",
+    "MISS-002",
+    "SIGN-003",
+    "SIGN-015",
+    "SIGN-030",
+    "SIGN-031",
+];
+
+/// Judges an autopilot that is begun with a port to send to and a key file.
+fn judge_autopilot(rules: &[&str], begin: impl FnOnce(&str, &str) -> Running) -> Judged {
+    let folder = TempDir::new().expect("a folder");
+    let key = folder.path().join("uav1.key");
+    fs::write(&key, "5a".repeat(32)).expect("the key");
+    fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).expect("the key");
+    let (key, port) = (key.display().to_string(), free_udp_port().to_string());
+    let _subject = begin(&port, &key);
+    let link = format!("udpin:127.0.0.1:{port}");
+    let mut arguments = vec!["autopilot", &link, "--key-file", &key];
+    arguments.extend(["--simulated", "--strict", "--no-repeat"]);
+    for rule in rules {
+        arguments.extend(["--rule", rule]);
+    }
+    check("mavlink-check", folder.path(), &arguments)
+}
+
+/// A subject of the Python side, which has a codec of its own.
+fn peer(arguments: &[&str]) -> Running {
+    Running::spawn(
+        Command::new(plain_python())
+            .args(["-m", "mavlink_peers"])
+            .args(arguments)
+            .current_dir(here().join("interop")),
+    )
+}
+
+#[test]
+fn the_simulated_px4_passes_the_few_rules_of_mavlink_and_a_fault_does_not() {
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let judged = judge_autopilot(&FEW_MAVLINK, |port, key| {
+                let link = format!("udpout:127.0.0.1:{port}");
+                Running::start(&program("px4-sim"), ["--link", &link, "--key-file", key])
+            });
+            judged.passes(&FEW_MAVLINK);
+            assert_eq!(judged.status, Some(0), "{}", judged.output);
+        });
+        scope.spawn(|| {
+            let judged = judge_autopilot(&["SIGN-030"], |port, key| {
+                let link = format!("127.0.0.1:{port}");
+                let fault = ["--fault", "SIGN-030"];
+                peer(
+                    &[
+                        &["autopilot", "--link", &link, "--key-file", key],
+                        &fault[..],
+                    ]
+                    .concat(),
+                )
+            });
+            assert_eq!(judged.verdict("SIGN-030"), "fail", "{}", judged.output);
+        });
+    });
+}
+
+#[test]
+fn a_lawful_router_passes_its_rules_and_its_faults_do_not() {
+    let judge = |fault: Option<&str>| {
+        let ports = [free_udp_port().to_string(), free_udp_port().to_string()];
+        let mut options = vec!["router", "--port", &ports[0], "--port", &ports[1]];
+        let mut arguments = vec!["router".to_owned(), "--no-repeat".into()];
+        for (end, port) in ["--vehicle", "--station"].iter().zip(&ports) {
+            arguments.extend([(*end).to_owned(), format!("udpout:127.0.0.1:{port}")]);
+        }
+        if let Some(fault) = fault {
+            options.extend(["--fault", fault]);
+            arguments.extend(["--rule".into(), fault.to_owned()]);
+        }
+        let _router = peer(&options);
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        check("mavlink-check", here(), &arguments)
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let judged = judge(None);
+            judged.passes(&[
+                "ROUTE-001",
+                "ROUTE-002",
+                "ROUTE-003",
+                "ROUTE-009",
+                "ROUTE-013",
+            ]);
+            assert_eq!(judged.status, Some(0), "{}", judged.output);
+        });
+        for fault in ["ROUTE-003", "ROUTE-009"] {
+            scope.spawn(move || {
+                let judged = judge(Some(fault));
+                assert_eq!(judged.verdict(fault), "fail", "{fault} {}", judged.output);
             });
         }
     });
