@@ -10,16 +10,55 @@ use std::ops::RangeInclusive;
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::{
     CurveSegment, CurveSegmentPaper, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
+    VehicleSpecificWaypoint,
 };
 use stanag_msgs::{Id, Message};
 
-/// Routes (13001), waypoints (13002), their loiters (13003) and curves (50001, 50002).
+/// Routes (13001), waypoints (13002), their loiters (13003), transitions (13006) and curves (50001, 50002).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plan {
     routes: Vec<UaRoute>,
     waypoints: BTreeMap<u16, UaPositionWaypoint>,
     loiters: BTreeMap<u16, UaLoiterWaypoint>,
     curves: BTreeMap<(u16, u16), Curve>,
+    transitions: BTreeMap<u16, VehicleSpecificWaypoint>,
+}
+
+/// What a VTOL does at a waypoint, and flies the legs from there as: Tag/Data of 13006.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transition {
+    /// `TRANSITION WINGS`.
+    Wings,
+    /// `TRANSITION HOVER`.
+    Hover,
+}
+
+impl Transition {
+    /// The Tag/Data that asks for it.
+    #[must_use]
+    pub fn tag(self) -> &'static str {
+        match self {
+            Transition::Wings => "TRANSITION WINGS",
+            Transition::Hover => "TRANSITION HOVER",
+        }
+    }
+
+    /// What a 13006 asks for; `None` of an empty one, which takes an earlier one back.
+    ///
+    /// # Errors
+    /// A Tag Type or a Tag/Data that means nothing here.
+    fn of(specific: &VehicleSpecificWaypoint) -> Result<Option<Transition>, StoreError> {
+        let text = specific.tag_data.as_ref().map_or("", |text| text.as_str());
+        let known = [Transition::Wings, Transition::Hover];
+        let found = known.into_iter().find(|known| known.tag() == text);
+        match specific.tag_type {
+            None | Some(0) if found.is_some() || text.is_empty() => Ok(found),
+            tag_type => Err(StoreError::Tag {
+                tag_type: tag_type.unwrap_or(0),
+                text: text.to_owned(),
+            }),
+        }
+    }
 }
 
 /// A curved leg as it came.
@@ -46,10 +85,11 @@ enum Part<'m> {
     Waypoint(u16, &'m UaPositionWaypoint),
     Loiter(u16, &'m UaLoiterWaypoint),
     Curve((u16, u16), Curve),
+    Transition(u16, &'m VehicleSpecificWaypoint),
 }
 
 /// A message that the plan does not take.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StoreError {
     /// The number that identifies it is absent.
     #[error("{message} without {field}")]
@@ -89,6 +129,17 @@ pub enum StoreError {
         found: Id,
         /// What the wrapper holds.
         expected: Id,
+    },
+    /// A 13006 that asks for nothing that is known.
+    #[error(
+        "13006 Tag Type {tag_type} with Tag/Data \"{text}\", expected Tag Type 0 with \"TRANSITION HOVER\" or \"TRANSITION WINGS\", \
+         or with no Tag/Data"
+    )]
+    Tag {
+        /// Tag Type.
+        tag_type: u8,
+        /// Tag/Data.
+        text: String,
     },
     /// The plan is full: a bound on memory, beyond what any vehicle carries.
     #[error("more than {0} {1} in one plan")]
@@ -133,6 +184,9 @@ impl Plan {
             }
             Part::Curve(ends, curve) => {
                 self.curves.insert(ends, curve);
+            }
+            Part::Transition(number, specific) => {
+                self.transitions.insert(number, specific.clone());
             }
         }
         Ok(())
@@ -195,6 +249,12 @@ impl Plan {
                 has_room(&self.curves, &ends, "curves")?;
                 Ok(Part::Curve(ends, Curve::Paper(curve.clone())))
             }
+            Message::VehicleSpecificWaypoint(specific) => {
+                let number = numbered(13006, "Waypoint Number", specific.waypoint_number)?;
+                Transition::of(specific)?;
+                has_room(&self.transitions, &number, "transitions")?;
+                Ok(Part::Transition(number, specific))
+            }
             other => Err(StoreError::NotAPlanMessage(other.id())),
         }
     }
@@ -223,10 +283,13 @@ impl Plan {
         }
     }
 
-    /// Forgets the loiter and the curves at a waypoint that `sent` does not have there.
+    /// Forgets the loiter, the transition and the curves at a waypoint that `sent` does not have there.
     pub fn drop_unsent(&mut self, number: u16, sent: &Plan) {
         if !sent.loiters.contains_key(&number) {
             self.loiters.remove(&number);
+        }
+        if !sent.transitions.contains_key(&number) {
+            self.transitions.remove(&number);
         }
         // Only the curves at this waypoint are looked at: a CUCS sends ten thousand of both.
         let here = self.curves.range(curves_at(number)).map(|(ends, _)| *ends);
@@ -312,6 +375,13 @@ impl Plan {
         self.loiters.get(&number)
     }
 
+    /// The transition of a VTOL at the waypoint of this number.
+    #[must_use]
+    pub fn transition(&self, number: u16) -> Option<Transition> {
+        // Another one was not stored.
+        Transition::of(self.transitions.get(&number)?).ok()?
+    }
+
     /// The curved legs that start at this waypoint: (P4's number, curve).
     pub fn curves_from(&self, p1: u16) -> impl Iterator<Item = (u16, &Curve)> {
         self.curves
@@ -340,6 +410,9 @@ impl Plan {
         {
             if let Some(loiter) = self.loiters.get(&number) {
                 part.loiters.insert(number, loiter.clone());
+            }
+            if let Some(specific) = self.transitions.get(&number) {
+                part.transitions.insert(number, specific.clone());
             }
             for (to, curve) in self.curves_from(number) {
                 part.curves.insert((number, to), curve.clone());
@@ -372,29 +445,34 @@ impl Plan {
             waypoints,
             loiters,
             curves,
+            transitions,
         } = upper;
         let covers = |number: &u16| waypoints.contains_key(number);
         self.loiters.retain(|number, _| !covers(number));
+        self.transitions.retain(|number, _| !covers(number));
         self.curves.retain(|(p1, _), _| !covers(p1));
         self.routes.extend(routes);
         self.waypoints.extend(waypoints);
         self.loiters.extend(loiters);
         self.curves.extend(curves);
+        self.transitions.extend(transitions);
     }
 
-    /// The messages that are about one waypoint: it, its loiter, the curves that start at it.
+    /// The messages that are about one waypoint: it, its loiter and transition, the curves that start at it.
     pub fn messages_about(&self, number: u16) -> impl Iterator<Item = Message> + '_ {
         let waypoint = self.waypoint(number).cloned();
         let loiter = self.loiter(number).cloned();
+        let specific = self.transitions.get(&number).cloned();
         let curves = self.curves_from(number).map(|(_, curve)| curve.message());
         waypoint
             .map(Message::UaPositionWaypoint)
             .into_iter()
             .chain(loiter.map(Message::UaLoiterWaypoint))
+            .chain(specific.map(Message::VehicleSpecificWaypoint))
             .chain(curves)
     }
 
-    /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, curves.
+    /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, transitions, curves.
     pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
         let routes = self.routes.iter().cloned().map(Message::UaRoute);
         let waypoints = self.waypoints.iter().flat_map(|(number, waypoint)| {
@@ -411,10 +489,12 @@ impl Plan {
             .filter(|(number, _)| !self.waypoints.contains_key(number));
         let without_waypoint =
             without_waypoint.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
+        let specifics = self.transitions.values().cloned();
         let curves = self.curves.values().map(Curve::message);
         routes
             .chain(waypoints)
             .chain(without_waypoint)
+            .chain(specifics.map(Message::VehicleSpecificWaypoint))
             .chain(curves)
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A field that the vehicle has not reported is absent, never zero.
 
-use mavlink_link::dialect::{MavLandedState, MavState, MissionState};
+use mavlink_link::dialect::{MavLandedState, MavState, MavVtolState, MissionState};
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, SpeedType, UaState};
 use stanag_msgs::messages::{
     FromToNextWaypointStates, InertialStates, VehicleOperatingModeReport, VehicleOperatingStates,
@@ -24,6 +24,11 @@ pub const UA_STATE_TAKE_OFF: u8 = 11;
 pub const UA_STATE_LANDING: u8 = 12;
 /// UA State of a vehicle that flies a failsafe.
 pub const UA_STATE_FAILSAFE: u8 = 13;
+
+/// UA State of a VTOL that transitions to its wings.
+pub const UA_STATE_TO_WINGS: u8 = 14;
+/// UA State of a VTOL that transitions to a hover.
+pub const UA_STATE_TO_HOVER: u8 = 15;
 
 /// What the CUCS has commanded last and the vehicle has taken: the source of 3002's commanded fields.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -255,8 +260,15 @@ fn ua_state(vehicle: &Telemetry) -> UaState {
         vehicle.system_status,
         Some(MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY)
     );
+    let turning = vehicle.vtol_state.filter(|_| vehicle.airborne());
     match vehicle.landed {
         _ if failsafe && vehicle.airborne() => UaState::from_raw(UA_STATE_FAILSAFE),
+        _ if turning == Some(MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_FW) => {
+            UaState::from_raw(UA_STATE_TO_WINGS)
+        }
+        _ if turning == Some(MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_MC) => {
+            UaState::from_raw(UA_STATE_TO_HOVER)
+        }
         Some(MavLandedState::MAV_LANDED_STATE_IN_AIR) => UaState::from_raw(UA_STATE_AIRBORNE),
         Some(MavLandedState::MAV_LANDED_STATE_TAKEOFF) => UaState::from_raw(UA_STATE_TAKE_OFF),
         Some(MavLandedState::MAV_LANDED_STATE_LANDING) => UaState::from_raw(UA_STATE_LANDING),

@@ -18,20 +18,22 @@ import cucs as dli
 from checks import Checks
 from cucs import Cucs, Failure
 from fly import address, identity
-from route import AGL, Point, Route, distance, metres
+from route import AGL, Point, Route, closest, distance, metres
 
-FLIGHT, APPROACH = 2, 1
-STEERED, WAVE_OFF = 15, 20
+FLIGHT, APPROACH, CONTINGENCY_A = 2, 1, 3
+STEERED, WAVE_OFF, FLY_CONTINGENCY_A = 15, 20, 23
 COURSE_COMMAND, HEADING_COMMAND = 2, 1
 INDICATED = 0
-HOVER, CIRCLE, RACETRACK = 4, 1, 2
+HOVER, CIRCLE, RACETRACK, FIGURE_EIGHT = 4, 1, 2, 3
+# MPC_XY_VEL_MAX of the VTOL is 8.
+HOVER_SPEED = 5.0
 
 
-def survey(speed, up, leg):
-    """Ten waypoints in legs that a wing can turn between; two end in a climb or a descent."""
+def survey(speed, up, leg, hovered):
+    """Ten waypoints in legs that a wing can turn between; two end in a climb or a descent, one is hovered to by a VTOL."""
     places = [(1, 0, 0), (2, 0, 0), (2, 1, 15), (1, 1, 15), (0, 1, 15),
               (-1, 1, 0), (-1, 0, 0), (-1, -1, 0), (0, -1, 0), (1, -1, 0)]
-    points = [Point(n + 1, n + 2 if n < 9 else 0, leg * north, leg * east, up + climb, speed)
+    points = [Point(n + 1, n + 2 if n < 9 else 0, leg * north, leg * east, up + climb, HOVER_SPEED if n + 1 == hovered else speed)
               for n, (north, east, climb) in enumerate(places)]
     return Route("WINGS", 1, tuple(points))
 
@@ -51,7 +53,13 @@ class Flight:
         self.speed = 15.0 if self.plane else 10.0
         self.cucs = Cucs(options.vsm, options.id, bind=(options.bind, 0))
         self.airborne, self.start = False, None
-        self.route = survey(self.speed, 60.0, options.leg)
+        self.hovered = None if self.plane else 6
+        self.route = survey(self.speed, 60.0, options.leg, self.hovered)
+        leg = options.leg
+        self.contingency = Route("LOST", 41, (Point(41, 42, leg, -leg / 2, 70.0, self.speed),
+                                              Point(42, 0, 1.5 * leg, leg / 2, 70.0, self.speed)))
+        # From waypoint 8 to 9, out to the west.
+        self.bends = [(-leg, -leg), (-0.9 * leg, -1.3 * leg), (-0.3 * leg, -1.3 * leg), (0.0, -leg)]
         # At 5 degrees of glide at most.
         self.entry_m = 900.0 if self.plane else 250.0
         self.entry_up = 60.0 if self.plane else 45.0
@@ -60,7 +68,8 @@ class Flight:
     def run(self):
         try:
             for step in (self.discover, self.refuse_without_landing, self.refuse_what_wings_cannot, self.upload,
-                         self.refuse_on_the_ground, self.launch, self.fly, self.steer, self.loiter, self.refuse_in_flight,
+                         self.refuse_on_the_ground, self.launch, self.fly, self.steer, self.loiter,
+                         *([self.figure_eight] if self.plane else []), self.refuse_in_flight, self.fly_contingency,
                          self.finish, *([self.go_around] if self.plane else [self.hover, self.fly_on]), self.land):
                 self.checks.step(step.__name__.replace("_", " "))
                 step()
@@ -70,7 +79,7 @@ class Flight:
             self.checks.step("in all that was received")
             c = self.cucs
             self.check("everything received can be decoded, and encodes to the same bytes", not c.unreadable, c.unreadable[:3])
-            known = {0, 65535, *(p.number for p in self.route.points)}
+            known = {0, 65535, *(p.number for p in (*self.route.points, *self.contingency.points))}
             seen = {m.fields.get("To Waypoint Number", 0) for m in c.inbox if m.id == 4001}
             self.check("4001 knows only the numbers of the route", seen <= known, sorted(seen))
             if self.checks.passed() is False:
@@ -149,8 +158,18 @@ class Flight:
     def upload(self):
         landing = approach(31, self.entry_m, self.entry_up)
         self.store(landing, APPROACH)
+        self.check("the contingency route is stored", self.store(self.contingency, CONTINGENCY_A))
         self.check("the route is stored", self.store(self.route, FLIGHT))
         c = self.cucs
+        if self.hovered:
+            for at, tag in ((self.hovered - 1, "TRANSITION HOVER"), (self.hovered, "TRANSITION WINGS")):
+                _, kinds = c.command(13006, {"Waypoint Number": at, "Tag Type": 0, "Tag/Data": tag}, 5)
+                self.check(f"a transition at waypoint {at} is stored", kinds[-1:] == [dli.CARRIED_OUT], kinds)
+        p2, p3 = (Point(0, 0, *bend, 0.0).place(self.start) for bend in self.bends[1:3])
+        _, kinds = c.command(50002, {"P1 Waypoint No": 8, "P4 Waypoint No": 9,
+                                     "P2 Latitude": dli.rad_to_bam(p2[0], 32), "P2 Longitude": dli.rad_to_bam(p2[1], 32),
+                                     "P3 Latitude": dli.rad_to_bam(p3[0], 32), "P3 Longitude": dli.rad_to_bam(p3[1], 32)}, 5)
+        self.check("a curve from waypoint 8 to 9 is stored", kinds[-1:] == [dli.CARRIED_OUT], kinds)
         loiter = c.make(13003, {"Waypoint Number": 4, "Waypoint Loiter Type": CIRCLE, "Loiter Radius": round(60 / 1.5),
                                 "Loiter Duration": 12, "Loiter Duration Units": 0, "Loiter Direction": 1}, ack=True)
         c.transmit(loiter)
@@ -165,7 +184,9 @@ class Flight:
         c.pump(0.3)
         back = [m.fields["Waypoint Number"] for m in c.inbox[since:] if m.id == 13002]
         self.check("the download gives what was sent, and nothing of ours",
-                   sorted(back) == [p.number for p in (*self.route.points, *landing.points)], back)
+                   sorted(back) == [p.number for p in (*self.route.points, *landing.points, *self.contingency.points)], back)
+        others = [m.id for m in c.inbox[since:] if m.id in (13006, 50002)]
+        self.check("and its transitions and its curve", sorted(others) == [13006] * (2 if self.hovered else 0) + [50002], others)
 
     def refuse_on_the_ground(self):
         _, kinds = self.cucs.command(2016, {"Select Flight Path Control Mode": dli.WAYPOINT}, 10)
@@ -225,6 +246,29 @@ class Flight:
         self.check("another altitude in the loiter: 17000 type 1, then 2", kinds == [dli.RECEIVED, dli.CARRIED_OUT], kinds)
         self.wait_height(70.0, 6.0, since, 90)
 
+    def figure_eight(self):
+        c = self.cucs
+        c.command(2017, {"Loiter Type": FIGURE_EIGHT, "Loiter Radius": round(60 / 1.5), "Loiter Length": round(300 / 1.5),
+                         "Loiter Direction": 1}, 5)
+        kinds = self.mode(dli.LOITER)
+        self.check("figure eight: 17000 type 1, then 2", kinds == [dli.RECEIVED, dli.CARRIED_OUT], kinds)
+        c.pump(20 / self.options.fast)
+        since = c.mark()
+        c.pump(90 / self.options.fast)
+        left, right = self.bent(since)
+        self.check("it turns to the left and to the right", left > 0.4 and right > 0.4, f"{left:.2f} and {right:.2f} turns")
+
+    def fly_contingency(self):
+        c, since = self.cucs, self.cucs.mark()
+        kinds = self.mode(FLY_CONTINGENCY_A, within=self.s(120))
+        self.check("contingency A: 17000 type 1, then 2", kinds == [dli.RECEIVED, dli.CARRIED_OUT], kinds)
+        c.wait(lambda m: m.id == 4001 and m.fields.get("From Waypoint Number") == 42, self.s(240), since,
+               "the end of the contingency route")
+        track = [dli.place(m) for m in c.inbox[since:] if m.id == 4000 and "Latitude" in m.fields]
+        for point in self.contingency.points:
+            off = min(distance(at, point.place(self.start)) for at in track)
+            self.check(f"waypoint {point.number} is passed", off < 45.0, f"{off:.0f} m")
+
     def refuse_in_flight(self):
         c = self.cucs
         if self.plane:
@@ -252,6 +296,13 @@ class Flight:
             off = min(distance(at, point.place(self.start)) for at in track)
             near = 110.0 if point.number == 4 else 45.0
             self.check(f"waypoint {point.number} is passed", off < near, f"{off:.0f} m")
+        middle = [(a + 3 * b + 3 * c + d) / 8 for a, b, c, d in zip(*self.bends)]
+        off = closest(track, Point(0, 0, *middle, 0.0).place(self.start))
+        self.check("the curve is flown: its middle is passed", off < 15.0, f"{off:.1f} m")
+        if self.hovered:
+            states = [m.fields.get("UA State") for m in c.inbox[since:] if m.id == 3002]
+            turns = [s for i, s in enumerate(states) if s in (14, 15) and s != states[i - 1]]
+            self.check("3002 reports the transitions to hover and back", turns == [15, 14], turns)
         c.pump(20 / self.options.fast)
         self.check("it stays at the end of its route, in the air", c.mode() == dli.WAYPOINT and self.height() > 40.0,
                    (c.mode(), self.height()))
@@ -331,10 +382,15 @@ class Flight:
 
     def turns(self, since):
         """How often the course has turned since, clockwise positive."""
+        left, right = self.bent(since)
+        return right - left
+
+    def bent(self, since):
+        """How much the course has turned to the left and to the right since, in turns."""
         courses = [math.atan2(m.fields["V_Speed"], m.fields["U_Speed"]) for m in self.cucs.inbox[since:]
                    if m.id == 4000 and "V_Speed" in m.fields]
         steps = [(b - a + math.pi) % (2 * math.pi) - math.pi for a, b in zip(courses, courses[1:])]
-        return sum(steps) / (2 * math.pi)
+        return (-sum(s for s in steps if s < 0) / (2 * math.pi), sum(s for s in steps if s > 0) / (2 * math.pi))
 
     def say(self, line):
         self.checks.say(line)

@@ -210,6 +210,16 @@ fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)
                 "failsafe",
                 "a failsafe controls it",
             ),
+            (
+                report::UA_STATE_TO_WINGS,
+                "to wings",
+                "transition to its wings",
+            ),
+            (
+                report::UA_STATE_TO_HOVER,
+                "to hover",
+                "transition to a hover",
+            ),
         ],
         (16000, "Subsystem ID") => {
             vec![(AUTOPILOT, "autopilot", "the autopilot's own reports")]

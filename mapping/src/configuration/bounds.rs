@@ -17,8 +17,10 @@ pub struct Subject<'a> {
     pub vsm: Id,
     /// HEARTBEAT.type; 0 before one is received.
     pub vehicle_type: u16,
-    /// Whether it can stand still.
+    /// Whether it can stand still as it flies now.
     pub hovers: bool,
+    /// It hovers and flies on wings: both along a route.
+    pub vtol: bool,
     /// Once it has reported one.
     pub home: Option<Place>,
     /// Bounds of routes, narrowed by the vehicle's own ([`Limits::of`]).
@@ -73,6 +75,7 @@ impl Bounds {
 pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds> {
     let found = match (message, field) {
         (2016, "Commanded Altitude") | (13002, "Waypoint to Altitude") => altitude(subject),
+        (13002, "Waypoint to Speed") if subject.vtol => route_speed(subject),
         (2016, "Commanded Speed") | (13002, "Waypoint to Speed") => speed(subject),
         (2016, "Commanded Waypoint Number") => {
             Bounds::between(0.0, LAST_WAYPOINT, "waypoint of the route aboard; 0: none")
@@ -206,6 +209,20 @@ fn speed(subject: &Subject<'_>) -> Bounds {
     // What the vehicle has not reported is absent, not invented.
     let cruise = subject.parameters.above_zero(cruise);
     Bounds::between(low, high, help).starting_at(cruise.map(|own| own.clamp(low, high)))
+}
+
+/// Along the route of a VTOL: from what it hovers along a leg with to what it flies on its wings. Below the caution it is flown
+/// by legs that it hovers along only (13006).
+fn route_speed(subject: &Subject<'_>) -> Bounds {
+    let [hover, wings] = [true, false].map(|hovers| speed(&Subject { hovers, ..*subject }));
+    Bounds {
+        default: wings.default,
+        low: hover.low,
+        high: wings.high.zip(hover.high).map(|(a, b)| a.max(b)),
+        low_caution: wings.low,
+        help: "m/s; on wings from the caution (FW_AIRSPD_MIN) to _MAX, a hover to MPC_XY_VEL_MAX",
+        ..Bounds::default()
+    }
 }
 
 /// How far from home a first waypoint may lie: the sides of a square within the circle.

@@ -34,6 +34,7 @@ fn subject(parameters: &Parameters) -> Subject<'_> {
         vsm: Id(0x1b00_0001),
         vehicle_type: 2,
         hovers: true,
+        vtol: false,
         home: Some(Place {
             latitude: 47.4,
             longitude: 8.5,
@@ -54,6 +55,43 @@ fn answers_to(kind: ConfigRequestType, message: u32, field: u8) -> Vec<Message> 
         ..FieldConfigurationRequest::default()
     };
     answers(&subject(&parameters()), &Request::read(&request).unwrap())
+}
+
+#[test]
+fn a_vtol_reports_the_speeds_of_its_wings_and_of_its_hover() {
+    let mut known = parameters();
+    for (name, value) in [
+        ("MPC_XY_VEL_MAX", 8.0),
+        ("FW_AIRSPD_MIN", 7.0),
+        ("FW_AIRSPD_TRIM", 10.0),
+        ("FW_AIRSPD_MAX", 14.0),
+    ] {
+        known.set(name, value);
+    }
+    let of = |hovers, message, field| {
+        let subject = Subject {
+            hovers,
+            vtol: true,
+            ..subject(&known)
+        };
+        let found = super::bounds::bounds(&subject, message, field).expect("bounds");
+        (found.low, found.low_caution, found.default, found.high)
+    };
+    // What is commanded now, as it flies now.
+    let now = (2016, "Commanded Speed");
+    assert_eq!(
+        of(true, now.0, now.1),
+        (Some(0.5), None, Some(5.0), Some(8.0))
+    );
+    assert_eq!(
+        of(false, now.0, now.1),
+        (Some(7.0), None, Some(10.0), Some(14.0))
+    );
+    // A route has legs of both, whatever it does now.
+    for hovers in [true, false] {
+        let both = of(hovers, 13002, "Waypoint to Speed");
+        assert_eq!(both, (Some(0.5), Some(7.0), Some(10.0), Some(14.0)));
+    }
 }
 
 #[test]

@@ -1,17 +1,19 @@
 //! Compiles a route waypoint by waypoint, in the order that they are flown.
 
+use std::collections::BTreeMap;
+
 use curve_paths::flight::MIN_ACCEPTANCE_M;
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
 use stanag_msgs::messages::UaPositionWaypoint;
 
 use super::error::{Reason, RouteError};
-use super::item::{NAV_WAYPOINT, change_speed};
+use super::item::{self, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
 use super::{brake, curve, loiter, waypoint};
 use crate::limits::{Performance, metres};
-use crate::plan::Plan;
+use crate::plan::{Plan, Transition};
 
 /// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
 /// within the smallest tolerance that the items allow, and a note reports it.
@@ -118,6 +120,12 @@ struct Draft<'a> {
     ends: Vec<usize>,
     /// The items of waypoints that end no curve.
     straight: Vec<usize>,
+    /// The vehicle as it is where it hovers: a VTOL.
+    hover: Option<Site>,
+    /// A VTOL hovers from here on.
+    hovers: bool,
+    /// Whether it hovers along the leg to each waypoint.
+    hovered: BTreeMap<u16, bool>,
 }
 
 impl<'a> Draft<'a> {
@@ -128,7 +136,16 @@ impl<'a> Draft<'a> {
             compiled: CompiledMission::default(),
             ends: Vec::new(),
             straight: Vec::new(),
+            hover: site.hovering(),
+            hovers: false,
+            hovered: BTreeMap::new(),
         }
+    }
+
+    /// The vehicle as it flies the leg that is added.
+    fn site(&self) -> &Site {
+        let hover = self.hover.as_ref().filter(|_| self.hovers);
+        hover.unwrap_or(self.site)
     }
 
     /// Adds the leg to a waypoint, and gives the number of the one that follows; 0 after the last.
@@ -140,7 +157,9 @@ impl<'a> Draft<'a> {
             waypoint: number,
             reason,
         };
-        let (plan, site) = (self.plan, self.site);
+        let (plan, site) = (self.plan, *self.site());
+        let site = &site;
+        self.hovered.insert(number, self.hovers);
         let waypoint = plan.waypoint(number).ok_or_else(|| at(Reason::Unknown))?;
         if self.compiled.order.iter().any(|leg| leg.number == number) {
             return Err(at(Reason::Loop));
@@ -163,6 +182,7 @@ impl<'a> Draft<'a> {
         if let Some(chords) = &curve {
             self.end_curve(&leg, chords, begun_at);
         }
+        self.turn(&leg).map_err(at)?;
         self.compiled.order.push(leg);
         let next = self.lead_on(&leg, waypoint).map_err(at)?;
         if self.compiled.items.len() > site.limits.items {
@@ -171,17 +191,40 @@ impl<'a> Draft<'a> {
         Ok(next)
     }
 
+    /// The transition at a waypoint. One to what it is already is none: PX4 passes over it.
+    ///
+    /// # Errors
+    /// It is no VTOL, or too low.
+    fn turn(&mut self, leg: &Leg) -> Result<(), Reason> {
+        let Some(transition) = self.plan.transition(leg.number) else {
+            return Ok(());
+        };
+        let wings = self.site.wings.as_ref().ok_or(Reason::NoVtol)?;
+        wings.check_transition(leg.level.above_home(self.site.home.amsl_m))?;
+        let to_hover = transition == Transition::Hover;
+        if to_hover != self.hovers {
+            self.hovers = to_hover;
+            self.compiled.push(leg.number, item::transition(to_hover));
+            // Whatever PX4 keeps of the speed that was commanded before it turned.
+            let site = self.site();
+            let cruise = change_speed(site.performance.cruise_m_s, site.hovers());
+            self.compiled.push(leg.number, cruise);
+        }
+        Ok(())
+    }
+
     /// Whether wings can climb and turn to a waypoint from the ones before it. A curve to it or from there is judged by itself.
     ///
     /// # Errors
     /// They cannot.
     fn on_wings(&self, to: &Leg) -> Result<(), Reason> {
-        let (Some(wings), Some(from)) = (&self.site.wings, self.compiled.order.last()) else {
+        let site = self.site();
+        let (Some(wings), Some(from)) = (&site.wings, self.compiled.order.last()) else {
             return Ok(());
         };
         let speed_m_s = to
             .speed_m_s
-            .unwrap_or_else(|| self.compiled.speed_m_s(self.site));
+            .unwrap_or_else(|| self.compiled.speed_m_s(site));
         let home_m = self.site.home.amsl_m;
         let climb_m = to.level.amsl(home_m) - from.level.amsl(home_m);
         wings.check_climb(climb_m, metres(from.place(), to.place()), speed_m_s)?;
@@ -189,11 +232,10 @@ impl<'a> Draft<'a> {
             return Ok(());
         };
         let curved = |number: u16| self.plan.curves_from(number).next().is_some();
-        // From a loiter it leaves in whatever direction it needs.
-        if curved(start.number)
-            || curved(from.number)
-            || loiter::flown_at(self.plan, from.number).is_some()
-        {
+        // From a loiter it leaves in whatever direction it needs; to its wings PX4 turns towards the next waypoint first.
+        let free = loiter::flown_at(self.plan, from.number).is_some()
+            || self.hovered.get(&from.number) == Some(&true);
+        if curved(start.number) || curved(from.number) || free {
             return Ok(());
         }
         let places = [start, from, to].map(Leg::place);
@@ -210,18 +252,19 @@ impl<'a> Draft<'a> {
         let number = leg.number;
         let loiter = loiter::flown_at(self.plan, number);
         let circles = |kind| kind == Some(LoiterType::Circular);
-        if self.site.hovers() && loiter.is_some_and(|loiter| circles(loiter.waypoint_loiter_type)) {
+        let site = *self.site();
+        if site.hovers() && loiter.is_some_and(|loiter| circles(loiter.waypoint_loiter_type)) {
             self.compiled.notes.push(format!(
                 "waypoint {number}: a multicopter flies no circle in a route, it hovers there (13003)"
             ));
         }
-        for mut item in waypoint::items(leg, waypoint, loiter, self.site)? {
+        for mut item in waypoint::items(leg, waypoint, loiter, &site)? {
             let here = self.compiled.items.len();
             if let Some(chords) = curve {
                 curve::accept(&mut item, chords);
-                self.ends.push(here);
+                self.ends.extend(site.hovers().then_some(here));
             } else {
-                self.straight.push(here);
+                self.straight.extend(site.hovers().then_some(here));
             }
             self.compiled.push(number, item);
         }
@@ -230,18 +273,17 @@ impl<'a> Draft<'a> {
 
     /// Ends a curve whose items start at `begun_at`.
     fn end_curve(&mut self, leg: &Leg, chords: &curve::Chords, begun_at: usize) {
+        let site = *self.site();
         let compiled = &mut self.compiled;
         // P1 is a vertex of the curve too.
         let before = compiled.items.iter_mut().take(begun_at).enumerate();
         if let Some((p1, item)) = before.filter(|(_, item)| item.is_global()).last() {
             curve::accept(item, chords);
-            self.ends.push(p1);
+            self.ends.extend(site.hovers().then_some(p1));
         }
         if chords.slowed {
-            let wished_m_s = leg
-                .speed_m_s
-                .unwrap_or_else(|| compiled.speed_m_s(self.site));
-            compiled.push(leg.number, change_speed(wished_m_s, self.site.hovers()));
+            let wished_m_s = leg.speed_m_s.unwrap_or_else(|| compiled.speed_m_s(&site));
+            compiled.push(leg.number, change_speed(wished_m_s, site.hovers()));
         }
     }
 
@@ -256,6 +298,9 @@ impl<'a> Draft<'a> {
                 return Err(Reason::CurveClosesLoop(to));
             }
             self.compiled.push(leg.number, jump);
+            if self.hovered.get(&next) != Some(&self.hovers) {
+                return Err(Reason::TransitionInLoop(next));
+            }
         }
         if let Some(start) = self.compiled.order.iter().find(|leg| leg.number == next) {
             distance(start, Some(leg), self.site)?;
@@ -270,15 +315,19 @@ impl<'a> Draft<'a> {
             mut compiled,
             ends,
             mut straight,
+            hover,
             ..
         } = self;
-        if site.hovers() {
+        // Of a VTOL, only what it hovers to is in these lists; of a fixed wing, nothing.
+        let hover = hover.unwrap_or(*site);
+        if hover.hovers() {
+            let performance = &hover.performance;
             straight.retain(|at| !ends.contains(at));
-            stop_where_missed(&mut compiled, &straight, &site.performance);
+            stop_where_missed(&mut compiled, &straight, performance);
             for end in ends {
-                curve::widen(&mut compiled.items, end, &site.performance);
+                curve::widen(&mut compiled.items, end, performance);
             }
-            note_own_radius(&mut compiled, &straight, &site.performance);
+            note_own_radius(&mut compiled, &straight, performance);
         }
         compiled.items.first_mut()?.current = true;
         Some(compiled)

@@ -134,6 +134,15 @@ pub enum Reason {
         /// Metres.
         most_m: f64,
     },
+    /// A transition of what hovers always, or never.
+    #[error("a transition (13006): the vehicle is no VTOL")]
+    NoVtol,
+    /// A loop whose start is flown on wings the first time, and hovering the next, or the other way.
+    #[error(
+        "the loop leads back to waypoint {0} in another state of the VTOL than it was flown to before: transition (13006) \
+         at the end of the loop"
+    )]
+    TransitionInLoop(u16),
     /// A wing's route without a landing.
     #[error(
         "PX4 flies no route of a fixed wing or VTOL without a landing (MIS_TKO_LAND_REQ): send an approach route first \

@@ -36,6 +36,22 @@ pub(super) fn change_speed(speed_m_s: f64, hovers: bool) -> Item {
     }
 }
 
+/// MAV_CMD_DO_VTOL_TRANSITION.
+pub(super) fn transition(to_hover: bool) -> Item {
+    let state = if to_hover {
+        VTOL_STATE_MC
+    } else {
+        VTOL_STATE_FW
+    };
+    Item {
+        frame: FRAME_MISSION,
+        command: DO_VTOL_TRANSITION,
+        autocontinue: true,
+        params: [state, 0.0, 0.0, 0.0],
+        ..Item::default()
+    }
+}
+
 /// MISSION_ITEM_INT's unit of latitude and longitude.
 pub(crate) fn degrees_e7(degrees: f64) -> i32 {
     (degrees * 1e7).round() as i32
@@ -59,6 +75,10 @@ pub(super) const DO_VTOL_TRANSITION: u16 = 3000;
 pub(super) const DO_JUMP: u16 = 177;
 /// MAV_CMD_DO_CHANGE_SPEED.
 pub(super) const DO_CHANGE_SPEED: u16 = 178;
+/// MAV_VTOL_STATE_MC.
+pub(super) const VTOL_STATE_MC: f32 = 3.0;
+/// MAV_VTOL_STATE_FW.
+const VTOL_STATE_FW: f32 = 4.0;
 const SPEED_TYPE_AIR: f32 = 0.0;
 const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;

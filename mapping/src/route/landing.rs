@@ -22,8 +22,8 @@ use stanag_msgs::enums::RouteType;
 use super::compile::compile;
 use super::error::{Reason, RouteError};
 use super::item::{
-    DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_TO_ALT, NAV_LOITER_UNLIM,
-    NAV_VTOL_LAND, NAV_WAYPOINT, placed,
+    DO_JUMP, DO_LAND_START, NAV_LAND, NAV_LOITER_TO_ALT, NAV_LOITER_UNLIM, NAV_VTOL_LAND,
+    NAV_WAYPOINT, placed, transition,
 };
 use super::mission::{CompiledMission, Leg};
 use super::site::Site;
@@ -121,21 +121,13 @@ fn mark_first(compiled: &mut CompiledMission) {
 
 /// To wings before anything else: PX4 passes over it where the vehicle flies on them already.
 fn transition_first(compiled: &mut CompiledMission, number: u16) {
-    const FIXED_WING: f32 = 4.0;
     for item in &mut compiled.items {
         // A jump names the index of an item.
         if item.command == DO_JUMP {
             item.params[0] += 1.0;
         }
     }
-    let item = Item {
-        frame: FRAME_MISSION,
-        command: DO_VTOL_TRANSITION,
-        autocontinue: true,
-        params: [FIXED_WING, 0.0, 0.0, 0.0],
-        ..Item::default()
-    };
-    compiled.items.insert(0, item);
+    compiled.items.insert(0, transition(false));
     compiled.waypoint_of.insert(0, number);
 }
 
@@ -256,14 +248,7 @@ struct Entry {
 /// PX4's own checks of a landing.
 fn check(entry: &Entry, place: (f64, f64), wings: &Wings) -> Result<(), Reason> {
     if wings.vtol {
-        return if entry.height_m >= wings.transition_m {
-            Ok(())
-        } else {
-            Err(Reason::LowTransition {
-                height_m: entry.height_m,
-                least_m: wings.transition_m,
-            })
-        };
+        return wings.check_transition(entry.height_m);
     }
     let away_m = metres(entry.place, place);
     let final_m = match entry.command {
@@ -297,7 +282,7 @@ const VTOL_FINAL_M: f64 = 200.0;
 #[cfg(test)]
 mod tests {
     use stanag_msgs::enums::AltitudeType;
-    use stanag_msgs::messages::{UaPositionWaypoint, UaRoute};
+    use stanag_msgs::messages::{UaPositionWaypoint, UaRoute, VehicleSpecificWaypoint};
     use stanag_msgs::{Bam32, Id, Scaled};
 
     use super::*;
@@ -445,6 +430,108 @@ mod tests {
         let away_m = metres(centre, HOME);
         assert!((away_m - 571.5_f64.hypot(100.0)).abs() < 2.0, "{away_m}");
         assert!(centre.0 > HOME.0 && centre.1 < HOME.1, "{centre:?}");
+    }
+
+    fn transition(plan: &mut Plan, number: u16, tag: &str) {
+        let specific = VehicleSpecificWaypoint {
+            waypoint_number: Some(number),
+            tag_data: Some(stanag_msgs::Text::new(tag)),
+            ..VehicleSpecificWaypoint::default()
+        };
+        plan.store(&specific.into(), Id(0x1b00_00a0), Id(0x1b00_0101))
+            .expect("it is stored");
+    }
+
+    const LEGS: (RouteType, &[Point]) = (
+        RouteType::Flight,
+        &[
+            (1, 300.0, 0.0, 60.0),
+            (2, 600.0, 0.0, 60.0),
+            // A turn and a climb that the wings could not fly.
+            (3, 590.0, 8.0, 90.0),
+            (4, 300.0, 300.0, 60.0),
+        ],
+    );
+    const SHORT: (RouteType, &[Point]) = (
+        RouteType::Approach,
+        &[(7, -300.0, 0.0, 50.0), (8, 0.0, 0.0, 5.0)],
+    );
+
+    #[test]
+    fn a_vtol_hovers_along_the_legs_that_it_was_told_to() {
+        let mut sent = plan(&[LEGS, SHORT]);
+        let refused = flown(&sent, RouteType::Flight, 1, &site(true, None));
+        refused.expect_err("the wings cannot turn to waypoint 3");
+        transition(&mut sent, 2, "TRANSITION HOVER");
+        transition(&mut sent, 3, "TRANSITION WINGS");
+        let compiled = flown(&sent, RouteType::Flight, 1, &site(true, None)).expect("it hovers");
+        let expected = [3000, 16, 16, 3000, 178, 16, 3000, 178, 16, 17, 189, 16, 85];
+        assert_eq!(commands(&compiled), expected);
+        let states = [0, 3, 6].map(|at: usize| compiled.items[at].params[0]);
+        assert_eq!(states, [4.0, 3.0, 4.0]);
+        // Its own speed in each state, named as PX4 takes it there.
+        let speeds =
+            [4, 7].map(|at: usize| [compiled.items[at].params[0], compiled.items[at].params[1]]);
+        assert_eq!(speeds, [[1.0, 5.0], [0.0, 15.0]]);
+        let hovers: Vec<bool> = (0..13).map(|seq| compiled.hovers_from(seq)).collect();
+        let leg = |from: usize, to: usize| hovers[from..to].to_vec();
+        assert_eq!(
+            (leg(0, 3), leg(3, 6), leg(6, 13)),
+            (vec![false; 3], vec![true; 3], vec![false; 7])
+        );
+        assert!(compiled.turns_at(3) && !compiled.turns_at(5));
+        // The same transition twice is one.
+        transition(&mut sent, 1, "TRANSITION WINGS");
+        let again = flown(&sent, RouteType::Flight, 1, &site(true, None)).expect("it hovers");
+        assert_eq!(again.items, compiled.items);
+    }
+
+    #[test]
+    fn a_transition_that_cannot_be_is_refused_with_its_waypoint() {
+        let mut sent = plan(&[ROUTE, SHORT]);
+        transition(&mut sent, 1, "TRANSITION HOVER");
+        let refused = flown(&sent, RouteType::Flight, 1, &site(false, None)).expect_err("a wing");
+        assert_eq!(
+            refused.to_string(),
+            "waypoint 1: a transition (13006): the vehicle is no VTOL"
+        );
+        let low: &[_] = &[
+            (1, 300.0, 0.0, 60.0),
+            (2, 600.0, 0.0, 15.0),
+            (3, 900.0, 0.0, 60.0),
+        ];
+        let mut sent = plan(&[(RouteType::Flight, low), SHORT]);
+        transition(&mut sent, 2, "TRANSITION HOVER");
+        let refused = flown(&sent, RouteType::Flight, 1, &site(true, None)).expect_err("15 m");
+        assert_eq!(refused.waypoint, 2);
+        assert!(
+            refused
+                .to_string()
+                .contains("a transition 15 m above home, at least 20"),
+            "{refused}"
+        );
+        // As fast as wings, and hovering.
+        let mut sent = plan(&[LEGS, SHORT]);
+        transition(&mut sent, 2, "TRANSITION HOVER");
+        let mut fast = UaPositionWaypoint {
+            waypoint_to_speed: Scaled::from_si(15.0).ok(),
+            ..sent.waypoint(3).expect("it was sent").clone()
+        };
+        fast.waypoint_speed_type = Some(stanag_msgs::enums::WaypointSpeedType::Indicated);
+        sent.store(&fast.into(), Id(0x1b00_00a0), Id(0x1b00_0101))
+            .expect("a waypoint");
+        let mut slow = site(true, None);
+        let hover = slow.wings.as_mut().and_then(|wings| wings.hover.as_mut());
+        hover.expect("a VTOL").fastest_m_s = 8.0;
+        let refused = flown(&sent, RouteType::Flight, 1, &slow).expect_err("15 m/s");
+        assert_eq!(
+            (
+                refused.waypoint,
+                refused.to_string().contains("speed 15.0 m/s")
+            ),
+            (3, true),
+            "{refused}"
+        );
     }
 
     #[test]

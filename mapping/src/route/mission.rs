@@ -5,8 +5,8 @@ use mavlink_link::service::mission::Item;
 use super::brake;
 use super::error::{Reason, RouteError};
 use super::item::{
-    self, DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, NAV_LAND, NAV_LOITER_UNLIM, NAV_VTOL_LAND,
-    degrees_e7,
+    self, DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM,
+    NAV_VTOL_LAND, VTOL_STATE_MC, degrees_e7,
 };
 use super::site::Site;
 use crate::altitude::Level;
@@ -194,6 +194,22 @@ impl CompiledMission {
         levels.min_by(f64::total_cmp)
     }
 
+    /// Whether a VTOL hovers along the leg that a flight from this item begins with; the rest of the route it is on its wings.
+    #[must_use]
+    pub fn hovers_from(&self, seq: u16) -> bool {
+        let before = self.items.iter().take(usize::from(self.place_from(seq)));
+        let turned = before.rev().find(|item| item.command == DO_VTOL_TRANSITION);
+        turned.is_some_and(|item| item.params[0] == VTOL_STATE_MC)
+    }
+
+    /// Whether a flight from this item begins with a transition of its own.
+    #[must_use]
+    pub fn turns_at(&self, seq: u16) -> bool {
+        let range = usize::from(seq)..usize::from(self.place_from(seq));
+        let items = self.items.get(range).unwrap_or_default();
+        items.iter().any(|item| item.command == DO_VTOL_TRANSITION)
+    }
+
     /// Whether it ends in a landing.
     #[must_use]
     pub fn has_landing(&self) -> bool {
@@ -252,10 +268,14 @@ impl CompiledMission {
         self.push(last.number, item);
     }
 
-    /// The speed commanded last, m/s; PX4's own cruise speed before any.
+    /// The speed commanded last in the present state of a VTOL, m/s; PX4's own cruise speed before any.
     pub(super) fn speed_m_s(&self, site: &Site) -> f64 {
-        self.order
-            .iter()
+        let turns = |item: &Item| item.command == DO_VTOL_TRANSITION;
+        let turned = self.items.iter().rposition(turns);
+        let at = turned.and_then(|at| self.waypoint_of.get(at));
+        let at = at.and_then(|number| self.order.iter().position(|leg| leg.number == *number));
+        let since = self.order.iter().skip(at.map_or(0, |at| at + 1));
+        since
             .rev()
             .find_map(|leg| leg.speed_m_s)
             .unwrap_or(site.performance.cruise_m_s)

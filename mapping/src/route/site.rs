@@ -21,7 +21,7 @@ pub struct Site {
     pub agl: Agl,
     /// What pressure altitudes are flown by.
     pub altimeter: Altimeter,
-    /// Its wings; none of a multicopter. A VTOL flies its routes on them.
+    /// Its wings; none of a multicopter. A VTOL flies its routes on them, but for the legs that it was told to hover along.
     pub wings: Option<Wings>,
     /// Bounds.
     pub limits: Limits,
@@ -45,6 +45,15 @@ impl Site {
         } else {
             Airframe::FixedWing(self.curving.fixed_wing)
         }
+    }
+
+    /// A VTOL while it hovers: a multicopter, with the limits of one; none of another airframe.
+    pub(super) fn hovering(&self) -> Option<Site> {
+        Some(Site {
+            wings: None,
+            performance: self.wings?.hover?,
+            ..*self
+        })
     }
 }
 

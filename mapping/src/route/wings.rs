@@ -6,7 +6,7 @@
 use geo::{Bearing, Destination, Distance, Haversine, Point};
 
 use super::error::Reason;
-use crate::limits::Limits;
+use crate::limits::{Limits, Performance};
 use crate::parameter::Parameters;
 
 /// A fixed wing, or a VTOL on its wings.
@@ -14,6 +14,8 @@ use crate::parameter::Parameters;
 pub struct Wings {
     /// It hovers too: it transitions before a route, and lands vertically.
     pub vtol: bool,
+    /// What a VTOL can while it hovers.
+    pub hover: Option<Performance>,
     /// Greatest bank, rad: FW_R_LIM.
     pub bank_rad: f64,
     /// Fastest climb, m/s: FW_T_CLMB_MAX.
@@ -73,6 +75,7 @@ impl Wings {
         let required = parameters.get("MIS_TKO_LAND_REQ").unwrap_or(2.0);
         Wings {
             vtol,
+            hover: vtol.then(|| Performance::of(true, parameters, limits)),
             bank_rad: or("FW_R_LIM", 50.0).to_radians(),
             climb_m_s: or("FW_T_CLMB_MAX", 5.0),
             sink_m_s: or("FW_T_SINK_MAX", 5.0),
@@ -88,6 +91,23 @@ impl Wings {
     #[must_use]
     pub fn turn_radius_m(&self, speed_m_s: f64) -> f64 {
         speed_m_s * speed_m_s / (GRAVITY_M_S2 * self.bank_rad.tan())
+    }
+
+    /// Whether a VTOL is high enough here for a transition.
+    ///
+    /// # Errors
+    /// It is not, or it is no VTOL.
+    pub(super) fn check_transition(&self, height_m: f64) -> Result<(), Reason> {
+        if !self.vtol {
+            return Err(Reason::NoVtol);
+        }
+        if height_m >= self.transition_m {
+            return Ok(());
+        }
+        Err(Reason::LowTransition {
+            height_m,
+            least_m: self.transition_m,
+        })
     }
 
     /// Whether it can circle with this radius at this speed.

@@ -8,7 +8,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::{AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType};
 use stanag_msgs::messages::{
     LoiterConfiguration, UaLoiterWaypoint, UaPositionWaypoint, UaStickCommand,
-    VehicleOperatingModeCommand,
+    VehicleOperatingModeCommand, VehicleSpecificWaypoint,
 };
 use stanag_msgs::table::{self, FieldInfo, MessageInfo};
 use stanag_msgs::wrapper::MAX_DATA;
@@ -96,6 +96,7 @@ const ASKING: &[u16] = &[
     LoiterConfiguration::ID,
     UaPositionWaypoint::ID,
     UaLoiterWaypoint::ID,
+    VehicleSpecificWaypoint::ID,
 ];
 /// Fields that ask for nothing by themselves: an activity's number, and which messages follow.
 const SILENT: &[&str] = &["Activity ID", "Optional Messages for Waypoint"];

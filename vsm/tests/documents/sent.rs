@@ -12,16 +12,17 @@ use mavlink_link::dialect::{
 use px4_sim::{Airframe, HealthFaults};
 use stanag_msgs::enums::{
     AckType, AreaPlanMode, CommandedEngineState, ConfigRequestType, FlightPathControlMode as Mode,
-    HeadingCommandType, LoiterDirection, LoiterType, MissionPlanMode, PingTarget, SpeedType,
-    WaypointSpeedType,
+    HeadingCommandType, LoiterDirection, LoiterType, MissionPlanMode, PingTarget, RouteType,
+    SpeedType, WaypointSpeedType,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, EngineCommand, FieldConfigurationRequest,
     GenericInformationRequestMessage, LoiterConfiguration, ParameterRequest, PingRequest,
     PositiveHandoverAuthorisationRequest, SubsystemStatusDetailRequest, SubsystemStatusRequest,
-    UaLoiterWaypoint, UaPositionWaypoint, VehicleOperatingModeCommand,
+    UaLoiterWaypoint, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
+    VehicleSpecificWaypoint,
 };
-use stanag_msgs::{Bam16, Bam32, Message, Scaled, TimeStamp, table};
+use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text, TimeStamp, table};
 
 use super::scene::{altered, done, raw_fields};
 use super::trials::messages::{areas, circle, corner, curve, paper_curve, sticks};
@@ -134,7 +135,22 @@ fn everything(airframe: Airframe) -> Rig {
         loiter_radius: Some(Scaled::saturating_from_si(60.0)),
         ..UaLoiterWaypoint::default()
     };
+    let transition = VehicleSpecificWaypoint {
+        waypoint_number: Some(61),
+        tag_type: Some(0),
+        tag_data: Some(Text::new("TRANSITION HOVER")),
+        ..VehicleSpecificWaypoint::default()
+    };
+    let contingency = UaRoute {
+        route_id: Some(Text::new("B")),
+        route_type: Some(RouteType::ContingencyB),
+        ..orders::route(61)
+    };
     rig.send_plan(vec![
+        // Given back, and not flown.
+        contingency.into(),
+        orders::waypoint(61, 0, 300.0, 0.0, 30.0).into(),
+        filled(transition.into()),
         filled(orders::route(1).into()),
         filled(waypoint.into()),
         orders::waypoint(2, 3, 200.0, 150.0, 30.0).into(),

@@ -2,14 +2,16 @@
 //! that drops out of its wings. Whole flights are flown by `tests/interop/wings.py`.
 
 use kit::bridge::{Rig, Setup, orders};
-use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4};
+use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4, VtolState};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, LoiBitmap, LoiterType, MissionPlanMode, RequestedAccess,
+    AckType, FlightPathControlMode as Mode, LoiBitmap, LoiterType, MissionPlanMode,
+    RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, LoiterConfiguration, PositiveHandoverAuthorisationRequest,
-    VehicleOperatingModeCommand,
+    CucsAuthorisationRequest, LoiterConfiguration, PositiveHandoverAuthorisationRequest, UaRoute,
+    VehicleOperatingModeCommand, VehicleSpecificWaypoint,
 };
+use stanag_msgs::{Message, Text};
 
 fn winged(airframe: Airframe, tables: &'static str) -> Rig {
     Rig::ready_with(Setup {
@@ -49,6 +51,199 @@ fn flies(airframe: Airframe, tables: &'static str) -> Rig {
     });
     assert!(up, "{:?}", rig.truth());
     rig
+}
+
+/// 13006.
+fn turn(number: u16, tag: &str) -> Message {
+    VehicleSpecificWaypoint {
+        waypoint_number: Some(number),
+        tag_data: Some(Text::new(tag)),
+        ..VehicleSpecificWaypoint::default()
+    }
+    .into()
+}
+
+/// UA State of every 3002 so far, repeats left out.
+fn ua_states(rig: &Rig) -> Vec<u8> {
+    let mut states = Vec::new();
+    for message in &rig.station().received {
+        if let (_, _, Message::VehicleOperatingStates(report)) = message
+            && let Some(state) = report.ua_state.map(|state| state.raw())
+            && states.last() != Some(&state)
+        {
+            states.push(state);
+        }
+    }
+    states
+}
+
+#[test]
+fn a_vtol_transitions_between_the_legs_of_its_route_and_reports_it() {
+    let mut rig = winged(Airframe::Vtol, "");
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 200.0, 0.0, 60.0).into(),
+        orders::waypoint(2, 3, 300.0, 150.0, 60.0).into(),
+        turn(2, "TRANSITION HOVER"),
+        orders::waypoint(3, 4, 270.0, 180.0, 70.0).into(),
+        turn(3, "TRANSITION WINGS"),
+        orders::waypoint(4, 0, 0.0, 250.0, 60.0).into(),
+    ]);
+    done(&mut rig, orders::load());
+    rig.take_off(40.0);
+    let up =
+        |rig: &Rig| rig.truth().mode == Px4::Loiter && rig.truth().vtol == Some(VtolState::Wings);
+    assert!(rig.until(200.0, up), "{:?}", rig.truth());
+    done(&mut rig, orders::mode(Mode::Waypoint));
+    let hovers = |rig: &Rig| rig.truth().vtol == Some(VtolState::Hover);
+    assert!(rig.until(200.0, hovers), "{:?}", rig.truth());
+    // Waypoint 3, 42 m on and 10 m up, at the speed of a hover.
+    let begun = rig.truth();
+    let wings = |rig: &Rig| rig.truth().vtol == Some(VtolState::Wings);
+    assert!(rig.until(200.0, wings), "{:?}", rig.truth());
+    let at = rig.truth();
+    assert!(
+        (at.time - begun.time).as_secs_f64() > 8.0,
+        "{begun:?} {at:?}"
+    );
+    let off = [at.position.n - 270.0, at.position.e - 180.0];
+    assert!(
+        off[0].hypot(off[1]) < 60.0 && -at.position.d > 62.0,
+        "{at:?}"
+    );
+    assert!(
+        rig.until(200.0, |rig| rig.truth().position.n < 20.0),
+        "{:?}",
+        rig.truth()
+    );
+    let states = ua_states(&rig);
+    // To wings after the launch, to a hover, to wings again.
+    let turns: Vec<u8> = states
+        .into_iter()
+        .filter(|state| [14, 15].contains(state))
+        .collect();
+    assert_eq!(turns, [14, 15, 14]);
+    assert!(!rig.station().has_alert("transition failed"));
+}
+
+#[test]
+fn a_route_is_begun_in_the_state_that_its_leg_is_flown_in() {
+    let mut rig = winged(Airframe::Vtol, "");
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 200.0, 0.0, 60.0).into(),
+        turn(1, "TRANSITION HOVER"),
+        orders::waypoint(2, 3, 230.0, 30.0, 60.0).into(),
+        turn(2, "TRANSITION WINGS"),
+        orders::waypoint(3, 0, 0.0, 250.0, 60.0).into(),
+    ]);
+    done(&mut rig, orders::load());
+    rig.take_off(40.0);
+    let up =
+        |rig: &Rig| rig.truth().mode == Px4::Loiter && rig.truth().vtol == Some(VtolState::Wings);
+    assert!(rig.until(200.0, up), "{:?}", rig.truth());
+    let mut to_2 = orders::mode(Mode::Waypoint);
+    to_2.commanded_waypoint_number = Some(2);
+    done(&mut rig, to_2);
+    // PX4 would fly there on its wings, and circle.
+    assert_eq!(rig.truth().vtol, Some(VtolState::Hover));
+    assert!(rig.until(200.0, |rig| rig.truth().vtol == Some(VtolState::Wings)));
+}
+
+#[test]
+fn what_a_13006_does_not_mean_is_refused() {
+    let mut rig = winged(Airframe::Vtol, "");
+    for tag in ["FLAPS DOWN", "transition hover"] {
+        let end = rig.carry_out(turn(1, tag));
+        assert_eq!(end, Some(AckType::Refused), "{tag}");
+        assert!(
+            rig.station().has_alert("TRANSITION WINGS"),
+            "{:?}",
+            rig.station().alerts()
+        );
+    }
+}
+
+/// A contingency route whose end is north of home.
+fn contingency(rig: &mut Rig) {
+    let route = UaRoute {
+        route_type: Some(RouteType::ContingencyA),
+        route_id: Some(Text::new("LOST")),
+        ..orders::route(51)
+    };
+    rig.send_plan(vec![
+        route.into(),
+        orders::waypoint(51, 52, 500.0, 0.0, 70.0).into(),
+        orders::waypoint(52, 0, 500.0, -300.0, 70.0).into(),
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
+        orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
+    ]);
+    done(rig, orders::load());
+}
+
+#[test]
+fn the_contingency_route_of_wings_is_flown_out_of_a_landing_and_holds_at_its_end() {
+    for airframe in [Airframe::Plane, Airframe::Vtol] {
+        let mut rig = winged(airframe, "[authority]\non_loss = \"contingency\"\n");
+        contingency(&mut rig);
+        rig.take_off(50.0);
+        let up = |rig: &Rig| rig.truth().mode == Px4::Loiter && !rig.truth().landed;
+        assert!(rig.until(200.0, up), "{:?}", rig.truth());
+        rig.stations[0].heartbeats = true;
+        done(&mut rig, orders::mode(Mode::AutolandEngage));
+        let landing = |rig: &Rig| rig.truth().mission_seq >= 4 && rig.truth().mode == Px4::Mission;
+        assert!(rig.until(100.0, landing), "{:?}", rig.truth());
+        rig.stations[0].heartbeats = false;
+        // Another mission goes aboard: to waypoint 51, then the loiter at 52, and no landing without an order.
+        let there = |rig: &Rig| {
+            let at = rig.truth().position;
+            rig.truth().mode == Px4::Mission && (at.n - 500.0).hypot(at.e + 300.0) < 130.0
+        };
+        assert!(
+            rig.until(300.0, there),
+            "{airframe:?} {:?} {:?}",
+            rig.truth(),
+            rig.stations[1].alerts()
+        );
+        rig.run(90.0);
+        assert!(
+            there(&rig) && -rig.truth().position.d > 60.0,
+            "{airframe:?} {:?}",
+            rig.truth()
+        );
+    }
+}
+
+#[test]
+fn a_landing_goes_on_without_its_station_where_the_loss_is_no_reason() {
+    let mut rig = flies(Airframe::Plane, "[authority]\non_loss = \"continue\"\n");
+    rig.stations[0].heartbeats = true;
+    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    assert!(rig.until(100.0, |rig| rig.truth().mission_seq >= 4));
+    rig.stations[0].heartbeats = false;
+    let down = rig.until(400.0, |rig| !rig.truth().armed);
+    assert!(down, "{:?} {:?}", rig.truth(), rig.stations[1].alerts());
+}
+
+#[test]
+fn a_hold_in_a_transition_to_wings_ends_in_a_loiter_on_them() {
+    let mut rig = winged(Airframe::Vtol, "[authority]\non_loss = \"hold\"\n");
+    rig.stations[0].heartbeats = true;
+    rig.take_off(40.0);
+    let turning = |rig: &Rig| rig.truth().vtol == Some(VtolState::ToWings);
+    assert!(rig.until(60.0, turning), "{:?}", rig.truth());
+    rig.stations[0].heartbeats = false;
+    let held =
+        |rig: &Rig| rig.truth().mode == Px4::Loiter && rig.truth().vtol == Some(VtolState::Wings);
+    assert!(
+        rig.until(60.0, held),
+        "{:?} {:?}",
+        rig.truth(),
+        rig.stations[1].alerts()
+    );
+    rig.run(30.0);
+    assert!(held(&rig) && !rig.truth().landed, "{:?}", rig.truth());
 }
 
 #[test]

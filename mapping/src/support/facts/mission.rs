@@ -83,6 +83,18 @@ facts! {
         "Loiter Duration Units": AS_RECEIVED;
         "Activity ID": AS_RECEIVED;
     }
+    13006 taken "stored; a transition of a VTOL at the waypoint with its number (DO_VTOL_TRANSITION): it flies the legs from there so" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Waypoint Number": "1 to 65534; 0, mission generic data, is refused";
+        "Tag Type": "0; others are refused";
+        "Tag/Data": "TRANSITION HOVER or TRANSITION WINGS; empty takes an earlier one back, others are refused";
+    } sends "on download" {
+        "Time Stamp": STAMP;
+        "Waypoint Number": AS_RECEIVED;
+        "Tag Type": AS_RECEIVED;
+        "Tag/Data": AS_RECEIVED;
+        "Activity ID": AS_RECEIVED;
+    }
     14000 sends "during and after a 13000" {
         "Time Stamp": STAMP;
         "Mission ID": "of the 13000";

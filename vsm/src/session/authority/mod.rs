@@ -180,6 +180,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::UaRoute(_)
         | Message::UaPositionWaypoint(_)
         | Message::UaLoiterWaypoint(_)
+        | Message::VehicleSpecificWaypoint(_)
         | Message::CurveSegment(_)
         | Message::CurveSegmentPaper(_)
         | Message::ParameterSetCommand(_)

@@ -350,6 +350,13 @@ impl Translator {
                 }
                 return self.datagrams(&before, vehicle, cucs);
             }
+            Message::VehicleSpecificWaypoint(_) => {
+                let what =
+                    "the plan has transitions (13006), which a station of Edition 2.5 is not sent";
+                let caution = self.caution(&record, what);
+                before.push(caution);
+                return self.datagrams(&before, vehicle, cucs);
+            }
             Message::CurveSegment(_) | Message::CurveSegmentPaper(_) => {
                 let caution = self.caution(
                     &record,

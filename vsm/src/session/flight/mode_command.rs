@@ -196,9 +196,9 @@ fn fly(
             ));
         }
     }
-    let from = start.or(at.telemetry.mission.map(|mission| mission.seq));
-    if begins && from != Some(0) {
-        steps.extend(wings::to_wings(at));
+    if begins {
+        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+        wings::turn_for_the_leg(uploaded, seq.unwrap_or(0), at, &mut steps)?;
     }
     // Before the mode: in AUTO.MISSION the vehicle flies to the item that is current.
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));

@@ -28,6 +28,7 @@ use super::situation::{
 };
 use super::steering::{self, Direction};
 use crate::session::maneuver::{self, Step};
+use crate::session::mission::record::UploadedMission;
 
 /// Whether the vehicle can begin a route from where it is.
 ///
@@ -46,19 +47,32 @@ pub(super) fn may_begin_a_route(at: &Situation<'_>) -> Result<(), String> {
     Ok(())
 }
 
-/// What a VTOL that hovers does before it flies a route from an item that is not its first: that one is the transition, and
-/// PX4 passes over it. It begins in a hold, as no set points and no sticks take part in it.
-pub(super) fn to_wings(at: &Situation<'_>) -> Vec<Step> {
-    let is_vtol = at.wings.as_ref().is_some_and(|wings| wings.vtol);
-    if !is_vtol || !at.telemetry.hovers() {
-        return Vec::new();
+/// The transition of a VTOL that a flight from this item needs first: PX4 passes over those of the items before it, and would
+/// fly a leg of the wings hovering.
+///
+/// # Errors
+/// It is too low for a transition.
+pub(super) fn turn_for_the_leg(
+    uploaded: &UploadedMission,
+    seq: u16,
+    at: &Situation<'_>,
+    steps: &mut Vec<Step>,
+) -> Result<(), String> {
+    let Some(wings) = at.wings.as_ref().filter(|wings| wings.vtol) else {
+        return Ok(());
+    };
+    let hovers = uploaded.compiled.hovers_from(seq);
+    let turns_itself = uploaded.compiled.turns_at(seq);
+    if hovers == at.telemetry.hovers() || turns_itself {
+        return Ok(());
     }
-    let mut steps = Vec::new();
+    check_transition(wings, at)?;
+    // It begins in a hold: no set points and no sticks take part in it.
     if at.telemetry.mode != Some(Px4Mode::LOITER) {
         steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
     }
-    steps.extend(maneuver::transition(false));
-    steps
+    steps.extend(maneuver::transition(hovers));
+    Ok(())
 }
 
 /// Whether a VTOL is high enough to transition.

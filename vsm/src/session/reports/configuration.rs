@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use mapping::airframe::Airframe;
 use mapping::configuration::changes::Available;
 use mapping::configuration::{self, Level, Request, Scope, Subject};
 use mapping::limits::Performance;
@@ -33,6 +34,8 @@ pub(super) struct Configuration {
     configured: BTreeSet<usize>,
     /// What they were last sent of the modes that can be commanded.
     modes: Option<Available>,
+    /// Whether the vehicle hovered when that was looked at last.
+    hovered: Option<bool>,
 }
 
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -238,6 +241,28 @@ impl Configuration {
         }
     }
 
+    /// Reports by 41002 and 41003 what has changed with the state of a VTOL: it is commanded by other limits then.
+    pub(super) fn watch_state(
+        &mut self,
+        context: &Context<'_>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        let hovers = context.vehicle.telemetry.hovers();
+        let Some(before) = self.hovered.replace(hovers) else {
+            return;
+        };
+        if before == hovers || self.configured.is_empty() {
+            return;
+        }
+        let [now, before] = [hovers, before].map(|hovers| self.bounded_as(hovers, context));
+        let changed: Vec<Message> = now
+            .into_iter()
+            .filter(|message| !before.contains(message))
+            .collect();
+        self.report_changes(&changed, None, answers, effects);
+    }
+
     /// Sends changes to the stations that 40000 has configured, but for the one that made them.
     pub(super) fn report_changes(
         &self,
@@ -258,7 +283,15 @@ impl Configuration {
 
     /// The answers that parameters bound, in an order that is always the same.
     fn bounded(&self, context: &Context<'_>) -> Vec<Message> {
-        let subject = self.subject(context);
+        self.bounded_as(context.vehicle.telemetry.hovers(), context)
+    }
+
+    /// The same of a VTOL in this state.
+    fn bounded_as(&self, hovers: bool, context: &Context<'_>) -> Vec<Message> {
+        let subject = Subject {
+            hovers,
+            ..self.subject(context)
+        };
         [Level::Status, Level::Control]
             .into_iter()
             .flat_map(|level| {
@@ -274,6 +307,7 @@ impl Configuration {
             vsm: context.vsm,
             vehicle_type: context.vehicle.vehicle_type(),
             hovers: telemetry.hovers(),
+            vtol: telemetry.airframe() == Airframe::Vtol,
             home: telemetry.home,
             limits: context.bounds.limits.of(&self.parameters),
             agl: context.bounds.agl,

@@ -245,6 +245,7 @@ impl Reports {
             Input::WatchModes => {
                 self.configuration
                     .watch_modes(common, mission, answers, effects);
+                self.configuration.watch_state(common, answers, effects);
             }
             Input::WatchIdentity => self.watch_identity(context, effects),
             Input::SendConfiguration => answers.send_due(effects),

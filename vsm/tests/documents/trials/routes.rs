@@ -1,15 +1,17 @@
 //! Plans: 13000 to 13003.
 
-use stanag_msgs::Scaled;
 use stanag_msgs::enums::{
     LimitType, LoiterDirection, LoiterDurationUnits, LoiterType, MissionPlanMode, SpeedType,
     WaypointType,
 };
-use stanag_msgs::messages::{MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint};
+use stanag_msgs::messages::{
+    MissionTransferCommand, UaLoiterWaypoint, UaPositionWaypoint, VehicleSpecificWaypoint,
+};
+use stanag_msgs::{Scaled, Text};
 
 use super::messages::waypoint_2;
 use super::scenes::{
-    as_loiter, as_route, as_waypoint, control, one, plane, then_5_s, with_two_routes,
+    as_loiter, as_route, as_waypoint, control, one, plane, then_5_s, vtol, with_two_routes,
     with_two_routes_loaded,
 };
 use crate::scene::Trial;
@@ -108,6 +110,22 @@ pub(super) fn routes() -> Vec<Trial> {
                 "Speed Type" = "9",
                 "Loiter Duration" = "90",
                 "Loiter Duration Units" = "1",
+            ]
+        ),
+        trial!(
+            vtol,
+            control,
+            as_loiter,
+            VehicleSpecificWaypoint {
+                waypoint_number: Some(1),
+                tag_type: Some(0),
+                tag_data: Some(Text::new("TRANSITION HOVER")),
+                ..VehicleSpecificWaypoint::default()
+            },
+            [
+                "Waypoint Number" = "2",
+                "Tag Type" = "1" refused "others are refused",
+                "Tag/Data" = "\"TRANSITION WINGS\"",
             ]
         ),
     ]

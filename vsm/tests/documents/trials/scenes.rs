@@ -41,6 +41,12 @@ pub(super) fn plane() -> Setup {
     }
 }
 
+pub(super) fn vtol() -> Setup {
+    let mut setup = plane();
+    setup.vehicles[0].airframe = Airframe::Vtol;
+    setup
+}
+
 pub(super) fn nothing(_: &mut Rig) {}
 
 pub(super) fn control(rig: &mut Rig) {
