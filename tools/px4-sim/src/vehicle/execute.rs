@@ -113,6 +113,9 @@ impl Vehicle {
             300 => self.start_mission(c),
             400 => self.arm_or_disarm(c),
             401 => Answer::Accepted,
+            // Nothing in PX4 takes them then, and nothing answers (recording 07).
+            3000 if self.config.airframe != Airframe::Vtol => return None,
+            43_002 if !self.commander.is_armed() => return None,
             3000 => self.transition(c),
             43_002 => self.change_course(c),
             410 => self.request_message(mav::HOME_POSITION_DATA::ID, c),
@@ -314,6 +317,17 @@ impl Vehicle {
     pub(crate) fn reposition(&mut self, c: &Command) -> Answer {
         let change_mode = c.param(2) as i64 & 1 == 1;
         let holding = self.commander.mode() == Mode::Loiter;
+        let target = self.local_target_of(c);
+        // Without a place the course is kept, at another altitude and speed.
+        if change_mode && self.commander.mode() == Mode::Course && !target.n.is_finite() {
+            if c.given(1).is_some_and(|speed| speed > 0.0) {
+                self.navigator.set_speed(c.given(1));
+            }
+            if target.d.is_finite() {
+                self.navigator.set_course_height(target.d);
+            }
+            return Answer::Accepted;
+        }
         let answer = if change_mode {
             self.switch(Mode::Loiter, None)
         } else {
@@ -321,7 +335,7 @@ impl Vehicle {
         };
         if answer == Answer::Accepted {
             self.hold_at(Reposition {
-                target: self.local_target_of(c),
+                target,
                 yaw: c.param(4),
                 speed: c.given(1).filter(|s| *s > 0.0),
                 radius: c.given(3).filter(|r| r.abs() > 1e-6),
@@ -417,9 +431,6 @@ impl Vehicle {
 
     /// As PX4 does, the answer does not depend on whether there is a transition.
     fn transition(&mut self, c: &Command) -> Answer {
-        if self.config.airframe != Airframe::Vtol {
-            return Answer::Unsupported;
-        }
         // On the ground it stays a multicopter.
         if !self.landed {
             self.body.turn(c.param(1).round() as i64 == WINGS);
@@ -430,7 +441,6 @@ impl Vehicle {
     /// PX4 denies it in every other mode, of a heading, and of what is not on wings.
     fn change_course(&mut self, c: &Command) -> Answer {
         let may = self.body.flown_as() == Airframe::Plane
-            && self.commander.is_armed()
             && self.commander.mode() == Mode::Course
             && c.param(1).round() == 0.0;
         match c.given(2).filter(|_| may) {
