@@ -85,7 +85,7 @@ static REFUSED: &[(&[u16], &str)] = &[
         "data links are the link's own matter, no radio is connected to this VSM",
     ),
     (
-        &[804, 805, 806],
+        &[804, 805],
         "a waypoint has no actions of payload, airframe or vehicle here",
     ),
     (&[1500, 1501], "no transponder is connected to this VSM"),
