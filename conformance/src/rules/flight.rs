@@ -99,9 +99,6 @@ fn fixes(t: &Trial, a: &Station, time: Duration) -> Judged<Vec<Fix>> {
 /// The track between the first and the last of these fixes, in the vehicle's time: stamps of a simulation run faster.
 fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     let (first, last) = (fixes.first()?, fixes.last()?);
-    // The last in steady flight: at the end of its leg a vehicle may have stopped.
-    let flies = |fix: &&Fix| fix.north.hypot(fix.east) > 2.5;
-    let steady = fixes.iter().rev().find(flies);
     let (north, east) = last.from(first.latitude, first.longitude);
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
     let mut integrated = [0.0; 3];
@@ -114,12 +111,9 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     }
     Some(Track {
         distance: north.hypot(east),
-        course: {
-            let along = steady.unwrap_or(last);
-            along.east.atan2(along.north).rem_euclid(TAU)
-        },
+        course: last.east.atan2(last.north).rem_euclid(TAU),
         // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
-        heading: steady.and_then(|fix| fix.heading),
+        heading: last.heading.filter(|_| last.north.hypot(last.east) > 2.5),
         moved: [north, east, last.altitude - first.altitude],
         integrated,
     })
