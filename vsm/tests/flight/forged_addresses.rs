@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use kit::bridge::{Rig, Setup, Station, VSM, cucs, orders, station_address, vehicle_id};
 use stanag_msgs::enums::{
     AckType, ConfigRequestType, FlightPathControlMode as Mode, LoiBitmap, MissionPlanMode,
-    RequestedAccess,
+    MissionTransferStatus, RequestedAccess,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, FieldConfigurationRequest, GenericInformationRequestMessage,
@@ -469,6 +469,33 @@ fn a_station_that_never_acknowledges_flies() {
     let (positions, states) = (count(&rig, 4000) - before.0, count(&rig, 3001) - before.1);
     println!("{positions} of 4000 and {states} of 3001 in 30 s");
     assert!(positions >= 10 && states >= 5, "{positions} {states}");
+}
+
+/// How a load ended reaches such a station too: its steps leave the allowance for it.
+#[test]
+fn a_station_that_never_acknowledges_is_sent_how_each_load_ended() {
+    let mut rig = Rig::new(Setup::default());
+    rig.stations[0].acknowledges = false;
+    rig.stations[0].heartbeats = true;
+    rig.run(9.0);
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::CarriedOut)
+    );
+    rig.send_plan(orders::square());
+    for load in 1..=5 {
+        let before = rig.station().received.len();
+        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.run(2.5);
+        let received = rig.station().received[before..].iter();
+        let ended = received.filter(|(_, _, message)| match message {
+            Message::MissionUploadDownloadStatus(one) => {
+                one.status == Some(MissionTransferStatus::Complete)
+            }
+            _ => false,
+        });
+        assert_eq!(ended.count(), 1, "load {load}");
+    }
 }
 
 /// A CUCS that acknowledges nothing, with or without heartbeats: a single request, with the fewest fields, gets its answer.

@@ -1,23 +1,25 @@
 //! 14000: how far the transfer of a plan is, and how it ended.
 
-use stanag_msgs::Text;
 use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, MissionTransferStatus as Status};
 use stanag_msgs::messages::MissionUploadDownloadStatus;
+use stanag_msgs::{Message, Text};
 
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
 
-/// 14000 with status 0.
+/// 14000 with status 0. A report: to a station without the allowance for all of them it is not sent, so that how it ended is.
 pub(super) fn report(effects: &mut Effects<'_>, station: usize, name: &str, percent: u8) {
     let status = (Status::InProgress, percent);
-    send(effects, station, name, Mode::Load, status, None);
+    let message = message(effects, name, Mode::Load, status, None);
+    effects.publish(station, &message);
 }
 
 /// 17000, and 14000 with status 1 at 100 per cent.
 pub(super) fn complete(effects: &mut Effects<'_>, origin: &Origin, name: &str, mode: Mode) {
     effects.acknowledge(origin, AckType::CarriedOut);
     let status = (Status::Complete, 100);
-    send(effects, origin.station, name, mode, status, None);
+    let message = message(effects, name, mode, status, None);
+    effects.send(origin.station, &message);
 }
 
 /// 14000 with status 2, and 16000 with the reason.
@@ -30,7 +32,8 @@ pub(super) fn reject(
     why: impl Into<String>,
 ) {
     let status = (Status::Aborted, 0);
-    send(effects, origin.station, name, mode, status, waypoint);
+    let message = message(effects, name, mode, status, waypoint);
+    effects.send(origin.station, &message);
     effects.refuse(Some(origin), why);
 }
 
@@ -39,14 +42,13 @@ pub(super) fn not_received(route_id: &str) -> String {
     format!("route {route_id:?} has not been received (13001)")
 }
 
-fn send(
+fn message(
     effects: &mut Effects<'_>,
-    station: usize,
     name: &str,
     mode: Mode,
     (status, percent): (Status, u8),
     waypoint: Option<u16>,
-) {
+) -> Message {
     let message = MissionUploadDownloadStatus {
         time_stamp: Some(effects.stamp()),
         mission_id: Some(Text::new(name)),
@@ -55,5 +57,5 @@ fn send(
         waypoint_request: waypoint,
         mission_plan_mode: Some(mode),
     };
-    effects.send(station, &message.into());
+    message.into()
 }
