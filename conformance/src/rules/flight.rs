@@ -113,7 +113,10 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
         distance: north.hypot(east),
         course: last.east.atan2(last.north).rem_euclid(TAU),
         // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
-        heading: last.heading.filter(|_| last.north.hypot(last.east) > 2.5),
+        // Nor that of a climb: PX4 flies past the place that it climbs at, its nose toward it.
+        heading: last.heading.filter(|_| {
+            last.north.hypot(last.east) > 2.5 && (last.altitude - first.altitude).abs() < 5.0
+        }),
         moved: [north, east, last.altitude - first.altitude],
         integrated,
     })
