@@ -141,7 +141,6 @@ impl Steering {
         // the vehicle shows it: a place that follows it at once would else come to a vehicle that is stopping, and be refused.
         let entered = self.commanded.filter(|(mode, at)| {
             [WAYPOINT, LOITER, AUTOPILOT].contains(mode)
-                && (self.shown != Some(*mode) || *mode == LOITER)
                 && (0.0..ENTERED_WITHIN_S).contains(&(seconds - at))
         });
         let mode = entered.map(|(mode, _)| mode).or(self.shown);
@@ -280,7 +279,8 @@ impl Steering {
             Latch::Mode(mode, seconds) => {
                 // Of a mode that is not entered a #43 names none.
                 if !refused {
-                    self.commanded = Some((mode, seconds)).filter(|_| self.shown != Some(mode));
+                    let again = self.shown == Some(mode) && mode != LOITER;
+                    self.commanded = Some((mode, seconds)).filter(|_| !again);
                 }
                 if let Some(demand) = &mut self.demand {
                     (demand.fresh, demand.waypoint, demand.altitude) = (false, false, false);
@@ -318,7 +318,7 @@ impl Steering {
     pub(super) fn shows(&mut self, mode: Option<u8>) {
         let entered = self
             .commanded
-            .is_some_and(|(wanted, _)| mode == Some(wanted));
+            .is_some_and(|(wanted, _)| mode == Some(wanted) && self.shown != mode);
         if entered || (self.shown.is_some() && self.shown != mode) {
             self.commanded = None;
         }

@@ -317,21 +317,23 @@ fn a_place_right_after_a_loiter_names_the_mode_again() {
     };
     let seconds = 1_163_000_000.0;
     steering.shows(Some(12));
-    steering.accept(Latch::Preference([2, 2, 2]));
-    steering.accept(Latch::Mode(12, seconds));
+    steering.accept(Latch::Preference([2, 2, 2]), false);
+    steering.accept(Latch::Mode(12, seconds), false);
     let demand = |at: f64| {
         record(
             43,
             &[(1, at), (4, 0.0), (7, 0.0), (13, 0.0), (18, 0.8), (19, 0.1)],
         )
     };
-    let mode = |at: f64| {
+    let mode = |steering: &Steering, at: f64| {
         let order = steering
             .order(&demand(at))
             .unwrap_or_else(|_| panic!("refused"));
         Record::of(&order.message).number(2)
     };
-    assert_eq!(mode(seconds + 0.1), Some(12.0));
+    assert_eq!(mode(&steering, seconds + 0.1), Some(12.0));
+    steering.shows(Some(12));
+    assert_eq!(mode(&steering, seconds + 0.2), Some(12.0));
     // Later it is a demand within the mode.
-    assert_eq!(mode(seconds + 60.0), None);
+    assert_eq!(mode(&steering, seconds + 60.0), None);
 }
