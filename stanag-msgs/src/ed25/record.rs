@@ -290,7 +290,7 @@ impl Record {
         self.to_ed4(ed4(target).ok_or(unknown)?)?.message()
     }
 
-    /// As message data of Edition 2.5: every field, those without a value as [`neutral`].
+    /// As message data of Edition 2.5: every field, those without a value as `neutral`.
     #[must_use]
     pub fn data(&self, info: &'static MessageInfo) -> Vec<u8> {
         let mut data = Vec::with_capacity(info.full_bytes());

@@ -110,6 +110,73 @@ fn a_mission_is_not_interrupted_by_sticks_that_nobody_requested() {
     assert_eq!(rig.carry_out(wild), Some(AckType::Refused));
 }
 
+/// The vehicle holds already while the last HEARTBEAT still shows the steering before: steering is entered again, not only
+/// acknowledged.
+#[test]
+fn steering_right_after_a_hold_is_entered() {
+    for wait_s in [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2] {
+        let mut rig = Rig::ready();
+        rig.take_off(30.0);
+        let mut east = steer();
+        east.heading_command_type = Some(HeadingCommandType::Course);
+        east.commanded_course = Some(Bam16::from_degrees(90.0));
+        east.commanded_speed = Some(Scaled::saturating_from_si(4.0));
+        assert_eq!(rig.carry_out(east.clone()), Some(AckType::CarriedOut));
+        rig.run(3.0);
+        rig.send(orders::mode(Mode::Loiter));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
+        rig.run(wait_s);
+        assert_eq!(
+            rig.carry_out(east),
+            Some(AckType::CarriedOut),
+            "{wait_s} s: {:?}",
+            rig.station().alerts()
+        );
+        rig.run(8.0);
+        let truth = rig.truth();
+        assert_eq!(truth.mode, Px4::Offboard, "{wait_s} s");
+        assert!(
+            (truth.velocity.e - 4.0).abs() < 0.5,
+            "{wait_s} s: {truth:?}"
+        );
+    }
+}
+
+/// As above, for a route and for sticks.
+#[test]
+fn a_route_and_manual_flight_right_after_a_hold_are_entered() {
+    for wait_s in [0.0, 0.1, 0.4, 0.8] {
+        let mut rig = Rig::ready();
+        rig.send_plan(orders::square());
+        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.take_off(20.0);
+        let route = || orders::mode(Mode::Waypoint);
+        assert_eq!(rig.carry_out(route()), Some(AckType::CarriedOut));
+        rig.run(2.0);
+        rig.send(orders::mode(Mode::Loiter));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
+        rig.run(wait_s);
+        assert_eq!(rig.carry_out(route()), Some(AckType::CarriedOut));
+        rig.run(2.0);
+        assert_eq!(rig.truth().mode, Px4::Mission, "{wait_s} s");
+
+        let centred = sticks(0, 0, 50);
+        let by_hand = || orders::mode(Mode::FlightDirector);
+        fly(&mut rig, 0.5, &centred);
+        let entered = command_while(&mut rig, &centred, by_hand());
+        assert_eq!(entered, Some(AckType::CarriedOut));
+        rig.send(orders::mode(Mode::Loiter));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
+        rig.run(wait_s);
+        fly(&mut rig, 0.2, &centred);
+        let entered = command_while(&mut rig, &centred, by_hand());
+        assert_eq!(entered, Some(AckType::CarriedOut), "{wait_s} s");
+        fly(&mut rig, 3.0, &sticks(100, 0, 50));
+        assert_eq!(rig.truth().mode, Px4::PosCtl, "{wait_s} s");
+        assert!(!rig.station().has_alert("have stopped"), "{wait_s} s");
+    }
+}
+
 #[test]
 fn steering_holds_course_speed_altitude_and_turns() {
     let mut rig = Rig::ready();

@@ -313,6 +313,20 @@ fn steered(tables: &'static str) -> Rig {
     rig
 }
 
+/// The last HEARTBEAT still shows the course mode of before the hold: it is entered again, not only acknowledged.
+#[test]
+fn a_wing_that_is_steered_right_after_a_hold_is_steered() {
+    for wait_s in [0.0, 0.2, 0.6] {
+        let mut rig = steered("");
+        rig.send(orders::mode(Mode::Loiter));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
+        rig.run(wait_s);
+        done(&mut rig, orders::mode(Mode::Autopilot));
+        rig.run(3.0);
+        assert_eq!(rig.truth().mode, Px4::Course, "{wait_s} s");
+    }
+}
+
 #[test]
 fn a_steered_wing_is_held_when_its_controller_is_lost() {
     let mut rig = steered("");

@@ -167,6 +167,12 @@ impl Flight {
             || self.maneuver.as_ref().is_some_and(enters)
     }
 
+    /// Whether a mode is being entered: the last report may still show the one before.
+    fn enters_a_mode(&self) -> bool {
+        let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters_a_mode();
+        self.maneuver.as_ref().is_some_and(enters)
+    }
+
     /// Takes an input.
     pub(crate) fn handle(
         &mut self,
@@ -352,15 +358,13 @@ impl Flight {
             Ok(altimeter) => altimeter,
             Err(why) => return effects.refuse(origin, why),
         };
-        let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters_a_mode();
         let situation = Situation {
             telemetry,
             uploaded: context.mission.uploaded,
             loaded: context.mission.loaded,
             plan: context.mission.plan,
             just_loaded,
-            entering: context.mission.waiting_command().is_some()
-                || self.maneuver.as_ref().is_some_and(enters),
+            entering: context.mission.waiting_command().is_some() || self.enters_a_mode(),
             landing_from_m: self.landing_from_m,
             loiter: &self.loiter,
             commanded: self.commanded,
@@ -489,9 +493,16 @@ impl Flight {
         effects: &mut Effects<'_>,
     ) {
         let telemetry = &context.vehicle.telemetry;
-        let entered = telemetry.mode == Some(Px4Mode::OFFBOARD) && self.steering.engaged();
+        // Not by the mode alone: a HEARTBEAT of before a hold that was just commanded still shows OFFBOARD, and a command that
+        // changes nothing but the set points would be acknowledged while the vehicle holds.
+        let entered = telemetry.mode == Some(Px4Mode::OFFBOARD)
+            && self.steering.engaged()
+            && !self.enters_a_mode();
         // On a copy: an order that is refused must not disturb what is being steered.
         let mut steering = self.steering.clone();
+        if !entered {
+            steering.enter_again();
+        }
         if let Err(why) = steering.take(context.mono(), order, telemetry) {
             return effects.refuse(origin, why);
         }
@@ -652,7 +663,8 @@ impl Flight {
     fn stream_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let mode = context.vehicle.telemetry.mode;
         let system = context.config.system_id;
-        match self.sticks.advance(context.mono(), mode, system) {
+        let newer = context.vehicle.state_is_newer_than_command();
+        match self.sticks.advance(context.mono(), (mode, newer), system) {
             Due::None => {}
             Due::Send(sticks) => effects.vehicle.post(MavMessage::MANUAL_CONTROL(sticks)),
             Due::Stopped => effects.warn_of_link(

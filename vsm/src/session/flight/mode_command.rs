@@ -166,7 +166,7 @@ fn fly(
     };
     check_heights(uploaded, at)?;
     let mut steps = Vec::new();
-    let enters = at.telemetry.mode != Some(Px4Mode::MISSION);
+    let enters = at.settled_mode() != Some(Px4Mode::MISSION);
     let start = match number {
         Some(number) => Some(
             uploaded
@@ -475,7 +475,7 @@ fn stay(
     }
     match draft.speed_m_s {
         // On a circle PX4 ignores any speed but that of DO_ORBIT.
-        Some(speed_m_s) if at.telemetry.mode == Some(Px4Mode::ORBIT) => {
+        Some(speed_m_s) if at.settled_mode() == Some(Px4Mode::ORBIT) => {
             draft.steps.extend(faster_or_slower(speed_m_s, at)?);
             draft.speed_m_s = None;
             draft.commanded.speed_m_s = Some(speed_m_s);
@@ -522,7 +522,7 @@ fn go(
     let here = (present.latitude, present.longitude);
     // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
     let keeps = place.is_none()
-        && at.telemetry.mode == Some(Px4Mode::LOITER)
+        && at.settled_mode() == Some(Px4Mode::LOITER)
         && draft.steps.is_empty()
         && !hovers;
     match (place.or((!hovers).then_some(here)), pattern) {

@@ -84,6 +84,14 @@ pub(crate) struct Situation<'a> {
     pub(crate) vtol_loiter_m: Option<f64>,
 }
 
+impl Situation<'_> {
+    /// The mode that the vehicle is in; none while another is being entered, when the last report may still show the one
+    /// before: what is left out because "it is in that mode already" would never be done.
+    pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
+        self.telemetry.mode.filter(|_| !self.entering)
+    }
+}
+
 /// The mode that a command is about: its own, or the present one where it names none.
 pub(crate) fn mode_of(
     command: &VehicleOperatingModeCommand,

@@ -154,6 +154,12 @@ impl Steering {
         self.flown.is_some()
     }
 
+    /// The mode is to be entered, whatever the vehicle showed last: what was steered before it was left counts no more, what
+    /// was ordered on the way into it does.
+    pub(super) fn enter_again(&mut self) {
+        self.flown = self.flown.filter(|flown| !flown.entered);
+    }
+
     /// Takes an order, on top of what is steered or done now.
     ///
     /// # Errors
@@ -208,7 +214,8 @@ impl Steering {
             self.flown = None;
             return None;
         }
-        flown.entered |= steered;
+        // A report of before the command may show OFFBOARD of earlier.
+        flown.entered |= steered && state.state_is_newer_than_command();
         if flown.due > now {
             return None;
         }

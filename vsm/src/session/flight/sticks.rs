@@ -97,11 +97,18 @@ impl Sticks {
         self.stream = Stream::Off;
     }
 
-    pub(super) fn advance(&mut self, now: Duration, mode: Option<Px4Mode>, system: u8) -> Due {
+    /// `mode`: as reported last, and whether after the last command that may change it.
+    pub(super) fn advance(
+        &mut self,
+        now: Duration,
+        (mode, newer): (Option<Px4Mode>, bool),
+        system: u8,
+    ) -> Due {
         let by_hand = mode == Some(Px4Mode::POSCTL);
         match self.stream {
             Stream::Off => return Due::None,
-            Stream::Entering if by_hand => self.stream = Stream::Flying,
+            // A report of before the command may show POSCTL of earlier.
+            Stream::Entering if by_hand && newer => self.stream = Stream::Flying,
             Stream::Entering => {}
             Stream::Flying | Stream::Lost if !by_hand => {
                 self.release();
@@ -195,7 +202,10 @@ mod tests {
     fn the_stream_is_at_least_20_hertz_while_sticks_come_and_ends_with_them() {
         let ms = Duration::from_millis;
         let mut sticks = Sticks::default();
-        assert_eq!(sticks.advance(ms(0), Some(Px4Mode::POSCTL), 1), Due::None);
+        assert_eq!(
+            sticks.advance(ms(0), (Some(Px4Mode::POSCTL), true), 1),
+            Due::None
+        );
         sticks.take(ms(0), &forward(1, 50)).unwrap();
         sticks.engage(ms(0));
         let (mut sent, mut stopped) = (0, 0);
@@ -203,7 +213,7 @@ mod tests {
             if now < 1_000 && now % 100 == 0 {
                 sticks.take(ms(now), &forward(now + 1, 50)).unwrap();
             }
-            match sticks.advance(ms(now), Some(Px4Mode::POSCTL), 1) {
+            match sticks.advance(ms(now), (Some(Px4Mode::POSCTL), true), 1) {
                 Due::Stopped => stopped += 1,
                 due => sent += u32::from(x(due) == Some(500)),
             }
@@ -219,7 +229,10 @@ mod tests {
         sticks.take(Duration::ZERO, &forward(500, 20)).unwrap();
         sticks.take(Duration::ZERO, &forward(400, -80)).unwrap();
         sticks.engage(Duration::ZERO);
-        assert_eq!(x(sticks.advance(Duration::ZERO, None, 1)), Some(200));
+        assert_eq!(
+            x(sticks.advance(Duration::ZERO, (None, true), 1)),
+            Some(200)
+        );
         assert!(sticks.take(Duration::ZERO, &forward(600, 101)).is_err());
     }
 
@@ -230,17 +243,17 @@ mod tests {
         sticks.take(ms(0), &forward(5_000, 20)).unwrap();
         sticks.engage(ms(0));
         assert_eq!(
-            x(sticks.advance(ms(0), Some(Px4Mode::POSCTL), 1)),
+            x(sticks.advance(ms(0), (Some(Px4Mode::POSCTL), true), 1)),
             Some(200)
         );
         sticks.forget();
         assert_eq!(
-            sticks.advance(ms(40), Some(Px4Mode::POSCTL), 1),
+            sticks.advance(ms(40), (Some(Px4Mode::POSCTL), true), 1),
             Due::Stopped
         );
         sticks.take(ms(80), &forward(4_000, -30)).unwrap();
         assert_eq!(
-            x(sticks.advance(ms(80), Some(Px4Mode::POSCTL), 1)),
+            x(sticks.advance(ms(80), (Some(Px4Mode::POSCTL), true), 1)),
             Some(-300)
         );
     }

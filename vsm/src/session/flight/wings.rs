@@ -68,7 +68,7 @@ pub(super) fn turn_for_the_leg(
     }
     check_transition(wings, at)?;
     // It begins in a hold: no set points and no sticks take part in it.
-    if at.telemetry.mode != Some(Px4Mode::LOITER) {
+    if at.settled_mode() != Some(Px4Mode::LOITER) {
         steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
     }
     steps.extend(maneuver::transition(hovers));
@@ -244,7 +244,7 @@ pub(super) fn steer(
         (_, None) => None,
     };
     let speed_m_s = speed(command, &at.performance)?;
-    let entered = at.telemetry.mode == Some(Px4Mode::COURSE);
+    let entered = at.settled_mode() == Some(Px4Mode::COURSE);
     let mut commanded = if entered {
         at.commanded
     } else {
