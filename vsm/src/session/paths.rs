@@ -36,7 +36,7 @@ use crate::config::Dli;
 /// The paths of all stations, by their index.
 #[derive(Debug, Default)]
 pub(crate) struct Paths {
-    /// Without it a stamp could be foretold.
+    /// Without it a stamp could be predicted.
     secret: [u8; 32],
     limits: Limits,
     stations: Vec<Station>,
