@@ -8,8 +8,9 @@ use stanag_msgs::enums::{
     RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, LoiterConfiguration, PositiveHandoverAuthorisationRequest, UaRoute,
-    VehicleOperatingModeCommand, VehicleSpecificWaypoint,
+    CucsAuthorisationRequest, LoiterConfiguration, MissionTransferCommand,
+    PositiveHandoverAuthorisationRequest, UaRoute, VehicleOperatingModeCommand,
+    VehicleSpecificWaypoint,
 };
 use stanag_msgs::{Message, Text};
 
@@ -51,6 +52,49 @@ fn flies(airframe: Airframe, tables: &'static str) -> Rig {
     });
     assert!(up, "{:?}", rig.truth());
     rig
+}
+
+/// Mode 21 climbs, and flies on along the launch route; mode 11 then flies what 13000 has loaded.
+#[test]
+fn a_launch_route_is_flown_after_the_climb() {
+    for airframe in [Airframe::Plane, Airframe::Vtol] {
+        let mut rig = winged(airframe, "");
+        for (name, kind, first, north) in [
+            ("L", RouteType::Launch, 1, 500.0),
+            ("F", RouteType::Flight, 21, 900.0),
+        ] {
+            let route = UaRoute {
+                route_id: Some(Text::new(name)),
+                route_type: Some(kind),
+                ..orders::route(first)
+            };
+            rig.send_plan(vec![
+                route.into(),
+                orders::waypoint(first, first + 1, north, 0.0, 60.0).into(),
+                orders::waypoint(first + 1, 0, north, 300.0, 60.0).into(),
+            ]);
+        }
+        let flight = MissionTransferCommand {
+            route_id: Some(Text::new("F")),
+            ..orders::load()
+        };
+        done(&mut rig, flight);
+        let launched = rig.send(orders::launch(50.0));
+        let reached = rig.until(300.0, |rig| {
+            let at = rig.truth().position;
+            rig.truth().mode == Px4::Mission && (at.n - 500.0).abs() < 60.0 && at.e > 150.0
+        });
+        assert!(
+            reached,
+            "{airframe:?}: {:?} {:?}",
+            rig.truth(),
+            rig.station().alerts()
+        );
+        assert_eq!(rig.end(launched), Some(AckType::CarriedOut));
+        done(&mut rig, orders::mode(Mode::Waypoint));
+        let reached = rig.until(200.0, |rig| (rig.truth().position.n - 900.0).abs() < 60.0);
+        assert!(reached, "{airframe:?}: {:?}", rig.truth());
+    }
 }
 
 /// 13006.
