@@ -211,13 +211,13 @@ parameters! {
     NAV_DLL_ACT = Int(0);
     NAV_FW_ALT_RAD = Real(10.0);
     NAV_LOITER_RAD = Real(80.0);
+    NAV_MC_ALT_RAD = Real(0.8);
+    NAV_MIN_LTR_ALT = Real(-1.0);
+    NAV_RCL_ACT = Int(2);
     NPFG_DAMPING = Real(0.7);
     NPFG_PERIOD = Real(10.0);
     NPFG_ROLL_TC = Real(0.5);
     NPFG_SW_DST_MLT = Real(0.32);
-    NAV_MC_ALT_RAD = Real(0.8);
-    NAV_MIN_LTR_ALT = Real(-1.0);
-    NAV_RCL_ACT = Int(2);
     RTL_CONE_ANG = Int(45);
     RTL_DESCEND_ALT = Real(10.0);
     RTL_LAND_DELAY = Real(0.0);

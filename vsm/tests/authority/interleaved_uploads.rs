@@ -128,6 +128,17 @@ impl Model {
             }
             self.dropped = false;
         }
+        // Waypoints without a 13001 are a flight where they are one chain with one start.
+        let starts = plan.waypoints.keys();
+        let chain = starts.filter(|number| !plan.waypoints.contains_key(&(*number - 1)));
+        if !plan.route && chain.count() == 1 {
+            if plan.waypoints.contains_key(&ROUTE[3]) {
+                return Load::Done;
+            }
+            self.drop_staged();
+            self.dropped = true;
+            return Load::No;
+        }
         if !plan.route {
             if let Some(staged) = &mut self.staged {
                 staged.sent.clear();

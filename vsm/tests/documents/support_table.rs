@@ -61,8 +61,9 @@ fn show_an_effect(ids: std::ops::RangeInclusive<u16>) {
             traces(&trial, &base),
             "{id}: chance has a hand in it"
         );
-        let refusal = format!("{id} refused");
-        if before.contains(&refusal) {
+        let refusals = [id.to_string(), table::named(id)].map(|what| format!("{what} refused"));
+        let refused = |traces: &str| refusals.iter().any(|refusal| traces.contains(refusal));
+        if refused(&before) {
             faults.push(format!("{id}: refused without a change"));
         }
         for change in trial.changes {
@@ -73,7 +74,7 @@ fn show_an_effect(ids: std::ops::RangeInclusive<u16>) {
             if after == before {
                 faults.push(format!("{what}: no effect"));
             }
-            match (after.contains(&refusal), change.refused) {
+            match (refused(&after), change.refused) {
                 (true, None) => faults.push(format!("{what}: refused, which was not expected")),
                 (false, Some(_)) => faults.push(format!("{what}: expected to be refused")),
                 (true, Some(rule)) if !is_announced(&base, change.field, rule) => {

@@ -461,8 +461,15 @@ fn the_commands_and_the_route_of_the_document_are_understood() {
         .collect();
     assert!(commands.len() >= 10);
     for line in commands {
-        // The id of the CUCS is an option of the program, not of a script.
-        let line = line.strip_prefix("--id 1b:00:00:b0 ").unwrap_or(line);
+        // Options of the program, not of a script.
+        let options = [
+            "--id 1b:00:00:b0 ",
+            "--edition 2.5 --multicast 239.45.86.1:26001 --interface lo ",
+        ];
+        let line = options
+            .iter()
+            .find_map(|option| line.strip_prefix(option))
+            .unwrap_or(line);
         assert!(cucs::parse_line(line).unwrap().is_some(), "{line}");
     }
     let file: Vec<&str> = text
