@@ -142,6 +142,26 @@ fn steering_right_after_a_hold_is_entered() {
     }
 }
 
+/// A hold that carries a speed, commanded before the route that was just accepted is shown: the hold is flown, not only its
+/// speed.
+#[test]
+fn a_hold_with_a_speed_right_after_a_route_is_a_hold() {
+    for wait_s in [0.0, 0.05, 0.1, 0.3] {
+        let mut rig = Rig::ready();
+        rig.send_plan(orders::square());
+        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.take_off(20.0);
+        rig.send(orders::mode(Mode::Waypoint));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Mission));
+        rig.run(wait_s);
+        let mut hold = orders::mode(Mode::Loiter);
+        hold.commanded_speed = Some(Scaled::saturating_from_si(5.0));
+        assert_eq!(rig.carry_out(hold), Some(AckType::CarriedOut), "{wait_s} s");
+        rig.run(3.0);
+        assert_eq!(rig.truth().mode, Px4::Loiter, "{wait_s} s");
+    }
+}
+
 /// As above, for a route and for sticks.
 #[test]
 fn a_route_and_manual_flight_right_after_a_hold_are_entered() {

@@ -121,12 +121,12 @@ impl LossAction {
         if before.tries > 0 {
             let text = if before.action == action {
                 format!(
-                    "the controlling CUCS is lost and the vehicle does not {}: attempt {tries}",
+                    "nobody controls the vehicle and it does not {}: attempt {tries}",
                     name(before.action)
                 )
             } else {
                 format!(
-                    "the controlling CUCS is lost and the vehicle does not {}: commanding {}",
+                    "nobody controls the vehicle and it does not {}: commanding {}",
                     name(before.action),
                     name(action)
                 )

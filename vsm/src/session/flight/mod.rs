@@ -48,6 +48,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;
 use super::maneuver::{self, Maneuver, Progress, Step};
+use crate::config::OnLoss;
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -218,6 +219,7 @@ impl Flight {
             }
             Input::ModeChanged => {
                 self.forget_commanded(context);
+                give_way(context, effects);
                 // Also where PX4's own failsafe lands.
                 let telemetry = &context.vehicle.telemetry;
                 let lands = telemetry.mode == Some(Px4Mode::LAND);
@@ -421,6 +423,9 @@ impl Flight {
                 self.begin(context, origin, Maneuver::new(steps, commanded), effects);
             }
             Task::Launch(steps, commanded) => {
+                if let Some(why) = waits_for_transfer(&steps, context) {
+                    return effects.refuse(origin, why);
+                }
                 let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
                 self.begin(context, origin, maneuver, effects);
             }
@@ -567,10 +572,16 @@ impl Flight {
             });
         }
         self.sticks.forget();
-        let airborne = context.vehicle.telemetry.airborne();
-        if controller.is_none() && steered && airborne {
+        if controller.is_none() && steered {
             // Steered by nobody it would fly straight on for ever.
-            self.operate(context, None, &select(Mode::Loiter), false, effects);
+            if context.vehicle.telemetry.airborne() {
+                self.operate(context, None, &select(Mode::Loiter), false, effects);
+            }
+            // Tried again, as after a loss, where the vehicle is silent at the moment or refuses it.
+            if !self.loss_action.is_active() {
+                let on_loss = OnLoss::Continue;
+                self.loss_action.begin(on_loss, steered, context.mono());
+            }
         }
     }
 
@@ -743,11 +754,39 @@ impl Flight {
     }
 }
 
+/// Drops a command that waits for its route where a pilot or a failsafe has taken the vehicle meanwhile: an upload takes many
+/// seconds on a slow radio, and the command would then take the vehicle from them.
+fn give_way(context: &Context<'_>, effects: &mut Effects<'_>) {
+    const COMMANDED_FROM_HERE: [Px4Mode; 7] = [
+        Px4Mode::LOITER,
+        Px4Mode::ORBIT,
+        Px4Mode::MISSION,
+        Px4Mode::TAKEOFF,
+        Px4Mode::VTOL_TAKEOFF,
+        Px4Mode::COURSE,
+        Px4Mode::OFFBOARD,
+    ];
+    let Some(mode) = context.vehicle.telemetry.mode else {
+        return;
+    };
+    if context.mission.waiting_command().is_some() && !COMMANDED_FROM_HERE.contains(&mode) {
+        effects.request(Request::DropWaitingCommand {
+            why: format!(
+                "the vehicle is in {} now, by its pilot or a failsafe",
+                mode.name()
+            ),
+            without_right: false,
+        });
+    }
+}
+
 /// Why these steps must wait for a transfer to the vehicle, where they must: a mission that is being replaced could be
 /// flown from an index that meant another item.
 fn waits_for_transfer(steps: &[Step], context: &Context<'_>) -> Option<&'static str> {
     let needs_mission = steps.iter().any(|step| matches!(step, Step::SetCurrent(_)));
-    let flies_mission = maneuver::mode_after(steps, None) == Some(Px4Mode::MISSION);
+    // Without a step to another mode it stays in the mission that the transfer takes it out of.
+    let now = context.vehicle.telemetry.mode;
+    let flies_mission = maneuver::mode_after(steps, now) == Some(Px4Mode::MISSION);
     if context.mission.is_transferring() && (needs_mission || flies_mission) {
         Some("a route is being uploaded: wait for 14000")
     } else if context.mission.fence_busy && needs_mission {

@@ -430,7 +430,7 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
             kind.raw()
         ));
     }
-    let loiters = at.telemetry.mode.map(Px4Mode::reported) == Some(Mode::Loiter);
+    let loiters = at.settled_mode().map(Px4Mode::reported) == Some(Mode::Loiter);
     let mut draft = Draft {
         steps: Vec::new(),
         commanded: if loiters {

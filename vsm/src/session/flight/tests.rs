@@ -188,6 +188,48 @@ fn a_steered_vehicle_that_nobody_controls_any_more_is_held() {
     }
 }
 
+/// Released while the vehicle is silent: the hold is commanded once it is there again.
+#[test]
+fn a_steered_vehicle_that_is_silent_when_control_is_released_is_held_later() {
+    let (mut world, mut flight) = steered();
+    world.vehicle.set_silent();
+    world.controller = None;
+    handle(&mut world, &mut flight, Input::ControlChanged);
+    handle(&mut world, &mut flight, Input::Advance);
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    assert_eq!(world.commanded_modes(), []);
+    world.advance(Duration::from_secs(3));
+    world.vehicle.set_live();
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+}
+
+/// A pilot or a failsafe that has taken the vehicle keeps it.
+#[test]
+fn a_command_that_waits_for_its_route_gives_way_to_a_pilot_and_to_a_failsafe() {
+    for (mode, gives_way) in [
+        (Px4Mode::POSCTL, true),
+        (Px4Mode::RTL, true),
+        (Px4Mode::LAND, true),
+        // The hold of the upload itself.
+        (Px4Mode::LOITER, false),
+    ] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
+        world.transfer = context::Transfer::Running {
+            owner: None,
+            waiting_command: Some(None),
+        };
+        world.show_mode(mode);
+        handle(&mut world, &mut flight, Input::ModeChanged);
+        let dropped = matches!(
+            world.requests.pop_front(),
+            Some(Request::DropWaitingCommand { .. })
+        );
+        assert_eq!(dropped, gives_way, "{}", mode.name());
+    }
+}
+
 #[test]
 fn a_wing_that_is_steered_or_about_to_be_is_held_when_nobody_controls_it() {
     for entered in [true, false] {

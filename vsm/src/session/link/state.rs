@@ -45,6 +45,12 @@ impl VehicleState {
         self.silent = false;
     }
 
+    /// Makes it silent, without a link.
+    #[cfg(test)]
+    pub(crate) fn set_silent(&mut self) {
+        self.silent = true;
+    }
+
     /// Makes it report a mode just now, without a link.
     #[cfg(test)]
     pub(crate) fn show_mode(&mut self, now: Duration, mode: mapping::mode::Px4Mode) {
