@@ -21,7 +21,7 @@ pub struct Site {
     pub agl: Agl,
     /// What pressure altitudes are flown by.
     pub altimeter: Altimeter,
-    /// Its wings; none of a multicopter. A VTOL flies its routes on them, but for the legs that it was told to hover along.
+    /// Its wings; none of a multicopter. A VTOL flies its routes on them, but for the legs that it was commanded to hover along.
     pub wings: Option<Wings>,
     /// Bounds.
     pub limits: Limits,

@@ -137,7 +137,7 @@ impl Steering {
     /// #43.
     fn demand(&self, record: &Record) -> Result<Order, Refusal> {
         let seconds = record.number(1).unwrap_or_default();
-        // A mode that was just commanded and is not shown yet: Edition 4 wants it named again. A loiter is entered anew although
+        // A mode that was just commanded and is not shown yet: Edition 4 wants it named again. A loiter is entered again although
         // the vehicle shows it: a place that follows it at once would else come to a vehicle that is stopping, and be refused.
         let entered = self.commanded.filter(|(mode, at)| {
             [WAYPOINT, LOITER, AUTOPILOT].contains(mode)

@@ -304,7 +304,7 @@ fn every_honoured_field_of_a_station_reaches_the_bridge() {
 }
 
 /// A station that commands the loiter which the vehicle shows already, and the place at once after it: the place is not lost in
-/// the moment in which the vehicle enters the mode anew.
+/// the moment in which the vehicle enters the mode again.
 #[test]
 fn a_place_right_after_a_loiter_names_the_mode_again() {
     let mut steering = Steering::default();

@@ -16,7 +16,7 @@
 //! never does. The other files are not affected.
 //!
 //! It never tries the same bytes in memory again. Linux reports a failed write-back to one `fsync`, may then count the
-//! pages as clean, and the next `fsync` succeeds with nothing written. So a record is written anew, and so is a log: its
+//! pages as clean, and the next `fsync` succeeds with nothing written. So a record is rewritten, and so is a log: its
 //! end is kept here until it is durable (`Tail`), and where that fails the log becomes a record, written beside and
 //! renamed. The first line of a process does the same to the log that it finds, since the process before may have ended
 //! in that state; and a folder is given a new name before its names are synchronised again.
