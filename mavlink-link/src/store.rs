@@ -102,12 +102,35 @@ pub trait Disk {
     /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
     /// to `keep`; the one before is gone.
     ///
+    /// It loses no file before all others have their new names: until then that is `name.{keep + 1}`. One that has
+    /// failed in the middle, or was cut off by a crash, leaves a gap in the numbers; the next one continues there, and
+    /// moves nothing that has been moved already.
+    ///
     /// # Errors
-    /// Not all of it has been done; no line has been lost but those of the oldest log.
+    /// Not all of it has been done; no line has been lost.
     fn rotate(&mut self, name: &str, keep: u32) -> Result<(), StoreError> {
-        // The oldest first: after a crash in the middle every log still has a name of its own.
-        for number in (0..keep).rev() {
+        let surplus = log_name(name, keep + 1);
+        let mut free = None;
+        for number in 0..=keep + 1 {
+            if self.read(&log_name(name, number), 0)?.is_none() {
+                free = Some(number);
+                break;
+            }
+        }
+        // All of them are there: the one before has ended, but for the oldest.
+        let free = match free {
+            Some(number) => number,
+            None => {
+                self.remove(&surplus)?;
+                keep + 1
+            }
+        };
+        // Only to a free name, so that no rename can cost a file, however often it is tried.
+        for number in (0..free).rev() {
             self.rename(&log_name(name, number), &log_name(name, number + 1))?;
+        }
+        if self.read(&surplus, 0)?.is_some() {
+            self.remove(&surplus)?;
         }
         Ok(())
     }
@@ -425,6 +448,97 @@ mod memory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A disk of which so many changes of names succeed, and no more.
+    struct Renames {
+        disk: MemoryDisk,
+        left: u32,
+    }
+
+    impl Renames {
+        fn take(&mut self, name: &str) -> Result<(), StoreError> {
+            let left = self.left.checked_sub(1);
+            self.left = left.ok_or_else(|| StoreError::new(name, "Input/output error"))?;
+            Ok(())
+        }
+    }
+
+    impl Disk for Renames {
+        fn read(&self, name: &str, max: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+            self.disk.read(name, max)
+        }
+
+        fn replace(&mut self, name: &str, bytes: &[u8], of: Durability) -> Result<(), StoreError> {
+            self.disk.replace(name, bytes, of)
+        }
+
+        fn append(&mut self, name: &str, bytes: &[u8], of: Durability) -> Result<(), StoreError> {
+            self.disk.append(name, bytes, of)
+        }
+
+        fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+            self.take(from)?;
+            self.disk.rename(from, to)
+        }
+
+        fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+            self.take(name)?;
+            self.disk.remove(name)
+        }
+    }
+
+    /// The files of a log, the newest first.
+    fn logs(disk: &MemoryDisk) -> Vec<u8> {
+        let number = |name: &str| name.strip_prefix("log.").map_or(0, |n| n.parse().unwrap());
+        let mut all: Vec<(u32, u8)> = disk
+            .records
+            .iter()
+            .map(|(n, b)| (number(n), b[0]))
+            .collect();
+        all.sort_unstable();
+        all.into_iter().map(|(_, byte)| byte).collect()
+    }
+
+    #[test]
+    fn a_rotation_that_is_cut_off_anywhere_however_often_loses_no_log() {
+        // After so many changes of names; a crash is the same, with a new process.
+        for cut in 0..=5 {
+            let mut disk = Renames {
+                disk: MemoryDisk::default(),
+                left: u32::MAX,
+            };
+            for log in 0..5 {
+                disk.append("log", &[log], Durability::Power).unwrap();
+                if log < 4 {
+                    disk.rotate("log", 3).unwrap();
+                }
+            }
+            assert_eq!(logs(&disk.disk), [4, 3, 2, 1]);
+            disk.left = cut;
+            for _ in 0..9 {
+                let done = disk.rotate("log", 3);
+                assert_eq!(done.is_ok(), cut == 5, "{cut}");
+                disk.left = 0;
+                let all = if done.is_ok() {
+                    &[4, 3, 2][..]
+                } else {
+                    &[4, 3, 2, 1]
+                };
+                assert_eq!(logs(&disk.disk), all, "{cut}");
+                if done.is_ok() {
+                    break;
+                }
+            }
+            disk.left = u32::MAX;
+            if cut < 5 {
+                disk.rotate("log", 3).unwrap();
+            }
+            disk.append("log", &[5], Durability::Power).unwrap();
+            disk.rotate("log", 3).unwrap();
+            assert_eq!(logs(&disk.disk), [5, 4, 3], "{cut}");
+            assert!(!disk.disk.records.contains_key("log"));
+        }
+    }
 
     #[test]
     fn a_rotated_log_keeps_so_many_and_begins_a_new_one() {

@@ -4,14 +4,14 @@ use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Subcommand, ValueEnum};
-use mavlink_link::store::{Disk as _, log_name};
+use mavlink_link::store::Disk as _;
 use serde_json::{Map, Value};
 use stanag_msgs::Id;
 
 use super::config_arg::ConfigArg;
 use super::process::{Failure, bad, failed, print};
 use crate::config::Config;
-use crate::session::{AuditKind, MAX_AUDIT_FILES, examine_audit};
+use crate::session::{AuditKind, examine_audit};
 use crate::shell::disk::ReadOnlyDisk;
 
 #[derive(Debug, Subcommand)]
@@ -120,11 +120,8 @@ fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> 
     let vehicles = config.vehicles().map(|vehicle| vehicle.id);
     for vehicle in vehicles.filter(|id| only.is_none_or(|only| only == *id)) {
         for kind in AuditKind::ALL {
-            let file = kind.file(vehicle);
-            for number in (0..=MAX_AUDIT_FILES).rev() {
-                let bytes = disk
-                    .read(&log_name(&file, number), u64::MAX)
-                    .map_err(failed)?;
+            for (_, file) in kind.files(vehicle) {
+                let bytes = disk.read(&file, u64::MAX).map_err(failed)?;
                 let bytes = bytes.unwrap_or_default();
                 let lines = String::from_utf8_lossy(&bytes);
                 let rows = lines.lines().filter_map(|line| row(kind, line));

@@ -92,6 +92,7 @@ pub(crate) mod store;
 #[cfg(test)]
 mod testing;
 pub(crate) mod trace;
+mod turns;
 
 pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
 pub(crate) use authority::record::examine as examine_audit;
@@ -99,7 +100,7 @@ pub use authority::rules::{
     Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
     Ended, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage, Stations,
 };
-pub(crate) use authority::trail::{Kind as AuditKind, MAX_FILES as MAX_AUDIT_FILES};
+pub(crate) use authority::trail::Kind as AuditKind;
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_config};
 pub use counters::{ByType, Counters};

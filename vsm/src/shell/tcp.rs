@@ -2,15 +2,19 @@
 //!
 //! A connection is a peer as an address of UDP is one: the machine decides which of them is the ground station, and only that one
 //! is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for `PATIENCE` is
-//! closed. Few may connect at once; what comes after them is turned away. So that strangers who say nothing do not keep the
-//! ground station out, one that has connected and that the machine has not accepted ([`TcpWriter::accept`]) within
-//! `ACCEPTED_WITHIN` is closed, and one whose other end is gone is found by the system's probes.
+//! closed. Few may connect at once. So that strangers do not keep the ground station out, one that has connected and that
+//! the machine has not accepted ([`TcpWriter::accept`]) within `ACCEPTED_WITHIN` is closed, and before that it gives its place
+//! to whoever connects when all are taken: first the oldest of the host that has the most of them, so that one host takes
+//! no place of another. Who is accepted gives way to nobody. What is left: strangers on the ground station's own host, or on
+//! many, who connect anew `MAX_CONNECTIONS` times between its connecting and its first signed frame, each time that it
+//! tries. One whose other end is gone is found by the system's probes.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::io;
-use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -26,17 +30,31 @@ pub struct TcpReader(mpsc::Receiver<(SocketAddr, Vec<u8>)>);
 
 /// The connections.
 #[derive(Debug, Clone, Default)]
-pub struct TcpWriter(Arc<Mutex<HashMap<SocketAddr, Connection>>>);
+pub struct TcpWriter(Arc<Mutex<Connections>>);
+
+#[derive(Debug, Default)]
+struct Connections {
+    all: HashMap<SocketAddr, Connection>,
+    /// The one that the machine has accepted last.
+    station: Option<SocketAddr>,
+    /// Connections so far.
+    count: u64,
+    /// When somebody last gave way with a line in the log.
+    crowded: Option<Instant>,
+}
 
 #[derive(Debug)]
 struct Connection {
+    /// The younger ones have higher numbers.
+    number: u64,
     queue: mpsc::Sender<Vec<u8>>,
-    /// Whether the machine has taken its other end for the ground station.
+    /// Whether the machine has taken its other end for the ground station. It is closed where this is dropped.
     accepted: watch::Sender<bool>,
 }
 
 /// What its task needs of it.
 struct Ends {
+    number: u64,
     queue: mpsc::Receiver<Vec<u8>>,
     accepted: watch::Receiver<bool>,
 }
@@ -60,38 +78,96 @@ impl TcpWriter {
     /// # Errors
     /// [`io::ErrorKind::NotConnected`], or [`io::ErrorKind::WouldBlock`] where there is no room.
     pub fn push(&self, bytes: &[u8], to: SocketAddr) -> io::Result<()> {
-        let connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let connection = connections.get(&to).ok_or(io::ErrorKind::NotConnected)?;
+        let connections = self.lock();
+        let connection = connections.all.get(&to);
+        let connection = connection.ok_or(io::ErrorKind::NotConnected)?;
         let queued = connection.queue.try_send(bytes.to_vec());
         queued.map_err(|_| io::ErrorKind::WouldBlock.into())
     }
 
-    /// The machine takes who is at the other end for the ground station: the connection stays.
+    /// The machine takes who is at the other end for the ground station: the connection stays. One that it took for that
+    /// before stays as long as nobody needs its place.
     pub fn accept(&self, peer: SocketAddr) {
-        let connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(connection) = connections.get(&peer) {
+        let mut connections = self.lock();
+        if let Some(connection) = connections.all.get(&peer) {
             connection.accepted.send_replace(true);
+            connections.station = Some(peer);
         }
     }
 
-    fn add(&self, peer: SocketAddr) -> Option<Ends> {
-        let mut connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if connections.len() >= MAX_CONNECTIONS {
-            return None;
+    fn add(&self, peer: SocketAddr) -> Ends {
+        let mut connections = self.lock();
+        if connections.all.len() >= MAX_CONNECTIONS {
+            connections.make_room(peer);
         }
+        connections.count += 1;
+        let number = connections.count;
         let (sender, queue) = mpsc::channel(QUEUE);
         let (waits, accepted) = watch::channel(false);
         let connection = Connection {
+            number,
             queue: sender,
             accepted: waits,
         };
-        connections.insert(peer, connection);
-        Some(Ends { queue, accepted })
+        connections.all.insert(peer, connection);
+        Ends {
+            number,
+            queue,
+            accepted,
+        }
     }
 
-    fn remove(&self, peer: SocketAddr) {
-        let mut connections = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        connections.remove(&peer);
+    fn remove(&self, peer: SocketAddr, number: u64) {
+        let mut connections = self.lock();
+        // It may have given way, and another be there from the same address.
+        if connections
+            .all
+            .get(&peer)
+            .is_some_and(|one| one.number == number)
+        {
+            connections.all.remove(&peer);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Connections> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Connections {
+    /// Closes the connection that matters least: of who has never been accepted before who has been, of the host that has
+    /// the most of these, the oldest.
+    fn make_room(&mut self, newcomer: SocketAddr) {
+        let never = |one: &Connection| !*one.accepted.borrow();
+        let from = |host: IpAddr| {
+            let strangers = self.all.iter().filter(|(_, one)| never(one));
+            strangers.filter(|(peer, _)| peer.ip() == host).count()
+                + usize::from(newcomer.ip() == host)
+        };
+        let others = self
+            .all
+            .iter()
+            .filter(|(peer, _)| Some(**peer) != self.station);
+        let least = others.max_by_key(|(peer, one)| {
+            let strangers = if never(one) { from(peer.ip()) } else { 0 };
+            (strangers, Reverse(one.number))
+        });
+        let Some(peer) = least.map(|(peer, _)| *peer) else {
+            return;
+        };
+        self.all.remove(&peer);
+        let now = Instant::now();
+        // Whoever connects again and again must not fill the log.
+        if self
+            .crowded
+            .is_none_or(|at| now.duration_since(at) > SAID_AGAIN)
+        {
+            self.crowded = Some(now);
+            tracing::warn!(
+                "TCP: {MAX_CONNECTIONS} are connected, {peer} has not shown itself as the ground station and gives way to \
+                 {newcomer}"
+            );
+        }
     }
 }
 
@@ -114,15 +190,11 @@ pub fn listen(address: SocketAddr) -> io::Result<(TcpReader, TcpWriter)> {
                 accepted = listener.accept() => accepted,
             };
             match accepted {
-                Ok((stream, peer)) => match connections.add(peer) {
-                    Some(ends) => {
-                        let serve = serve(stream, peer, ends, sender.clone(), connections.clone());
-                        tokio::spawn(serve);
-                    }
-                    None => tracing::warn!(
-                        "TCP {address}: {MAX_CONNECTIONS} are connected, {peer} is turned away"
-                    ),
-                },
+                Ok((stream, peer)) => {
+                    let ends = connections.add(peer);
+                    let serve = serve(stream, peer, ends, sender.clone(), connections.clone());
+                    tokio::spawn(serve);
+                }
                 Err(cause) => {
                     tracing::warn!("TCP {address}: {cause}");
                     sleep(AGAIN).await;
@@ -146,11 +218,10 @@ pub fn connect(peer: SocketAddr) -> (TcpReader, TcpWriter) {
             match connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into())) {
                 Ok(stream) => {
                     failing = false;
-                    if let Some(ends) = connections.add(peer) {
-                        // Who is connected to is who the configuration names.
-                        connections.accept(peer);
-                        serve(stream, peer, ends, sender.clone(), connections.clone()).await;
-                    }
+                    let ends = connections.add(peer);
+                    // Who is connected to is who the configuration names.
+                    connections.accept(peer);
+                    serve(stream, peer, ends, sender.clone(), connections.clone()).await;
                 }
                 Err(cause) => {
                     if !failing {
@@ -188,6 +259,7 @@ async fn serve(
         .with_retries(3);
     let _ = SockRef::from(&stream).set_tcp_keepalive(&probes);
     let Ends {
+        number,
         mut queue,
         mut accepted,
     } = ends;
@@ -220,27 +292,30 @@ async fn serve(
             }
         }
     };
-    let stranger = async {
-        let waited = timeout(ACCEPTED_WITHIN, accepted.wait_for(|accepted| *accepted));
-        if waited.await.is_ok() {
-            std::future::pending::<()>().await;
+    let place = async {
+        let waited = timeout(ACCEPTED_WITHIN, accepted.wait_for(|accepted| *accepted)).await;
+        match waited.map(|accepted| accepted.is_ok()) {
+            // Until it gives way, as it may have already.
+            Ok(accepted_once) => while accepted_once && accepted.changed().await.is_ok() {},
+            Err(_) => tracing::info!(
+                "TCP: {peer} has not shown itself as the ground station within {} s and is disconnected",
+                ACCEPTED_WITHIN.as_secs()
+            ),
         }
-        tracing::info!(
-            "TCP: {peer} has not shown itself as the ground station within {} s and is disconnected",
-            ACCEPTED_WITHIN.as_secs()
-        );
     };
     tokio::select! {
         () = read => {}
         () = write => {}
-        () = stranger => {}
+        () = place => {}
         () = received.closed() => {}
     }
-    connections.remove(peer);
+    connections.remove(peer, number);
 }
 
 /// Connections of one link at once: the ground station, its next try, and strangers.
-const MAX_CONNECTIONS: usize = 4;
+const MAX_CONNECTIONS: usize = 8;
+/// Between two lines of the log about crowding.
+const SAID_AGAIN: Duration = Duration::from_secs(60);
 /// Frames that wait for a connection, and pieces that wait to be read.
 const QUEUE: usize = 64;
 /// Bytes read at once.
@@ -256,13 +331,13 @@ const AGAIN: Duration = Duration::from_secs(2);
 
 #[cfg(test)]
 mod tests {
+    use tokio::net::TcpSocket;
+
     use super::*;
 
     #[tokio::test]
     async fn both_ends_exchange_bytes_and_who_is_gone_is_sent_nothing() {
-        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = free.local_addr().unwrap();
-        drop(free);
+        let address = free();
         let (mut server, to_clients) = listen(address).unwrap();
         let (mut client, to_server) = connect(address);
         let mut bytes = [0; 100];
@@ -294,46 +369,86 @@ mod tests {
         assert_eq!(fault, Err(io::ErrorKind::NotConnected));
     }
 
-    #[tokio::test]
-    async fn no_more_than_a_few_connect_at_once() {
+    fn free() -> SocketAddr {
         let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = free.local_addr().unwrap();
-        drop(free);
-        let (mut server, _to_clients) = listen(address).unwrap();
-        let mut clients = vec![];
-        for _ in 0..MAX_CONNECTIONS {
-            let mut client = TcpStream::connect(address).await.unwrap();
-            client.write_all(b"x").await.unwrap();
-            server.receive(&mut [0; 9]).await.unwrap();
-            clients.push(client);
+        free.local_addr().unwrap()
+    }
+
+    /// Connects from a host, and is received.
+    async fn client(from: &str, to: SocketAddr, server: &mut TcpReader) -> (TcpStream, SocketAddr) {
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.bind(from.parse().unwrap()).unwrap();
+        let mut client = socket.connect(to).await.unwrap();
+        client.write_all(b"x").await.unwrap();
+        let received = timeout(PATIENCE, server.receive(&mut [0; 9])).await;
+        match received.expect("it is served").unwrap() {
+            (_, Peer::Tcp(peer)) => (client, peer),
+            other => panic!("{other:?}"),
         }
-        let mut late = TcpStream::connect(address).await.unwrap();
-        let read = timeout(PATIENCE, late.read(&mut [0; 9])).await;
-        assert!(
-            !matches!(read, Ok(Ok(1..)) | Err(_)),
-            "it is turned away: {read:?}"
-        );
+    }
+
+    async fn is_closed(client: &mut TcpStream) -> bool {
+        let read = timeout(PATIENCE, client.read(&mut [0; 9])).await;
+        !matches!(read, Ok(Ok(1..)) | Err(_))
+    }
+
+    const LOCAL: &str = "127.0.0.1:0";
+
+    #[tokio::test]
+    async fn who_connects_last_takes_the_place_of_the_oldest_stranger_and_never_that_of_the_ground_station()
+     {
+        let address = free();
+        let (mut server, to_clients) = listen(address).unwrap();
+        let mut strangers = vec![];
+        for _ in 0..MAX_CONNECTIONS {
+            strangers.push(client(LOCAL, address, &mut server).await.0);
+        }
+        let (mut station, peer) = client(LOCAL, address, &mut server).await;
+        assert!(is_closed(&mut strangers[0]).await, "the oldest gives way");
+        to_clients.accept(peer);
+        // They come again and again.
+        for _ in 0..3 * MAX_CONNECTIONS {
+            strangers.push(client(LOCAL, address, &mut server).await.0);
+        }
+        to_clients.push(b"on", peer).unwrap();
+        let mut bytes = [0; 2];
+        station.read_exact(&mut bytes).await.unwrap();
+        assert_eq!(&bytes, b"on");
+        // Its next connection is taken too, and is the one that stays from then on.
+        let (_again, peer) = client(LOCAL, address, &mut server).await;
+        to_clients.accept(peer);
+        for _ in 0..3 * MAX_CONNECTIONS {
+            strangers.push(client(LOCAL, address, &mut server).await.0);
+        }
+        to_clients.push(b"on", peer).unwrap();
+        assert_eq!(to_clients.lock().all.len(), MAX_CONNECTIONS);
+    }
+
+    #[tokio::test]
+    async fn one_host_takes_no_place_of_another() {
+        let address = free();
+        let (mut server, to_clients) = listen(address).unwrap();
+        let (_station, peer) = client(LOCAL, address, &mut server).await;
+        let mut strangers = vec![];
+        for _ in 0..3 * MAX_CONNECTIONS {
+            strangers.push(client("127.0.0.2:0", address, &mut server).await.0);
+        }
+        // Before it has shown itself.
+        to_clients.push(b"on", peer).unwrap();
     }
 
     #[tokio::test]
     async fn silent_strangers_keep_nobody_out_and_who_is_accepted_stays() {
-        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = free.local_addr().unwrap();
-        drop(free);
+        let address = free();
         let (mut server, to_clients) = listen(address).unwrap();
-        let mut station = TcpStream::connect(address).await.unwrap();
-        station.write_all(b"x").await.unwrap();
-        let (_, from) = server.receive(&mut [0; 9]).await.unwrap();
-        let Peer::Tcp(from) = from else {
-            panic!("{from:?}")
-        };
+        let (mut station, from) = client(LOCAL, address, &mut server).await;
         to_clients.accept(from);
         let mut strangers = vec![];
         while strangers.len() + 1 < MAX_CONNECTIONS {
             strangers.push(TcpStream::connect(address).await.unwrap());
         }
         // They are served, and wait.
-        while to_clients.0.lock().unwrap().len() < MAX_CONNECTIONS {
+        while to_clients.lock().all.len() < MAX_CONNECTIONS {
             sleep(Duration::from_millis(5)).await;
         }
         tokio::time::pause();
@@ -347,9 +462,6 @@ mod tests {
         let mut bytes = [0; 2];
         station.read_exact(&mut bytes).await.unwrap();
         assert_eq!(&bytes, b"on");
-        let mut late = TcpStream::connect(address).await.unwrap();
-        late.write_all(b"y").await.unwrap();
-        let received = timeout(PATIENCE, server.receive(&mut [0; 9])).await;
-        assert!(received.is_ok(), "there is room again");
+        assert_eq!(to_clients.lock().all.len(), 1, "there is room again");
     }
 }

@@ -63,7 +63,9 @@ impl AuthorityRecord {
     /// A message that requests something is answered once that is decided.
     pub(super) fn wait(&mut self, asker: Id, origin: Origin) {
         self.waiting.retain(|(_, known)| *known != origin);
-        if self.waiting.len() < MAX_WAITING {
+        // Of one station, so that none can leave another without its answer.
+        let of_it = self.waiting.iter().filter(|(of, _)| *of == asker);
+        if of_it.count() < MAX_WAITING {
             self.waiting.push((asker, origin));
         }
     }
@@ -396,5 +398,5 @@ pub(super) fn durability(decision: &Decision) -> Durability {
     }
 }
 
-/// Messages that wait for a decision at most, of a vehicle.
-const MAX_WAITING: usize = 64;
+/// Messages of one station that wait for a decision about a vehicle, at most.
+const MAX_WAITING: usize = 16;

@@ -40,6 +40,13 @@ impl Kind {
         }
     }
 
+    /// Its files, the oldest first, with their numbers. One more than are kept is there while a rotation has not ended.
+    pub(crate) fn files(self, vehicle: Id) -> impl Iterator<Item = (u32, String)> {
+        let name = self.file(vehicle);
+        let numbers = (0..=MAX_FILES + 1).rev();
+        numbers.map(move |number| (number, log_name(&name, number)))
+    }
+
     /// As an export names it.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -199,8 +206,7 @@ pub(crate) fn examine(
         torn: Vec::new(),
     };
     let (mut before, mut recorded) = (None::<Chain>, None);
-    for number in (0..=MAX_FILES).rev() {
-        let file = log_name(&name, number);
+    for (number, file) in kind.files(vehicle) {
         let bytes = disk.read(&file, u64::MAX)?.unwrap_or_default();
         if bytes.is_empty() {
             continue;
@@ -213,7 +219,7 @@ pub(crate) fn examine(
         // Only where the oldest of all is there may what it follows be gone.
         let follows = match &before {
             Some(before) => *before == verified.follows,
-            None => number == MAX_FILES || verified.follows.lines() == 0,
+            None => number >= MAX_FILES || verified.follows.lines() == 0,
         };
         if !follows {
             find(Fault::Gap(verified.follows.lines() + 1));
@@ -459,4 +465,4 @@ const COALESCED: Duration = Duration::from_secs(10);
 /// A log of this length is put aside.
 const MAX_BYTES: usize = 1 << 20;
 /// Files that are kept beside the one that is written, some four thousand lines each.
-pub(crate) const MAX_FILES: u32 = 8;
+const MAX_FILES: u32 = 8;

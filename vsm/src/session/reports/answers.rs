@@ -1,7 +1,6 @@
 //! Answers of many messages: sent a few at a time, so that they do not overflow the buffers of a small ground station; 17000
-//! "carried out" follows the last.
+//! "carried out" follows the last. Each station has its turn: what is sent to one does not wait for the answers of another.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use stanag_msgs::enums::AckType;
@@ -9,29 +8,30 @@ use stanag_msgs::{Message, TimeStamp};
 
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
+use crate::session::turns::Turns;
 
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct AnswerQueue {
-    queue: VecDeque<Outgoing>,
+    queues: Turns<Outgoing>,
     due: Option<Duration>,
 }
 
 #[derive(Debug)]
 enum Outgoing {
-    Answer(usize, Box<Message>),
+    Answer(Box<Message>),
     Done(Origin),
 }
 
 impl AnswerQueue {
-    /// How much waits to be sent.
-    pub(super) fn len(&self) -> usize {
-        self.queue.len()
+    /// How much waits to be sent to a station.
+    pub(super) fn waiting(&self, station: usize) -> usize {
+        self.queues.waiting(station)
     }
 
-    /// Whether no more is taken.
-    pub(super) fn is_full(&self) -> bool {
-        self.queue.len() > MAX_WAITING
+    /// Whether no more is taken for a station.
+    pub(super) fn is_full(&self, station: usize) -> bool {
+        self.waiting(station) > MAX_WAITING
     }
 
     /// Queues answers to a station, without sending any.
@@ -42,11 +42,14 @@ impl AnswerQueue {
         answers: impl IntoIterator<Item = Message>,
         origin: Option<Origin>,
     ) {
-        let answers = answers.into_iter();
-        self.queue
-            .extend(answers.map(|answer| Outgoing::Answer(station, Box::new(answer))));
-        self.queue.extend(origin.map(Outgoing::Done));
-        if !self.queue.is_empty() {
+        for answer in answers {
+            let answer = Outgoing::Answer(Box::new(answer));
+            self.queues.push(station, answer);
+        }
+        if let Some(origin) = origin {
+            self.queues.push(station, Outgoing::Done(origin));
+        }
+        if !self.queues.is_empty() {
             self.due.get_or_insert(now);
         }
     }
@@ -59,7 +62,7 @@ impl AnswerQueue {
         origin: Option<Origin>,
         effects: &mut Effects<'_>,
     ) {
-        if self.is_full() {
+        if self.is_full(station) {
             if let Some(origin) = origin {
                 effects.refuse(Some(origin), "too many answers wait to be sent");
             }
@@ -71,17 +74,12 @@ impl AnswerQueue {
 
     /// Drops what a station has not been sent yet; the requests that are not answered to their end.
     pub(super) fn abort(&mut self, station: usize) -> Vec<Origin> {
-        let mut ended = Vec::new();
-        self.queue.retain(|outgoing| match outgoing {
-            Outgoing::Answer(to, _) => *to != station,
-            Outgoing::Done(origin) => {
-                if origin.station == station {
-                    ended.push(*origin);
-                }
-                origin.station != station
-            }
-        });
-        ended
+        let dropped = self.queues.take(station).into_iter();
+        let done = |outgoing| match outgoing {
+            Outgoing::Answer(_) => None,
+            Outgoing::Done(origin) => Some(origin),
+        };
+        dropped.filter_map(done).collect()
     }
 
     /// Sends what is due.
@@ -91,19 +89,19 @@ impl AnswerQueue {
             return;
         }
         for _ in 0..BURST {
-            match self.queue.pop_front() {
+            match self.queues.pop() {
                 None => break,
-                Some(Outgoing::Answer(to, answer)) => {
+                Some((to, Outgoing::Answer(answer))) => {
                     // Stamped when sent, not when queued: stamps rise strictly, and other messages go out in between.
                     let answer = stamped(*answer, effects.stamp());
                     effects.send(to, &answer);
                 }
-                Some(Outgoing::Done(origin)) => {
+                Some((_, Outgoing::Done(origin))) => {
                     effects.acknowledge(&origin, AckType::CarriedOut);
                 }
             }
         }
-        self.due = (!self.queue.is_empty()).then_some(now + PAUSE);
+        self.due = (!self.queues.is_empty()).then_some(now + PAUSE);
     }
 
     /// When the next answers are due.
@@ -138,7 +136,7 @@ fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
 /// Messages of one burst, and the pause after it.
 const BURST: usize = 16;
 const PAUSE: Duration = Duration::from_millis(20);
-/// Answers and requests that may wait; a level of interoperability has some 200.
+/// Answers that may wait for a station; a level of interoperability has some 200.
 pub(super) const MAX_WAITING: usize = 4_096;
 
 #[cfg(test)]
@@ -192,7 +190,7 @@ mod tests {
         assert_eq!(queue.abort(1), [other]);
         world.act(|_, _, effects| queue.send_due(effects));
         assert_eq!(sent(&mut world), (1, vec![AckType::CarriedOut]));
-        assert_eq!(queue.len(), 0);
+        assert!(queue.queues.is_empty());
     }
 
     #[test]
@@ -202,6 +200,11 @@ mod tests {
         queue.push(world.now.mono, 0, reports(MAX_WAITING + 1), None);
         world.act(|_, _, effects| queue.answer(0, reports(1), Some(of), effects));
         assert_eq!(sent(&mut world), (0, vec![AckType::Refused]));
-        assert_eq!(queue.len(), MAX_WAITING + 1);
+        assert_eq!(queue.waiting(0), MAX_WAITING + 1);
+        // And keeps nobody else waiting.
+        let other = Origin { station: 1, ..of };
+        world.advance(PAUSE);
+        world.act(|_, _, effects| queue.answer(1, reports(1), Some(other), effects));
+        assert_eq!(queue.waiting(1), 0);
     }
 }

@@ -16,7 +16,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, SubsystemId};
 use stanag_msgs::messages::FieldConfigurationRequest;
 
-use super::answers::{AnswerQueue, MAX_WAITING};
+use super::answers::AnswerQueue;
 use crate::config::Provisional;
 use crate::session::alerts::Cause;
 use crate::session::context::{Context, MissionView, Origin, ParameterView};
@@ -90,8 +90,10 @@ impl Configuration {
                 effects.acknowledge(&ended, AckType::Refused);
             }
         }
-        if answers.len() + self.waiting.len() > MAX_WAITING {
-            let why = "too many configuration requests are being answered";
+        let of_it = |one: &&(Origin, _)| one.0.station == origin.station;
+        let waiting = self.waiting.iter().filter(of_it).count();
+        if waiting >= MAX_REQUESTS || answers.is_full(origin.station) {
+            let why = "too many configuration requests of this station are being answered";
             return effects.refuse(Some(origin), why);
         }
         effects.acknowledge(&origin, AckType::Received);
@@ -271,11 +273,15 @@ impl Configuration {
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
-        if changed.is_empty() || answers.is_full() {
+        if changed.is_empty() {
             return;
         }
         let now: Duration = effects.dli.now.mono;
-        for station in self.configured.iter().filter(|index| Some(**index) != by) {
+        let others = self.configured.iter().filter(|index| Some(**index) != by);
+        for station in others {
+            if answers.is_full(*station) {
+                continue;
+            }
             answers.push(now, *station, changed.iter().cloned(), None);
         }
         answers.send_due(effects);
@@ -357,3 +363,5 @@ fn own_failsafe(action: f64) -> &'static str {
 const LOSS_ACTION: &str = "NAV_DLL_ACT";
 /// After how long it does so, s.
 const LOSS_TIME: &str = "COM_DL_LOSS_T";
+/// Requests of one station that wait until the parameters are read. Each is answered by up to 200 messages.
+const MAX_REQUESTS: usize = 16;

@@ -187,6 +187,7 @@ impl Reports {
                     self.push.begin(common.mono(), station);
                 }
                 self.ignored.retain(|(of, _, _)| *of != station);
+                self.parameters.forget(station);
             }
             Input::LinkUp => {
                 effects.clear(Cause::VehicleSilent, "link to the vehicle is up");
@@ -197,6 +198,7 @@ impl Reports {
             Input::LinkDown => {
                 let configuration = &mut self.configuration;
                 configuration.stop_reading(common, mission, answers, effects);
+                self.parameters.drop_configuration();
                 self.settings.give_up();
                 effects.raise(
                     Cause::VehicleSilent,
@@ -320,10 +322,10 @@ impl Reports {
         let common = &context.common;
         match message {
             Message::ParameterRequest(request) => {
-                self.parameters.request(origin, request, effects);
+                self.parameters.request(common, origin, request, effects);
             }
             Message::ParameterSetCommand(command) => {
-                self.parameters.set(origin, command, effects);
+                self.parameters.set(common, origin, command, effects);
             }
             Message::PingRequest(request) => {
                 self.requests.ping(common, origin, request, effects);
@@ -452,9 +454,9 @@ impl Reports {
         if names.is_empty() {
             return;
         }
-        let requested = self.parameters.read_for_configuration(names, effects);
-        self.configuration.begin_reading(requested);
-        self.count_read(context, 0, effects);
+        self.configuration.begin_reading(names.len());
+        self.parameters
+            .read_for_configuration(&context.common, names, effects);
     }
 
     fn read_settings(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -465,15 +467,12 @@ impl Reports {
         if !context.vehicle.live() {
             self.settings.give_up();
         }
-        self.read_next_setting(effects);
+        self.read_next_setting(context, effects);
     }
 
-    fn read_next_setting(&mut self, effects: &mut Effects<'_>) {
-        if let Some(name) = self.settings.next()
-            && !self.parameters.read_setting(name, effects)
-        {
-            // Stations have filled the queue: what is left stays unknown, and can be requested again.
-            self.settings.drop_awaited();
+    fn read_next_setting(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if let Some(name) = self.settings.next() {
+            (self.parameters).read_setting(&context.common, name, effects);
         }
     }
 
@@ -493,8 +492,26 @@ impl Reports {
         if let Event::Progress { .. } = event {
             return;
         }
-        let origin = match self.parameters.ended() {
+        let purpose = self.parameters.ended();
+        self.answer_parameter(context, purpose, event, effects);
+        self.parameters.advance(&context.common, effects);
+    }
+
+    fn answer_parameter(
+        &mut self,
+        context: &Context<'_>,
+        purpose: Option<Purpose>,
+        event: Event,
+        effects: &mut Effects<'_>,
+    ) {
+        let origin = match purpose {
             None => return,
+            Some(Purpose::Nobody) => {
+                if let Event::Read { name, value } = event {
+                    self.learn_parameter(context, name, value, None, effects);
+                }
+                return;
+            }
             Some(Purpose::Configuration) => {
                 // A vehicle that lacks it is bounded by the rest.
                 if let Event::Read { name, value } = event {
@@ -507,7 +524,7 @@ impl Reports {
                 if let Event::Read { name, value } = event {
                     self.learn_parameter(context, name, value, None, effects);
                 }
-                return self.read_next_setting(effects);
+                return self.read_next_setting(context, effects);
             }
             Some(Purpose::Station(origin)) => origin,
         };
@@ -542,8 +559,8 @@ impl Reports {
         }
     }
 
-    /// Keeps a value; who follows the parameter is sent it where it is another than before, but for `asker`. Returns the
-    /// value before.
+    /// Keeps a value; who follows the parameter is sent it where it is another than before, but for `asker`, who follows
+    /// it from here on. Returns the value before.
     fn learn_parameter(
         &mut self,
         context: &Context<'_>,
@@ -559,10 +576,10 @@ impl Reports {
             &mut self.answers,
             effects,
         );
-        let before = self.parameters.learn(name, value)?;
+        let before = self.parameters.learn(name, value, asker)?;
         if before != value {
             let followers = self.parameters.followers(name);
-            for station in followers.filter(|station| Some(*station) != asker) {
+            for station in followers.into_iter().filter(|one| Some(*one) != asker) {
                 let report = parameters::report(name, value);
                 self.answers.answer(station, [report], None, effects);
             }

@@ -3,97 +3,112 @@
 //! A value out of its range is refused here, since PX4 stores what it is given. A write is carried out once the vehicle
 //! reports the new value. Whoever has requested a parameter is sent its later changes, also those that another station
 //! makes; that a station beside us changes any known parameter is a 16000 alert too.
+//!
+//! The vehicle is asked one thing at a time. What the bridge needs itself comes first, since a load waits for it; the
+//! stations have their turns ([`Turns`]), [`MAX_PLACES`] places each, and a rate. What finds no place is refused by name.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::time::Duration;
 
 use mapping::parameter;
-use mavlink_link::service::param::{Event, Name, Refusal, StartError, Value};
+use mavlink_link::service::param::{Event, Name, Refusal, Value};
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{ParameterRequest, ParameterSetCommand};
 
-use crate::session::context::Origin;
+use crate::session::allowance::{Allowance, Rate};
+use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
+use crate::session::turns::Turns;
 
-/// The machine: for whom each request on its way to the vehicle is, in their order.
+/// The machine.
 #[derive(Debug, Default)]
 pub(super) struct ParameterRequests {
-    work: VecDeque<Purpose>,
+    /// What the bridge needs itself.
+    own: VecDeque<(Purpose, Name)>,
+    stations: Turns<(Origin, Wanted)>,
+    /// For whom the vehicle is being asked.
+    active: Option<(Purpose, Wanted)>,
     /// As the vehicle has last reported them.
-    known: BTreeMap<Name, Value>,
-    /// Which parameters each station has requested.
-    followed: BTreeMap<usize, Followed>,
+    known: BTreeMap<Name, Known>,
+    /// Stations that have requested all parameters: they follow each.
+    follow_all: BTreeSet<usize>,
+    /// What each station may still ask for.
+    rates: BTreeMap<usize, Allowances>,
 }
 
-#[derive(Debug)]
+/// For whom the vehicle is asked.
+#[derive(Debug, Clone, Copy)]
 pub(super) enum Purpose {
     Configuration,
     /// `vsm check-vehicle`.
     Settings,
     Station(Origin),
+    /// Nobody waits for it any more.
+    Nobody,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Wanted {
+    Read(Name),
+    Set(Name, Value),
+    List,
 }
 
 #[derive(Debug)]
-enum Followed {
-    All,
-    These(BTreeSet<Name>),
+struct Known {
+    value: Value,
+    /// Who has requested it. A name that the vehicle does not have is followed by nobody: names are the stations' to invent.
+    followers: BTreeSet<usize>,
 }
 
-impl ParameterRequests {
-    fn follow(&mut self, station: usize, name: Option<Name>) {
-        let followed = self.followed.entry(station);
-        let followed = followed.or_insert_with(|| Followed::These(BTreeSet::new()));
-        match (followed, name) {
-            (followed, None) => *followed = Followed::All,
-            (Followed::These(names), Some(name)) => {
-                names.insert(name);
-            }
-            (Followed::All, Some(_)) => {}
-        }
-    }
-
-    pub(super) fn followers(&self, name: Name) -> impl Iterator<Item = usize> + '_ {
-        let follows = move |followed: &Followed| match followed {
-            Followed::All => true,
-            Followed::These(names) => names.contains(&name),
-        };
-        let stations = self.followed.iter();
-        stations.filter_map(move |(station, followed)| follows(followed).then_some(*station))
-    }
+#[derive(Debug, Default)]
+struct Allowances {
+    single: Allowance,
+    lists: Allowance,
 }
 
+/// What the machine asks of the vehicle.
 impl ParameterRequests {
-    /// Reads parameters for the configuration phase; how many could be requested.
+    /// Reads parameters for the configuration phase, each once.
     pub(super) fn read_for_configuration(
         &mut self,
+        context: &Context<'_>,
         names: Vec<Name>,
         effects: &mut Effects<'_>,
-    ) -> usize {
-        let now = effects.dli.now.mono;
-        let mut requested = 0;
-        for name in names {
-            // A name that finds the queue full is left out: the count must match the answers that will come.
-            if effects.vehicle.parameters.read(now, name).is_ok() {
-                self.work.push_back(Purpose::Configuration);
-                requested += 1;
-            }
-        }
-        requested
+    ) {
+        // What is left of an earlier reading would end this one too early.
+        self.drop_configuration();
+        let names = names.into_iter();
+        self.own
+            .extend(names.map(|name| (Purpose::Configuration, name)));
+        self.advance(context, effects);
     }
 
-    /// Reads one for `vsm check-vehicle`; false where too many wait already.
-    pub(super) fn read_setting(&mut self, name: Name, effects: &mut Effects<'_>) -> bool {
-        let now = effects.dli.now.mono;
-        let begun = effects.vehicle.parameters.read(now, name).is_ok();
-        if begun {
-            self.work.push_back(Purpose::Settings);
+    /// The reading for the configuration phase has ended, whatever of it was not read.
+    pub(super) fn drop_configuration(&mut self) {
+        self.own
+            .retain(|(purpose, _)| !matches!(purpose, Purpose::Configuration));
+        if let Some((purpose @ Purpose::Configuration, _)) = &mut self.active {
+            *purpose = Purpose::Nobody;
         }
-        begun
+    }
+
+    /// Reads one for `vsm check-vehicle`.
+    pub(super) fn read_setting(
+        &mut self,
+        context: &Context<'_>,
+        name: Name,
+        effects: &mut Effects<'_>,
+    ) {
+        self.own.push_back((Purpose::Settings, name));
+        self.advance(context, effects);
     }
 
     /// 50010.
     pub(super) fn request(
         &mut self,
+        context: &Context<'_>,
         origin: Origin,
         request: &ParameterRequest,
         effects: &mut Effects<'_>,
@@ -102,24 +117,20 @@ impl ParameterRequests {
             .parameter_name
             .as_ref()
             .map_or("", |name| name.as_str());
-        let name = match name {
-            "" => None,
+        let wanted = match name {
+            "" => Wanted::List,
             name => match Name::new(name) {
-                Ok(name) => Some(name),
+                Ok(name) => Wanted::Read(name),
                 Err(fault) => return effects.refuse(Some(origin), fault.to_string()),
             },
         };
-        let now = effects.dli.now.mono;
-        let begun = match name {
-            Some(name) => effects.vehicle.parameters.read(now, name),
-            None => effects.vehicle.parameters.list(now),
-        };
-        self.begin(origin, name, begun, effects);
+        self.begin(context, origin, wanted, effects);
     }
 
     /// 50011.
     pub(super) fn set(
         &mut self,
+        context: &Context<'_>,
         origin: Origin,
         command: &ParameterSetCommand,
         effects: &mut Effects<'_>,
@@ -135,41 +146,135 @@ impl ParameterRequests {
         };
         let name = Name::new(name).map_err(|fault| fault.to_string());
         match name.and_then(|name| checked.map(|value| (name, value))) {
-            Ok((name, value)) => {
-                let now = effects.dli.now.mono;
-                let begun = effects.vehicle.parameters.set(now, name, value);
-                self.begin(origin, Some(name), begun, effects);
-            }
+            Ok((name, value)) => self.begin(context, origin, Wanted::Set(name, value), effects),
             Err(why) => effects.refuse(Some(origin), why),
         }
     }
 
     fn begin(
         &mut self,
+        context: &Context<'_>,
         origin: Origin,
-        name: Option<Name>,
-        begun: Result<(), StartError>,
+        wanted: Wanted,
         effects: &mut Effects<'_>,
     ) {
-        if let Err(full) = begun {
-            return effects.refuse(Some(origin), full.to_string());
+        let station = origin.station;
+        if self.stations.waiting(station) >= MAX_PLACES {
+            let why = format!(
+                "{MAX_PLACES} parameter requests of this station wait already: wait for their answers"
+            );
+            return effects.refuse(Some(origin), why);
+        }
+        let rates = self.rates.entry(station).or_default();
+        let (rate, allowance, what) = match wanted {
+            Wanted::List => (LISTS, &mut rates.lists, "all parameters"),
+            Wanted::Read(_) | Wanted::Set(..) => (SINGLE, &mut rates.single, "parameters"),
+        };
+        if !allowance.take(context.mono(), rate) {
+            let why = format!(
+                "this station requests {what} too often: more than {} times within {} s",
+                rate.burst.as_millis() / rate.cost.as_millis().max(1),
+                rate.burst.as_secs()
+            );
+            return effects.refuse(Some(origin), why);
         }
         effects.acknowledge(&origin, AckType::Received);
-        self.work.push_back(Purpose::Station(origin));
-        self.follow(origin.station, name);
+        self.stations.push(station, (origin, wanted));
+        self.advance(context, effects);
     }
 
-    /// For whom the request is that has just ended. Requests end in the order in which they began.
-    pub(super) fn ended(&mut self) -> Option<Purpose> {
-        self.work.pop_front()
-    }
-
-    /// Keeps a value that the vehicle has reported; what it was before, where it was known.
-    pub(super) fn learn(&mut self, name: Name, value: Value) -> Option<Value> {
-        if self.known.len() >= MAX_KNOWN && !self.known.contains_key(&name) {
-            return None;
+    /// Asks the vehicle the next thing, where it is asked nothing.
+    pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        while self.active.is_none() {
+            let own = self.own.pop_front();
+            let next = own.map(|(purpose, name)| (purpose, Wanted::Read(name)));
+            let next = next.or_else(|| {
+                let (_, (origin, wanted)) = self.stations.pop()?;
+                Some((Purpose::Station(origin), wanted))
+            });
+            let Some((purpose, wanted)) = next else {
+                return;
+            };
+            if let (Purpose::Station(origin), Wanted::Set(..)) = (purpose, wanted)
+                && context.asker(origin.station).map(|asker| asker.id) != context.controller
+            {
+                let why = "control of the vehicle was lost before it was asked";
+                effects.refuse(Some(origin), why);
+                continue;
+            }
+            let (client, now) = (&mut effects.vehicle.parameters, effects.dli.now.mono);
+            let begun = match wanted {
+                Wanted::Read(name) => client.read(now, name),
+                Wanted::Set(name, value) => client.set(now, name, value),
+                Wanted::List => client.list(now),
+            };
+            match (begun, purpose) {
+                (Ok(()), _) => self.active = Some((purpose, wanted)),
+                (Err(full), Purpose::Station(origin)) => {
+                    effects.refuse(Some(origin), full.to_string());
+                }
+                // It has one request at a time, so this waits for no more than its unread events.
+                (Err(_), _) => {
+                    if let Wanted::Read(name) = wanted {
+                        self.own.push_front((purpose, name));
+                    }
+                    return;
+                }
+            }
         }
-        self.known.insert(name, value)
+    }
+
+    /// For whom the request is that has just ended. Whoever takes it lets the next one begin ([`Self::advance`]).
+    pub(super) fn ended(&mut self) -> Option<Purpose> {
+        let (purpose, wanted) = self.active.take()?;
+        if let (Purpose::Station(origin), Wanted::List) = (purpose, wanted) {
+            self.follow_all.insert(origin.station);
+        }
+        Some(purpose)
+    }
+}
+
+/// What the vehicle has reported, and who follows it.
+impl ParameterRequests {
+    /// Keeps a value that the vehicle has reported, and that a station follows it; what it was before, where it was known.
+    pub(super) fn learn(
+        &mut self,
+        name: Name,
+        value: Value,
+        follower: Option<usize>,
+    ) -> Option<Value> {
+        if let Some(known) = self.known.get_mut(&name) {
+            known.followers.extend(follower);
+            return Some(std::mem::replace(&mut known.value, value));
+        }
+        if self.known.len() < MAX_KNOWN {
+            let followers = follower.into_iter().collect();
+            self.known.insert(name, Known { value, followers });
+        }
+        None
+    }
+
+    pub(super) fn followers(&self, name: Name) -> BTreeSet<usize> {
+        let known = self.known.get(&name);
+        let of_it = known.map(|known| &known.followers);
+        self.follow_all
+            .union(of_it.unwrap_or(&BTreeSet::new()))
+            .copied()
+            .collect()
+    }
+
+    /// How many names it remembers.
+    #[cfg(test)]
+    pub(super) fn remembered(&self) -> usize {
+        self.known.len()
+    }
+
+    /// The station does not listen any more.
+    pub(super) fn forget(&mut self, station: usize) {
+        self.follow_all.remove(&station);
+        for known in self.known.values_mut() {
+            known.followers.remove(&station);
+        }
     }
 }
 
@@ -219,3 +324,15 @@ fn why(reason: &Refusal) -> String {
 
 /// A bound on memory: PX4 has some 950.
 const MAX_KNOWN: usize = 4_096;
+/// Requests of one station that wait.
+pub(super) const MAX_PLACES: usize = 16;
+/// Single parameters of one station: each of a vehicle's, one after the other, and then 100 a second.
+const SINGLE: Rate = Rate {
+    cost: Duration::from_millis(10),
+    burst: Duration::from_secs(10),
+};
+/// All of them, which takes the vehicle some seconds.
+const LISTS: Rate = Rate {
+    cost: Duration::from_secs(5),
+    burst: Duration::from_secs(20),
+};

@@ -57,8 +57,9 @@ impl Requests {
             PingTarget::Vehicle if !context.vehicle.live() => {
                 effects.refuse(Some(origin), "no data from the vehicle");
             }
-            PingTarget::Vehicle if self.pings.len() >= MAX_PINGS => {
-                effects.refuse(Some(origin), format!("{MAX_PINGS} pings are pending"));
+            PingTarget::Vehicle if self.pending(origin.station) >= MAX_PINGS => {
+                let why = format!("{MAX_PINGS} pings of this station are pending");
+                effects.refuse(Some(origin), why);
             }
             PingTarget::Vehicle => {
                 effects.acknowledge(&origin, AckType::Received);
@@ -78,6 +79,12 @@ impl Requests {
                 effects.refuse(Some(origin), why);
             }
         }
+    }
+
+    /// Pings of a station that are on their way.
+    fn pending(&self, station: usize) -> usize {
+        let of_it = |ping: &&Ping| ping.origin.station == station;
+        self.pings.iter().filter(of_it).count()
     }
 
     /// The vehicle has returned a ping.
@@ -188,4 +195,5 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// A radio's round trip, and a loss.
 const PING_WITHIN: Duration = Duration::from_secs(3);
 const SOFTWARE_WITHIN: Duration = Duration::from_secs(3);
+/// Of one station.
 const MAX_PINGS: usize = 16;

@@ -93,12 +93,6 @@ impl SettingsReading {
         self.found.note(event);
     }
 
-    /// The awaited one could not be requested: it and the rest stay unknown.
-    pub(super) fn drop_awaited(&mut self) {
-        self.awaited = None;
-        self.left.clear();
-    }
-
     /// The vehicle is silent: what was not read stays unknown.
     pub(super) fn give_up(&mut self) {
         self.left.clear();

@@ -1,5 +1,6 @@
 //! The machine without the others: parameters and their followers, schedules, the silence of the vehicle.
 
+use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::param::{Name, Value};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{ParameterRequest, ParameterSetCommand};
@@ -88,6 +89,7 @@ fn a_follower_is_sent_what_another_station_sets_and_that_one_its_own_answer() {
     for (station, expected) in [(0, &[50012][..]), (1, &[17000, 50012, 17000])] {
         let (mut world, mut reports) = followed();
         world.advance(Duration::from_secs(1));
+        world.controller = Some(world.stations[1].id());
         let set = ParameterSetCommand {
             parameter_name: Some(stanag_msgs::Text::new(NAME)),
             commanded_value: Some(7.0),
@@ -173,4 +175,107 @@ fn the_silence_of_the_vehicle_stands_as_an_alert_until_it_is_received_again() {
     );
     observe(&mut world, &mut reports, Input::LinkUp);
     assert_eq!(world.alerts.standing().count(), 0);
+}
+
+/// Names of parameters that nobody has, one after the other.
+fn invented(world: &mut World, reports: &mut Reports, count: usize) {
+    for number in 0..count {
+        let request = ParameterRequest {
+            parameter_name: Some(stanag_msgs::Text::new(&format!("NONE_{number}"))),
+            ..ParameterRequest::default()
+        };
+        command(world, reports, 0, request);
+    }
+}
+
+/// The parameter that the vehicle is asked for, which is then answered.
+fn asked(world: &mut World, reports: &mut Reports) -> Option<Name> {
+    let message = world.services.parameters.poll_transmit()?;
+    let MavMessage::PARAM_REQUEST_READ(request) = message else {
+        panic!("{message:?}")
+    };
+    let name = Name::from_wire(&request.param_id).expect("a name");
+    // It does not have it.
+    world.advance(Duration::from_secs(60));
+    while world.services.parameters.pending() > 0 {
+        world.advance(Duration::from_secs(1));
+        world.services.parameters.handle_timeout(world.now.mono);
+        while world.services.parameters.poll_transmit().is_some() {}
+    }
+    while let Some(event) = world.services.parameters.poll_event() {
+        observe(world, reports, Input::ParameterServiceEnded(event));
+    }
+    Some(name)
+}
+
+#[test]
+fn a_station_that_fills_its_places_delays_another_and_the_bridge_itself_by_one_request() {
+    let (mut world, mut reports) = (World::new(), Reports::default());
+    invented(&mut world, &mut reports, 500);
+    let answers = acknowledgements(&world.sent_to(0));
+    let received = answers.iter().filter(|one| **one == AckType::Received);
+    // One is on its way.
+    assert_eq!(received.count(), parameters::MAX_PLACES + 1);
+    let refused = answers.iter().filter(|one| **one == AckType::Refused);
+    assert_eq!(refused.count(), 499 - parameters::MAX_PLACES);
+    let request = ParameterRequest {
+        parameter_name: Some(stanag_msgs::Text::new(NAME)),
+        ..ParameterRequest::default()
+    };
+    command(&mut world, &mut reports, 1, request);
+    // The vehicle is there: what bounds routes is read, all of it.
+    observe(&mut world, &mut reports, Input::LinkUp);
+    let mut order = vec![];
+    while let Some(name) = asked(&mut world, &mut reports) {
+        order.push(name.as_str().to_owned());
+    }
+    let own = mapping::parameter::NAMES.len();
+    assert_eq!(order.len(), own + parameters::MAX_PLACES + 2);
+    assert_eq!(order[0], "NONE_0");
+    assert!(order[1..=own].iter().all(|name| !name.starts_with("NONE_")));
+    assert_eq!(order[own + 1], NAME, "{order:?}");
+    assert!(!reports.parameters().reading);
+}
+
+#[test]
+fn a_name_that_the_vehicle_does_not_have_is_remembered_by_nobody() {
+    let (mut world, mut reports) = (World::new(), Reports::default());
+    for _ in 0..20 {
+        invented(&mut world, &mut reports, parameters::MAX_PLACES);
+        while asked(&mut world, &mut reports).is_some() {}
+    }
+    let name = Name::new("NONE_0").expect("a name");
+    assert!(reports.parameters.followers(name).is_empty());
+    assert_eq!(reports.parameters.remembered(), 0);
+}
+
+#[test]
+fn a_write_of_who_has_lost_control_meanwhile_is_refused_and_never_sent() {
+    let (mut world, mut reports) = (World::new(), Reports::default());
+    invented(&mut world, &mut reports, 1);
+    let set = ParameterSetCommand {
+        parameter_name: Some(stanag_msgs::Text::new(NAME)),
+        commanded_value: Some(7.0),
+        ..ParameterSetCommand::default()
+    };
+    command(&mut world, &mut reports, 0, set);
+    world.sent_to(0);
+    world.controller = Some(world.stations[1].id());
+    assert!(asked(&mut world, &mut reports).is_some());
+    assert!(world.services.parameters.poll_transmit().is_none());
+    let answers = acknowledgements(&world.sent_to(0));
+    assert_eq!(answers, [AckType::Refused; 2]);
+}
+
+#[test]
+fn a_flood_of_lists_is_refused_with_its_rate_and_another_station_has_its_own() {
+    let (mut world, mut reports) = (World::new(), Reports::default());
+    for _ in 0..9 {
+        command(&mut world, &mut reports, 0, ParameterRequest::default());
+    }
+    let answers = acknowledgements(&world.sent_to(0));
+    let received = answers.iter().filter(|one| **one == AckType::Received);
+    assert_eq!(received.count(), 4, "{answers:?}");
+    command(&mut world, &mut reports, 1, ParameterRequest::default());
+    assert_eq!(acknowledgements(&world.sent_to(1)), [AckType::Received]);
 }
