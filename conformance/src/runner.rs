@@ -35,6 +35,8 @@ pub struct Options {
     pub overrides: bool,
     /// Whether a fail is repeated.
     pub repeat: bool,
+    /// Rules whose fail is expected: once is enough.
+    pub expected: BTreeSet<String>,
 }
 
 /// Share of lost round trips up to which a network is called whole.
@@ -362,8 +364,10 @@ impl Run<'_> {
         let first = self.attempt(scene, report);
         let mut attempts = Vec::new();
         let mut judgement = repeated(first, &mut attempts, || {
-            let possible =
-                self.options.repeat && !self.bench.net.interrupted() && alive(&self.bench);
+            let possible = self.options.repeat
+                && !self.options.expected.contains(&rule.id)
+                && !self.bench.net.interrupted()
+                && alive(&self.bench);
             possible.then(|| self.attempt(scene, report))
         });
         report.attempts.extend(attempts);

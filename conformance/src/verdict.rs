@@ -84,11 +84,11 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// A judgement.
+    /// A judgement. Rules write a field that may be absent by `{:?}`: the reason shows the value alone, or "absent".
     pub fn new(verdict: Verdict, reason: impl Into<String>) -> Self {
         Self {
             verdict,
-            reason: reason.into(),
+            reason: without_options(&reason.into()),
         }
     }
 
@@ -119,6 +119,44 @@ impl Judgement {
         };
         Self { verdict, ..self }
     }
+}
+
+/// `Some(40)` as `40`, `None` as `absent`, in a sentence for people who do not write Rust.
+fn without_options(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    // Which open parentheses are those of a `Some`.
+    let mut open = Vec::new();
+    let mut rest = text;
+    while let Some(next) = rest.chars().next() {
+        // Only where a word begins: a subject's own text may have it in the middle of one.
+        let begins = !plain.ends_with(|before: char| before.is_alphanumeric());
+        if let Some(behind) = rest.strip_prefix("Some(").filter(|_| begins) {
+            open.push(true);
+            rest = behind;
+            continue;
+        }
+        if let Some(behind) = rest
+            .strip_prefix("None")
+            .filter(|behind| begins && !behind.starts_with(|after: char| after.is_alphanumeric()))
+        {
+            plain.push_str("absent");
+            rest = behind;
+            continue;
+        }
+        let ends_option = match next {
+            '(' => {
+                open.push(false);
+                false
+            }
+            ')' => open.pop() == Some(true),
+            _ => false,
+        };
+        if !ends_option {
+            plain.push(next);
+        }
+        rest = &rest[next.len_utf8()..];
+    }
+    plain
 }
 
 /// Why a scene ends before its end.
@@ -207,5 +245,21 @@ mod tests {
         assert_eq!(verdict(Level::Should, true), Verdict::Fail);
         assert_eq!(verdict(Level::Must, false), Verdict::Fail);
         assert_eq!(verdict(Level::May, true), Verdict::Pass);
+    }
+
+    #[test]
+    fn a_reason_shows_values_and_no_options() {
+        let reason = format!(
+            "shows {:?} (was {:?}), {:?} and {:?}",
+            Some(40),
+            None::<i64>,
+            (Some(1), [None, Some("a (b)")]),
+            "Someone()"
+        );
+        let judged = Judgement::new(Verdict::Fail, reason);
+        assert_eq!(
+            judged.reason,
+            "shows 40 (was absent), (1, [absent, \"a (b)\"]) and \"Someone()\""
+        );
     }
 }

@@ -167,6 +167,7 @@ fn options(
         hazards: hazards(arguments, profile),
         overrides: arguments.allow.contains(&Allow::Override),
         repeat: !arguments.no_repeat,
+        expected: BTreeSet::new(),
     })
 }
 
@@ -174,8 +175,10 @@ fn options(
 pub(super) fn judge(arguments: &VsmArguments) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
     let (address, profile) = subject(arguments)?;
-    let options = options(arguments, &profile, &catalogue)?;
+    let mut options = options(arguments, &profile, &catalogue)?;
     let expected = arguments.outputs.read_expected()?;
+    let fails = expected.iter().filter(|entry| entry.verdict.is_fail());
+    options.expected = fails.map(|entry| entry.rule.clone()).collect();
     if arguments.dry_run {
         dry_run(&catalogue, &options);
         return Ok(0);

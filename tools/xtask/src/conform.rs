@@ -36,23 +36,29 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         &format!("udpin:{mavlink}"),
     ]);
     steps.run_here(&mut init)?;
+    write_key(&folder.join("uav2.key"))?;
     let configuration = folder.join("vsm.toml");
     let text = fs::read_to_string(&configuration).context("vsm.toml")?;
-    fs::write(&configuration, text + STATIONS).context("vsm.toml")?;
+    let second = SECOND_VEHICLE.replace("MAVLINK", &mavlink);
+    fs::write(&configuration, text + FURTHER + &second).context("vsm.toml")?;
 
     let _bridge = Started::begin(program("vsm", &folder).arg("run"))?;
-    let mut vehicle = program("px4-sim", &folder);
-    vehicle.args([
-        "--link",
-        &format!("udpout:{mavlink}"),
-        "--key-file",
-        "uav1.key",
-        "--speed",
-        "10",
-    ]);
-    let _vehicle = Started::begin(&mut vehicle)?;
+    let vehicles = (1..=2)
+        .map(|number| {
+            let mut vehicle = program("px4-sim", &folder);
+            vehicle.args(["--link", &format!("udpout:{mavlink}"), "--speed", "10"]);
+            vehicle.args(["--system-id", &number.to_string()]);
+            vehicle.args(["--key-file", &format!("uav{number}.key")]);
+            Started::begin(&mut vehicle)
+        })
+        .collect::<Result<Vec<_>>>()?;
     std::thread::sleep(BOOT);
-    fs::write(folder.join("profile.toml"), PROFILE).context("profile.toml")?;
+    // A stopped vehicle sends and answers nothing, as one out of range.
+    let pid = vehicles[0].0.id();
+    let means = format!(
+        "[means]\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n"
+    );
+    fs::write(folder.join("profile.toml"), PROFILE.to_owned() + &means).context("profile.toml")?;
     let mut judge = program("dli-check", &folder);
     judge.args(["vsm", &dli, "--profile", "profile.toml", "--out", "report"]);
     judge
@@ -72,14 +78,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
 /// `conformance/mavlink/known.toml`.
 fn run_mavlink(steps: &mut Steps, further: &[String]) -> Result<()> {
     let folder = prepare(steps)?;
-    let mut key = [0_u8; 32];
-    fs::File::open("/dev/urandom")
-        .and_then(|mut source| source.read_exact(&mut key))
-        .context("a key")?;
-    let digits: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
-    let file = folder.join("uav1.key");
-    fs::write(&file, digits).context("uav1.key")?;
-    fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).context("uav1.key")?;
+    write_key(&folder.join("uav1.key"))?;
     let mavlink = free_port()?;
     let mut vehicle = program("px4-sim", &folder);
     vehicle.args([
@@ -100,6 +99,18 @@ fn run_mavlink(steps: &mut Steps, further: &[String]) -> Result<()> {
     judge.arg(root().join("conformance/mavlink/known.toml"));
     judge.args(further);
     steps.run_here(&mut judge)
+}
+
+/// A signing key of its own for this run, which nobody else can read.
+fn write_key(file: &Path) -> Result<()> {
+    let mut key = [0_u8; 32];
+    fs::File::open("/dev/urandom")
+        .and_then(|mut source| source.read_exact(&mut key))
+        .context("a key")?;
+    let digits: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+    fs::write(file, digits).context("a key file")?;
+    fs::set_permissions(file, fs::Permissions::from_mode(0o600)).context("a key file")?;
+    Ok(())
 }
 
 /// Builds the programs, and empties the folder of the run.
@@ -149,8 +160,13 @@ impl Drop for Started {
     }
 }
 
-/// Beside the one that `vsm init` lists: another, and one that may override.
-const STATIONS: &str = "
+/// Beside the station that `vsm init` lists: another, and one that may override. Silence is acted on sooner than by default, since the
+/// suite waits for it.
+const FURTHER: &str = "
+[authority]
+warn_s = 1.0
+offer_s = 2.0
+act_s = 5.0
 [[cucs]]
 id = \"1b:00:00:a1\"
 loi = [2, 3, 4, 5]
@@ -158,6 +174,15 @@ override = true
 [[cucs]]
 id = \"1b:00:00:a2\"
 loi = [2, 3, 4, 5]
+";
+/// On the link of the first: what is addressed to one must not reach the other.
+const SECOND_VEHICLE: &str = "
+[[vehicle]]
+id = \"1b:00:01:02\"
+link = \"udpin:MAVLINK\"
+system_id = 2
+tail_number = \"SITL-02\"
+signing = { key_file = \"uav2.key\" }
 ";
 /// What `dli-check` has to know of them. The place is that of px4-sim.
 const PROFILE: &str = "
@@ -181,8 +206,13 @@ simulated = true
 position = [47.397742, 8.545594]
 amsl_m = 488.0
 geoid_m = 47.4
+[[vehicle]]
+id = \"1b:00:01:02\"
+simulated = true
 [figures]
 speed_factor = 10.0
+offer_s = 2.0
+act_s = 5.0
 on_loss = \"continue\"
 ";
 /// Until the vehicle has a position and can be armed, ten times faster than time.
