@@ -314,7 +314,8 @@ class Flight:
         self.check("everything received can be decoded, and encodes to the same bytes", not c.unreadable, c.unreadable[:3])
         stamps = {}
         for m in c.inbox:
-            stamps.setdefault(m.value["source"], []).append((m.fields.get("Time Stamp"), m.id))
+            # A measurement is older than an answer of now: stamps rise in each message type.
+            stamps.setdefault((m.value["source"], m.id), []).append((m.fields.get("Time Stamp"), m.id))
         falls = [(a, b) for s in stamps.values() for a, b in zip(s, s[1:]) if a[0] is None or b[0] is None or b[0] <= a[0]]
         self.check("stamps rise strictly", not falls, falls[:3])
         now = (time.time() - dli.EPOCH_2000_S) * 1000

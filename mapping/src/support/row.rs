@@ -49,6 +49,9 @@ macro_rules! facts {
 pub(super) use facts;
 
 pub(super) const STAMP: &str = "rises strictly";
+/// Of what the vehicle measures.
+pub(super) const MEASURED: &str = "when it was measured, by the vehicle's clock (time_boot_ms, TIMESYNC); when it arrived where the vehicle does not \
+     answer TIMESYNC; rises strictly from one of this message to the next";
 pub(super) const RECEIVED_STAMP: &str = "identifies a duplicate, and is returned in 17000";
 pub(super) const NULL_LINK: &str = "the null id: data links are the link's own matter";
 pub(super) const ECHO: &str = "returned in 2";

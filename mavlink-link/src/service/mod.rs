@@ -13,7 +13,7 @@
 //!   follows from its `Timing`, as long as `handle_timeout` is called at the time of `poll_timeout`.
 //!
 //! [`command`] sends commands, [`interval`] requests message rates on top of it, [`mission`] transfers plans, [`param`]
-//! reads and sets parameters, [`text`] assembles status texts.
+//! reads and sets parameters, [`text`] assembles status texts, [`timesync`] compares the vehicle's clock with ours.
 
 mod bounded;
 pub mod command;
@@ -21,6 +21,7 @@ pub mod interval;
 pub mod mission;
 pub mod param;
 pub mod text;
+pub mod timesync;
 
 pub use crate::frame::Node;
 pub use bounded::Bounded;

@@ -44,4 +44,6 @@ pub use mavlink_link::service::param::Value;
 pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use physics::vtol::VtolState;
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
-pub use vehicle::state::{HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters};
+pub use vehicle::state::{
+    ClockFault, HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters,
+};

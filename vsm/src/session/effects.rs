@@ -11,6 +11,7 @@
 //!   never finds itself called again in the middle of a change.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use mapping::alert;
 use mavlink_link::Now;
@@ -443,6 +444,23 @@ impl Effects<'_> {
     /// The stamp of a message made now.
     pub(crate) fn stamp(&mut self) -> TimeStamp {
         self.dli.stamp()
+    }
+
+    /// The stamp of a report to one station: when it was measured, where it is one of measurements.
+    pub(crate) fn stamp_measured(
+        &mut self,
+        station: usize,
+        message: u16,
+        at: Option<Duration>,
+    ) -> TimeStamp {
+        let there = self.dli.stations.get(station);
+        match there.zip(at) {
+            Some((there, at)) => {
+                let series = (self.dli.shown_as(self.id), there.id(), message);
+                self.dli.outbox.stamp_measured(self.dli.now, at, series)
+            }
+            None => self.stamp(),
+        }
     }
 
     /// Sends to one station.

@@ -70,6 +70,7 @@ mod alerts;
 mod allowance;
 mod authority;
 mod bridge;
+mod clock_offset;
 mod context;
 mod counters;
 mod duplicates;

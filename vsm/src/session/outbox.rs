@@ -3,7 +3,7 @@
 //! What a message promises may still be on its way to a slow disk. Such a message is held, and with it what answers the
 //! same station afterwards, so that its answers keep their order; nobody else waits for it.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -146,18 +146,30 @@ pub(crate) struct Outbox {
     held: VecDeque<Held>,
     /// The answers of this call depend on decisions of earlier calls, stored by these changes of the disk.
     pub(crate) answer_after: Changes,
-    last_stamp: u64,
+    /// Of the latest message, ms since 1970: the stamp itself rolls over.
+    last_stamp_ms: u64,
+    /// The same of the latest report of measurements, by source, destination and type.
+    measured_ms: BTreeMap<Series, u64>,
     pub(crate) sent: ByType,
 }
 
 impl Outbox {
     /// The stamp of a message made now: later than every one before.
     pub(crate) fn stamp(&mut self, now: Now) -> TimeStamp {
-        let wall = self.time.read(now);
-        let now = TimeStamp::from_unix_ms(u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)).0;
+        let now_ms = stamp_ms(self.time.read(now));
         // Two messages within a millisecond still get rising stamps.
-        self.last_stamp = now.max(self.last_stamp + 1);
-        TimeStamp(self.last_stamp)
+        self.last_stamp_ms = now_ms.max(self.last_stamp_ms + 1);
+        TimeStamp::from_unix_ms(self.last_stamp_ms)
+    }
+
+    /// The stamp of a report of what was measured at `at`, by the monotonic clock: that time, and later than that of the
+    /// report before it in its series. Stamps of one message type rise; a measurement is older than an answer of now.
+    pub(crate) fn stamp_measured(&mut self, now: Now, at: Duration, series: Series) -> TimeStamp {
+        let age = now.mono.saturating_sub(at);
+        let at_ms = stamp_ms(self.time.read(now).saturating_sub(age));
+        let last_ms = self.measured_ms.entry(series).or_default();
+        *last_ms = at_ms.max(*last_ms + 1);
+        TimeStamp::from_unix_ms(*last_ms)
     }
 
     /// Keeps something until changes of the disk are durable; false where there is no room, and it is lost.
@@ -256,7 +268,20 @@ impl Outbox {
         };
         let envelope = profile.envelope(frame.header.source, frame.header.destination);
         let decoded = readings.decode(frame.header.message_type, frame.data);
-        let stamped = decoded.map(|message| message.stamped(self.stamp(now)));
+        let series = (
+            frame.header.source,
+            frame.header.destination,
+            frame.header.message_type,
+        );
+        let stamp = match self.measured_ms.get_mut(&series) {
+            None => self.stamp(now),
+            // What was measured is no younger for having waited: it comes just after what has overtaken it.
+            Some(last_ms) => {
+                *last_ms += 1;
+                TimeStamp::from_unix_ms(*last_ms)
+            }
+        };
+        let stamped = decoded.map(|message| message.stamped(stamp));
         let again =
             stamped.map(|message| Outbox::compose(datagram.to, profile, &envelope, &message));
         again.ok().flatten().unwrap_or(datagram)
@@ -275,6 +300,16 @@ impl Outbox {
     }
 }
 
+/// Source, destination and type of a report.
+pub(crate) type Series = (Id, Id, u16);
+
+/// A time since 1970 as stamps count it, before they roll over: none is before 2000.
+fn stamp_ms(wall: Duration) -> u64 {
+    u64::try_from(wall.as_millis())
+        .unwrap_or(u64::MAX / 2)
+        .clamp(TimeStamp::EPOCH_UNIX_MS, u64::MAX / 2)
+}
+
 /// Datagrams that wait for the socket at most: a download of a full plan to several stations.
 const MAX_QUEUED: usize = 65_536;
 /// Messages that wait for the disk at most, of what one station has led to.
@@ -287,6 +322,7 @@ const STEP_LASTS: Duration = Duration::from_secs(10);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::duplicates::stamps_apart_ms;
 
     const WALL: Duration = Duration::from_secs(1_795_219_200);
     const YEAR: i64 = 366 * 86_400;
@@ -304,6 +340,65 @@ mod tests {
             (outbox.stamp(now).0.saturating_sub(start)) / 1_000
         });
         stamps.collect()
+    }
+
+    #[test]
+    fn stamps_rise_through_the_roll_over_of_2034() {
+        let roll_over = Duration::from_millis(TimeStamp::EPOCH_UNIX_MS + TimeStamp::PERIOD_MS);
+        let mut outbox = Outbox::default();
+        let series = (Id(1), Id(2), 4000);
+        let (mut last, mut last_measured) = (None::<TimeStamp>, None::<TimeStamp>);
+        for n in 0..400 {
+            let passed = Duration::from_millis(10 * n);
+            let now = Now {
+                mono: passed,
+                wall: roll_over - Duration::from_secs(2) + passed,
+            };
+            let stamp = outbox.stamp(now);
+            let measured = outbox.stamp_measured(
+                now,
+                passed.saturating_sub(Duration::from_millis(120)),
+                series,
+            );
+            for (stamp, last) in [(stamp, &mut last), (measured, &mut last_measured)] {
+                assert!(stamp.0 < TimeStamp::PERIOD_MS, "it fits its five bytes");
+                assert!(
+                    last.is_none_or(|last| stamps_apart_ms(stamp, last) > 0),
+                    "{n}"
+                );
+                *last = Some(stamp);
+            }
+        }
+        assert_eq!(last, Some(TimeStamp(1_990)), "1.99 s after it");
+        assert_eq!(last_measured, Some(TimeStamp(1_870)));
+    }
+
+    #[test]
+    fn what_was_measured_keeps_its_time_beside_answers_of_now_and_rises_in_its_series() {
+        let mut outbox = Outbox::default();
+        let (one, other) = ((Id(1), Id(2), 4000), (Id(1), Id(3), 4000));
+        let at = |ms: u64| Now {
+            mono: Duration::from_millis(ms),
+            wall: WALL + Duration::from_millis(ms),
+        };
+        let ms = |stamp: TimeStamp| stamp.unix_ms() - u64::try_from(WALL.as_millis()).unwrap();
+        assert_eq!(ms(outbox.stamp(at(1_000))), 1_000);
+        let measured = Duration::from_millis(880);
+        for series in [one, other] {
+            assert_eq!(ms(outbox.stamp_measured(at(1_001), measured, series)), 880);
+        }
+        assert_eq!(
+            ms(outbox.stamp_measured(at(1_002), measured, one)),
+            881,
+            "nothing newer is known"
+        );
+        assert_eq!(
+            ms(outbox.stamp(at(1_003))),
+            1_003,
+            "answers are not moved by it"
+        );
+        let newer = Duration::from_millis(1_080);
+        assert_eq!(ms(outbox.stamp_measured(at(1_200), newer, one)), 1_080);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use stanag_msgs::ed25::Version;
 
 use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, Silence};
+use super::clock_offset::ClockOffset;
 use super::editions::Translator;
 use super::station_profile::{Shown, StationProfile};
 use crate::config::{Cucs, Dli, Edition};
@@ -26,8 +27,8 @@ pub(crate) struct GroundStation {
     pub(crate) proven: bool,
     /// When anything of it was accepted last, acknowledgements apart.
     pub(crate) received: Option<Duration>,
-    /// How far the stamp of its latest message was ahead of this computer's clock, ms.
-    pub(crate) clock_ahead_ms: Option<i64>,
+    /// Its clock against this computer's.
+    pub(crate) clock: ClockOffset,
     /// It has sent 16002 from a proven address: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
     /// What it may still send.
@@ -47,7 +48,7 @@ impl GroundStation {
             peer: None,
             proven: false,
             received: None,
-            clock_ahead_ms: None,
+            clock: ClockOffset::default(),
             sends_heartbeats: false,
             allowance: StationAllowance::default(),
             spoken: None,
@@ -90,14 +91,6 @@ impl GroundStation {
         }
         if version.is_some() || shown.spoken.is_some() {
             self.spoken = Some((version.is_some(), now));
-        }
-    }
-
-    /// Its clock is so far ahead of this computer's, by a message. A change of seconds is one of the way here.
-    pub(crate) fn note_clock(&mut self, ahead_ms: i64) {
-        let known = self.clock_ahead_ms;
-        if known.is_none_or(|known| known.abs_diff(ahead_ms) > CLOCK_JITTER_MS) {
-            self.clock_ahead_ms = Some(ahead_ms);
         }
     }
 
@@ -153,5 +146,3 @@ impl GroundStation {
         Some(now.saturating_sub(received).as_secs_f64())
     }
 }
-
-const CLOCK_JITTER_MS: u64 = 60_000;

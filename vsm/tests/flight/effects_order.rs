@@ -769,6 +769,7 @@ fn one_timeout_after_the_controller_is_lost() {
             "B 16002",
             // 1: the link.
             "mav HEARTBEAT",
+            "mav TIMESYNC",
             // 2: the action after the loss.
             "mav MAV_CMD_DO_SET_MODE 4 5",
         ],
@@ -853,6 +854,7 @@ fn one_timeout_after_a_restart_in_the_middle_of_a_launch() {
             "A 16002",
             // 1: the link, and the first rate.
             "mav HEARTBEAT",
+            "mav TIMESYNC",
             "mav MAV_CMD_SET_MESSAGE_INTERVAL 436",
             // 10: the fence.
             "mav MISSION_COUNT",

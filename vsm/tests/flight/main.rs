@@ -12,7 +12,7 @@
 //! - how stations are spoken to: `station_profiles`
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - a station of Edition 2.5: `edition_25`
-//! - reports: `status`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
+//! - reports: `status`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
 
 mod after_a_return;
@@ -55,6 +55,7 @@ mod routes_by_type;
 mod shared_link;
 mod station_profiles;
 mod status;
+mod time_of_validity;
 mod vehicle_services;
 mod whole_route;
 mod wings;

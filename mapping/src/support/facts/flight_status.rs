@@ -1,6 +1,6 @@
 //! Status of the flight vehicle: 3000 to 12999.
 
-use crate::support::row::{STAMP, facts};
+use crate::support::row::{MEASURED, STAMP, facts};
 
 facts! {
     3000 sends "by 17001, on 17002" {
@@ -60,7 +60,7 @@ facts! {
         "Engine Power Setting": "VFR_HUD.throttle; 0 when disarmed";
     }
     3009 sends "by 17001, on 17002; never of a silent vehicle" {
-        "Time Stamp": STAMP;
+        "Time Stamp": MEASURED;
         "Indicated Airspeed": "VFR_HUD.airspeed";
         "U_Wind": "WIND_COV";
         "V_Wind": "WIND_COV";
@@ -74,7 +74,7 @@ facts! {
         "V_Ground": "LOCAL_POSITION_NED";
     }
     3010 sends "by 17001, on 17002; never of a silent vehicle" {
-        "Time Stamp": STAMP;
+        "Time Stamp": MEASURED;
         "X_Body_Accel": "HIGHRES_IMU";
         "Y_Body_Accel": "HIGHRES_IMU";
         "Z_Body_Accel": "HIGHRES_IMU";
@@ -90,7 +90,7 @@ facts! {
         "Throttle Stick - Engine 1": "the last 2010";
     }
     4000 sends "every 200 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
-        "Time Stamp": STAMP;
+        "Time Stamp": MEASURED;
         "Latitude": "GLOBAL_POSITION_INT, absent without a fix";
         "Longitude": "GLOBAL_POSITION_INT, absent without a fix";
         "Altitude": "GLOBAL_POSITION_INT and the geoid separation";
@@ -106,7 +106,7 @@ facts! {
         "Turn Rate": "ATTITUDE";
     }
     4001 sends "every 400 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
-        "Time Stamp": STAMP;
+        "Time Stamp": MEASURED;
         "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
         "Speed Type": "2";
         "From Waypoint - Latitude": "the route aboard, once MISSION_ITEM_REACHED";

@@ -150,7 +150,8 @@ pub(crate) struct Sender {
     /// In Edition 2.5.
     border: Option<Border>,
     next_ticket: u64,
-    last_stamp: u64,
+    /// Of the latest message, ms since 1970.
+    last_stamp_ms: u64,
 }
 
 #[derive(Debug)]
@@ -192,7 +193,7 @@ impl Sender {
             out: VecDeque::new(),
             border: (config.edition == Edition::Ed25).then(|| Border::new(config.id)),
             next_ticket: 0,
-            last_stamp: 0,
+            last_stamp_ms: 0,
         }
     }
 
@@ -403,10 +404,11 @@ impl Sender {
         } else {
             1
         };
-        self.last_stamp = TimeStamp::from_unix_ms(unix_ms)
-            .0
-            .max(self.last_stamp + apart);
-        TimeStamp(self.last_stamp)
+        // Counted before it rolls over: the latest stamp of five bytes is followed by 0.
+        self.last_stamp_ms = unix_ms
+            .max(TimeStamp::EPOCH_UNIX_MS)
+            .max(self.last_stamp_ms + apart);
+        TimeStamp::from_unix_ms(self.last_stamp_ms)
     }
 
     fn envelope(&self, destination: Id, acknowledged: bool) -> Envelope {

@@ -14,7 +14,7 @@ use mavlink_link::service::Node;
 
 use super::command::{Command, is_for};
 use super::operator::changes_state;
-use super::state::{Outgoing, Vehicle};
+use super::state::{ClockFault, Outgoing, Vehicle};
 use crate::flight::steering::{Setpoint, Sticks};
 
 impl Vehicle {
@@ -71,8 +71,12 @@ impl Vehicle {
                     ..m.clone()
                 }));
             }
-            M::TIMESYNC(m) if m.tc1 == 0 => {
-                let tc1 = self.boot_us() as i64 * 1000;
+            M::TIMESYNC(m) if m.tc1 == 0 && self.health_faults.clock != ClockFault::Silent => {
+                let ahead_ms = match self.health_faults.clock {
+                    ClockFault::AheadMs(ahead_ms) => i64::from(ahead_ms),
+                    ClockFault::None | ClockFault::Silent => 0,
+                };
+                let tc1 = (self.boot_us() as i64 + ahead_ms * 1000) * 1000;
                 self.send(M::TIMESYNC(TIMESYNC_DATA {
                     tc1,
                     ts1: m.ts1,

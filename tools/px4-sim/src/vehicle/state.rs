@@ -64,7 +64,9 @@ pub struct Truth {
     pub time: Duration,
     /// Where it is; altitude AMSL.
     pub place: Geodetic,
-    /// The same in the local frame of the place of boot, m.
+    /// Where its estimator has it, which is what it reports.
+    pub believed: Geodetic,
+    /// The same as `place` in the local frame of the place of boot, m.
     pub position: Ned,
     /// Velocity over ground, m/s.
     pub velocity: Ned,
@@ -96,8 +98,22 @@ pub struct HealthFaults {
     pub instead: Option<Mode>,
     /// The wings fail: once on them, or on the way there, it drops out of them (quad-chute).
     pub quad_chute: bool,
+    /// What is wrong with its answers to TIMESYNC.
+    pub clock: ClockFault,
     /// In AUTO.MISSION it flies so much lower than its items, m, as a wing whose altitude reference is wrong.
     pub low_m: u16,
+}
+
+/// A vehicle that does not answer TIMESYNC as PX4 does.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ClockFault {
+    /// It does.
+    #[default]
+    None,
+    /// It does not answer.
+    Silent,
+    /// It answers with a clock that is so far ahead of that of its messages, ms.
+    AheadMs(i32),
 }
 
 /// What the vehicle has done with the commands and plans it received.
@@ -228,6 +244,7 @@ impl Vehicle {
         Truth {
             time: TICK * u32::try_from(self.ticks).unwrap_or(u32::MAX),
             place: self.frame.to_global(motion.position),
+            believed: self.believed_place(),
             position: motion.position,
             velocity: motion.velocity,
             attitude: motion.attitude,

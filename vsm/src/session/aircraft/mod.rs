@@ -20,6 +20,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use mavlink_link::frame::FrameView;
+use mavlink_link::service::timesync;
 use stanag_msgs::Id;
 
 use super::alerts::{Alerts, Cause};
@@ -101,6 +102,11 @@ impl Aircraft {
     /// MAVLink system id.
     pub(super) fn system(&self) -> u8 {
         self.config.system_id
+    }
+
+    /// The vehicle's clock against ours.
+    pub(super) fn clock(&self) -> &timesync::Client {
+        &self.services.clock
     }
 
     /// The stations that hold LOI 2.

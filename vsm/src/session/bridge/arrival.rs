@@ -22,7 +22,7 @@ use crate::session::aircraft::Aircraft;
 use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
-use crate::session::duplicates::{Seen, Verdict, is_command};
+use crate::session::duplicates::{Seen, Verdict, is_command, stamps_apart_ms};
 use crate::session::findings::dli::Fault;
 use crate::session::log::LogLevel;
 use crate::session::trace::DliTrace;
@@ -196,9 +196,9 @@ impl Bridge {
             self.dispatch(now, origin, header.destination, &message, disk);
             return true;
         };
-        let wall_ms = i64::try_from(now.wall.as_millis()).unwrap_or(i64::MAX);
-        let stamp_ms = i64::try_from(stamp.unix_ms()).unwrap_or(i64::MAX);
-        self.stations[index].note_clock(stamp_ms - wall_ms);
+        let wall_ms = u64::try_from(now.wall.as_millis()).unwrap_or(u64::MAX);
+        let ahead_ms = stamps_apart_ms(stamp, TimeStamp::from_unix_ms(wall_ms));
+        self.stations[index].clock.note(now.mono, ahead_ms);
         let ack_requested = origin.ack_requested;
         let seen = Seen::new(frame, &message, made_of, stamp, ack_requested, now.mono);
         // A release needs no stamp. One that has a stamp is no recording of a release made when nothing was held.

@@ -167,6 +167,10 @@ pub struct LinkStatus {
     pub unanswered_s: Option<f64>,
     /// Frames that verified under the key and were refused all the same, by the reason.
     pub refused_though_verified: BTreeMap<&'static str, u64>,
+    /// The shortest way there and back of late, s (TIMESYNC); none where the vehicle does not answer.
+    pub round_trip_s: Option<f64>,
+    /// Whether what the vehicle measures is dated by its own clock; else by its arrival.
+    pub clock_known: bool,
     /// How keys are agreed about over the air, where they are.
     pub exchange: Option<ExchangeStatus>,
     /// Refused frames in the vehicle's name, by the reason.
@@ -244,6 +248,8 @@ impl Bridge {
                     live_s: link
                         .live_since
                         .map(|at| now.saturating_sub(at).as_secs_f64()),
+                    round_trip_s: aircraft.clock().round_trip().map(|trip| trip.as_secs_f64()),
+                    clock_known: aircraft.clock().offset().is_some(),
                     exchange: link.agreement.status(),
                     refused: link.refused_frames(now),
                     strangers: self

@@ -37,10 +37,10 @@ impl Bridge {
             .filter(|one| one.proven && !one.removed)
         {
             let speaks = |at| mono.saturating_sub(at) < SPEAKS;
-            if let Some(ahead) = station.clock_ahead_ms
+            if let Some(ahead) = station.clock.off_ms()
                 && station.received.is_some_and(speaks)
             {
-                found.extend(dli::station_clock(station.id(), ahead));
+                found.push(dli::station_clock(station.id(), ahead));
             }
         }
         found

@@ -45,6 +45,7 @@ use self::command_log::{
 pub(crate) use self::recent::{Digest, Seen, commands_values, is_command};
 use self::recent::{MAX_COMMANDS, Recent, is_final};
 use self::refusals::{FLOWN, OLDER, OVERTAKEN, REPEATED, TOO_MANY_AHEAD, USED, late_text};
+pub(crate) use self::stamps::stamps_apart_ms;
 use self::stamps::{MAX_AHEAD, StationClock, UsedStamps};
 use self::stick_stamps::{Stick, StickStamps};
 

@@ -280,29 +280,29 @@ pub(crate) fn elsewhere(group: SocketAddr, interface: IpAddr, from: SocketAddr) 
     )
 }
 
-/// The clock of a station, by the stamp of its latest message, where it is far from this computer's.
-pub(crate) fn station_clock(station: Id, ahead_ms: i64) -> Option<Finding> {
+/// The clock of a station that is off from this computer's, by its stamps.
+pub(crate) fn station_clock(station: Id, ahead_ms: i64) -> Finding {
     let off = Duration::from_millis(ahead_ms.unsigned_abs());
     let way = if ahead_ms > 0 { "ahead of" } else { "behind" };
-    (off > CLOCKS_APART).then(|| {
-        let mut finding = Finding::new(
-            Code::CucsClock,
-            station,
-            format!(
-                "the time stamps of CUCS {station} are {} {way} this computer's clock",
-                span(off)
-            ),
-            "set both clocks (NTP): stamps count milliseconds since 2000 UTC",
-        );
-        finding.key = station.0;
-        finding
-    })
+    let mut finding = Finding::new(
+        Code::CucsClock,
+        station,
+        format!(
+            "the time stamps of CUCS {station} are {} {way} this computer's clock",
+            span(off)
+        ),
+        "set both clocks (NTP): stamps count milliseconds since 2000 UTC",
+    );
+    finding.key = station.0;
+    finding
 }
 
 /// Rounded, so that the text does not change from message to message.
 fn span(off: Duration) -> String {
-    let minutes = off.as_secs() / 60;
+    let (seconds, minutes) = (off.as_secs(), off.as_secs() / 60);
     match minutes {
+        0 if seconds < 10 => format!("over {seconds} s"),
+        0..5 => format!("over {} s", seconds / 10 * 10),
         0..120 => format!("over {} min", minutes / 5 * 5),
         120..2_880 => format!("over {} h", minutes / 60),
         _ => format!("over {} days", minutes / 1_440),
@@ -429,8 +429,6 @@ const LIFE: Duration = Duration::from_secs(300);
 /// Of the datagrams that cannot be read so many are looked into in this time. Several at once may be of several senders.
 const MAX_LOOKS: u32 = 16;
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// Nothing depends on clocks being closer: each station's commands are judged by its own.
-const CLOCKS_APART: Duration = Duration::from_secs(300);
 
 #[cfg(test)]
 mod tests {
@@ -607,18 +605,16 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_is_off_where_stamps_are_minutes_apart() {
-        assert_eq!(station_clock(CUCS, 299_000), None);
-        let finding = station_clock(CUCS, -7_300_000).expect("two hours");
-        assert!(finding.cause.contains("over 2 h behind"), "{finding}");
-        let later = station_clock(CUCS, -7_301_000);
-        assert_eq!(
-            later.as_ref(),
-            Some(&finding),
-            "one text, however long it stands"
-        );
-        assert!(
-            station_clock(CUCS, 400_000).is_some_and(|one| one.cause.contains("over 5 min ahead"))
-        );
+    fn a_clock_that_is_off_is_named_in_round_numbers() {
+        for (ahead_ms, words) in [
+            (1_400, "over 1 s ahead of"),
+            (-18_000, "over 10 s behind"),
+            (299_000, "over 290 s ahead of"),
+            (400_000, "over 5 min ahead of"),
+            (-7_300_000, "over 2 h behind"),
+        ] {
+            let finding = station_clock(CUCS, ahead_ms);
+            assert!(finding.cause.contains(words), "{finding}");
+        }
     }
 }

@@ -7,6 +7,7 @@ use mavlink_link::service::{Node, param};
 use super::event::VehicleEvent;
 use super::frame::Peer;
 use super::key_recovery::KeyChange;
+use super::measured::Measured;
 use super::services::Services;
 use super::state::VehicleState;
 use super::{Fresh, VehicleLink, auth};
@@ -54,6 +55,7 @@ impl VehicleLink {
                     command: delivery.can_answer(asked.command),
                     parameter: delivery.can_answer(asked.parameter),
                     state: delivery.can_answer(asked.last),
+                    clock: delivery.can_answer(asked.clock),
                 };
                 if let Ok(message) = delivery.message {
                     let Header {
@@ -114,6 +116,7 @@ impl VehicleLink {
             commands,
             parameters,
             intervals,
+            clock,
             ..
         } = &mut *effects.vehicle;
         if let MavMessage::HEARTBEAT(_) = message {
@@ -123,15 +126,21 @@ impl VehicleLink {
                 // It may have been given another mission meanwhile.
                 vehicle.telemetry.mission = None;
                 intervals.request_again();
+                // It may be another boot.
+                clock.reset();
                 self.events.push_back(VehicleEvent::LinkUp);
             }
         }
         if has_restarted(message, vehicle) {
             // The rates that were requested ended with the earlier boot.
             vehicle.telemetry.restart();
+            vehicle.measured = Measured::default();
+            clock.reset();
             intervals.request_again();
             self.events.push_back(VehicleEvent::Restarted);
         }
+        clock.handle_message(now, node, message, fresh.clock);
+        vehicle.measured.note(now, clock, message);
         if let MavMessage::MISSION_CURRENT(_) = message {
             vehicle.progress_boot_ms = vehicle.boot_ms;
         }

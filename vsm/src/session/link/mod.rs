@@ -3,7 +3,7 @@
 //! Promised: only verified frames of the vehicle's autopilot (component 1) reach [its state](state), and only fresh ones
 //! confirm anything. Where signing is off by configuration every frame of its system id counts. Parts:
 //!
-//! - [`state`]: what the vehicle shows; [`services`]: what may be asked of it. The router lends both to the other machines
+//! - [`state`]: what the vehicle shows; [`measured`]: when that was so; [`services`]: what may be asked of it. The router lends both to the other machines
 //! - `intake`: bytes become state, answers and [events](event); `sending`: messages become signed frames
 //! - `key_agreement`: a key agreed over the air is looked for in the vehicle's frames; `key_recovery`: which of two keys
 //!   the vehicle has, after a rollover that a restart cut off
@@ -15,6 +15,7 @@ mod intake;
 pub(crate) mod key_agreement;
 pub(crate) mod key_recovery;
 mod link_id;
+pub(crate) mod measured;
 mod operator_control;
 mod rates;
 mod sending;
@@ -94,6 +95,8 @@ struct Asked {
     parameter: Option<Stamp>,
     /// The last command that may change its state.
     last: Option<Stamp>,
+    /// The oldest request for its time that is not answered.
+    clock: Option<Stamp>,
 }
 
 /// Which requests a message can be an answer to.
@@ -103,6 +106,7 @@ struct Fresh {
     command: bool,
     parameter: bool,
     state: bool,
+    clock: bool,
 }
 
 impl VehicleLink {
@@ -169,6 +173,7 @@ impl VehicleLink {
             commands,
             parameters,
             intervals,
+            clock,
             ..
         } = &mut *effects.vehicle;
         missions.handle_timeout(now.mono);
@@ -183,6 +188,7 @@ impl VehicleLink {
         // A silent vehicle would let every rate time out; all are requested again once it is back.
         if vehicle.live() {
             intervals.advance(now.mono, commands);
+            clock.handle_timeout(now.mono);
         }
         let searched = self.key_recovery.refused_frames();
         self.arrivals.look(now.mono, &self.link.stats(), searched);
@@ -194,6 +200,7 @@ impl VehicleLink {
     pub(crate) fn poll_timeout(&self, vehicle: &VehicleState, services: &Services) -> Duration {
         let silence = vehicle.silent_at().filter(|_| vehicle.live());
         let intervals = services.intervals.poll_timeout().filter(|_| vehicle.live());
+        let clock = vehicle.live().then(|| services.clock.poll_timeout());
         [
             services.missions.poll_timeout(),
             services.commands.poll_timeout(),
@@ -201,6 +208,7 @@ impl VehicleLink {
             self.texts.poll_timeout(),
             silence,
             intervals,
+            clock,
             self.key_recovery.poll_timeout(),
             self.operator_control.poll_timeout(),
         ]

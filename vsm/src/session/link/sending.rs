@@ -63,6 +63,13 @@ impl VehicleLink {
             let stamp = self.send(now, &message, store);
             self.asked.parameter = self.asked.parameter.or(stamp);
         }
+        if !services.clock.is_waiting() {
+            self.asked.clock = None;
+        }
+        while let Some(request) = services.clock.poll_transmit() {
+            let stamp = self.send(now, &request, store);
+            self.asked.clock = self.asked.clock.or(stamp);
+        }
         // PX4 loses acknowledgements of commands sent back to back: one is outstanding, and its end lets the next out.
         loop {
             while let Some(event) = services.commands.poll_event() {

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::{Intervals, Rate};
-use mavlink_link::service::{Node, command, mission, param};
+use mavlink_link::service::{Node, command, mission, param, timesync};
 
 use super::rates::RATES;
 
@@ -17,6 +17,8 @@ pub(crate) struct Services {
     pub(crate) missions: mission::Client,
     pub(crate) commands: command::Client,
     pub(crate) parameters: param::Client,
+    /// The vehicle's clock against ours.
+    pub(crate) clock: timesync::Client,
     pub(super) intervals: Intervals,
     pub(super) posts: VecDeque<MavMessage>,
     own_system: u8,
@@ -29,6 +31,7 @@ impl Services {
             missions: mission::Client::new(own, vehicle, mission::Timing::default()),
             commands: command::Client::new(own, vehicle, command::Timing::default()),
             parameters: param::Client::new(own, vehicle, param::Timing::default()),
+            clock: timesync::Client::new(vehicle),
             intervals: Intervals::new(RATES.iter().copied()),
             posts: VecDeque::new(),
             own_system: own.system,

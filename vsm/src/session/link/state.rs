@@ -7,6 +7,8 @@ use std::time::Duration;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavType;
 
+use super::measured::Measured;
+
 /// As the vehicle last showed it.
 #[derive(Debug)]
 pub(crate) struct VehicleState {
@@ -20,6 +22,8 @@ pub(crate) struct VehicleState {
     pub(super) progress_boot_ms: Option<u32>,
     pub(super) state_is_newer: bool,
     pub(super) complaint: Option<(Duration, String)>,
+    /// When what it shows was measured.
+    pub(crate) measured: Measured,
 }
 
 impl Default for VehicleState {
@@ -34,6 +38,7 @@ impl Default for VehicleState {
             progress_boot_ms: None,
             state_is_newer: true,
             complaint: None,
+            measured: Measured::default(),
         }
     }
 }

@@ -27,12 +27,32 @@ pub(super) struct Sources<'a> {
 }
 
 /// The messages of a report: several where each is about an engine or a subsystem.
-pub(super) fn all(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_>) -> Vec<Message> {
+pub(super) fn all(
+    sources: &Sources<'_>,
+    station: usize,
+    message: u16,
+    effects: &mut Effects<'_>,
+) -> Vec<Message> {
     if DETAILS.contains(&message) {
         request_streams(message, effects);
-        return details(sources, message, effects);
+        return details(sources, station, message, effects);
     }
-    one(sources, message, effects.stamp()).into_iter().collect()
+    let stamp = stamp(sources, station, message, effects);
+    one(sources, message, stamp).into_iter().collect()
+}
+
+/// The stamp of a report to one station: when it was valid.
+pub(super) fn stamp(
+    sources: &Sources<'_>,
+    station: usize,
+    message: u16,
+    effects: &mut Effects<'_>,
+) -> TimeStamp {
+    let vehicle = sources.common.vehicle;
+    let at = vehicle
+        .measured
+        .of(message, sources.common.mono(), &vehicle.telemetry);
+    effects.stamp_measured(station, message, at)
 }
 
 /// A report that is pushed.
@@ -75,7 +95,12 @@ pub(super) fn request_streams(report: u16, effects: &mut Effects<'_>) {
 }
 
 /// Status in detail; none of a silent vehicle but what the VSM itself knows.
-fn details(sources: &Sources<'_>, report: u16, effects: &mut Effects<'_>) -> Vec<Message> {
+fn details(
+    sources: &Sources<'_>,
+    station: usize,
+    report: u16,
+    effects: &mut Effects<'_>,
+) -> Vec<Message> {
     let Sources {
         common: context,
         flight,
@@ -104,9 +129,13 @@ fn details(sources: &Sources<'_>, report: u16, effects: &mut Effects<'_>) -> Vec
         }
         3009 if live => {
             let (altimeter, agl) = (flight.altimeter, context.bounds.agl);
-            vec![status::air_and_ground(vehicle, altimeter, agl, effects.stamp()).into()]
+            let stamp = stamp(sources, station, report, effects);
+            vec![status::air_and_ground(vehicle, altimeter, agl, stamp).into()]
         }
-        3010 if live => vec![status::body_sensed(vehicle, effects.stamp()).into()],
+        3010 if live => {
+            let stamp = stamp(sources, station, report, effects);
+            vec![status::body_sensed(vehicle, stamp).into()]
+        }
         3011 => {
             let stamp = effects.stamp();
             flight

@@ -382,7 +382,7 @@ impl Reports {
             return Ok(());
         }
         known_report(message)?;
-        let reports = compose::all(&self.sources(context), message, effects);
+        let reports = compose::all(&self.sources(context), station, message, effects);
         for report in &reports {
             match fields {
                 // An empty vector requests nothing in particular.
@@ -422,14 +422,15 @@ impl Reports {
             let station = effects.listeners[index];
             while let Some(message) = self.push.next_due(context.mono(), station) {
                 if DETAILS.contains(&message) {
-                    for report in compose::all(&self.sources(context), message, effects) {
+                    for report in compose::all(&self.sources(context), station, message, effects) {
                         effects.publish(station, &report);
                     }
                     continue;
                 }
                 // Not by `all`: the reports that are pushed all the time take no allocation.
-                let stamp = effects.stamp();
-                if let Some(report) = compose::one(&self.sources(context), message, stamp) {
+                let sources = self.sources(context);
+                let stamp = compose::stamp(&sources, station, message, effects);
+                if let Some(report) = compose::one(&sources, message, stamp) {
                     effects.publish(station, &report);
                 }
             }

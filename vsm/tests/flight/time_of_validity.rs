@@ -1,0 +1,348 @@
+//! The Time Stamp of what the vehicle measures is when it was measured, by the bridge's clock: within 5 ms over any delay of
+//! the link, and nobody but the vehicle moves it. Where its clock is not known, or cannot be believed, it is the time of arrival.
+//! And a CUCS whose own clock is off is named.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use kit::bridge::{Rig, Setup, bridge_mav, orders, vehicle_address, vehicle_id};
+use kit::clock::START;
+use kit::network::Faults;
+use mavlink_link::dialect::{MavMessage, TIMESYNC_DATA};
+use mavlink_link::frame::{self, Header, MAX_FRAME};
+use px4_sim::{ClockFault, HealthFaults};
+use stanag_msgs::enums::AckType;
+use stanag_msgs::messages::Heartbeat;
+use stanag_msgs::{Message, TimeStamp};
+
+/// In the air, flying north at its own speed, on a link with these faults.
+fn flying(mav: Faults) -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        mav,
+        ..Setup::default()
+    });
+    rig.take_off(30.0);
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 30.0, 0.0, 30.0).into(),
+        orders::waypoint(2, 0, 3_000.0, 0.0, 30.0).into(),
+    ]);
+    for order in [
+        Message::from(orders::load()),
+        orders::mode(stanag_msgs::enums::FlightPathControlMode::Waypoint).into(),
+    ] {
+        assert_eq!(
+            rig.carry_out(order),
+            Some(AckType::CarriedOut),
+            "{:?}",
+            rig.station().alerts()
+        );
+    }
+    assert!(rig.until(60.0, |rig| rig.truth().velocity.n > 4.0));
+    rig.run(4.0);
+    rig
+}
+
+/// Time goes in small steps from here on, until the clocks are known as well as that: a step of 10 ms is one of the links too.
+fn precise(rig: &mut Rig) {
+    rig.step = Duration::from_millis(2);
+    rig.run(11.0);
+}
+
+/// For some seconds each 4000: by how many ms its stamp is later than the moment at which the vehicle believed to be there.
+fn errors_ms(rig: &mut Rig, seconds: f64, mut each: impl FnMut(&mut Rig)) -> Vec<f64> {
+    let mut track: Vec<(f64, f64)> = Vec::new();
+    let first = rig.station().received.len();
+    let end = rig.clock.elapsed() + Duration::from_secs_f64(seconds);
+    // What was measured before, and arrives now, has its place on the track too.
+    let begin = rig.clock.elapsed() + Duration::from_secs(2);
+    while rig.clock.elapsed() < end {
+        each(rig);
+        rig.run(0.01);
+        track.push((
+            rig.truth().believed.latitude_deg,
+            rig.clock.elapsed().as_secs_f64(),
+        ));
+    }
+    let reported = rig.station().received[first..]
+        .iter()
+        .filter_map(|(at, _, message)| match message {
+            Message::InertialStates(states) if *at > begin => {
+                Some((states.latitude?.degrees(), states.time_stamp?))
+            }
+            _ => None,
+        });
+    let errors = reported.filter_map(|(latitude, stamp)| {
+        let after = track
+            .iter()
+            .position(|(known, _)| *known >= latitude)?
+            .max(1);
+        let [(south, from), (north, to)] = [track[after - 1], track[after]];
+        let there_s = from + (to - from) * (latitude - south) / (north - south);
+        Some((seconds_of(stamp) - there_s) * 1e3)
+    });
+    let errors: Vec<f64> = errors.collect();
+    assert!(errors.len() > 10, "{} reports", errors.len());
+    errors
+}
+
+/// A stamp as the test's own time.
+fn seconds_of(stamp: TimeStamp) -> f64 {
+    stamp.unix_ms() as f64 / 1e3 - START.as_secs_f64()
+}
+
+fn largest(errors: &[f64]) -> f64 {
+    errors
+        .iter()
+        .fold(0.0, |worst, error| error.abs().max(worst))
+}
+
+/// The stamps of each message type have risen, each by itself.
+fn assert_stamps_rise(rig: &Rig) {
+    let mut last: BTreeMap<u16, TimeStamp> = BTreeMap::new();
+    for (_, _, message) in &rig.station().received {
+        let stamp = match message {
+            Message::InertialStates(m) => m.time_stamp,
+            Message::FromToNextWaypointStates(m) => m.time_stamp,
+            Message::VehicleOperatingStates(m) => m.time_stamp,
+            Message::VehicleOperatingModeReport(m) => m.time_stamp,
+            _ => continue,
+        };
+        let stamp = stamp.expect("a stamp");
+        let before = last.insert(message.id(), stamp);
+        assert!(
+            before.is_none_or(|before| before < stamp),
+            "{}: {before:?}, {stamp:?}",
+            message.id()
+        );
+    }
+}
+
+#[test]
+fn a_position_is_stamped_with_the_moment_it_was_measured() {
+    let far = Faults::NONE.delayed_ms(120, 120);
+    for faults in [
+        Faults::NONE,
+        Faults {
+            duplicate: 0.5,
+            ..far
+        },
+    ] {
+        let mut rig = flying(faults);
+        precise(&mut rig);
+        let errors = errors_ms(&mut rig, 5.0, |_| ());
+        assert!(largest(&errors) < 5.0, "{faults:?}: {errors:?}");
+        assert_stamps_rise(&rig);
+    }
+}
+
+#[test]
+fn a_queue_on_the_way_counts_no_more_than_the_shortest_round_trip_leaves_open() {
+    let mut rig = flying(Faults::NONE.delayed_ms(30, 400));
+    rig.run(30.0);
+    let errors = errors_ms(&mut rig, 10.0, |_| ());
+    let status = rig
+        .bridge
+        .as_ref()
+        .map(|one| one.status(String::new(), rig.now().mono))
+        .expect("it runs");
+    let half_ms = status.vehicles[0].link.round_trip_s.expect("it answers") * 500.0;
+    assert!(largest(&errors) < half_ms + 20.0, "{half_ms}: {errors:?}");
+    assert_stamps_rise(&rig);
+}
+
+#[test]
+fn without_timesync_the_stamp_is_when_it_arrived() {
+    let mut rig = flying(Faults::NONE.delayed_ms(80, 80));
+    let errors = errors_ms(&mut rig, 6.0, |_| ());
+    assert!(largest(&errors) < 20.0, "{errors:?}");
+    let silent = HealthFaults {
+        clock: ClockFault::Silent,
+        ..HealthFaults::default()
+    };
+    rig.vehicles[0].vehicle_mut().set_health_faults(silent);
+    // What is known of the clock stays true until the vehicle restarts or is lost.
+    rig.restart_bridge();
+    rig.run(8.0);
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(1.0);
+    let errors = errors_ms(&mut rig, 6.0, |_| ());
+    assert!(
+        errors.iter().all(|error| (70.0..110.0).contains(error)),
+        "{errors:?}"
+    );
+    let status = rig
+        .bridge
+        .as_ref()
+        .map(|one| one.status(String::new(), rig.now().mono));
+    assert!(!status.expect("it runs").vehicles[0].link.clock_known);
+}
+
+/// What somebody beside the vehicle sends: an answer to whatever may have been asked just now, ten seconds wrong.
+fn forged(rig: &Rig) -> Vec<u8> {
+    let answer = MavMessage::TIMESYNC(TIMESYNC_DATA {
+        tc1: (rig.clock.elapsed() + Duration::from_secs(10)).as_nanos() as i64,
+        ts1: rig.now().mono.as_nanos() as i64,
+        ..TIMESYNC_DATA::default()
+    });
+    let header = Header {
+        seq: 7,
+        system_id: 1,
+        component_id: 1,
+        message_id: 0,
+        incompat: 0,
+        compat: 0,
+    };
+    let mut bytes = [0; MAX_FRAME];
+    let length = frame::encode(&answer, header, &mut bytes);
+    bytes[..length].to_vec()
+}
+
+#[test]
+fn unsigned_answers_on_a_signed_link_move_nothing() {
+    let mut rig = flying(Faults::NONE);
+    let mut sent = 0;
+    let before = errors_ms(&mut rig, 6.0, |_| ());
+    let errors = errors_ms(&mut rig, 12.0, |rig| {
+        let (now, bytes) = (rig.clock.elapsed(), forged(rig));
+        rig.mav.send(now, vehicle_address(0), bridge_mav(0), bytes);
+        sent += 1;
+    });
+    assert!(sent > 1_000);
+    assert!(
+        largest(&errors) < largest(&before) + 3.0,
+        "{before:?}: {errors:?}"
+    );
+    let status = rig
+        .bridge
+        .as_ref()
+        .map(|one| one.status(String::new(), rig.now().mono))
+        .expect("it runs");
+    let refused: u64 = status.vehicles[0].link.refused.values().sum();
+    assert!(
+        refused >= sent - 10,
+        "{:?}",
+        status.vehicles[0].link.refused
+    );
+}
+
+#[test]
+fn a_vehicle_whose_clock_lies_is_stamped_by_arrival_and_never_ahead() {
+    let mut rig = flying(Faults::NONE);
+    let lie = |rig: &mut Rig, clock| {
+        let faults = HealthFaults {
+            clock,
+            ..HealthFaults::default()
+        };
+        rig.vehicles[0].vehicle_mut().set_health_faults(faults);
+    };
+    // For good, by more than a message can take, and now and then.
+    for ahead_ms in [2_000, -2_000, 86_400_000, i32::MIN] {
+        lie(&mut rig, ClockFault::AheadMs(ahead_ms));
+        rig.run(20.0);
+        let errors = errors_ms(&mut rig, 6.0, |_| ());
+        assert!(
+            errors.iter().all(|error| (-5.0..50.0).contains(error)),
+            "{ahead_ms}: {errors:?}"
+        );
+    }
+    lie(&mut rig, ClockFault::None);
+    rig.run(20.0);
+    let errors = errors_ms(&mut rig, 6.0, |_| ());
+    assert!(largest(&errors) < 12.0, "{errors:?}");
+    let mut round = 0_u32;
+    let errors = errors_ms(&mut rig, 12.0, |rig| {
+        round += 1;
+        let now_and_then = round.is_multiple_of(300);
+        lie(
+            rig,
+            if now_and_then {
+                ClockFault::AheadMs(1_500)
+            } else {
+                ClockFault::None
+            },
+        );
+    });
+    assert!(
+        errors.iter().all(|error| (-5.0..50.0).contains(error)),
+        "{errors:?}"
+    );
+    assert_stamps_rise(&rig);
+}
+
+#[test]
+fn a_restart_of_the_vehicle_begins_anew_and_stamps_still_rise() {
+    let mut rig = Rig::ready_with(Setup {
+        mav: Faults::NONE.delayed_ms(60, 60),
+        ..Setup::default()
+    });
+    let age_ms = |rig: &Rig| {
+        let at = rig.clock.elapsed().as_secs_f64();
+        let stamp = rig
+            .station()
+            .last(vehicle_id(0), 4000, |message| match message {
+                Message::InertialStates(states) => states.time_stamp,
+                _ => None,
+            });
+        (at - seconds_of(stamp.expect("a 4000"))) * 1e3
+    };
+    rig.run(5.0);
+    rig.vehicles[0].restart();
+    rig.run(20.0);
+    assert!((60.0..300.0).contains(&age_ms(&rig)), "{}", age_ms(&rig));
+    let status = rig
+        .bridge
+        .as_ref()
+        .map(|one| one.status(String::new(), rig.now().mono))
+        .expect("it runs");
+    let link = &status.vehicles[0].link;
+    assert!(
+        link.clock_known
+            && link
+                .round_trip_s
+                .is_some_and(|trip| (0.1..0.2).contains(&trip)),
+        "{link:?}"
+    );
+    assert_stamps_rise(&rig);
+}
+
+#[test]
+fn a_cucs_whose_clock_is_off_by_more_than_a_second_is_named_and_cleared() {
+    for (ahead_ms, words) in [
+        (1_400_i64, "are over 1 s ahead of"),
+        (-1_400, "are over 1 s behind"),
+    ] {
+        let mut rig = Rig::ready();
+        let beat = |rig: &mut Rig, ahead_ms: i64| {
+            for _ in 0..25 {
+                let wall_ms = rig.now().wall.as_millis() as i64 + ahead_ms;
+                let beat = Heartbeat {
+                    time_stamp: Some(TimeStamp::from_unix_ms(wall_ms as u64)),
+                };
+                rig.stations[0].send_as_is(vehicle_id(0), &beat.into());
+                rig.run(1.0);
+            }
+        };
+        beat(&mut rig, 300);
+        assert!(
+            !rig.station().has_alert("this computer's clock"),
+            "{:?}",
+            rig.station().alerts()
+        );
+        beat(&mut rig, ahead_ms);
+        assert!(
+            rig.station().has_alert(words),
+            "{ahead_ms}: {:?}",
+            rig.station().alerts()
+        );
+        beat(&mut rig, 0);
+        assert!(
+            rig.station().has_alert("cleared: the time stamps of CUCS"),
+            "{:?}",
+            rig.station().alerts()
+        );
+    }
+}
