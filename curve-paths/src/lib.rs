@@ -8,6 +8,7 @@ mod densify;
 pub mod fit;
 pub mod flight;
 mod free;
+mod geotiff;
 mod leg;
 mod local;
 mod reading;

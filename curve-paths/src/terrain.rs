@@ -1,6 +1,7 @@
-//! The height of the ground, from the bytes of elevation files: SRTM tiles (`.hgt`, 1 or 3 arc seconds) and ESRI ASCII grids (`.asc`).
+//! The height of the ground, from the bytes of elevation files: SRTM tiles (`.hgt`, 1 or 3 arc seconds), GeoTIFF in degrees
+//! (`.tif`, such as the tiles of Copernicus) and ESRI ASCII grids (`.asc`).
 //!
-//! Heights are metres above mean sea level (SRTM: EGM96). Between samples the ground is interpolated bilinearly. A place that
+//! Heights are metres above mean sea level (SRTM: EGM96, Copernicus: EGM2008, which differ by less than a metre or two). Between samples the ground is interpolated bilinearly. A place that
 //! no file covers, or whose samples are void, has no height: an absent height is never a number. Nothing here reads a disk:
 //! who plans reads a tile when it is needed, and the bridge all of a folder before it flies anything ([`Terrain`]).
 //!
@@ -17,18 +18,22 @@ use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 
+use crate::geotiff::{self, Raster};
 use crate::wgs84::Position;
 
-/// Samples at equal steps of latitude and longitude, the northernmost row first.
+/// Samples at equal steps of latitude and of longitude, the northernmost row first.
 pub struct Grid {
     /// Of the westernmost and the southernmost samples, degrees.
     west: f64,
     south: f64,
-    /// Between samples, degrees.
-    step: f64,
+    /// Between samples, degrees of longitude and of latitude: tiles of high latitudes have fewer columns than rows.
+    steps: (f64, f64),
     columns: usize,
     rows: usize,
     samples: Samples,
+    /// How far beyond its outermost samples it counts, parts of a step: rows of neighbouring SRTM tiles are the same, those
+    /// of GeoTIFF tiles are a step apart, and what is between them belongs to the nearer one.
+    beyond: f64,
 }
 
 enum Samples {
@@ -111,7 +116,7 @@ impl fmt::Debug for Grid {
         let Self {
             south,
             west,
-            step,
+            steps: (step, _),
             columns,
             rows,
             ..
@@ -146,7 +151,7 @@ impl Terrain {
         let steps = self
             .grids
             .iter()
-            .map(|grid| grid.step * METRES_A_DEGREE / 3.0);
+            .map(|grid| grid.steps.1 * METRES_A_DEGREE / 3.0);
         steps.fold(SPACING_M * 3.0, f64::min).max(MIN_SPACING_M)
     }
 }
@@ -185,7 +190,7 @@ pub fn profile<E>(
 }
 
 impl Grid {
-    /// Of a file with this name: `.hgt`, named by its south-western corner, or `.asc`.
+    /// Of a file with this name: `.hgt`, named by its south-western corner, `.tif` or `.asc`.
     ///
     /// # Errors
     /// It is neither, or not a whole one.
@@ -199,8 +204,9 @@ impl Grid {
         match text(path.extension()).to_ascii_lowercase().as_str() {
             "hgt" => tile(&text(path.file_stem()), bytes),
             "asc" => ascii_grid(&bytes),
+            "tif" | "tiff" => geotiff::read(bytes).map(Grid::from),
             other => Err(format!(
-                "unknown ending {other:?}, expected .hgt, .asc or a folder of .hgt"
+                "unknown ending {other:?}, expected .hgt, .tif, .asc or a folder of .hgt"
             )),
         }
         .map_err(GridError)
@@ -211,21 +217,20 @@ impl Grid {
     /// # Errors
     /// It is not known there.
     pub fn height_m(&self, lat_deg: f64, lon_deg: f64) -> Result<f64, NoHeight> {
+        let (step_x, step_y) = self.steps;
         let (x, y) = (
-            (lon_deg - self.west) / self.step,
-            (lat_deg - self.south) / self.step,
+            (lon_deg - self.west) / step_x,
+            (lat_deg - self.south) / step_y,
         );
         let (last_x, last_y) = ((self.columns - 1) as f64, (self.rows - 1) as f64);
         // A place on the edge is inside, whatever the division has rounded.
-        if !(-EDGE..=last_x + EDGE).contains(&x) || !(-EDGE..=last_y + EDGE).contains(&y) {
+        let edge = self.beyond + EDGE;
+        if !(-edge..=last_x + edge).contains(&x) || !(-edge..=last_y + edge).contains(&y) {
             return Err(NoHeight::Outside {
                 lat_deg,
                 lon_deg,
                 south_west: (self.south, self.west),
-                north_east: (
-                    self.south + last_y * self.step,
-                    self.west + last_x * self.step,
-                ),
+                north_east: (self.south + last_y * step_y, self.west + last_x * step_x),
             });
         }
         let (x, y) = (x.clamp(0.0, last_x), y.clamp(0.0, last_y));
@@ -244,6 +249,15 @@ impl Grid {
         Ok(height_m)
     }
 
+    /// The memory that its samples take, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        match &self.samples {
+            Samples::Tile(bytes) => bytes.len(),
+            Samples::Cells(heights_m) => heights_m.len() * size_of::<f32>(),
+        }
+    }
+
     /// Of this column from the west and this row from the south.
     fn sample(&self, column: usize, row: usize) -> f64 {
         let from_north = self.rows - 1 - row;
@@ -254,6 +268,28 @@ impl Grid {
                 height => f64::from(height),
             },
             Samples::Cells(heights_m) => f64::from(heights_m[at]),
+        }
+    }
+}
+
+impl From<Raster> for Grid {
+    fn from(raster: Raster) -> Grid {
+        let Raster {
+            west,
+            south,
+            steps,
+            columns,
+            rows,
+            heights_m,
+        } = raster;
+        Grid {
+            west,
+            south,
+            steps,
+            columns,
+            rows,
+            samples: Samples::Cells(heights_m),
+            beyond: 0.5,
         }
     }
 }
@@ -274,10 +310,11 @@ fn tile(name: &str, bytes: Vec<u8>) -> Result<Grid, String> {
     Ok(Grid {
         west,
         south,
-        step: 1.0 / f64::from(side - 1),
+        steps: (1.0 / f64::from(side - 1), 1.0 / f64::from(side - 1)),
         columns: side as usize,
         rows: side as usize,
         samples: Samples::Tile(bytes),
+        beyond: 0.0,
     })
 }
 
@@ -367,15 +404,17 @@ fn ascii_grid(bytes: &[u8]) -> Result<Grid, String> {
     Ok(Grid {
         west,
         south,
-        step,
+        steps: (step, step),
         columns,
         rows,
         samples: Samples::Cells(heights_m),
+        beyond: 0.0,
     })
 }
 
-/// A place between two, which are near each other.
-fn between(from: Position, to: Position, t: f64) -> Position {
+/// A place between two, which are near each other, at this part of the way from the first.
+#[must_use]
+pub fn between(from: Position, to: Position, t: f64) -> Position {
     let mix = |a: f64, b: f64| a + t * (b - a);
     // Over the date line the shorter way.
     let east = (to.lon_deg - from.lon_deg + 540.0).rem_euclid(360.0) - 180.0;
@@ -530,7 +569,7 @@ mod tests {
         assert!(format!("{tile:?}").len() < 100);
         let fault = Grid::read("N47E008.hgt", vec![0; 7]).map(|_| ());
         assert!(fault.is_err_and(|fault| fault.to_string().starts_with("7 bytes, expected")));
-        let fault = Grid::read("N47E008.tif", vec![]).map(|_| ());
-        assert!(fault.is_err_and(|fault| fault.to_string().contains("\"tif\", expected .hgt")));
+        let fault = Grid::read("N47E008.bil", vec![]).map(|_| ());
+        assert!(fault.is_err_and(|fault| fault.to_string().contains("\"bil\", expected .hgt")));
     }
 }

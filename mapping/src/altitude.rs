@@ -4,9 +4,10 @@
 //! |---|---|
 //! | 0 pressure altitude: what an altimeter set to 1013.25 hPa shows | AMSL, by the altimeter setting |
 //! | 1 barometric altitude: what an altimeter set to the altimeter setting shows | AMSL |
-//! | 2 AGL | above home, or refused: `vehicle.agl` |
+//! | 2 AGL | above home, or AMSL by the ground of elevation files, or refused: `vehicle.agl` |
 //! | 3 WGS-84: above the ellipsoid | AMSL, by the vehicle's geoid separation |
 
+use curve_paths::terrain::{Terrain, tile_name};
 use stanag_msgs::enums::AltitudeType;
 
 /// Frame 5, GLOBAL_INT: metres above mean sea level.
@@ -20,6 +21,8 @@ pub enum Agl {
     /// As height above home; PX4 refuses the terrain frame.
     #[default]
     AboveHome,
+    /// As height above the ground of `vehicle.terrain`, and not at all where that has none.
+    Terrain,
     /// Not at all.
     Refuse,
 }
@@ -124,7 +127,7 @@ impl Altimeter {
 }
 
 /// An altitude that cannot be flown as it stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AltitudeError {
     /// No altitude type beside the altitude: guessing one could be hundreds of metres off.
     #[error("altitude without its type")]
@@ -132,6 +135,18 @@ pub enum AltitudeError {
     /// Type 2 while `vehicle.agl` is "refuse".
     #[error("altitude type 2 (AGL) is refused by configuration")]
     Agl,
+    /// Type 2 while `vehicle.agl` is "terrain", at a place that no elevation file covers: a guess could be below the ground.
+    #[error(
+        "altitude type 2 (AGL): the height of the ground at {latitude:.6}, {longitude:.6} is not known; add {} to \
+         vehicle.terrain, or command an altitude above mean sea level",
+        tile_name(*latitude, *longitude)
+    )]
+    NoGround {
+        /// Degrees north.
+        latitude: f64,
+        /// Degrees east.
+        longitude: f64,
+    },
     /// Type 3 before the vehicle has reported its geoid separation.
     #[error("altitude type 3 (WGS-84): the vehicle's geoid separation is not known yet")]
     NoGeoid,
@@ -143,30 +158,76 @@ pub enum AltitudeError {
     Setting(i32),
 }
 
-/// Turns an altitude of the DLI into a level that MAVLink can carry.
-///
-/// `geoid_m` is the height of the geoid above the ellipsoid.
-///
-/// # Errors
-/// The type is absent, unknown, refused by `agl`, or needs a geoid separation that is not known.
-pub fn level(
-    altitude_m: f64,
-    altitude_type: Option<AltitudeType>,
-    geoid_m: Option<f64>,
-    agl: Agl,
-    altimeter: Altimeter,
-) -> Result<Level, AltitudeError> {
-    match altitude_type.ok_or(AltitudeError::NoType)? {
-        AltitudeType::Pressure => Ok(Level::Amsl(altimeter.amsl_of_pressure_altitude(altitude_m))),
-        AltitudeType::Barometric => Ok(Level::Amsl(altitude_m)),
-        AltitudeType::Agl => match agl {
-            Agl::AboveHome => Ok(Level::AboveHome(altitude_m)),
-            Agl::Refuse => Err(AltitudeError::Agl),
-        },
-        AltitudeType::Wgs84 => geoid_m
-            .map(|geoid| Level::Amsl(altitude_m - geoid))
-            .ok_or(AltitudeError::NoGeoid),
-        other => Err(AltitudeError::Unknown(other.raw())),
+/// What altitudes of the DLI are converted by.
+#[derive(Debug, Clone, Copy)]
+pub struct Datum<'a> {
+    /// Height of the geoid above the ellipsoid, m, once the vehicle has reported it.
+    pub geoid_m: Option<f64>,
+    /// How AGL is flown.
+    pub agl: Agl,
+    /// What pressure altitudes are flown by.
+    pub altimeter: Altimeter,
+    /// The ground, where elevation files are configured.
+    pub terrain: Option<&'a Terrain>,
+}
+
+impl Datum<'_> {
+    /// Turns an altitude of the DLI into a level that MAVLink can carry. `over`: the places, degrees north and east, that are
+    /// flown over at it; AGL by elevation files is above the highest of them.
+    ///
+    /// # Errors
+    /// The type is absent, unknown, refused by `agl`, or needs a geoid separation or a height of the ground that is not known.
+    pub fn level(
+        &self,
+        altitude_m: f64,
+        altitude_type: Option<AltitudeType>,
+        over: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Result<Level, AltitudeError> {
+        match altitude_type.ok_or(AltitudeError::NoType)? {
+            AltitudeType::Pressure => {
+                let amsl_m = self.altimeter.amsl_of_pressure_altitude(altitude_m);
+                Ok(Level::Amsl(amsl_m))
+            }
+            AltitudeType::Barometric => Ok(Level::Amsl(altitude_m)),
+            AltitudeType::Agl => match self.agl {
+                Agl::AboveHome => Ok(Level::AboveHome(altitude_m)),
+                Agl::Terrain => Ok(Level::Amsl(self.highest_m(over)? + altitude_m)),
+                Agl::Refuse => Err(AltitudeError::Agl),
+            },
+            AltitudeType::Wgs84 => self
+                .geoid_m
+                .map(|geoid| Level::Amsl(altitude_m - geoid))
+                .ok_or(AltitudeError::NoGeoid),
+            other => Err(AltitudeError::Unknown(other.raw())),
+        }
+    }
+
+    /// Whether an altitude of this type is a height above the ground of elevation files.
+    #[must_use]
+    pub fn is_above_ground(&self, altitude_type: Option<AltitudeType>) -> bool {
+        self.agl == Agl::Terrain && altitude_type == Some(AltitudeType::Agl)
+    }
+
+    /// The height of the ground, m above mean sea level.
+    ///
+    /// # Errors
+    /// It is not known there.
+    pub fn ground_m(&self, (latitude, longitude): (f64, f64)) -> Result<f64, AltitudeError> {
+        let ground = self
+            .terrain
+            .and_then(|terrain| terrain.height_m(latitude, longitude));
+        ground.ok_or(AltitudeError::NoGround {
+            latitude,
+            longitude,
+        })
+    }
+
+    fn highest_m(&self, over: impl IntoIterator<Item = (f64, f64)>) -> Result<f64, AltitudeError> {
+        let mut highest_m = f64::NEG_INFINITY;
+        for place in over {
+            highest_m = highest_m.max(self.ground_m(place)?);
+        }
+        Ok(highest_m)
     }
 }
 
@@ -177,15 +238,27 @@ const EXPONENT: f64 = 0.190_263;
 
 #[cfg(test)]
 mod tests {
+    use curve_paths::terrain::Grid;
+
     use super::*;
 
-    const STANDARD: Altimeter = Altimeter::STANDARD;
+    const DATUM: Datum<'static> = Datum {
+        geoid_m: None,
+        agl: Agl::AboveHome,
+        altimeter: Altimeter::STANDARD,
+        terrain: None,
+    };
+    const HERE: [(f64, f64); 1] = [(47.0, 8.0)];
 
     #[test]
     fn a_pressure_altitude_is_flown_by_the_altimeter_setting() {
         let flown = |kind, pascal| {
-            let altimeter = Altimeter::new(pascal).unwrap();
-            match level(1_000.0, Some(kind), None, Agl::Refuse, altimeter) {
+            let datum = Datum {
+                altimeter: Altimeter::new(pascal).unwrap(),
+                agl: Agl::Refuse,
+                ..DATUM
+            };
+            match datum.level(1_000.0, Some(kind), HERE) {
                 Ok(Level::Amsl(m)) => m,
                 other => panic!("{other:?}"),
             }
@@ -205,47 +278,48 @@ mod tests {
 
     #[test]
     fn ellipsoid_height_is_lowered_by_the_geoid() {
-        assert_eq!(
-            level(
-                535.4,
-                Some(AltitudeType::Wgs84),
-                Some(47.4),
-                Agl::AboveHome,
-                STANDARD
-            ),
-            Ok(Level::Amsl(488.0))
-        );
-        assert_eq!(
-            level(
-                535.4,
-                Some(AltitudeType::Wgs84),
-                None,
-                Agl::AboveHome,
-                STANDARD
-            ),
-            Err(AltitudeError::NoGeoid)
-        );
+        let known = Datum {
+            geoid_m: Some(47.4),
+            ..DATUM
+        };
+        let of = |datum: Datum<'_>| datum.level(535.4, Some(AltitudeType::Wgs84), HERE);
+        assert_eq!(of(known), Ok(Level::Amsl(488.0)));
+        assert_eq!(of(DATUM), Err(AltitudeError::NoGeoid));
     }
 
     #[test]
     fn agl_is_above_home_unless_refused() {
-        assert_eq!(
-            level(
-                30.0,
-                Some(AltitudeType::Agl),
-                None,
-                Agl::AboveHome,
-                STANDARD
-            ),
-            Ok(Level::AboveHome(30.0))
+        let of = |agl, kind| Datum { agl, ..DATUM }.level(30.0, kind, HERE);
+        let agl = Some(AltitudeType::Agl);
+        assert_eq!(of(Agl::AboveHome, agl), Ok(Level::AboveHome(30.0)));
+        assert_eq!(of(Agl::Refuse, agl), Err(AltitudeError::Agl));
+        assert_eq!(of(Agl::AboveHome, None), Err(AltitudeError::NoType));
+    }
+
+    #[test]
+    fn agl_by_elevation_files_is_above_the_highest_place_and_never_guessed() {
+        let text = "ncols 2 nrows 2 xllcenter 8 yllcenter 47 cellsize 0.1 100 300 100 300";
+        let terrain = Terrain::new(vec![Grid::read("slope.asc", text.into()).unwrap()]);
+        let datum = Datum {
+            agl: Agl::Terrain,
+            terrain: Some(&terrain),
+            ..DATUM
+        };
+        let over = |places: &[(f64, f64)]| {
+            datum.level(30.0, Some(AltitudeType::Agl), places.iter().copied())
+        };
+        assert_eq!(over(&[(47.0, 8.0)]), Ok(Level::Amsl(130.0)));
+        let Ok(Level::Amsl(both)) = over(&[(47.0, 8.0), (47.05, 8.05)]) else {
+            panic!("it is known");
+        };
+        assert!((both - 230.0).abs() < 1e-6, "{both}");
+        let why = over(&[(47.0, 8.0), (47.0, 8.2)]).expect_err("no file covers it");
+        let why = why.to_string();
+        assert!(
+            why.contains("47.000000, 8.200000 is not known; add N47E008.hgt"),
+            "{why}"
         );
-        assert_eq!(
-            level(30.0, Some(AltitudeType::Agl), None, Agl::Refuse, STANDARD),
-            Err(AltitudeError::Agl)
-        );
-        assert_eq!(
-            level(30.0, None, None, Agl::AboveHome, STANDARD),
-            Err(AltitudeError::NoType)
-        );
+        let amsl = datum.level(30.0, Some(AltitudeType::Barometric), [(47.0, 8.2)]);
+        assert_eq!(amsl, Ok(Level::Amsl(30.0)));
     }
 }

@@ -45,6 +45,7 @@
 //!     home: Place { latitude: 47.3977, longitude: 8.5456, amsl_m: 488.0 },
 //!     geoid_m: Some(47.4),
 //!     agl: Agl::AboveHome,
+//!     terrain: None,
 //!     altimeter: Altimeter::STANDARD,
 //!     wings: None,
 //!     limits: Limits::default(),

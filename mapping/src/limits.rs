@@ -232,10 +232,21 @@ pub fn moved(from: (f64, f64), course_rad: f64, distance_m: f64) -> (f64, f64) {
     (at.y(), at.x())
 }
 
+/// A place, and the circle about it, by its points: what is flown over along the circle.
+#[must_use]
+pub fn disc(centre: (f64, f64), radius_m: f64) -> Vec<(f64, f64)> {
+    // No point of it is further from one of these than an elevation sample of 30 m, up to a radius of 170 m; on the widest it
+    // is six of them.
+    let course = |part: u32| f64::from(part) * std::f64::consts::TAU / f64::from(POINTS_OF_CIRCLE);
+    let circle = (0..POINTS_OF_CIRCLE).map(|part| moved(centre, course(part), radius_m));
+    std::iter::once(centre).chain(circle).collect()
+}
+
 /// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the
 /// most that NAV_LOITER_RAD takes.
 pub const WIDEST_CIRCLE_M: f64 = 1_000.0;
 
+const POINTS_OF_CIRCLE: u32 = 36;
 /// One step of a speed on the wire.
 const STEP_M_S: f64 = 0.5;
 /// MPC_XY_CRUISE as PX4 comes.

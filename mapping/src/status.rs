@@ -121,18 +121,26 @@ pub fn engine(
     }
 }
 
-/// 3009. `agl`: whether height above home may stand for height above ground.
+/// 3009. `agl`: whether height above home may stand for height above ground, or that of elevation files is known, `ground_m`
+/// above mean sea level below the vehicle.
 #[must_use]
 pub fn air_and_ground(
     vehicle: &Telemetry,
     altimeter: Altimeter,
-    agl: Agl,
+    (agl, ground_m): (Agl, Option<f64>),
     stamp: TimeStamp,
 ) -> AirAndGroundRelativeStates {
     let amsl_m = vehicle
         .position
         .filter(|_| vehicle.gps_fix != Some(false))
         .map(|place| place.amsl_m);
+    let agl_m = match agl {
+        Agl::AboveHome => vehicle.above_home_m,
+        Agl::Terrain => amsl_m
+            .zip(ground_m)
+            .map(|(amsl_m, ground_m)| amsl_m - ground_m),
+        Agl::Refuse => None,
+    };
     let ground = vehicle.velocity_ned;
     let wind = vehicle.sensed.wind_ne;
     // A multicopter without an air speed sensor reports 0 all the time.
@@ -148,7 +156,7 @@ pub fn air_and_ground(
         barometric_altitude: scaled(amsl_m),
         barometric_altitude_rate: scaled(ground.map(|[_, _, down]| -down)),
         pressure_altitude: scaled(amsl_m.map(|m| altimeter.pressure_altitude(m))),
-        agl_altitude: scaled(vehicle.above_home_m.filter(|_| agl == Agl::AboveHome)),
+        agl_altitude: scaled(agl_m),
         wgs_84_altitude: scaled(amsl_m.zip(vehicle.geoid_m).map(|(m, geoid)| m + geoid)),
         u_ground: scaled(ground.map(|[north, ..]| north)),
         v_ground: scaled(ground.map(|[_, east, _]| east)),

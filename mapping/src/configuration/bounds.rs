@@ -153,7 +153,8 @@ pub(super) fn default_value(subject: &Subject<'_>, message: u16, field: &str) ->
 fn altitude_type(subject: &Subject<'_>) -> AltitudeType {
     match subject.agl {
         Agl::AboveHome => AltitudeType::Agl,
-        Agl::Refuse => AltitudeType::Barometric,
+        // What is above the ground has other bounds at each place.
+        Agl::Terrain | Agl::Refuse => AltitudeType::Barometric,
     }
 }
 

@@ -2,16 +2,19 @@
 
 use std::collections::BTreeMap;
 
+use curve_paths::Position;
 use curve_paths::flight::MIN_ACCEPTANCE_M;
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
 use stanag_msgs::messages::UaPositionWaypoint;
 
+use super::clearance::{self, Slopes};
 use super::error::{Reason, RouteError};
 use super::item::{self, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
 use super::{brake, curve, loiter, waypoint};
+use crate::altitude::Level;
 use crate::limits::{Performance, metres};
 use crate::plan::{Plan, Transition};
 
@@ -114,14 +117,17 @@ fn within_items(
 #[derive(Debug)]
 struct Draft<'a> {
     plan: &'a Plan,
-    site: &'a Site,
+    site: &'a Site<'a>,
     compiled: CompiledMission,
+    /// The heights above the ground that waypoints are commanded at, m, and how many places have been looked at for them.
+    heights: BTreeMap<u16, f64>,
+    looked_at: usize,
     /// The items at the ends of curves.
     ends: Vec<usize>,
     /// The items of waypoints that end no curve.
     straight: Vec<usize>,
     /// The vehicle as it is where it hovers: a VTOL.
-    hover: Option<Site>,
+    hover: Option<Site<'a>>,
     /// A VTOL hovers from here on.
     hovers: bool,
     /// Whether it hovers along the leg to each waypoint.
@@ -129,11 +135,13 @@ struct Draft<'a> {
 }
 
 impl<'a> Draft<'a> {
-    fn new(plan: &'a Plan, site: &'a Site) -> Draft<'a> {
+    fn new(plan: &'a Plan, site: &'a Site<'a>) -> Draft<'a> {
         Draft {
             plan,
             site,
             compiled: CompiledMission::default(),
+            heights: BTreeMap::new(),
+            looked_at: 0,
             ends: Vec::new(),
             straight: Vec::new(),
             hover: site.hovering(),
@@ -143,7 +151,7 @@ impl<'a> Draft<'a> {
     }
 
     /// The vehicle as it flies the leg that is added.
-    fn site(&self) -> &Site {
+    fn site(&self) -> &Site<'a> {
         let hover = self.hover.as_ref().filter(|_| self.hovers);
         hover.unwrap_or(self.site)
     }
@@ -164,7 +172,8 @@ impl<'a> Draft<'a> {
         if self.compiled.order.iter().any(|leg| leg.number == number) {
             return Err(at(Reason::Loop));
         }
-        let leg = waypoint::leg(number, waypoint, site).map_err(at)?;
+        let loiter = loiter::flown_at(plan, number);
+        let leg = waypoint::leg(number, waypoint, loiter, site).map_err(at)?;
         let before = self.compiled.order.last().copied();
         distance(&leg, before.as_ref(), site).map_err(at)?;
         self.on_wings(&leg).map_err(at)?;
@@ -174,10 +183,27 @@ impl<'a> Draft<'a> {
             self.compiled
                 .push(number, change_speed(speed_m_s, site.hovers()));
         }
+        let height = waypoint::above_ground(waypoint, site);
+        self.heights
+            .extend(height.map(|height_m| (number, height_m)));
         let curve = match before {
-            Some(p1) => curve::fly(plan, &p1, &leg, &mut self.compiled, site)?,
+            Some(p1) => {
+                let over = self.heights_of(&p1, &leg);
+                let mut ground = curve::Ground {
+                    heights_m: over,
+                    looked_at: &mut self.looked_at,
+                };
+                curve::fly(plan, (&p1, &leg), &mut self.compiled, &mut ground, site)?
+            }
             None => None,
         };
+        if let (None, Some(from)) = (&curve, before) {
+            for point in self.over_ground(&from, &leg).map_err(at)? {
+                let here = self.compiled.items.len();
+                self.straight.extend(site.hovers().then_some(here));
+                self.compiled.push(number, item::over(point));
+            }
+        }
         self.arrive(&leg, waypoint, curve.as_ref()).map_err(at)?;
         if let Some(chords) = &curve {
             self.end_curve(&leg, chords, begun_at);
@@ -242,6 +268,47 @@ impl<'a> Draft<'a> {
         wings.check_turn(from.number, places, speed_m_s)
     }
 
+    /// The heights above the ground that two waypoints are commanded at, where both are.
+    fn heights_of(&self, from: &Leg, to: &Leg) -> Option<(f64, f64)> {
+        let of = |leg: &Leg| self.heights.get(&leg.number).copied();
+        of(from).zip(of(to))
+    }
+
+    /// The points between two waypoints that a straight leg needs to keep its height above the ground; none where one of them is
+    /// commanded at another altitude.
+    fn over_ground(&mut self, from: &Leg, to: &Leg) -> Result<Vec<Position>, Reason> {
+        let site = *self.site();
+        let (Some((from_m, to_m)), Some(terrain)) = (self.heights_of(from, to), site.terrain)
+        else {
+            return Ok(Vec::new());
+        };
+        let speed_m_s = to.speed_m_s;
+        let speed_m_s = speed_m_s.unwrap_or_else(|| self.compiled.speed_m_s(&site));
+        let slopes = site
+            .wings
+            .as_ref()
+            .map(|wings| Slopes::of(wings, speed_m_s));
+        let node = |leg: &Leg, height_m| Position::new(leg.latitude, leg.longitude, height_m);
+        let nodes = [node(from, from_m), node(to, to_m)];
+        let points = clearance::follow(&nodes, slopes, terrain, &mut self.looked_at)?;
+        let inner = points.len().saturating_sub(1);
+        let points: Vec<Position> = points.iter().map(|point| point.position).collect();
+        let points = points.get(1..inner).unwrap_or_default().to_vec();
+        let home_m = site.home.amsl_m;
+        let level = |leg: &Leg| leg.level.amsl(home_m);
+        let mut before = Position::new(from.latitude, from.longitude, level(from));
+        let end = Position::new(to.latitude, to.longitude, level(to));
+        for at in points.iter().chain(&[end]) {
+            site.limits.check_height(Level::Amsl(at.alt_m), home_m)?;
+            if let Some(wings) = &site.wings {
+                let distance_m = before.ground().distance_m(at.ground());
+                wings.check_climb(at.alt_m - before.alt_m, distance_m, speed_m_s)?;
+            }
+            before = *at;
+        }
+        Ok(points)
+    }
+
     /// The items at the waypoint itself.
     fn arrive(
         &mut self,
@@ -302,8 +369,12 @@ impl<'a> Draft<'a> {
                 return Err(Reason::TransitionInLoop(next));
             }
         }
-        if let Some(start) = self.compiled.order.iter().find(|leg| leg.number == next) {
-            distance(start, Some(leg), self.site)?;
+        let start = self.compiled.order.iter().find(|leg| leg.number == next);
+        if let Some(start) = start.copied() {
+            distance(&start, Some(leg), self.site)?;
+            if !self.over_ground(leg, &start)?.is_empty() {
+                return Err(Reason::GroundInLoop(next));
+            }
         }
         Ok(0)
     }

@@ -4,17 +4,18 @@
 //! waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
 
 use curve_paths::flight::{FlownItem, Policy, chord_acceptance_m, flown_bound_m, plan_flight};
-use curve_paths::{BezierLeg, Control, Densified, Options, Position, densify};
+use curve_paths::terrain::Terrain;
+use curve_paths::{BezierLeg, Control, Densified, Options, Position, Vertex, densify};
 use mavlink_link::service::mission::Item;
-use stanag_msgs::enums::AltitudeType;
 use stanag_msgs::messages::UaPositionWaypoint;
 
 use super::brake::CURVE_SWING_S;
-use super::error::{CurveError, Reason, RouteError};
+use super::clearance::{self, Slopes};
+use super::error::{CurveError, Reason, RouteError, TerrainError};
 use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Curved, Leg};
 use super::site::Site;
-use crate::altitude::{self, Level};
+use crate::altitude::Level;
 use crate::limits::Performance;
 use crate::plan::{Curve, Plan};
 
@@ -35,12 +36,20 @@ pub(super) fn check(plan: &Plan, number: u16, waypoint: &UaPositionWaypoint) -> 
     }
 }
 
-/// Pushes the chords of the curved leg from `p1` to `p4`, where there is one.
+/// The ground below a curve.
+pub(super) struct Ground<'a> {
+    /// The heights above it that both ends are commanded at, m; none where one of them is commanded otherwise.
+    pub(super) heights_m: Option<(f64, f64)>,
+    /// Places that were looked at so far.
+    pub(super) looked_at: &'a mut usize,
+}
+
+/// Pushes the chords of the curved leg from P1 to P4, where there is one.
 pub(super) fn fly(
     plan: &Plan,
-    p1: &Leg,
-    p4: &Leg,
+    (p1, p4): (&Leg, &Leg),
     compiled: &mut CompiledMission,
+    ground: &mut Ground<'_>,
     site: &Site,
 ) -> Result<Option<Chords>, RouteError> {
     let Some((_, curve)) = plan.curves_from(p1.number).find(|(to, _)| *to == p4.number) else {
@@ -54,7 +63,7 @@ pub(super) fn fly(
             fault,
         },
     };
-    let chords = chords(p1, p4, curve, speed_m_s, site).map_err(refused)?;
+    let chords = chords((p1, p4), curve, speed_m_s, ground, site).map_err(refused)?;
     // A straight leg is nowhere lower than the lower of its ends; a curve between two high waypoints can dip.
     for chord in &chords.vertices {
         let checked = site.limits.check_height(chord.level, site.home.amsl_m);
@@ -181,11 +190,11 @@ pub(super) struct Chord {
 ///
 /// # Errors
 /// A field is missing or not finite, a control point is over 50 km from its end, or the curve is too tight.
-pub(super) fn chords(
-    p1: &Leg,
-    p4: &Leg,
+fn chords(
+    (p1, p4): (&Leg, &Leg),
     curve: &Curve,
     speed_m_s: f64,
+    ground: &mut Ground<'_>,
     site: &Site,
 ) -> Result<Chords, CurveError> {
     // Heights stay relative where both ends are; a leg of mixed references is converted to altitudes above sea level.
@@ -193,12 +202,29 @@ pub(super) fn chords(
         (p1.level, p4.level),
         (Level::AboveHome(_), Level::AboveHome(_))
     );
-    let metres = |level: Level| {
-        level.amsl(site.home.amsl_m) - if above_home { site.home.amsl_m } else { 0.0 }
+    let over = ground.heights_m.zip(site.terrain);
+    let metres = |level: Level, place: (f64, f64)| {
+        let base_m = match over {
+            // Heights above the ground are flown as the curve describes them over a level plane, which then takes on its shape.
+            Some(_) => site.datum().ground_m(place)?,
+            None if above_home => site.home.amsl_m,
+            None => 0.0,
+        };
+        Ok(level.amsl(site.home.amsl_m) - base_m)
     };
     let (p2, p3) = controls(curve, site, &metres)?;
-    let position = |leg: &Leg| Position::new(leg.latitude, leg.longitude, metres(leg.level));
-    let leg = BezierLeg::new(position(p1), p2, p3, position(p4))
+    let position = |leg: &Leg, height_m: Option<f64>| {
+        let alt_m = match height_m {
+            Some(height_m) => height_m,
+            None => metres(leg.level, leg.place())?,
+        };
+        Ok::<_, CurveError>(Position::new(leg.latitude, leg.longitude, alt_m))
+    };
+    let [first_m, last_m] = [
+        over.map(|((first_m, _), _)| first_m),
+        over.map(|((_, last_m), _)| last_m),
+    ];
+    let leg = BezierLeg::new(position(p1, first_m)?, p2, p3, position(p4, last_m)?)
         .map_err(|fault| CurveError::Shape(fault.to_string()))?;
     let shape = |fault: &dyn std::fmt::Display| CurveError::Shape(fault.to_string());
     let legs = [curve_paths::Leg::Bezier(leg)];
@@ -207,7 +233,20 @@ pub(super) fn chords(
         vertices: site.curving.vertices,
         ..Options::flight(tolerance_m)
     };
-    let densified = densify(&legs, &options).map_err(|fault| shape(&fault))?;
+    let mut densified = densify(&legs, &options).map_err(|fault| shape(&fault))?;
+    if let Some((_, terrain)) = over {
+        let slopes = site.wings.as_ref();
+        let slopes = slopes.map(|wings| Slopes::of(wings, speed_m_s));
+        lay_over(&mut densified, slopes, terrain, ground.looked_at)?;
+        if let Some(wings) = &site.wings {
+            for pair in densified.vertices.windows(2) {
+                let [from, to] = [pair[0].position, pair[1].position];
+                let distance_m = from.ground().distance_m(to.ground());
+                let steep = wings.check_climb(to.alt_m - from.alt_m, distance_m, speed_m_s);
+                steep.map_err(|fault| shape(&fault))?;
+            }
+        }
+    }
     let airframe = site.airframe();
     let climbs = site.hovers() && !is_level(&densified);
     let wished_m_s = speed_m_s;
@@ -265,6 +304,36 @@ pub(super) fn chords(
         bound_m: densified.bound_m,
         time_s: flown.time_s,
     })
+}
+
+/// Turns heights above the ground into altitudes above mean sea level, with the points that the ground between two vertices
+/// demands: the chords stay where they are over ground.
+fn lay_over(
+    densified: &mut Densified,
+    slopes: Option<Slopes>,
+    terrain: &Terrain,
+    looked_at: &mut usize,
+) -> Result<(), TerrainError> {
+    let vertices = std::mem::take(&mut densified.vertices);
+    let nodes: Vec<Position> = vertices.iter().map(|vertex| vertex.position).collect();
+    for point in clearance::follow(&nodes, slopes, terrain, looked_at)? {
+        let Some(vertex) = vertices.get(point.node) else {
+            continue;
+        };
+        let next = vertices.get(point.node + 1).unwrap_or(vertex);
+        let position = point.position;
+        if let Some(before) = densified.vertices.last() {
+            let before: Position = before.position;
+            let chord_m = before.ground().distance_m(position.ground());
+            densified.shortest_chord_m = densified.shortest_chord_m.min(chord_m);
+        }
+        densified.vertices.push(Vertex {
+            position,
+            t: vertex.t + point.part * (next.t - vertex.t),
+            ..*vertex
+        });
+    }
+    Ok(())
 }
 
 /// Whether all its vertices are at one altitude, as PX4 sees it.
@@ -342,7 +411,7 @@ pub(super) fn flown_m(plan: &Plan, compiled: &CompiledMission, site: &Site) -> O
 fn controls(
     curve: &Curve,
     site: &Site,
-    metres: &dyn Fn(Level) -> f64,
+    metres: &dyn Fn(Level, (f64, f64)) -> Result<f64, CurveError>,
 ) -> Result<(Control, Control), CurveError> {
     match curve {
         Curve::Paper(curve) => {
@@ -370,30 +439,35 @@ fn controls(
             ))
         }
         Curve::Native(curve) => {
-            let altitude = |altitude: Option<stanag_msgs::scalar::Altitude>,
-                            kind: Option<AltitudeType>| {
-                let Some(altitude) = altitude else {
-                    return Ok(None);
-                };
-                let level =
-                    altitude::level(altitude.si(), kind, site.geoid_m, site.agl, site.altimeter)?;
-                Ok::<_, CurveError>(Some(metres(level)))
-            };
             let degrees = |bam: Option<stanag_msgs::Bam32>, name| {
                 bam.map(|bam| bam.degrees())
                     .ok_or(CurveError::Missing(name))
             };
+            let control =
+                |lat_deg: f64, lon_deg: f64, altitude: Option<stanag_msgs::scalar::Altitude>| {
+                    let place = (lat_deg, lon_deg);
+                    let level = altitude.map(|altitude| {
+                        let kind = curve.altitude_type;
+                        site.datum().level(altitude.si(), kind, [place])
+                    });
+                    let level = level.transpose()?;
+                    Ok::<_, CurveError>(Control {
+                        lat_deg,
+                        lon_deg,
+                        alt_m: level.map(|level| metres(level, place)).transpose()?,
+                    })
+                };
             Ok((
-                Control {
-                    lat_deg: degrees(curve.p2_latitude, "P2 Latitude")?,
-                    lon_deg: degrees(curve.p2_longitude, "P2 Longitude")?,
-                    alt_m: altitude(curve.p2_altitude, curve.altitude_type)?,
-                },
-                Control {
-                    lat_deg: degrees(curve.p3_latitude, "P3 Latitude")?,
-                    lon_deg: degrees(curve.p3_longitude, "P3 Longitude")?,
-                    alt_m: altitude(curve.p3_altitude, curve.altitude_type)?,
-                },
+                control(
+                    degrees(curve.p2_latitude, "P2 Latitude")?,
+                    degrees(curve.p2_longitude, "P2 Longitude")?,
+                    curve.p2_altitude,
+                )?,
+                control(
+                    degrees(curve.p3_latitude, "P3 Latitude")?,
+                    degrees(curve.p3_longitude, "P3 Longitude")?,
+                    curve.p3_altitude,
+                )?,
             ))
         }
     }

@@ -1,6 +1,6 @@
 //! Why a route is refused: at which waypoint, which value, and what was expected of it.
 
-use curve_paths::terrain::Clearance;
+use curve_paths::terrain::{Clearance, tile_name};
 
 use crate::altitude::AltitudeError;
 use crate::limits::{HeightError, SpeedError, WIDEST_CIRCLE_M};
@@ -239,6 +239,12 @@ pub enum Reason {
          last pass too"
     )]
     CurveClosesLoop(u16),
+    /// The leg that closes a loop needs points between its ends.
+    #[error(
+        "the leg that leads back to {0} needs points between them to keep its height above the ground: a loop is closed by a \
+         straight line, so add a waypoint where the ground is highest, or raise both"
+    )]
+    GroundInLoop(u16),
     /// Two curved legs from one waypoint.
     #[error("two curved legs start at it, to {0} and to {1}; {dropped}", dropped = DROPPED)]
     TwoCurves(u16, u16),
@@ -262,6 +268,9 @@ pub enum CurveError {
     /// Its altitude has no usable reference.
     #[error(transparent)]
     Altitude(#[from] AltitudeError),
+    /// The ground below it is not known.
+    #[error(transparent)]
+    Terrain(#[from] TerrainError),
     /// Somewhere along it, it is below home, too low or too high.
     #[error("at {latitude:.6}, {longitude:.6} {fault}")]
     Height {
@@ -302,6 +311,18 @@ pub enum TerrainError {
         found: Clearance,
         /// `vehicle.limits.above_terrain_m`.
         needed_m: f64,
+    },
+    /// A leg between heights above the ground leads where that is not known: a guess could be below it.
+    #[error(
+        "on the way to it, the height of the ground at {lat_deg:.6}, {lon_deg:.6} is not known (altitude type 2): add {} to \
+         vehicle.terrain, or command altitudes above mean sea level",
+        tile_name(*lat_deg, *lon_deg)
+    )]
+    Unknown {
+        /// Degrees north.
+        lat_deg: f64,
+        /// Degrees east.
+        lon_deg: f64,
     },
     /// Comparing it would keep the bridge from its other work.
     #[error(

@@ -1,5 +1,6 @@
 //! Mission items as PX4 takes them.
 
+use curve_paths::Position;
 use mavlink_link::service::mission::{FRAME_MISSION, Item};
 
 use crate::altitude::Level;
@@ -17,6 +18,13 @@ pub(super) fn placed(place: (f64, f64), level: Level, command: u16, params: [f32
         y: degrees_e7(place.1),
         z: z as f32,
     }
+}
+
+/// A point of a leg between heights above the ground, passed within the vehicle's own radius.
+pub(super) fn over(point: Position) -> Item {
+    let params = [0.0, 0.0, 0.0, f32::NAN];
+    let place = (point.lat_deg, point.lon_deg);
+    placed(place, Level::Amsl(point.alt_m), NAV_WAYPOINT, params)
 }
 
 /// PX4 applies a speed to the present leg of a multicopter only when it is called a ground speed, and to that of a wing only

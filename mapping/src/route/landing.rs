@@ -327,7 +327,7 @@ mod tests {
         plan
     }
 
-    fn site(vtol: bool, landing: Option<Pattern>) -> Site {
+    fn site(vtol: bool, landing: Option<Pattern>) -> Site<'static> {
         let (parameters, limits) = (Parameters::default(), Limits::default());
         Site {
             home: Place {
@@ -337,6 +337,7 @@ mod tests {
             },
             geoid_m: None,
             agl: Agl::AboveHome,
+            terrain: None,
             altimeter: Altimeter::STANDARD,
             wings: Some(Wings::of(vtol, &parameters, &limits, landing)),
             limits,

@@ -20,7 +20,8 @@ use stanag_msgs::messages::UaLoiterWaypoint;
 
 use super::error::Reason;
 use super::item::NAV_LOITER_UNLIM;
-use crate::limits::{Performance, WIDEST_CIRCLE_M};
+use super::site::Site;
+use crate::limits::{Performance, WIDEST_CIRCLE_M, disc};
 use crate::plan::Plan;
 
 /// A loiter as PX4 flies it: command and param1 to param4 of the item at its place, and the speed within it.
@@ -37,6 +38,23 @@ pub(super) struct Loiter {
 pub(super) fn flown_at(plan: &Plan, number: u16) -> Option<&UaLoiterWaypoint> {
     plan.loiter(number)
         .filter(|loiter| loiter.loiter_duration != Some(0))
+}
+
+/// The places that a vehicle flies over at a waypoint: that one, and on wings the circle of its loiter.
+pub(super) fn flown_over(
+    centre: (f64, f64),
+    requested: Option<&UaLoiterWaypoint>,
+    site: &Site,
+) -> Vec<(f64, f64)> {
+    let circle = requested.zip(site.wings).map(|(requested, wings)| {
+        let radius_m = requested.loiter_radius.map_or(0.0, |radius| radius.si());
+        if radius_m > 0.0 {
+            radius_m
+        } else {
+            wings.loiter_radius_m.abs()
+        }
+    });
+    circle.map_or_else(|| vec![centre], |radius_m| disc(centre, radius_m))
 }
 
 /// `leg_speed_m_s` is the speed of the leg to the loiter, where one is commanded.

@@ -12,10 +12,12 @@
 //! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `waypoint` |
 //!
 //! In the order that they are read best: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`,
-//! `loiter` and `curve` (the items of each), `brake` (where PX4 must stop), `wings` (what wings can), `landing` (how a route
+//! `loiter` and `curve` (the items of each), `brake` (where PX4 must stop), `clearance` (heights
+//! above the ground between waypoints), `wings` (what wings can), `landing` (how a route
 //! ends), `mission` (the result), `terrain` (the result beside the ground), `error` (each refusal).
 
 mod brake;
+mod clearance;
 mod compile;
 mod curve;
 #[cfg(test)]

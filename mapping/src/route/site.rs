@@ -3,16 +3,17 @@
 pub use curve_paths::Vertices;
 use curve_paths::flight::Airframe;
 pub use curve_paths::flight::{FixedWing, Multicopter, Policy};
+use curve_paths::terrain::Terrain;
 
 use super::wings::Wings;
-use crate::altitude::{Agl, Altimeter};
+use crate::altitude::{Agl, Altimeter, Datum};
 use crate::limits::{Limits, Performance};
 use crate::parameter::Parameters;
 use crate::telemetry::Place;
 
 /// What must be known of the vehicle to fly a route.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Site {
+#[derive(Debug, Clone, Copy)]
+pub struct Site<'a> {
     /// Home.
     pub home: Place,
     /// Height of the geoid above the ellipsoid, m, once the vehicle has reported it.
@@ -21,6 +22,9 @@ pub struct Site {
     pub agl: Agl,
     /// What pressure altitudes are flown by.
     pub altimeter: Altimeter,
+    /// The ground, where elevation files are configured: what AGL is above where `agl` says so, and what a route is compared
+    /// with.
+    pub terrain: Option<&'a Terrain>,
     /// Its wings; none of a multicopter. A VTOL flies its routes on them, but for the legs that it was commanded to hover along.
     pub wings: Option<Wings>,
     /// Bounds.
@@ -31,11 +35,21 @@ pub struct Site {
     pub curving: Curving,
 }
 
-impl Site {
+impl<'a> Site<'a> {
     /// Whether the vehicle can stand still on its route.
     #[must_use]
     pub fn hovers(&self) -> bool {
         self.wings.is_none()
+    }
+
+    /// What altitudes are converted by.
+    pub(super) fn datum(&self) -> Datum<'a> {
+        Datum {
+            geoid_m: self.geoid_m,
+            agl: self.agl,
+            altimeter: self.altimeter,
+            terrain: self.terrain,
+        }
     }
 
     /// What turns along its curves, and how.
@@ -48,7 +62,7 @@ impl Site {
     }
 
     /// A VTOL while it hovers: a multicopter, with the limits of one; none of another airframe.
-    pub(super) fn hovering(&self) -> Option<Site> {
+    pub(super) fn hovering(&self) -> Option<Site<'a>> {
         Some(Site {
             wings: None,
             performance: self.wings?.hover?,

@@ -9,14 +9,18 @@ use super::item::{DO_JUMP, NAV_WAYPOINT, change_speed, placed};
 use super::loiter;
 use super::mission::{CompiledMission, Leg};
 use super::site::Site;
-use crate::altitude;
 use crate::limits::Performance;
 
 /// The leg to it: where it is, how high, how fast.
 ///
 /// # Errors
 /// The first field that is missing, or that PX4 cannot fly, or that is out of the limits.
-pub(super) fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Result<Leg, Reason> {
+pub(super) fn leg(
+    number: u16,
+    waypoint: &UaPositionWaypoint,
+    requested: Option<&UaLoiterWaypoint>,
+    site: &Site,
+) -> Result<Leg, Reason> {
     match waypoint.location_type {
         None | Some(LocationType::Absolute) => {}
         Some(other) => return Err(Reason::Relative(other.raw())),
@@ -36,13 +40,9 @@ pub(super) fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Re
         .waypoint_to_altitude
         .ok_or(Reason::Missing("Waypoint to Altitude"))?
         .si();
-    let level = altitude::level(
-        altitude_m,
-        waypoint.waypoint_altitude_type,
-        site.geoid_m,
-        site.agl,
-        site.altimeter,
-    )?;
+    let over = loiter::flown_over((latitude, longitude), requested, site);
+    let altitude_type = waypoint.waypoint_altitude_type;
+    let level = site.datum().level(altitude_m, altitude_type, over)?;
     site.limits.check_height(level, site.home.amsl_m)?;
     Ok(Leg {
         number,
@@ -51,6 +51,15 @@ pub(super) fn leg(number: u16, waypoint: &UaPositionWaypoint, site: &Site) -> Re
         level,
         speed_m_s: speed(waypoint, &site.performance)?,
     })
+}
+
+/// The height above the ground of elevation files that it is commanded at, m; none of another altitude.
+pub(super) fn above_ground(waypoint: &UaPositionWaypoint, site: &Site) -> Option<f64> {
+    let altitude_m = waypoint.waypoint_to_altitude?.si();
+    let is_above = site
+        .datum()
+        .is_above_ground(waypoint.waypoint_altitude_type);
+    is_above.then_some(altitude_m)
 }
 
 fn speed(waypoint: &UaPositionWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {

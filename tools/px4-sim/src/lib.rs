@@ -44,6 +44,7 @@ pub use mavlink_link::service::param::Value;
 pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use physics::vtol::VtolState;
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
+pub use vehicle::ground::GroundGrid;
 pub use vehicle::state::{
     ClockFault, HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters,
 };

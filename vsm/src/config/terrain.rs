@@ -117,7 +117,7 @@ fn list(dir: &Path) -> Result<Vec<Listed>, TerrainFault> {
         let path = entry.map_err(unreadable)?.path();
         let ending = path.extension().and_then(|ending| ending.to_str());
         let ending = ending.unwrap_or_default().to_ascii_lowercase();
-        if ["hgt", "asc"].contains(&ending.as_str()) {
+        if ["hgt", "tif", "tiff", "asc"].contains(&ending.as_str()) {
             let file = std::fs::metadata(&path).ok();
             let length = file.as_ref().map_or(0, std::fs::Metadata::len);
             all += length;
@@ -129,16 +129,11 @@ fn list(dir: &Path) -> Result<Vec<Listed>, TerrainFault> {
         }
     }
     if files.is_empty() {
-        let problem = "no .hgt and no .asc in it, expected elevation files such as N47E008.hgt";
+        let problem = "no .hgt, .tif or .asc in it, expected elevation files such as N47E008.hgt";
         return Err(fault(dir, problem.to_owned()));
     }
     if all > MAX_BYTES {
-        let problem = format!(
-            "{} MB of elevation files, expected at most {}: keep those of the area that is flown in",
-            all / 1_000_000,
-            MAX_BYTES / 1_000_000
-        );
-        return Err(fault(dir, problem));
+        return Err(fault(dir, too_much(all)));
     }
     // Where two cover a place the first counts: the same one on every system.
     files.sort();
@@ -146,12 +141,29 @@ fn list(dir: &Path) -> Result<Vec<Listed>, TerrainFault> {
 }
 
 fn read_files(files: &[Listed]) -> Result<Terrain, TerrainFault> {
-    let grids = files.iter().map(|Listed { path, .. }| {
+    let mut grids = Vec::new();
+    let mut all = 0;
+    for Listed { path, .. } in files {
         let bytes = std::fs::read(path).map_err(|cause| fault(path, cause.to_string()))?;
         let name = path.file_name().and_then(|name| name.to_str());
-        Grid::read(name.unwrap_or_default(), bytes).map_err(|cause| fault(path, cause.to_string()))
-    });
-    Ok(Terrain::new(grids.collect::<Result<_, _>>()?))
+        let read = Grid::read(name.unwrap_or_default(), bytes);
+        let grid = read.map_err(|cause| fault(path, cause.to_string()))?;
+        // A packed file is larger in memory than on the disk.
+        all += grid.bytes() as u64;
+        if all > MAX_BYTES {
+            return Err(fault(path, too_much(all)));
+        }
+        grids.push(grid);
+    }
+    Ok(Terrain::new(grids))
+}
+
+fn too_much(bytes: u64) -> String {
+    format!(
+        "{} MB of elevation files, expected at most {}: keep those of the area that is flown in",
+        bytes / 1_000_000,
+        MAX_BYTES / 1_000_000
+    )
 }
 
 /// They stay in memory: forty tiles of an arc second.

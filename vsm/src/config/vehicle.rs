@@ -38,7 +38,8 @@ table! {
         /// MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink
         /// instance); given here, no other is ever accepted
         pub vehicle_link_id: Option<u8> => Nothing("learned, and kept in the store"),
-        /// How altitude type 2 (AGL) is flown: as height above home, or `"refuse"`
+        /// How altitude type 2 (AGL) is flown: as height above `"home"`, above the ground of `terrain` (`"terrain"`, refused where
+        /// no file covers a place, [mapping.md](../guide/mapping.md#height-above-the-ground)), or `"refuse"`
         #[serde(default)]
         pub agl: Agl => Value("\"home\""),
         /// How curved legs are flown.
@@ -48,7 +49,8 @@ table! {
         /// 3600; `0` for no watch ([px4.md](../guide/px4.md))
         #[serde(default = "value::default_stall", deserialize_with = "value::stall")]
         pub stall_s: Option<f64> => Value("30.0"),
-        /// Folder of elevation files (SRTM tiles such as `N47E008.hgt`, ESRI grids `.asc`): a route that is anywhere below their
+        /// Folder of elevation files (SRTM tiles such as `N47E008.hgt`, GeoTIFF in degrees such as those of Copernicus, ESRI grids
+        /// `.asc`): a route that is anywhere below their
         /// ground, between waypoints too, is refused ([mapping.md](../guide/mapping.md)). All are read at the start, 1 GiB at most
         #[serde(default)]
         pub terrain: Option<TerrainFolder> => Nothing("routes are compared with home alone"),
@@ -122,6 +124,8 @@ pub enum Agl {
     /// Flown as height above home (MAVLink frame 6).
     #[default]
     Home,
+    /// Above the ground of `vehicle.terrain`.
+    Terrain,
     /// Refused.
     Refuse,
 }
@@ -318,6 +322,10 @@ impl Vehicle {
                 let expected = "0.0001 to 3650 (days)";
                 return fault(at, "vehicle.signing.rotate_days", days, expected);
             }
+        }
+        if self.agl == Agl::Terrain && self.terrain.is_none() {
+            let expected = "vehicle.terrain beside it: the folder of the elevation files";
+            return fault(at, "vehicle.agl", "\"terrain\"", expected);
         }
         self.curve.check(at)?;
         if let Err(found) = check_areas(&self.area) {

@@ -301,6 +301,7 @@ impl Bounds {
         Bounds {
             agl: match config.agl {
                 config::Agl::Home => Agl::AboveHome,
+                config::Agl::Terrain => Agl::Terrain,
                 config::Agl::Refuse => Agl::Refuse,
             },
             limits: Limits {

@@ -4,7 +4,7 @@
 //!
 //! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`, `shared_link`,
 //!   `captures_as_vehicles`
-//! - routes: `routes_by_type`, `route_refusals`, `refused_uploads`, `route_progress`, `curves`, `climbs`, `after_a_return`,
+//! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `refused_uploads`, `route_progress`, `curves`, `climbs`, `after_a_return`,
 //!   `mission_watchdog`, `fence`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
@@ -15,6 +15,7 @@
 //! - reports: `status`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
 
+mod above_terrain;
 mod after_a_return;
 mod by_hand;
 mod captures_as_vehicles;

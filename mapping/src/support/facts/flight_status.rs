@@ -68,7 +68,7 @@ facts! {
         "Barometric Altitude": "GLOBAL_POSITION_INT";
         "Barometric Altitude Rate": "LOCAL_POSITION_NED";
         "Pressure Altitude": "by the altimeter setting";
-        "AGL Altitude": "height above home, unless vehicle.agl is refuse";
+        "AGL Altitude": "height above home; above the ground of vehicle.terrain with vehicle.agl terrain; absent with refuse";
         "WGS-84 Altitude": "once the geoid separation is known";
         "U_Ground": "LOCAL_POSITION_NED";
         "V_Ground": "LOCAL_POSITION_NED";

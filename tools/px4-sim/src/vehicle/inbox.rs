@@ -64,6 +64,11 @@ impl Vehicle {
                 let setpoint = Setpoint::from_global(m, &self.frame, self.home_or_zero());
                 self.take_setpoint(setpoint);
             }
+            M::TERRAIN_DATA(m) => {
+                if let Some(grid) = &mut self.ground {
+                    grid.take(m);
+                }
+            }
             M::PING(m) if m.target_system == 0 && m.target_component == 0 => {
                 self.send(M::PING(PING_DATA {
                     target_system: from.system,

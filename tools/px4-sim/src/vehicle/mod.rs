@@ -7,11 +7,13 @@
 //! - [`reports`]: the vehicle's state as messages.
 //! - [`plans`]: what uploads change.
 //! - [`execute`]: what each command does.
+//! - [`ground`]: heights of the ground that it asks for, off by default.
 //! - [`inbox`]: messages in.
 //! - [`tick`]: time in; the order of the steps of 4 ms.
 
 pub(crate) mod command;
 pub(crate) mod execute;
+pub(crate) mod ground;
 pub(crate) mod inbox;
 pub(crate) mod operator;
 pub(crate) mod plans;

@@ -10,6 +10,7 @@ use mavlink_link::service::Node;
 use mavlink_link::service::mission::Item;
 
 use super::command::Command;
+use super::ground::GroundGrid;
 use super::operator::OperatorControl;
 use crate::config::{Airframe, Config, Param, Params};
 use crate::flight::commander::{Commander, Facts, boot};
@@ -170,6 +171,7 @@ pub struct Vehicle {
     pub(crate) last_seq: usize,
     pub(crate) health_faults: HealthFaults,
     pub(crate) operator: OperatorControl,
+    pub(crate) ground: Option<GroundGrid>,
 }
 
 impl Vehicle {
@@ -223,6 +225,7 @@ impl Vehicle {
             reached: None,
             last_seq: 0,
             health_faults: HealthFaults::default(),
+            ground: None,
             operator: OperatorControl::new(config.operator_control, config.system_id),
             config,
         }
@@ -380,6 +383,17 @@ impl Vehicle {
     /// Sets the faults that it reports; the default is none.
     pub fn set_health_faults(&mut self, health_faults: HealthFaults) {
         self.health_faults = health_faults;
+    }
+
+    /// Asks for the ground north-east of its home from now on, with heights this far apart.
+    pub fn ask_for_ground(&mut self, spacing_m: u16) {
+        let grid = GroundGrid::new(self.config.home, spacing_m, self.now());
+        self.ground = Some(grid);
+    }
+
+    /// What it has been sent of the ground.
+    pub fn ground(&self) -> Option<&GroundGrid> {
+        self.ground.as_ref()
     }
 
     /// The parameters' values.

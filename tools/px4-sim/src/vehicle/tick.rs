@@ -44,6 +44,14 @@ impl Vehicle {
         self.fly(now);
         self.detect_ground(now);
         self.serve();
+        for message in self
+            .ground
+            .iter_mut()
+            .flat_map(|grid| grid.due(now))
+            .collect::<Vec<_>>()
+        {
+            self.send(message);
+        }
         self.report_due(now);
     }
 

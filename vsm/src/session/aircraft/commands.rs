@@ -110,6 +110,7 @@ impl Aircraft {
         self.config.clone_from(config);
         self.settings.clone_from(settings);
         self.bounds = Bounds::of(config);
+        self.services.ground.serve(self.bounds.terrain.clone());
         if areas {
             let areas = config.area.iter().map(config::Area::area).collect();
             self.mission.set_areas(areas, dli.now.mono);

@@ -26,10 +26,11 @@ impl Aircraft {
         config: config::Vehicle,
         settings: Settings,
         link: VehicleLink,
-        services: Services,
+        mut services: Services,
         number: i32,
     ) -> Aircraft {
         let bounds = Bounds::of(&config);
+        services.ground.serve(bounds.terrain.clone());
         let areas = config.area.iter().map(config::Area::area).collect();
         Aircraft {
             port: 0,

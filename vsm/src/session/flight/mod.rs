@@ -23,7 +23,7 @@ mod wings;
 use std::ops::Deref;
 use std::time::Duration;
 
-use mapping::altitude::Altimeter;
+use mapping::altitude::{Agl, Altimeter};
 use mapping::configuration::changes;
 use mapping::mode::Px4Mode;
 use mapping::report::{self, Commanded};
@@ -389,8 +389,10 @@ impl Flight {
             Ok(task) => task,
             Err(why) => return effects.refuse(origin, why),
         };
-        // PX4 refuses the terrain frame (11): AGL is flown as height above home, and that is reported.
-        if command.commanded_altitude.is_some() && command.altitude_type == Some(AltitudeType::Agl)
+        // PX4 refuses the terrain frame (11): without elevation files AGL is flown as height above home, and that is reported.
+        if command.commanded_altitude.is_some()
+            && command.altitude_type == Some(AltitudeType::Agl)
+            && context.bounds.agl == Agl::AboveHome
         {
             effects.advise_agl();
         }

@@ -5,7 +5,7 @@
 
 use curve_paths::Position;
 use mapping::altitude::Level;
-use mapping::limits::HeightError;
+use mapping::limits::{HeightError, disc};
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::check_way;
@@ -19,8 +19,8 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::settings::{self, Pattern};
 use super::situation::{
-    Situation, Task, altitude, check_heights, checked_level, flown_as, has, holds, level, mode_of,
-    names_mode, place, plain, speed, steps_to_waypoint,
+    Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, flown_as, has,
+    holds, level, mode_of, names_mode, place, plain, speed, steps_to_waypoint,
 };
 use super::steering::{self, Vertical};
 use super::wings;
@@ -321,7 +321,8 @@ fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
     let commanded = match altitude(command) {
         Some(metres) => {
             let home = at.telemetry.home.ok_or("mode 20: home is not known yet")?;
-            Some(checked_level(metres, command, at)?.amsl(home.amsl_m))
+            let over = flown_over(None, Pattern::Hover, command, at)?;
+            Some(checked_level(metres, command, &over, at)?.amsl(home.amsl_m))
         }
         None => None,
     };
@@ -361,8 +362,8 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     }
     let route = has(RouteType::Launch, at);
     let metres = altitude(command).ok_or("mode 21 needs a commanded altitude to take off to")?;
-    let level = checked_level(metres, command, at)?;
     let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
+    let level = checked_level(metres, command, &[(home.latitude, home.longitude)], at)?;
     let amsl_m = level.amsl(home.amsl_m);
     let height_m = amsl_m - home.amsl_m;
     if height_m < LOWEST_LAUNCH_M {
@@ -415,8 +416,12 @@ struct Draft {
 fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     let speed = speed(command, &at.performance)?;
     let place = place(command, at)?;
+    let pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
     let level = match altitude(command) {
-        Some(metres) => Some(checked_level(metres, command, at)?),
+        Some(metres) => {
+            let over = flown_over(place, pattern, command, at)?;
+            Some(checked_level(metres, command, &over, at)?)
+        }
         None => None,
     };
     if let (None, Some(kind)) = (level, command.altitude_command_type)
@@ -441,7 +446,6 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         speed_m_s: speed,
         anew: names_mode(command),
     };
-    let pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
     // A VTOL hovers, or circles on its wings, as the loiter asks: it turns into that first.
     let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
     if place.is_none() && level.is_none() && !wings::circles_here(pattern, hovers, command) {
@@ -461,6 +465,34 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         commanded.speed_type = Some(flown_as(hovers));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// The places that a loiter leads over, for a height above the ground: only that needs to know where the vehicle is.
+fn flown_over(
+    place: Option<(f64, f64)>,
+    pattern: Pattern,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Vec<(f64, f64)>, String> {
+    if !at.datum().is_above_ground(command.altitude_type) {
+        return Ok(Vec::new());
+    }
+    let centre = match place {
+        Some(place) => place,
+        None => at.here()?,
+    };
+    let own_m = at.wings.map_or(0.0, |wings| wings.loiter_radius_m.abs());
+    let radius_m = match pattern {
+        Pattern::Hover => 0.0,
+        Pattern::Own => own_m,
+        Pattern::Circle(radius_m) => radius_m,
+        // Wherever its long axis points.
+        Pattern::FigureEight([half_m, radius_m, _]) => {
+            let radius_m = radius_m.unwrap_or(own_m);
+            half_m.unwrap_or(radius_m) + radius_m
+        }
+    };
+    Ok(disc(centre, radius_m))
 }
 
 /// Where it is, at its altitude.
@@ -611,7 +643,8 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         None | Some(AltitudeCommandType::Altitude | AltitudeCommandType::RateLimitedAltitude) => {
             let home = at.telemetry.home.ok_or("home is not known yet")?;
             let metres = altitude_m.ok_or("mode 15: Commanded Altitude is missing")?;
-            let amsl_m = level(metres, command, at)?.amsl(home.amsl_m);
+            does_not_follow_ground(command, at)?;
+            let amsl_m = level(metres, command, &[], at)?.amsl(home.amsl_m);
             commanded.altitude_amsl_m = Some(amsl_m);
             let limited =
                 command.altitude_command_type == Some(AltitudeCommandType::RateLimitedAltitude);

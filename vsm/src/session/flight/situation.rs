@@ -4,7 +4,7 @@
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
 use curve_paths::terrain::Terrain;
-use mapping::altitude::{self, Agl, Altimeter, Level};
+use mapping::altitude::{Agl, Altimeter, Datum, Level};
 use mapping::limits::{Limits, Performance, metres};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -85,6 +85,26 @@ pub(crate) struct Situation<'a> {
 }
 
 impl Situation<'_> {
+    /// What altitudes are converted by.
+    pub(super) fn datum(&self) -> Datum<'_> {
+        Datum {
+            geoid_m: self.telemetry.geoid_m,
+            agl: self.agl,
+            altimeter: self.altimeter,
+            terrain: self.terrain,
+        }
+    }
+
+    /// Where the vehicle is, degrees north and east.
+    ///
+    /// # Errors
+    /// It has not reported that.
+    pub(super) fn here(&self) -> Result<(f64, f64), String> {
+        let place = self.telemetry.position;
+        let place = place.ok_or("the vehicle has not reported a position yet")?;
+        Ok((place.latitude, place.longitude))
+    }
+
     /// The mode that the vehicle is in; none while another is being entered, when the last report may still show the one
     /// before: what is left out because "it is in that mode already" would never be done.
     pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
@@ -128,13 +148,14 @@ pub(super) fn altitude(command: &VehicleOperatingModeCommand) -> Option<f64> {
     }
 }
 
-/// An altitude to fly at, within the limits.
+/// An altitude to fly at over these places, within the limits.
 ///
 /// # Errors
 /// The command is of another kind than a plain altitude, or beyond the limits.
 pub(super) fn checked_level(
     metres: f64,
     command: &VehicleOperatingModeCommand,
+    over: &[(f64, f64)],
     at: &Situation<'_>,
 ) -> Result<Level, String> {
     match command.altitude_command_type {
@@ -146,22 +167,42 @@ pub(super) fn checked_level(
             ));
         }
     }
-    level(metres, command, at)
+    level(metres, command, over, at)
 }
 
-/// An altitude as it is flown, within the limits.
+/// An altitude as it is flown over these places, within the limits.
 pub(super) fn level(
     metres: f64,
     command: &VehicleOperatingModeCommand,
+    over: &[(f64, f64)],
     at: &Situation<'_>,
 ) -> Result<Level, String> {
-    let (geoid_m, agl, altimeter) = (at.telemetry.geoid_m, at.agl, at.altimeter);
-    let level = altitude::level(metres, command.altitude_type, geoid_m, agl, altimeter)
-        .map_err(|fault| fault.to_string())?;
+    let datum = at.datum();
+    let level = datum.level(metres, command.altitude_type, over.iter().copied());
+    let level = level.map_err(|fault| fault.to_string())?;
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     let checked = at.limits.check_height(level, home.amsl_m);
     checked.map_err(|fault| fault.to_string())?;
     Ok(level)
+}
+
+/// Refuses a height above the ground where the vehicle is steered: it would be converted where it was commanded, and the ground
+/// is another wherever the vehicle is steered to.
+///
+/// # Errors
+/// It is one.
+pub(super) fn does_not_follow_ground(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    if at.datum().is_above_ground(command.altitude_type) {
+        return Err(
+            "mode 15: altitude type 2 (AGL) with vehicle.agl = \"terrain\": a vehicle that is steered does not follow the \
+             ground; command an altitude above mean sea level, or fly a route"
+                .to_owned(),
+        );
+    }
+    Ok(())
 }
 
 /// Commanded Speed, where one is commanded, m/s.

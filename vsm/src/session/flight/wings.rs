@@ -23,8 +23,8 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::settings::Pattern;
 use super::situation::{
-    Situation, Task, altitude, check_heights, checked_level, flown_as, has, holds, names_mode,
-    place, plain, speed,
+    Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, flown_as, has,
+    holds, names_mode, place, plain, speed,
 };
 use super::steering::{self, Direction};
 use crate::session::maneuver::{self, Step};
@@ -240,7 +240,10 @@ pub(super) fn steer(
                     .to_owned(),
             );
         }
-        (_, Some(metres)) => Some(checked_level(metres, command, at)?),
+        (_, Some(metres)) => {
+            does_not_follow_ground(command, at)?;
+            Some(checked_level(metres, command, &[], at)?)
+        }
         (_, None) => None,
     };
     let speed_m_s = speed(command, &at.performance)?;

@@ -101,6 +101,10 @@ impl VehicleLink {
         {
             self.events.push_back(VehicleEvent::PingReturned(ping.seq));
         }
+        if let MavMessage::TERRAIN_REQUEST(request) = message {
+            effects.vehicle.ground.take(now, request);
+            Self::send_ground(effects);
+        }
         let mode = vehicle.telemetry.mode;
         vehicle.telemetry.update(message);
         if matches!(

@@ -7,10 +7,12 @@
 //! - `intake`: bytes become state, answers and [events](event); `sending`: messages become signed frames
 //! - `key_agreement`: a key agreed over the air is looked for in the vehicle's frames; `key_recovery`: which of two keys
 //!   the vehicle has, after a rollover that a restart cut off
+//! - `ground`: heights of the ground, for a vehicle that asks for them
 //! - `operator_control`: who may command the vehicle as MAVLink has it; `link_id`: its signing link id, over restarts
 
 pub(crate) mod event;
 pub(crate) mod frame;
+mod ground;
 mod intake;
 pub(crate) mod key_agreement;
 pub(crate) mod key_recovery;
@@ -168,6 +170,7 @@ impl VehicleLink {
         let (current, out) = (self.key.as_ref(), &mut self.out);
         self.agreement
             .handle_timeout(now, unanswered, current, out, effects.dli.disk);
+        Self::send_ground(effects);
         let Services {
             missions,
             commands,
@@ -205,6 +208,7 @@ impl VehicleLink {
             services.missions.poll_timeout(),
             services.commands.poll_timeout(),
             services.parameters.poll_timeout(),
+            services.ground.poll_timeout(),
             self.texts.poll_timeout(),
             silence,
             intervals,

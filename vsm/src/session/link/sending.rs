@@ -92,6 +92,18 @@ impl VehicleLink {
         }
     }
 
+    /// Sends the block of the ground that is due, to a vehicle that asks for it.
+    pub(super) fn send_ground(effects: &mut Effects<'_>) {
+        match effects.vehicle.ground.advance(effects.dli.now.mono) {
+            Some(Ok(block)) => effects.vehicle.post(block),
+            Some(Err(())) => effects
+                .dli
+                .counters
+                .count("terrain asked for beyond vehicle.terrain"),
+            None => {}
+        }
+    }
+
     fn send(&mut self, now: Now, message: &MavMessage, store: &mut dyn Disk) -> Option<Stamp> {
         let mut bytes = [0; MAX_FRAME];
         // Refusals are counted and alerted by the link; the service repeats or gives up by its own timing.

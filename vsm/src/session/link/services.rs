@@ -9,6 +9,7 @@ use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::{Intervals, Rate};
 use mavlink_link::service::{Node, command, mission, param, timesync};
 
+use super::ground::GroundService;
 use super::rates::RATES;
 
 /// The services of one vehicle.
@@ -19,6 +20,7 @@ pub(crate) struct Services {
     pub(crate) parameters: param::Client,
     /// The vehicle's clock against ours.
     pub(crate) clock: timesync::Client,
+    pub(crate) ground: GroundService,
     pub(super) intervals: Intervals,
     pub(super) posts: VecDeque<MavMessage>,
     own_system: u8,
@@ -32,6 +34,7 @@ impl Services {
             commands: command::Client::new(own, vehicle, command::Timing::default()),
             parameters: param::Client::new(own, vehicle, param::Timing::default()),
             clock: timesync::Client::new(vehicle),
+            ground: GroundService::default(),
             intervals: Intervals::new(RATES.iter().copied()),
             posts: VecDeque::new(),
             own_system: own.system,

@@ -5,7 +5,6 @@
 
 use std::time::Duration;
 
-use curve_paths::terrain::Terrain;
 use mapping::altitude::AltitudeError;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -132,12 +131,12 @@ impl RouteUpload {
         &mut self,
         now: Duration,
         plan: &Plan,
-        (site, terrain): (Option<&Site>, Option<&Terrain>),
+        site: Option<&Site>,
         state: &VehicleState,
         vehicle: &mut Services,
     ) -> Outcome {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
-            Phase::Site { deadline } => match self.compile(now < deadline, plan, site, terrain) {
+            Phase::Site { deadline } => match self.compile(now < deadline, plan, site) {
                 Ok(Some(compiled)) => self.begin(now, compiled, state, vehicle),
                 Ok(None) => {
                     self.phase = Phase::Site { deadline };
@@ -257,7 +256,6 @@ impl RouteUpload {
         wait: bool,
         plan: &Plan,
         site: Option<&Site>,
-        terrain: Option<&Terrain>,
     ) -> Result<Option<CompiledMission>, Option<RouteError>> {
         let route = self.route.as_ref();
         let initial = route.and_then(|route| route.initial_waypoint_number);
@@ -284,7 +282,7 @@ impl RouteUpload {
             Some(Err(fault)) => return Err(Some(fault)),
             None => return Err(None),
         };
-        if let (Some(terrain), Some(site)) = (terrain, site) {
+        if let Some((site, terrain)) = site.and_then(|site| Some((site, site.terrain?))) {
             let checked = compiled.check_terrain(site.home.amsl_m, &site.limits, terrain);
             compiled.notes.extend(checked.map_err(Some)?);
         }

@@ -136,6 +136,7 @@ fn compiled(world: &mut World, mission: &Mission) -> Vec<Item> {
             home: telemetry.home.expect("it was set"),
             geoid_m: telemetry.geoid_m,
             agl: context.bounds.agl,
+            terrain: None,
             altimeter: Altimeter::STANDARD,
             wings: None,
             limits: views.parameters.limits(&context),

@@ -344,8 +344,7 @@ impl Transfers {
         } else {
             store.plan()
         };
-        let beside = (site.as_ref(), context.bounds.terrain.as_deref());
-        let outcome = upload.advance(now, plan, beside, state, vehicle);
+        let outcome = upload.advance(now, plan, site.as_ref(), state, vehicle);
         if upload.held && !held {
             effects.advise(
                 "the vehicle flies its mission: it is put on hold (mode 12) while another plan is uploaded",
@@ -705,12 +704,13 @@ fn answer_clear(
 }
 
 /// What the vehicle has reported of where it is and what it can do; `None` before it has reported its home.
-fn site(context: &Context<'_>) -> Option<Site> {
+fn site<'a>(context: &Context<'a>) -> Option<Site<'a>> {
     let telemetry = &context.vehicle.telemetry;
     Some(Site {
         home: telemetry.home?,
         geoid_m: telemetry.geoid_m,
         agl: context.bounds.agl,
+        terrain: context.bounds.terrain.as_deref(),
         altimeter: context.flight.altimeter,
         wings: context.parameters.wings(context),
         limits: context.parameters.limits(context),

@@ -128,7 +128,11 @@ fn details(
                 .collect()
         }
         3009 if live => {
-            let (altimeter, agl) = (flight.altimeter, context.bounds.agl);
+            let place = vehicle.position;
+            let ground_m = context.bounds.terrain.as_ref().zip(place);
+            let ground_m = ground_m
+                .and_then(|(terrain, place)| terrain.height_m(place.latitude, place.longitude));
+            let (altimeter, agl) = (flight.altimeter, (context.bounds.agl, ground_m));
             let stamp = stamp(sources, station, report, effects);
             vec![status::air_and_ground(vehicle, altimeter, agl, stamp).into()]
         }

@@ -1,0 +1,253 @@
+//! GeoTIFF elevation tiles in degrees: those of Copernicus (GLO-30, GLO-90), and SRTM as GeoTIFF.
+//!
+//! The samples are read by the `tiff` library, packed by deflate or LZW or not at all. Where they are is taken from three tags
+//! of the GeoTIFF standard: the scale of a pixel, one tie point, and whether that is the corner of a pixel or its middle. A file
+//! in another projection than degrees, or turned, is refused: a height at the wrong place is worse than none.
+
+use std::io::Cursor;
+
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::Tag;
+
+/// The heights of a file, the northernmost row first.
+pub(crate) struct Raster {
+    /// Of the westernmost and the southernmost samples, degrees.
+    pub(crate) west: f64,
+    pub(crate) south: f64,
+    /// Between samples, degrees of longitude and of latitude.
+    pub(crate) steps: (f64, f64),
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
+    /// Metres; NaN where there is none.
+    pub(crate) heights_m: Vec<f32>,
+}
+
+/// The heights of a file.
+///
+/// # Errors
+/// It is no such file, not a whole one, too large, or not in degrees.
+pub(crate) fn read(bytes: Vec<u8>) -> Result<Raster, String> {
+    let broken = |cause: tiff::TiffError| format!("{cause}, expected a GeoTIFF of heights");
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = MAX_SAMPLES * 8;
+    let decoder = Decoder::new(Cursor::new(bytes)).map_err(broken)?;
+    let mut decoder = decoder.with_limits(limits);
+    let (columns, rows) = decoder.dimensions().map_err(broken)?;
+    let (columns, rows) = (columns as usize, rows as usize);
+    if columns < 2 || rows < 2 || columns.saturating_mul(rows) > MAX_SAMPLES {
+        return Err(format!(
+            "{columns} x {rows} samples, expected 2 x 2 up to {MAX_SAMPLES} in all"
+        ));
+    }
+    let scale = numbers(&mut decoder, Tag::ModelPixelScaleTag)?;
+    let tie = numbers(&mut decoder, Tag::ModelTiepointTag)?;
+    let (&[step_x, step_y, ..], &[column, row, _, east, north, ..]) =
+        (scale.as_slice(), tie.as_slice())
+    else {
+        return Err(
+            "no place: expected the tags ModelPixelScale and ModelTiepoint of a GeoTIFF".to_owned(),
+        );
+    };
+    let in_degrees = |step: f64| step > 0.0 && step <= 1.0;
+    if !in_degrees(step_x) || !in_degrees(step_y) || north.abs() > 91.0 || east.abs() > 361.0 {
+        return Err(format!(
+            "pixels of {step_x} x {step_y} at {north}, {east}: expected degrees (EPSG:4326)"
+        ));
+    }
+    // The tie point of a pixel that is an area is its north-western corner.
+    let half = if is_point(&mut decoder)? { 0.0 } else { 0.5 };
+    let north = north + (row - half) * step_y;
+    let samples = samples(&mut decoder)?;
+    if samples.len() != columns * rows {
+        return Err(format!(
+            "{} samples, expected {columns} times {rows}: one height a pixel",
+            samples.len()
+        ));
+    }
+    Ok(Raster {
+        west: east + (half - column) * step_x,
+        south: north - (rows - 1) as f64 * step_y,
+        steps: (step_x, step_y),
+        columns,
+        rows,
+        heights_m: samples,
+    })
+}
+
+/// The heights, m; NaN where there is none.
+fn samples(decoder: &mut Decoder<Cursor<Vec<u8>>>) -> Result<Vec<f32>, String> {
+    let void = decoder.get_tag_ascii_string(Tag::GdalNodata).ok();
+    let void = void.and_then(|text| text.trim_matches(['\0', ' ']).parse::<f64>().ok());
+    let height = |height: f64| {
+        let known = height.is_finite() && Some(height) != void && height != f64::from(VOID);
+        if known { height as f32 } else { f32::NAN }
+    };
+    let read = decoder.read_image();
+    match read.map_err(|cause| format!("{cause}, expected heights"))? {
+        DecodingResult::F32(heights) => Ok(heights.into_iter().map(|h| height(h.into())).collect()),
+        DecodingResult::F64(heights) => Ok(heights.into_iter().map(height).collect()),
+        DecodingResult::I16(heights) => Ok(heights.into_iter().map(|h| height(h.into())).collect()),
+        DecodingResult::U16(heights) => Ok(heights.into_iter().map(|h| height(h.into())).collect()),
+        DecodingResult::I32(heights) => Ok(heights.into_iter().map(|h| height(h.into())).collect()),
+        _ => {
+            Err("samples of another kind, expected integers of 16 or 32 bits, or floats".to_owned())
+        }
+    }
+}
+
+/// The values of a tag; none where it is absent.
+fn numbers(decoder: &mut Decoder<Cursor<Vec<u8>>>, tag: Tag) -> Result<Vec<f64>, String> {
+    match decoder.find_tag(tag) {
+        Ok(Some(value)) => value
+            .into_f64_vec()
+            .map_err(|cause| format!("{tag:?}: {cause}")),
+        Ok(None) => Ok(Vec::new()),
+        Err(cause) => Err(format!("{tag:?}: {cause}")),
+    }
+}
+
+/// Whether a sample is the height of a point, and not of its pixel.
+///
+/// # Errors
+/// The keys say that it is not in degrees.
+fn is_point(decoder: &mut Decoder<Cursor<Vec<u8>>>) -> Result<bool, String> {
+    let keys = match decoder.find_tag(Tag::GeoKeyDirectoryTag) {
+        Ok(Some(value)) => value.into_u16_vec().map_err(|cause| cause.to_string())?,
+        _ => Vec::new(),
+    };
+    // Four numbers each: the key, where its value is (0: here), how many, the value.
+    let key = |wanted: u16| {
+        let mut entries = keys.chunks_exact(4).skip(1);
+        let found = entries.find(|entry| entry[0] == wanted && entry[1] == 0);
+        found.map(|entry| entry[3])
+    };
+    match key(MODEL_TYPE) {
+        None | Some(GEOGRAPHIC) => Ok(key(RASTER_TYPE) == Some(POINT)),
+        Some(other) => Err(format!(
+            "GTModelType {other}, expected {GEOGRAPHIC}: degrees (EPSG:4326), no projection"
+        )),
+    }
+}
+
+/// A sample that SRTM has no height for.
+const VOID: i16 = -32_768;
+/// GTModelTypeGeoKey, and its value for latitude and longitude.
+const MODEL_TYPE: u16 = 1024;
+const GEOGRAPHIC: u16 = 2;
+/// GTRasterTypeGeoKey, and its value for samples that are points.
+const RASTER_TYPE: u16 = 1025;
+const POINT: u16 = 2;
+/// A tile of 1 arc second has 13 million.
+const MAX_SAMPLES: usize = 64_000_000;
+
+#[cfg(test)]
+mod tests {
+    use tiff::encoder::{Compression, DeflateLevel, TiffEncoder, colortype};
+
+    use super::*;
+
+    /// What a test changes of a tile.
+    struct Made {
+        point: bool,
+        model: u16,
+        scale: [f64; 3],
+        packed: Compression,
+    }
+
+    const TILE: Made = Made {
+        point: true,
+        model: GEOGRAPHIC,
+        scale: [0.1, 0.05, 0.0],
+        packed: Compression::Deflate(DeflateLevel::Balanced),
+    };
+
+    /// Three columns and two rows; the north-western sample at 47.05, 8.0 where samples are points.
+    fn made(made: &Made) -> Vec<u8> {
+        let mut file = Cursor::new(Vec::new());
+        let encoder = TiffEncoder::new(&mut file).expect("a file");
+        let mut encoder = encoder.with_compression(made.packed);
+        let mut image = encoder
+            .new_image::<colortype::Gray32Float>(3, 2)
+            .expect("an image");
+        let tags = image.encoder();
+        let raster = if made.point { POINT } else { 1 };
+        let keys = [
+            1,
+            1,
+            0,
+            2,
+            MODEL_TYPE,
+            0,
+            1,
+            made.model,
+            RASTER_TYPE,
+            0,
+            1,
+            raster,
+        ];
+        let tie = [0.0, 0.0, 0.0, 8.0, 47.05, 0.0];
+        tags.write_tag(Tag::ModelPixelScaleTag, &made.scale[..])
+            .expect("a tag");
+        tags.write_tag(Tag::ModelTiepointTag, &tie[..])
+            .expect("a tag");
+        tags.write_tag(Tag::GeoKeyDirectoryTag, &keys[..])
+            .expect("a tag");
+        tags.write_tag(Tag::GdalNodata, "-9999").expect("a tag");
+        image
+            .write_data(&[100.0, 200.0, -9999.0, 0.0, 50.0, 60.0])
+            .expect("data");
+        file.into_inner()
+    }
+
+    fn height_m(tile: &Made, lat: f64, lon: f64) -> Option<f64> {
+        let grid = crate::terrain::Grid::read("tile.tif", made(tile)).expect("a tile");
+        grid.height_m(lat, lon).ok().map(f64::round)
+    }
+
+    #[test]
+    fn a_tile_is_where_its_tags_say_whatever_it_is_packed_by() {
+        for packed in [
+            Compression::Uncompressed,
+            Compression::Lzw,
+            Compression::Deflate(DeflateLevel::Fast),
+        ] {
+            let tile = Made { packed, ..TILE };
+            assert_eq!(height_m(&tile, 47.05, 8.0), Some(100.0));
+            assert_eq!(height_m(&tile, 47.0, 8.1), Some(50.0));
+            assert_eq!(height_m(&tile, 47.0, 8.05), Some(25.0));
+            // Void, and outside.
+            assert_eq!(height_m(&tile, 47.05, 8.2), None);
+            assert_eq!(height_m(&tile, 47.2, 8.1), None);
+        }
+        // The corner of a pixel is half a pixel off its middle.
+        let area = Made {
+            point: false,
+            ..TILE
+        };
+        assert_eq!(height_m(&area, 47.025, 8.05), Some(100.0));
+    }
+
+    #[test]
+    fn between_neighbouring_tiles_there_is_no_gap() {
+        // Half a step beyond the outermost samples is where the next tile takes over.
+        assert_eq!(height_m(&TILE, 46.976, 8.1), Some(50.0));
+        assert_eq!(height_m(&TILE, 47.0, 7.951), Some(0.0));
+        assert_eq!(height_m(&TILE, 46.974, 8.1), None);
+        assert_eq!(height_m(&TILE, 47.0, 7.949), None);
+    }
+
+    #[test]
+    fn what_is_not_in_degrees_or_no_tile_is_refused() {
+        let fault = |bytes| read(bytes).map(|_| ()).expect_err("it is refused");
+        let projected = Made { model: 1, ..TILE };
+        assert!(fault(made(&projected)).contains("GTModelType 1, expected 2"));
+        let metres = Made {
+            scale: [30.0, 30.0, 0.0],
+            ..TILE
+        };
+        assert!(fault(made(&metres)).contains("expected degrees"));
+        assert!(fault(vec![]).contains("expected a GeoTIFF"));
+        let whole = made(&TILE);
+        assert!(read(whole[..whole.len() - 40].to_vec()).is_err());
+    }
+}
