@@ -3,6 +3,7 @@
 //! A value that sources do not name is kept (`Unknown`), so nothing is lost in passing through. Values that this project
 //! had to choose itself are in `disputed`.
 
+mod autonomy;
 mod disputed;
 mod flight;
 mod levels;
@@ -11,6 +12,7 @@ mod payload;
 mod system;
 
 pub use crate::field::{EnumInfo, EnumKind};
+pub use autonomy::*;
 pub use disputed::*;
 pub use flight::*;
 pub use payload::*;

@@ -14,6 +14,7 @@ mod data_link;
 mod equipment;
 mod flight_command;
 mod flight_status;
+mod held;
 pub(crate) mod info;
 mod mission;
 mod payload;
@@ -146,6 +147,7 @@ gather! {
         FieldChangeEnumeratedCommand, MessageParameterAvailability;
     private: CurveSegmentPaper, CurveSegment, ParameterRequest, ParameterSetCommand, ParameterReport,
         SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand, AreaTransferStatus;
+    held: HoldCommand, HeldCommandCancel, HeldCommandState;
 }
 
 impl Message {

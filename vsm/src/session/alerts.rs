@@ -27,6 +27,8 @@ pub(crate) enum Cause {
     Disk,
     /// Commands cannot be written down.
     CommandLog,
+    /// Held commands cannot be.
+    HeldCommands,
     /// What the vehicle does by itself when it receives no ground station.
     OwnFailsafe,
     /// Another MAVLink system has operator control of the vehicle.

@@ -9,6 +9,7 @@ use std::time::Duration;
 use curve_paths::terrain::Terrain;
 use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
+use mapping::area::Areas;
 use mapping::limits::{Limits, Performance};
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
@@ -72,6 +73,8 @@ pub(crate) struct Origin {
     pub(crate) message_type: u16,
     pub(crate) stamp: Option<TimeStamp>,
     pub(crate) ack_requested: bool,
+    /// It was held until now, with this serial number: what it is answered goes to the machine that held it.
+    pub(crate) held: Option<u32>,
 }
 
 /// What the other machines may know of the mission.
@@ -87,6 +90,8 @@ pub(crate) struct MissionView<'a> {
     pub(crate) transfer: Transfer,
     /// A fence is being uploaded.
     pub(crate) fence_busy: bool,
+    /// What CUCSs have sent by 50016.
+    pub(crate) areas: &'a Areas,
     /// Why no upload, download or clearing can begin now.
     pub(crate) may_change: Result<(), &'static str>,
 }

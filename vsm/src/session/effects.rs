@@ -92,6 +92,19 @@ pub(crate) enum Request {
     /// Of mission: refuse the mode command that waits for its route, for this reason. `without_right`: only where its
     /// sender does not control the vehicle.
     DropWaitingCommand { why: String, without_right: bool },
+    /// Of the router: carry out a command that was held until now, in the way of one that arrives. `contingency`: also for
+    /// a CUCS that has lost control, where nobody has it.
+    CarryOut {
+        origin: Origin,
+        message: Box<Message>,
+        contingency: bool,
+    },
+    /// Of held: what a command that was held is answered, and why.
+    HeldEnded {
+        serial: u32,
+        answer: AckType,
+        why: Option<String>,
+    },
     /// Of reports: the station has begun or ceased to hold LOI 2.
     ListenerChanged { station: usize },
     /// Of reports: these configuration values have changed; `by` knows already.
@@ -482,7 +495,23 @@ impl Effects<'_> {
 
     /// Answers with 17000 where one was requested.
     pub(crate) fn acknowledge(&mut self, origin: &Origin, answer: AckType) {
-        self.dli.acknowledge(self.id, origin, answer);
+        if !self.answer_held(origin, answer, None) {
+            self.dli.acknowledge(self.id, origin, answer);
+        }
+    }
+
+    /// What a held command is answered goes to the machine that held it, which answers its 50020. False of other commands.
+    fn answer_held(&mut self, origin: &Origin, answer: AckType, why: Option<&str>) -> bool {
+        let Some(serial) = origin.held else {
+            return false;
+        };
+        let why = why.map(str::to_owned);
+        self.request(Request::HeldEnded {
+            serial,
+            answer,
+            why,
+        });
+        true
     }
 
     /// Refuses a command: 17000 where it was requested, 16000 with the reason to its sender. The reason of a command of
@@ -490,6 +519,7 @@ impl Effects<'_> {
     pub(crate) fn refuse(&mut self, origin: Option<Origin>, why: impl Into<String>) {
         let why = why.into();
         match origin {
+            Some(origin) if self.answer_held(&origin, AckType::Refused, Some(&why)) => {}
             Some(origin) => {
                 self.acknowledge(&origin, AckType::Refused);
                 let text = format!("{} refused: {why}", origin.message_type);
@@ -507,6 +537,9 @@ impl Effects<'_> {
     /// Refuses a message that any listed CUCS may send, with any right or none. Of many that are alike only some are
     /// answered with the reason, since nothing keeps a station from sending them.
     pub(crate) fn refuse_unprivileged(&mut self, origin: &Origin, why: &str) {
+        if self.answer_held(origin, AckType::Refused, Some(why)) {
+            return;
+        }
         self.acknowledge(origin, AckType::Refused);
         let Some(station) = self.dli.stations.get(origin.station) else {
             return;

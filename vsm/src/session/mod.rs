@@ -79,6 +79,7 @@ mod effects;
 pub mod findings;
 mod flight;
 mod forward;
+mod held;
 mod ignored_fields;
 mod link;
 mod log;

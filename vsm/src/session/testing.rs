@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use mapping::altitude::Altimeter;
+use mapping::area::Areas;
 use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
@@ -63,6 +64,7 @@ pub(crate) struct World {
     pub(crate) maneuver: bool,
     pub(crate) plan: Plan,
     pub(crate) transfer: Transfer,
+    pub(crate) areas: Areas,
     progress: RouteProgress,
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
@@ -133,6 +135,7 @@ impl World {
             maneuver: false,
             plan: Plan::default(),
             transfer: Transfer::None,
+            areas: Areas::default(),
             progress: RouteProgress::default(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             vsm_alerts: Alerts::new(0),
@@ -259,6 +262,7 @@ impl World {
             progress: &self.progress,
             transfer: self.transfer,
             fence_busy: false,
+            areas: &self.areas,
             may_change: match self.transfer {
                 Transfer::None => Ok(()),
                 Transfer::Running { .. } => Err("a transfer is running"),
@@ -319,6 +323,7 @@ pub(crate) fn origin(message: &Message) -> Origin {
         message_type: message.id(),
         stamp: Some(TimeStamp(1)),
         ack_requested: true,
+        held: None,
     }
 }
 

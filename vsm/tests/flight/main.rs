@@ -8,6 +8,7 @@
 //!   `mission_watchdog`, `fence`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
+//! - commands that wait, and what is flown by itself: `held_commands`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
@@ -36,6 +37,7 @@ mod forged_time_stamps;
 mod forward;
 mod full_disk;
 mod health_alerts;
+mod held_commands;
 mod loss_action;
 mod loss_of_authority;
 mod lossy_links;

@@ -3,6 +3,7 @@
 mod command;
 mod configuration;
 mod flight_status;
+mod held;
 mod mission;
 mod private;
 mod services;
@@ -17,4 +18,5 @@ pub(super) static SUPPORT: &[&[MessageSupport]] = &[
     services::ROWS,
     configuration::ROWS,
     private::ROWS,
+    held::ROWS,
 ];

@@ -4,16 +4,19 @@
 //! - [`error`]: why one was not carried out, and the exit status for it; [`file_kind`]: a file that is for another command;
 //! - [`console`]: the operator: station, vehicle, output;
 //! - [`configuration`]: the answers of the configuration phase as a table;
-//! - [`rights`], [`plans`], [`services`]: groups of subcommands;
+//! - [`until`]: what a held command waits for;
+//! - [`rights`], [`plans`], [`services`], [`held`]: groups of subcommands;
 //! - [`run`]: carries out any of them.
 
 pub(crate) mod configuration;
 pub(crate) mod console;
 pub(crate) mod error;
 pub(crate) mod file_kind;
+pub(crate) mod held;
 pub(crate) mod plans;
 pub(crate) mod rights;
 pub(crate) mod run;
 pub(crate) mod script;
 pub(crate) mod services;
+pub(crate) mod until;
 pub(crate) mod verb;

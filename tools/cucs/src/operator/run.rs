@@ -77,7 +77,10 @@ impl<W: Write> Operator<W> {
                 let outcome = self.station.clear(vehicle).await?;
                 self.finish(vehicle, "plan cleared", outcome)
             }
-            Verb::Cancel => {
+            Verb::Hold(arguments) => self.hold(arguments).await,
+            Verb::Held => self.held().await,
+            Verb::Cancel { held: Some(number) } => self.cancel_held(*number).await,
+            Verb::Cancel { held: None } => {
                 let vehicle = self.find_vehicle().await?;
                 let outcome = self.station.cancel(vehicle).await?;
                 self.finish(vehicle, "transfer cancelled", outcome)
@@ -170,17 +173,7 @@ impl<W: Write> Operator<W> {
 
     async fn mode(&mut self, arguments: &ModeArguments) -> Done {
         let vehicle = self.find_vehicle().await?;
-        let mut command = VehicleOperatingModeCommand {
-            select_flight_path_control_mode: Some(arguments.mode),
-            commanded_waypoint_number: arguments.waypoint,
-            loiter_position_latitude: arguments.position.map(|at| Bam32::from_degrees(at.0)),
-            loiter_position_longitude: arguments.position.map(|at| Bam32::from_degrees(at.1)),
-            ..VehicleOperatingModeCommand::default()
-        };
-        if let Some(metres) = arguments.altitude {
-            set_altitude(&mut command, metres, arguments.altitude_type)?;
-        }
-        set_speed(&mut command, arguments.speed)?;
+        let command = mode_command(arguments)?;
         let outcome = self.station.operate(vehicle, command).await?;
         let mode = arguments.mode;
         let what = format!("mode {} ({}) entered", mode.raw(), report::mode_name(mode));
@@ -241,6 +234,24 @@ impl<W: Write> Operator<W> {
             }
         }
     }
+}
+
+/// The 2016 of these arguments.
+pub(super) fn mode_command(
+    arguments: &ModeArguments,
+) -> Result<VehicleOperatingModeCommand, OperatorError> {
+    let mut command = VehicleOperatingModeCommand {
+        select_flight_path_control_mode: Some(arguments.mode),
+        commanded_waypoint_number: arguments.waypoint,
+        loiter_position_latitude: arguments.position.map(|at| Bam32::from_degrees(at.0)),
+        loiter_position_longitude: arguments.position.map(|at| Bam32::from_degrees(at.1)),
+        ..VehicleOperatingModeCommand::default()
+    };
+    if let Some(metres) = arguments.altitude {
+        set_altitude(&mut command, metres, arguments.altitude_type)?;
+    }
+    set_speed(&mut command, arguments.speed)?;
+    Ok(command)
 }
 
 fn describe(condition: &Condition) -> String {

@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap};
 
+use super::until::Until;
 use crate::formats::Import;
 use crate::route::form::altitude_type_named;
 
@@ -42,8 +43,16 @@ pub enum Verb {
     },
     /// Delete the plan, in the VSM and aboard.
     Clear,
-    /// Cancel a transfer in progress.
-    Cancel,
+    /// Cancel a transfer in progress, or a held command, such as `cancel --held 3`.
+    Cancel {
+        /// Number of the held command (50021); 0 for all of this CUCS.
+        #[arg(long, value_name = "NUMBER")]
+        held: Option<u16>,
+    },
+    /// Hold a mode command until a condition (50020), such as `hold 1 --until battery=25 contingency-a`.
+    Hold(HoldArguments),
+    /// Show the held commands, and what became of the latest (50022).
+    Held,
     /// Download the plan as a route file.
     Download {
         /// File to write (default: standard output).
@@ -293,6 +302,27 @@ pub struct ModeArguments {
     /// Loiter position, degrees north and east, such as -33.9,18.4.
     #[arg(long, value_name = "LAT,LON", value_parser = degrees, allow_hyphen_values = true)]
     pub position: Option<(f64, f64)>,
+}
+
+/// A mode command to hold.
+#[derive(Clone, Debug, Args)]
+pub struct HoldArguments {
+    /// Number to know it by, from 1.
+    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
+    pub number: u16,
+    /// What to wait for: time=SECONDS, waypoint=NUMBER, entered=LAT,LON,METRES or entered=AREA, left=..., battery=PERCENT, link-lost,
+    /// done=NUMBER.
+    #[arg(long, value_name = "CONDITION")]
+    pub until: Until,
+    /// How long to wait for it, seconds.
+    #[arg(long = "for", default_value_t = 3600, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86_400))]
+    pub valid_s: u32,
+    /// Keep it when control is lost, until another CUCS takes control.
+    #[arg(long)]
+    pub contingency: bool,
+    /// The command.
+    #[command(flatten)]
+    pub command: ModeArguments,
 }
 
 /// Levels of interoperability: `2,4,5`.

@@ -3,13 +3,14 @@
 use mapping::airframe;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, LoiBitmap};
-use stanag_msgs::messages::{HandoverStatusReport, VsmAuthorisationResponse};
+use stanag_msgs::messages::{HandoverStatusReport, HeldCommandState, VsmAuthorisationResponse};
 
 use super::{Aircraft, Effects};
 use crate::config::{self, Provisional};
 use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
-use crate::session::{authority, flight, mission, reports};
+use crate::session::station::GroundStation;
+use crate::session::{authority, flight, held, mission, reports};
 
 /// Whether a station is sent messages whose layout is derived from Edition 2.
 fn has_provisional(dli: &DliEffects<'_>, station: usize) -> bool {
@@ -38,6 +39,12 @@ impl Aircraft {
         dli: &mut DliEffects<'_>,
         input: reports::Input<'_>,
     ) -> Result<(), String> {
+        if let reports::Input::ReportOnce { station, request } = input
+            && request.message_type == Some(HeldCommandState::ID)
+        {
+            self.held(dli, held::Input::List { station });
+            return Ok(());
+        }
         // Messages 2 and 35000 are the reports that the authority composes: it alone knows what is held, and handed over.
         if let reports::Input::ReportOnce { station, request } = input {
             let input = match request.message_type {
@@ -60,14 +67,48 @@ impl Aircraft {
         answer
     }
 
-    /// The right that a message needs; `None` where it is none that a CUCS commands with.
+    /// The right that a message needs; `None` where it is none that a CUCS commands with. What holds a command needs the right
+    /// that the command needs.
     pub(crate) fn right_for(&self, message: &Message) -> Option<LoiBitmap> {
-        let mode = flight::mode_of(message, &self.vehicle.telemetry);
-        authority::right_for(message, mode)
+        let right = |message: &Message| {
+            let mode = flight::mode_of(message, &self.vehicle.telemetry);
+            authority::right_for(message, mode)
+        };
+        let of_inner = held::inner(message).and_then(|inner| right(&inner));
+        of_inner.or_else(|| right(message))
+    }
+
+    /// A command that was held until now: the right that it needs is checked as if it arrived now.
+    pub(super) fn carry_out_held(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        origin: Origin,
+        message: &Message,
+        contingency: bool,
+    ) {
+        let rights = self.authority.rights();
+        let cucs = dli.stations.get(origin.station).map(GroundStation::id);
+        let held = |right| cucs.is_some_and(|cucs| rights.holds(cucs, right));
+        let nobody_controls = rights.controller().is_none();
+        match self.right_for(message) {
+            Some(right) if held(right) || (contingency && nobody_controls) => {
+                self.hand_on(dli, origin, message);
+            }
+            _ => {
+                let why = "its CUCS no longer holds the right that it needs";
+                self.effects(dli).refuse(Some(origin), why);
+            }
+        }
     }
 
     /// A command of a CUCS that holds the right for it.
     pub(crate) fn command(&mut self, dli: &mut DliEffects<'_>, origin: Origin, message: &Message) {
+        self.hand_on(dli, origin, message);
+        self.run_until_idle(dli);
+    }
+
+    /// To the machine that it is for.
+    fn hand_on(&mut self, dli: &mut DliEffects<'_>, origin: Origin, message: &Message) {
         let autopilot = self.vehicle.telemetry.autopilot;
         if let Some(why) = autopilot.and_then(airframe::refused_autopilot) {
             return self.effects(dli).refuse(Some(origin), why);
@@ -94,9 +135,11 @@ impl Aircraft {
             | Message::SubsystemStatusDetailRequest(_) => {
                 self.observe(dli, reports::Input::Command { origin, message });
             }
+            Message::HoldCommand(_) | Message::HeldCommandCancel(_) => {
+                self.held(dli, held::Input::Command { origin, message });
+            }
             _ => self.mission(dli, mission::Input::Command { origin, message }),
         }
-        self.run_until_idle(dli);
     }
 
     /// Continues with another configuration, whose authority is asked apart.

@@ -1,10 +1,10 @@
-//! The five machines, each lent what it reads and what it may do for one input.
+//! The six machines, each lent what it reads and what it may do for one input.
 
 use stanag_msgs::enums::AckType;
 
 use super::{Aircraft, Context, Effects};
 use crate::session::effects::DliEffects;
-use crate::session::{authority, flight, mission, reports};
+use crate::session::{authority, flight, held, mission, reports};
 
 impl Aircraft {
     /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
@@ -44,6 +44,16 @@ impl Aircraft {
             parameters: self.reports.parameters(),
         };
         self.flight.handle(&context, input, effects!(self, dli));
+    }
+
+    pub(super) fn held(&mut self, dli: &mut DliEffects<'_>, input: held::Input<'_>) {
+        let context = held::Context {
+            common: context!(self, dli),
+            mission: self.mission.view(&self.vehicle, &self.services),
+            flight: self.flight.view(),
+            rights: self.authority.rights(),
+        };
+        self.held.handle(&context, input, effects!(self, dli));
     }
 
     pub(super) fn reports(

@@ -1,4 +1,4 @@
-//! One vehicle: the router between its five machines.
+//! One vehicle: the router between its six machines.
 //!
 //! A machine has the form `handle(&mut self, &Context, Input, &mut Effects)` and `poll_timeout(&self)`. It knows no
 //! sibling: it reads their state through [`Context`](super::context::Context), and what it needs of one is a
@@ -9,6 +9,7 @@
 //! | [`authority`] | which CUCS holds which level of interoperability; handovers, silence, the audit log |
 //! | [`mission`] | the stored plan, its upload, read-back and progress; the geofence |
 //! | [`flight`] | what a 2016 becomes: modes, maneuvers, sticks, set points, the loss action |
+//! | [`held`] | which commands are held until a condition, and when they are carried out |
 //! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
 //! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
 //!
@@ -28,6 +29,7 @@ use super::authority::{self, AuthorityMachine};
 use super::context::{Bounds, Context, Settings, WATCH_SLACK};
 use super::effects::{DliEffects, Effects, Request};
 use super::flight::{self, Flight};
+use super::held::{self, Held};
 use super::link::VehicleLink;
 use super::link::event::VehicleEvent;
 use super::link::frame::Peer;
@@ -56,6 +58,7 @@ pub(crate) struct Aircraft {
     pub(super) authority: AuthorityMachine,
     pub(super) mission: Mission,
     pub(super) flight: Flight,
+    pub(super) held: Held,
     pub(super) reports: Reports,
     pub(super) link: VehicleLink,
 }
@@ -127,6 +130,7 @@ impl Aircraft {
         self.run_until_idle(dli);
         // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
         self.mission(dli, mission::Input::WatchProgress);
+        self.held(dli, held::Input::Watch);
         self.authority(dli, authority::Input::Settle);
         self.run_until_idle(dli);
         self.watch_soon(dli.now.mono);
@@ -140,6 +144,7 @@ impl Aircraft {
         self.authority(dli, authority::Input::WatchSilence);
         // At once: the loss of the controller is flown in this call, not at the next timeout.
         self.deliver_requests(dli);
+        self.held(dli, held::Input::Watch);
         self.flight(dli, flight::Input::WatchLossAction);
         self.run_until_idle(dli);
         self.observe(dli, reports::Input::WatchModes);
@@ -206,6 +211,7 @@ impl Aircraft {
             self.authority.poll_timeout(now, stations, limits),
             self.mission.poll_timeout(),
             self.flight.poll_timeout(),
+            self.held.poll_timeout(),
             self.reports.poll_timeout(&self.alerts),
         ]
         .into_iter()
@@ -273,6 +279,23 @@ impl Aircraft {
                     let input = mission::Input::DropWaitingCommand { why, without_right };
                     self.mission(dli, input);
                 }
+                Request::CarryOut {
+                    origin,
+                    message,
+                    contingency,
+                } => self.carry_out_held(dli, origin, &message, contingency),
+                Request::HeldEnded {
+                    serial,
+                    answer,
+                    why,
+                } => {
+                    let input = held::Input::Ended {
+                        serial,
+                        answer,
+                        why,
+                    };
+                    self.held(dli, input);
+                }
                 Request::ListenerChanged { station } => {
                     self.observe(dli, reports::Input::ListenerChanged { station });
                 }
@@ -296,6 +319,7 @@ impl Aircraft {
         // After all of them: the loss of the controller follows the change of control, and flies the loss action. Released in
         // between, operator control could go to another MAVLink system, and the vehicle would refuse that action.
         if control_changed {
+            self.held(dli, held::Input::Watch);
             self.mission(dli, mission::Input::WatchUpload);
             self.link.operator_control.soon();
             self.hold_operator_control(dli);

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use mavlink_link::store::StoreError;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
+use stanag_msgs::messages::HoldCommand;
 
 use super::{Aircraft, Context, Effects};
 use crate::config;
@@ -14,11 +15,13 @@ use crate::session::context::{Bounds, Settings};
 use crate::session::duplicates::Seen;
 use crate::session::effects::DliEffects;
 use crate::session::flight::Flight;
+use crate::session::held::Held;
 use crate::session::link::VehicleLink;
 use crate::session::link::services::Services;
 use crate::session::link::state::VehicleState;
 use crate::session::mission::Mission;
 use crate::session::reports::Reports;
+use crate::session::station::GroundStation;
 
 impl Aircraft {
     /// `number` keeps the alert ids of the vehicles of one bridge apart.
@@ -45,6 +48,7 @@ impl Aircraft {
             authority: AuthorityMachine::default(),
             mission: Mission::new(areas),
             flight: Flight::default(),
+            held: Held::default(),
             reports: Reports::default(),
             link,
             config,
@@ -64,6 +68,9 @@ impl Aircraft {
             .restore(&context!(self, dli), effects!(self, dli))?;
         self.mission.restore(effects!(self, dli))?;
         self.flight.restore(effects!(self, dli))?;
+        if self.held.restore(effects!(self, dli))? {
+            self.flight.cut_off_launch();
+        }
         // Raised for whoever begins to listen: what a restart finds standing is no news to who listened before.
         let listeners = std::mem::take(&mut self.listeners);
         let effects = effects!(self, dli);
@@ -94,10 +101,18 @@ impl Aircraft {
         seen: &Seen,
     ) -> bool {
         let origin = seen.origin(station);
+        let owner = dli.stations.get(station).map(GroundStation::id);
         match seen.message_type {
             // A handover outlives the restart, and its end answers who requested it.
             1 | 4 | 34000 => self.authority.resume(&context!(self, dli), origin),
             same if may_come_again(same) => false,
+            HoldCommand::ID
+                if self
+                    .held
+                    .resume((station, owner), seen, effects!(self, dli)) =>
+            {
+                true
+            }
             _ => {
                 // An interrupted launch must leave no running motors: a vehicle still on the ground is disarmed.
                 self.flight.cut_off(seen);

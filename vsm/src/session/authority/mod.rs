@@ -185,8 +185,12 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::CurveSegmentPaper(_)
         | Message::ParameterSetCommand(_)
         | Message::AreaVertex(_)
-        | Message::AreaTransferCommand(_) => Some(LoiBitmap::LOI4),
-        Message::ParameterRequest(_)
+        | Message::AreaTransferCommand(_)
+        // As the command in it, where that can be read: the caller looks into it.
+        | Message::HoldCommand(_) => Some(LoiBitmap::LOI4),
+        // Its own commands a CUCS cancels with whatever right it is left.
+        Message::HeldCommandCancel(_)
+        | Message::ParameterRequest(_)
         | Message::PingRequest(_)
         | Message::SubsystemStatusRequest(_)
         | Message::SubsystemStatusDetailRequest(_) => Some(LoiBitmap::LOI2),
@@ -201,7 +205,8 @@ pub(crate) fn commands(message: &Message) -> bool {
     match message {
         Message::CucsAuthorisationRequest(request) => requests_control(request),
         Message::PositiveHandoverAuthorisationRequest(_)
-        | Message::VehicleDataLinkTransitionCoordination(_) => true,
+        | Message::VehicleDataLinkTransitionCoordination(_)
+        | Message::HeldCommandCancel(_) => true,
         // By the right that it needs: a message that is added there is covered here.
         other => right_for(other, None).is_some_and(|right| right != LoiBitmap::LOI2),
     }

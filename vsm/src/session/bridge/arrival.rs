@@ -151,6 +151,7 @@ impl Bridge {
             stamp: stamp_of(frame),
             // An acknowledgement is never acknowledged: two peers would answer each other without end.
             ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
+            held: None,
         };
         let profile = &mut self.stations[index].profile;
         profile.note(&header);

@@ -158,6 +158,7 @@ impl Bridge {
                     message_type: header(frame, &at).message_type,
                     stamp: editions::stamp(frame),
                     ack_requested: false,
+                    held: None,
                 };
                 if at.info.is_some() {
                     self.refuse_command(now, &origin, at.vehicle, refusal.why, disk);

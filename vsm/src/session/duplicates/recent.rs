@@ -109,6 +109,7 @@ impl Seen {
             message_type: self.message_type,
             stamp: Some(self.stamp),
             ack_requested: self.ack_requested,
+            held: None,
         }
     }
 

@@ -146,6 +146,11 @@ impl Flight {
             seen.message_type == 2016 && Mode::from_raw(seen.mode) == Mode::Launch;
     }
 
+    /// A restart has cut off a launch that was held until then.
+    pub(crate) fn cut_off_launch(&mut self) {
+        self.launch_cut_off = true;
+    }
+
     /// What the other machines may know.
     pub(crate) fn view(&self) -> FlightView<'_> {
         FlightView {
@@ -756,10 +761,10 @@ impl Flight {
     }
 }
 
-/// Drops a command that waits for its route where a pilot or a failsafe has taken the vehicle meanwhile: an upload takes many
-/// seconds on a slow radio, and the command would then take the vehicle from them.
-fn give_way(context: &Context<'_>, effects: &mut Effects<'_>) {
-    const COMMANDED_FROM_HERE: [Px4Mode; 7] = [
+/// Whether a vehicle in this mode was commanded there through a VSM, as far as the mode shows it: in any other a pilot or a
+/// failsafe has it.
+pub(crate) fn is_commanded_from_here(mode: Px4Mode) -> bool {
+    [
         Px4Mode::LOITER,
         Px4Mode::ORBIT,
         Px4Mode::MISSION,
@@ -767,11 +772,17 @@ fn give_way(context: &Context<'_>, effects: &mut Effects<'_>) {
         Px4Mode::VTOL_TAKEOFF,
         Px4Mode::COURSE,
         Px4Mode::OFFBOARD,
-    ];
+    ]
+    .contains(&mode)
+}
+
+/// Drops a command that waits for its route where a pilot or a failsafe has taken the vehicle meanwhile: an upload takes many
+/// seconds on a slow radio, and the command would then take the vehicle from them.
+fn give_way(context: &Context<'_>, effects: &mut Effects<'_>) {
     let Some(mode) = context.vehicle.telemetry.mode else {
         return;
     };
-    if context.mission.waiting_command().is_some() && !COMMANDED_FROM_HERE.contains(&mode) {
+    if context.mission.waiting_command().is_some() && !is_commanded_from_here(mode) {
         effects.request(Request::DropWaitingCommand {
             why: format!(
                 "the vehicle is in {} now, by its pilot or a failsafe",

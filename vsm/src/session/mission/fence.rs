@@ -81,6 +81,11 @@ impl Fence {
         }
     }
 
+    /// The areas that CUCSs have sent, loaded or not.
+    pub(super) fn sent(&self) -> &Areas {
+        &self.sent
+    }
+
     /// Whether a fence is on its way.
     pub(super) fn busy(&self) -> bool {
         self.work.is_some()

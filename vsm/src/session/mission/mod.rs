@@ -116,6 +116,7 @@ impl Mission {
             progress: &self.progress,
             transfer: self.transfers.view(),
             fence_busy: self.fence.busy(),
+            areas: self.fence.sent(),
             may_change: self.may_change(vehicle, services),
         }
     }

@@ -27,6 +27,7 @@ macro_rules! trial {
 }
 
 mod flight;
+mod held;
 pub(super) mod messages;
 mod private;
 mod requests;
@@ -42,6 +43,7 @@ pub(super) fn trials() -> Vec<Trial> {
     all.extend(routes::routes());
     all.extend(requests::requests());
     all.extend(private::private());
+    all.extend(held::held());
     all
 }
 

@@ -1,0 +1,79 @@
+//! Commands that are held until a condition (50020, 50021).
+
+use stanag_msgs::messages::{HeldCommandCancel, HoldCommand};
+use stanag_msgs::{Id, MAX_DATAGRAM, Message, Text, TimeStamp};
+use tokio::time::Instant;
+
+use super::endpoint::Station;
+use super::outcome::{Outcome, StationError};
+use crate::session::machine::Session;
+use crate::session::sender::{Delivery, SendError};
+
+/// A command and what it is to wait for.
+#[derive(Clone, Debug)]
+pub struct Holding {
+    /// Its number, and the condition.
+    pub hold: HoldCommand,
+    /// Of a condition that is a time: in how many seconds.
+    pub after_s: Option<f64>,
+    /// The command.
+    pub command: Message,
+}
+
+impl Station {
+    /// Has a command held; carried out here is that it is held. What becomes of it later is reported by 50022.
+    ///
+    /// # Errors
+    /// There is no answer within [`Timeouts::command`](crate::Timeouts), or the command cannot be written.
+    pub async fn hold(&mut self, vehicle: Id, holding: Holding) -> Result<Outcome, StationError> {
+        let Holding {
+            mut hold,
+            after_s,
+            command,
+        } = holding;
+        let mut data = [0; MAX_DATAGRAM];
+        let length = command.encode_data(&mut data).map_err(SendError::from)?;
+        let bytes = data.get(..length).unwrap_or_default();
+        let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        hold.held_message_type = Some(command.id());
+        hold.held_message_data = Some(Text::new(&hex));
+        let now = self.now();
+        hold.condition_time = after_s.map(|seconds| {
+            // To the millisecond, rounded up: never before Time Stamp.
+            TimeStamp::from_unix_ms(now.unix_ms + (seconds * 1e3).ceil() as u64 + 1)
+        });
+        let mark = self.alert_mark(vehicle);
+        let ticket = self.session.send(now, vehicle, hold)?;
+        let within = self.timeouts.command;
+        let answered = |session: &mut Session| {
+            let delivery = session.delivery(ticket);
+            (delivery == Delivery::Received || delivery.is_final()).then_some(delivery)
+        };
+        let delivery = self.until(Instant::now() + within, answered).await?;
+        // Its end may be hours away, and comes by 50022 too.
+        self.session.withdraw(ticket);
+        match delivery {
+            Some(Delivery::Received | Delivery::CarriedOut) => Ok(Outcome::CarriedOut),
+            Some(Delivery::Refused) => {
+                let what = "hold (50020)".to_owned();
+                let refused = self.refusal(vehicle, what, None, mark).await?;
+                Ok(Outcome::Refused(refused))
+            }
+            _ => Err(self.timed_out("answer (17000) to a 50020".to_owned(), within, vehicle)),
+        }
+    }
+
+    /// Cancels held commands.
+    ///
+    /// # Errors
+    /// There is no answer within [`Timeouts::command`](crate::Timeouts).
+    pub async fn cancel_held(
+        &mut self,
+        vehicle: Id,
+        cancel: HeldCommandCancel,
+    ) -> Result<Outcome, StationError> {
+        let within = self.timeouts.command;
+        let what = "cancellation (50021)".to_owned();
+        self.command(vehicle, cancel, what, within).await
+    }
+}

@@ -1,0 +1,284 @@
+//! What a held command waits for, and when that is so.
+//!
+//! Of what the vehicle shows only fresh data count. A place is passed, an area entered or left, by a change: a command
+//! given inside an area does not wait for what is the case already.
+
+use std::time::Duration;
+
+use mapping::area::{Area, Shape};
+use serde::{Deserialize, Serialize};
+use stanag_msgs::enums::HoldCondition;
+use stanag_msgs::messages::HoldCommand;
+
+use super::Context;
+use crate::session::authority::rules::Silence;
+use crate::session::station::GroundStation;
+
+/// What is waited for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) enum Condition {
+    Time {
+        /// Milliseconds since 1970, by the clock of this VSM.
+        at_ms: u64,
+        /// The same by the clock that does not go back.
+        #[serde(skip)]
+        at: Duration,
+    },
+    Waypoint {
+        number: u16,
+        /// Since it was given the vehicle had been at another, or at none.
+        beside: bool,
+    },
+    Area {
+        outline: Outline,
+        entered: bool,
+        /// Since it was given the vehicle was on the other side.
+        beside: bool,
+    },
+    Battery {
+        below: u8,
+        #[serde(skip)]
+        since: Option<Duration>,
+    },
+    LinkLost,
+    /// The serial number of the other.
+    Done {
+        serial: u32,
+        number: u16,
+    },
+}
+
+/// An area, as it was when the command was given: degrees north and east, metres.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) enum Outline {
+    Circle { centre: (f64, f64), radius_m: f64 },
+    Polygon(Vec<(f64, f64)>),
+}
+
+impl Outline {
+    fn contains(&self, at: (f64, f64)) -> bool {
+        let shape = match self {
+            Outline::Circle { centre, radius_m } => Shape::Circle {
+                centre: *centre,
+                radius_m: *radius_m,
+            },
+            Outline::Polygon(corners) => Shape::Polygon(corners.clone()),
+        };
+        let keep_in = true;
+        Area { keep_in, shape }.contains(at)
+    }
+
+    fn of(area: &Area) -> Outline {
+        match &area.shape {
+            Shape::Circle { centre, radius_m } => Outline::Circle {
+                centre: *centre,
+                radius_m: *radius_m,
+            },
+            Shape::Polygon(corners) => Outline::Polygon(corners.clone()),
+        }
+    }
+}
+
+/// How a look at a condition ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    /// Nothing new.
+    Waits,
+    /// It is nearer to be met by something that must be remembered.
+    Nearer,
+    Met,
+}
+
+impl Condition {
+    /// Of a 50020. `serial_of`: the serial number of another held command of this CUCS.
+    ///
+    /// # Errors
+    /// What is missing, or out of its range.
+    pub(super) fn of(
+        command: &HoldCommand,
+        context: &Context<'_>,
+        serial_of: impl Fn(u16) -> Option<u32>,
+    ) -> Result<Condition, String> {
+        let number = || {
+            let given = command.condition_number.filter(|number| *number != 0);
+            given.ok_or_else(|| "Condition Number is missing".to_owned())
+        };
+        match command.hold_condition {
+            None => Err("Hold Condition is missing".to_owned()),
+            Some(HoldCondition::Time) => time(command, context),
+            Some(HoldCondition::WaypointPassed) => Ok(Condition::Waypoint {
+                number: number()?,
+                beside: false,
+            }),
+            Some(condition @ (HoldCondition::AreaEntered | HoldCondition::AreaLeft)) => {
+                Ok(Condition::Area {
+                    outline: match circle(command)? {
+                        Some(circle) => circle,
+                        None => stored(number()?, context)?,
+                    },
+                    entered: condition == HoldCondition::AreaEntered,
+                    beside: false,
+                })
+            }
+            Some(HoldCondition::BatteryBelow) => match command.condition_percent {
+                Some(below @ 1..=100) => Ok(Condition::Battery { below, since: None }),
+                Some(other) => Err(format!("Condition Percent {other}, expected 1 to 100")),
+                None => Err("Condition Percent is missing".to_owned()),
+            },
+            Some(HoldCondition::LinkLost) => Ok(Condition::LinkLost),
+            Some(HoldCondition::CommandDone) => {
+                let number = number()?;
+                let serial = serial_of(number)
+                    .ok_or_else(|| format!("no held command {number} of this CUCS"))?;
+                Ok(Condition::Done { serial, number })
+            }
+            Some(HoldCondition::Unknown(value)) => {
+                Err(format!("Hold Condition {value}, expected 1 to 7"))
+            }
+        }
+    }
+
+    /// As 50022 reports it.
+    pub(super) fn reported(&self) -> HoldCondition {
+        match self {
+            Condition::Time { .. } => HoldCondition::Time,
+            Condition::Waypoint { .. } => HoldCondition::WaypointPassed,
+            Condition::Area { entered: true, .. } => HoldCondition::AreaEntered,
+            Condition::Area { entered: false, .. } => HoldCondition::AreaLeft,
+            Condition::Battery { .. } => HoldCondition::BatteryBelow,
+            Condition::LinkLost => HoldCondition::LinkLost,
+            Condition::Done { .. } => HoldCondition::CommandDone,
+        }
+    }
+
+    /// Whether it is met now. `owner`: who gave the command; [`Condition::Done`] is for the caller.
+    pub(super) fn look(&mut self, context: &Context<'_>, owner: &GroundStation) -> Look {
+        let (now, vehicle) = (context.mono(), context.vehicle);
+        let telemetry = &vehicle.telemetry;
+        // What a silent vehicle showed last may no longer be so.
+        let live = vehicle.live();
+        match self {
+            Condition::Time { at, .. } => met(*at <= now),
+            Condition::Waypoint { number, beside } => {
+                let (Some(uploaded), true) = (context.mission.uploaded, live) else {
+                    return Look::Waits;
+                };
+                let compiled = &uploaded.compiled;
+                let from = context.mission.progress.along(compiled, telemetry).from;
+                let last = from.and_then(|leg| compiled.order.get(leg));
+                let there = last.is_some_and(|leg| leg.number == *number);
+                change(there, beside)
+            }
+            Condition::Area {
+                outline,
+                entered,
+                beside,
+            } => match telemetry.position.filter(|_| live) {
+                Some(at) => {
+                    let inside = outline.contains((at.latitude, at.longitude));
+                    change(inside == *entered, beside)
+                }
+                None => Look::Waits,
+            },
+            Condition::Battery { below, since } => {
+                let low = telemetry.battery.is_some_and(|left| left < *below);
+                if !(live && low) {
+                    *since = None;
+                    return Look::Waits;
+                }
+                // One report that the next does not confirm is none.
+                met(now >= *since.get_or_insert(now) + BATTERY_LASTS)
+            }
+            Condition::LinkLost => {
+                let limits = &context.settings.authority;
+                met(owner.silence(now, limits) == Silence::Lost)
+            }
+            Condition::Done { .. } => Look::Waits,
+        }
+    }
+
+    /// When it is met, or looked at again, by the time alone.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        match self {
+            Condition::Time { at, .. } => Some(*at),
+            Condition::Battery { since, .. } => since.map(|since| since + BATTERY_LASTS),
+            _ => None,
+        }
+    }
+}
+
+fn met(so: bool) -> Look {
+    if so { Look::Met } else { Look::Waits }
+}
+
+fn change(there: bool, beside: &mut bool) -> Look {
+    match (there, *beside) {
+        (true, true) => Look::Met,
+        (true, false) | (false, true) => Look::Waits,
+        (false, false) => {
+            *beside = true;
+            Look::Nearer
+        }
+    }
+}
+
+/// The time is one of the station's clock: how far it is after the message counts, whatever the two clocks show.
+fn time(command: &HoldCommand, context: &Context<'_>) -> Result<Condition, String> {
+    let (at, stamp) = command
+        .condition_time
+        .zip(command.time_stamp)
+        .ok_or("Condition Time is missing")?;
+    let after_ms = (at.0.checked_sub(stamp.0)).ok_or("Condition Time is before Time Stamp")?;
+    let valid_ms = u64::from(command.valid_for.unwrap_or(0)) * 1_000;
+    if after_ms >= valid_ms {
+        return Err(format!(
+            "Condition Time is {} s after Time Stamp, and Valid For ends before",
+            after_ms / 1_000
+        ));
+    }
+    let after = Duration::from_millis(after_ms);
+    Ok(Condition::Time {
+        at_ms: super::record::wall_ms(context.now.wall + after),
+        at: context.mono() + after,
+    })
+}
+
+fn circle(command: &HoldCommand) -> Result<Option<Outline>, String> {
+    let place = (command.condition_latitude, command.condition_longitude);
+    match (place, command.condition_radius) {
+        ((None, None), None) => Ok(None),
+        ((Some(latitude), Some(longitude)), Some(radius)) => {
+            let latitude = latitude.degrees();
+            let radius_m = f64::from(radius);
+            if !(-90.0..=90.0).contains(&latitude) {
+                return Err(format!(
+                    "Condition Latitude {latitude:.4} deg, expected -90 to 90"
+                ));
+            }
+            // Not at a boundary alone: a comparison with NaN is false.
+            if !(radius_m > 0.0 && radius_m <= WIDEST_M) {
+                return Err(format!(
+                    "Condition Radius {radius_m} m, expected above 0 to 100000"
+                ));
+            }
+            Ok(Some(Outline::Circle {
+                centre: (latitude, longitude.degrees()),
+                radius_m,
+            }))
+        }
+        _ => Err("a circle needs Condition Latitude, Longitude and Radius".to_owned()),
+    }
+}
+
+/// An area that a CUCS has sent (50016).
+fn stored(number: u16, context: &Context<'_>) -> Result<Outline, String> {
+    let areas = context.mission.areas.whole();
+    let areas = areas.map_err(|fault| fault.to_string())?;
+    let found = areas.iter().find(|(id, _)| *id == number);
+    let (_, area) = found.ok_or_else(|| format!("no area {number} has been received (50016)"))?;
+    Ok(Outline::of(area))
+}
+
+/// How long less energy must be reported, as for an alert.
+const BATTERY_LASTS: Duration = Duration::from_millis(1_500);
+const WIDEST_M: f64 = 1e5;

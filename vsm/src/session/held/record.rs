@@ -1,0 +1,127 @@
+//! What is known of held commands over a restart: one record a vehicle, written before anything is answered or done.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use serde::{Deserialize, Serialize};
+use stanag_msgs::enums::{HeldState, HoldKind};
+use stanag_msgs::messages::HeldCommandState;
+use stanag_msgs::{Id, Text, TimeStamp};
+
+use super::condition::Condition;
+use crate::session::context::Origin;
+use crate::session::store::vehicle_record;
+
+/// One held command.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct Entry {
+    /// Of this VSM's own: numbers of CUCSs come again.
+    pub(super) serial: u32,
+    /// The CUCS that gave it.
+    pub(super) owner: u32,
+    pub(super) number: u16,
+    pub(super) message_type: u16,
+    /// Data of the command, hexadecimal.
+    pub(super) data: String,
+    pub(super) contingency: bool,
+    pub(super) condition: Condition,
+    pub(super) state: State,
+    /// Why it ended so.
+    pub(super) reason: String,
+    /// When it expires: milliseconds since 1970, by the clock of this VSM.
+    pub(super) until_ms: u64,
+    /// The same by the clock that does not go back.
+    #[serde(skip)]
+    pub(super) until: Duration,
+    /// Of the 50020, which is answered at the end.
+    pub(super) stamp: u64,
+    pub(super) ack_requested: bool,
+}
+
+/// As 50022 reports it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum State {
+    Waiting,
+    BeingCarriedOut,
+    CarriedOut,
+    Refused,
+    Expired,
+    Cancelled,
+}
+
+impl State {
+    pub(super) fn has_ended(self) -> bool {
+        !matches!(self, State::Waiting | State::BeingCarriedOut)
+    }
+
+    pub(super) fn reported(self) -> HeldState {
+        match self {
+            State::Waiting => HeldState::Waiting,
+            State::BeingCarriedOut => HeldState::BeingCarriedOut,
+            State::CarriedOut => HeldState::CarriedOut,
+            State::Refused => HeldState::Refused,
+            State::Expired => HeldState::Expired,
+            State::Cancelled => HeldState::Cancelled,
+        }
+    }
+}
+
+/// All of a vehicle.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Record {
+    pub(super) entries: Vec<Entry>,
+    /// The latest serial number.
+    pub(super) serial: u32,
+    /// When it was written, milliseconds since 1970.
+    pub(super) written_ms: u64,
+}
+
+vehicle_record!(Record, "held", Process);
+
+impl Entry {
+    /// The 50020, as the origin of its answer.
+    pub(super) fn origin(&self, station: usize) -> Origin {
+        Origin {
+            station,
+            message_type: stanag_msgs::messages::HoldCommand::ID,
+            stamp: Some(TimeStamp(self.stamp)),
+            ack_requested: self.ack_requested,
+            held: None,
+        }
+    }
+
+    /// 50022.
+    pub(super) fn report(&self, stamp: TimeStamp) -> HeldCommandState {
+        HeldCommandState {
+            time_stamp: Some(stamp),
+            owner_id: Some(Id(self.owner)),
+            held_command_number: Some(self.number),
+            held_message_type: Some(self.message_type),
+            hold_condition: Some(self.condition.reported()),
+            hold_kind: Some(if self.contingency {
+                HoldKind::Contingency
+            } else {
+                HoldKind::Command
+            }),
+            held_state: Some(self.state.reported()),
+            reason: (!self.reason.is_empty()).then(|| Text::new(&self.reason)),
+        }
+    }
+
+    /// Counts its times from a start of the VSM.
+    pub(super) fn restart_clocks(&mut self, now: Now) {
+        let from_now = |ms: u64| {
+            let left = Duration::from_millis(ms).saturating_sub(now.wall);
+            now.mono + left
+        };
+        self.until = from_now(self.until_ms);
+        if let Condition::Time { at_ms, at } = &mut self.condition {
+            *at = from_now(*at_ms);
+        }
+    }
+}
+
+/// Milliseconds since 1970.
+pub(super) fn wall_ms(wall: Duration) -> u64 {
+    u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,322 @@
+//! The promises of held commands along random histories: the machine alone, with what it reads and may do.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use proptest::prelude::*;
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, HoldCondition, HoldKind, LoiBitmap,
+};
+use stanag_msgs::messages::{HeldCommandCancel, HoldCommand, VehicleOperatingModeCommand};
+use stanag_msgs::{Id, MAX_DATAGRAM, Message, Text, TimeStamp};
+
+use super::{Context, Held, Input};
+use crate::session::authority::rules::{
+    Access, Asker, Authority, CONTROL, Circumstances, Rights, Stations,
+};
+use crate::session::context::Origin;
+use crate::session::effects::Request;
+use crate::session::testing::{CUCS, World, acknowledgements, origin};
+
+/// What happens.
+#[derive(Debug, Clone)]
+enum Step {
+    /// A command by this number: after so many seconds, or with less than 30 % of energy where `None`.
+    Give {
+        number: u16,
+        after_s: Option<u32>,
+        valid_s: u32,
+        contingency: bool,
+    },
+    Cancel(u16),
+    Pass(u64),
+    /// The vehicle is silent, or received again.
+    Silent(bool),
+    Battery(u8),
+    /// Who controls: 0 nobody, 1 who has given them, 2 another.
+    Control(u8),
+    /// `kill -9`, and a start as many seconds later.
+    Restart(u64),
+    /// What is being carried out ends.
+    Answer(bool),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        4 => (1_u16..4, prop::option::of(0_u32..12), 1_u32..20, any::<bool>()).prop_map(
+            |(number, after_s, valid_s, contingency)| Step::Give {
+                number,
+                after_s,
+                valid_s,
+                contingency,
+            }
+        ),
+        1 => (0_u16..4).prop_map(Step::Cancel),
+        6 => (0_u64..4_000).prop_map(Step::Pass),
+        2 => any::<bool>().prop_map(Step::Silent),
+        2 => (0_u8..60).prop_map(Step::Battery),
+        2 => (0_u8..4).prop_map(|who| Step::Control(who.min(1) + u8::from(who == 3))),
+        2 => (0_u64..6).prop_map(Step::Restart),
+        2 => any::<bool>().prop_map(Step::Answer),
+    ]
+}
+
+/// What is known of a command that was acknowledged as held.
+#[derive(Debug, Clone)]
+struct Given {
+    number: u16,
+    until: Duration,
+    contingency: bool,
+    cancelled: bool,
+    carried_out: u32,
+}
+
+struct Scene {
+    world: World,
+    held: Held,
+    rights: Authority,
+    /// By the stamp of its 50020.
+    given: BTreeMap<u64, Given>,
+    stamp: u64,
+    running: Vec<u32>,
+}
+
+impl Scene {
+    fn new() -> Scene {
+        let mut scene = Scene {
+            world: World::airborne(Px4Mode::LOITER),
+            held: Held::default(),
+            rights: Authority::default(),
+            given: BTreeMap::new(),
+            stamp: 1_000_000,
+            running: Vec::new(),
+        };
+        scene.control(1);
+        scene
+    }
+
+    fn control(&mut self, who: u8) {
+        let holder = match who {
+            0 => None,
+            1 => Some(CUCS),
+            _ => Some(Id(CUCS.0 + 1)),
+        };
+        self.rights = Authority::default();
+        if let Some(id) = holder {
+            let asker = Asker {
+                id,
+                authorised: LoiBitmap::from_raw(0x0f),
+                may_override: false,
+                rank: 0,
+            };
+            let at = Circumstances {
+                now: Duration::ZERO,
+                roster: &[asker],
+                loading: None,
+                launch_or_landing: false,
+            };
+            let wanted = Rights::named(CONTROL, Stations::NONE);
+            let _ = self
+                .rights
+                .request(&at, &asker, Access::Control, wanted, false);
+        }
+        assert_eq!(self.rights.controller(), holder);
+        self.world.controller = holder;
+    }
+
+    /// Lets the machine act, and holds what it wants carried out against what it may.
+    fn act(&mut self, input: Input<'_>) {
+        let (held, rights) = (&mut self.held, &self.rights);
+        self.world.act(|common, views, effects| {
+            let context = Context {
+                common,
+                mission: views.mission,
+                flight: views.flight,
+                rights,
+            };
+            held.handle(&context, input, effects);
+        });
+        while let Some(request) = self.world.requests.pop_front() {
+            let Request::CarryOut {
+                origin,
+                contingency,
+                ..
+            } = request
+            else {
+                continue;
+            };
+            let stamp = origin.stamp.expect("the stamp of its 50020").0;
+            let given = self.given.get_mut(&stamp).expect("it was acknowledged");
+            given.carried_out += 1;
+            assert_eq!(given.carried_out, 1, "carried out twice: {given:?}");
+            assert!(!given.cancelled, "after its cancellation: {given:?}");
+            assert!(
+                self.world.now.mono < given.until,
+                "after its expiry: {given:?}"
+            );
+            assert!(self.world.vehicle.live(), "while the vehicle is silent");
+            assert_eq!(contingency, given.contingency);
+            let controls = self.rights.controller();
+            assert!(
+                controls == Some(CUCS) || (contingency && controls.is_none()),
+                "without the right: {controls:?}"
+            );
+            self.running.extend(origin.held);
+        }
+    }
+
+    fn send(&mut self, message: &Message) -> Vec<AckType> {
+        let origin = Origin {
+            stamp: Some(TimeStamp(self.stamp)),
+            ..origin(message)
+        };
+        let _ = self.world.sent_to(0);
+        self.act(Input::Command { origin, message });
+        acknowledgements(&self.world.sent_to(0))
+    }
+
+    fn play(&mut self, step: &Step) {
+        self.stamp += 1;
+        match *step {
+            Step::Give {
+                number,
+                after_s,
+                valid_s,
+                contingency,
+            } => {
+                let message = hold(self.stamp, number, after_s, valid_s, contingency);
+                if self.send(&message).contains(&AckType::Received) {
+                    let given = Given {
+                        number,
+                        until: self.world.now.mono + Duration::from_secs(valid_s.into()),
+                        contingency,
+                        cancelled: false,
+                        carried_out: 0,
+                    };
+                    self.given.insert(self.stamp, given);
+                }
+            }
+            Step::Cancel(number) => {
+                let cancel = HeldCommandCancel {
+                    time_stamp: Some(TimeStamp(self.stamp)),
+                    held_command_number: Some(number),
+                    ..HeldCommandCancel::default()
+                };
+                if self.send(&cancel.into()).contains(&AckType::CarriedOut) {
+                    let meant = |given: &&mut Given| number == 0 || given.number == number;
+                    for given in self.given.values_mut().filter(meant) {
+                        given.cancelled = true;
+                    }
+                }
+            }
+            Step::Pass(ms) => self.world.advance(Duration::from_millis(ms)),
+            Step::Silent(true) => self.world.vehicle.set_silent(),
+            Step::Silent(false) => self.world.vehicle.set_live(),
+            Step::Battery(percent) => self.world.vehicle.telemetry.battery = Some(percent),
+            Step::Control(who) => self.control(who),
+            Step::Restart(seconds) => {
+                self.held = Held::default();
+                self.running.clear();
+                self.world.advance(Duration::from_secs(seconds));
+                let held = &mut self.held;
+                let restored = self.world.act(|_, _, effects| held.restore(effects));
+                restored.expect("the record is read");
+            }
+            Step::Answer(carried_out) => {
+                if let Some(serial) = self.running.pop() {
+                    let answer = if carried_out {
+                        AckType::CarriedOut
+                    } else {
+                        AckType::Refused
+                    };
+                    self.act(Input::Ended {
+                        serial,
+                        answer,
+                        why: None,
+                    });
+                }
+            }
+        }
+        self.act(Input::Watch);
+    }
+}
+
+fn hold(stamp: u64, number: u16, after_s: Option<u32>, valid_s: u32, contingency: bool) -> Message {
+    let command: Message = VehicleOperatingModeCommand {
+        select_flight_path_control_mode: Some(Mode::Loiter),
+        ..VehicleOperatingModeCommand::default()
+    }
+    .into();
+    let mut data = [0; MAX_DATAGRAM];
+    let length = command.encode_data(&mut data).expect("it is encoded");
+    let hex: String = (data[..length].iter())
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    let condition = match after_s {
+        Some(_) => HoldCondition::Time,
+        None => HoldCondition::BatteryBelow,
+    };
+    Message::from(HoldCommand {
+        time_stamp: Some(TimeStamp(stamp)),
+        held_command_number: Some(number),
+        held_message_type: Some(command.id()),
+        held_message_data: Some(Text::new(&hex)),
+        hold_condition: Some(condition),
+        hold_kind: Some(if contingency {
+            HoldKind::Contingency
+        } else {
+            HoldKind::Command
+        }),
+        valid_for: Some(valid_s),
+        condition_time: after_s.map(|after_s| TimeStamp(stamp + u64::from(after_s) * 1_000)),
+        condition_percent: after_s.is_none().then_some(30),
+        ..HoldCommand::default()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn never_twice_nor_late_nor_cancelled_nor_without_the_right(
+        steps in prop::collection::vec(step(), 1..60)
+    ) {
+        let mut scene = Scene::new();
+        for step in &steps {
+            scene.play(step);
+        }
+    }
+}
+
+#[test]
+fn what_the_histories_are_made_of_does_carry_out() {
+    let mut scene = Scene::new();
+    let give = Step::Give {
+        number: 1,
+        after_s: Some(2),
+        valid_s: 10,
+        contingency: false,
+    };
+    for step in [give, Step::Pass(1_900), Step::Restart(0), Step::Pass(200)] {
+        scene.play(&step);
+    }
+    let carried_out: Vec<u32> = scene.given.values().map(|one| one.carried_out).collect();
+    assert_eq!(carried_out, [1]);
+}
+
+#[test]
+fn a_clock_that_went_back_over_a_restart_cancels_what_waits() {
+    let mut scene = Scene::new();
+    let give = Step::Give {
+        number: 1,
+        after_s: Some(2),
+        valid_s: 10,
+        contingency: false,
+    };
+    scene.play(&give);
+    scene.world.now.wall -= Duration::from_secs(3_600);
+    scene.play(&Step::Restart(0));
+    scene.play(&Step::Pass(5_000));
+    assert_eq!(scene.given.values().next().expect("given").carried_out, 0);
+}
