@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::HoldCondition;
 use stanag_msgs::messages::HoldCommand;
 
-use super::Context;
+use super::input::Context;
 use crate::session::authority::rules::Silence;
 use crate::session::station::GroundStation;
 
@@ -238,7 +238,7 @@ fn time(command: &HoldCommand, context: &Context<'_>) -> Result<Condition, Strin
     }
     let after = Duration::from_millis(after_ms);
     Ok(Condition::Time {
-        at_ms: super::record::wall_ms(context.now.wall + after),
+        at_ms: wall_ms(context.now.wall + after),
         at: context.mono() + after,
     })
 }
@@ -277,6 +277,11 @@ fn stored(number: u16, context: &Context<'_>) -> Result<Outline, String> {
     let found = areas.iter().find(|(id, _)| *id == number);
     let (_, area) = found.ok_or_else(|| format!("no area {number} has been received (50016)"))?;
     Ok(Outline::of(area))
+}
+
+/// Milliseconds since 1970.
+pub(super) fn wall_ms(wall: Duration) -> u64 {
+    u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// How long less energy must be reported, as for an alert.

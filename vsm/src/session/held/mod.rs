@@ -17,14 +17,14 @@
 //!    +--> refused, expired, cancelled
 //! ```
 //!
-//! `condition`: what is waited for; `record`: what a restart finds.
+//! `input`: what the machine reads, and what happens to it; `condition`: what is waited for; `record`: what a restart finds.
 
 mod condition;
+mod input;
 mod record;
 #[cfg(test)]
 mod tests;
 
-use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::telemetry::Telemetry;
@@ -36,11 +36,12 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{HeldCommandCancel, HoldCommand};
 use stanag_msgs::{Id, Message, table};
 
-use self::condition::{Condition, Look};
-use self::record::{Entry, Record, State, wall_ms};
+use self::condition::{Condition, Look, wall_ms};
+pub(crate) use self::input::{Context, Input};
+use self::record::{Entry, Record, State};
 use super::alerts::Cause;
-use super::authority::{self, rules::Authority, rules::Rights, rules::Stations};
-use super::context::{self, FlightView, MissionView, Origin};
+use super::authority::{self, rules::Rights, rules::Stations};
+use super::context::Origin;
 use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::flight;
@@ -55,44 +56,6 @@ pub(crate) struct Held {
     serial: u32,
     /// The record could not be written, and is written again then.
     unsaved: Option<Duration>,
-}
-
-/// What it reads.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Context<'a> {
-    pub(crate) common: context::Context<'a>,
-    pub(crate) mission: MissionView<'a>,
-    pub(crate) flight: FlightView<'a>,
-    /// Who holds which right now.
-    pub(crate) rights: &'a Authority,
-}
-
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
-
-/// What happens to it.
-#[derive(Debug)]
-pub(crate) enum Input<'a> {
-    /// 50020 or 50021 of a CUCS that holds the right.
-    Command {
-        origin: Origin,
-        message: &'a Message,
-    },
-    /// 17002 for 50022.
-    List { station: usize },
-    /// Time has passed, the vehicle has reported something, or a right has changed.
-    Watch,
-    /// What the machine that it was for has answered.
-    Ended {
-        serial: u32,
-        answer: AckType,
-        why: Option<String>,
-    },
 }
 
 /// The command in a 50020; none where it cannot be read.

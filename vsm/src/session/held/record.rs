@@ -120,8 +120,3 @@ impl Entry {
         }
     }
 }
-
-/// Milliseconds since 1970.
-pub(super) fn wall_ms(wall: Duration) -> u64 {
-    u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)
-}
