@@ -5,6 +5,7 @@
 //! nothing else, so that NAV_DLL_ACT=99 is accepted.
 
 use crate::physics::motion::Geodetic;
+use crate::services::files::Files;
 use crate::services::param::Parameter;
 use mavlink_link::service::param::{Name, Value};
 
@@ -77,6 +78,8 @@ pub struct Config {
     pub params: Vec<(Param, f64)>,
     /// Implements operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     pub operator_control: bool,
+    /// What is on its card at the first boot.
+    pub files: Files,
 }
 
 impl Default for Config {
@@ -93,6 +96,7 @@ impl Default for Config {
             unix_time_us: 0,
             params: Vec::new(),
             operator_control: false,
+            files: Files::default(),
         }
     }
 }

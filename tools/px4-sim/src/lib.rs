@@ -43,6 +43,7 @@ pub use link_address::{LinkAddress, LinkAddressError};
 pub use mavlink_link::service::param::Value;
 pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use physics::vtol::VtolState;
+pub use services::files::Files;
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
 pub use vehicle::ground::GroundGrid;
 pub use vehicle::state::{

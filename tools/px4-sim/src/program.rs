@@ -8,7 +8,7 @@ use clap::{CommandFactory as _, Parser, ValueEnum};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::{
-    Airframe, Config, Geodetic, LinkAddress, Simulator, SimulatorConfig, SimulatorError,
+    Airframe, Config, Files, Geodetic, LinkAddress, Simulator, SimulatorConfig, SimulatorError,
     read_key_file,
 };
 
@@ -58,6 +58,10 @@ struct Arguments {
     /// Steady wind, m/s toward north and east.
     #[arg(long, value_name = "NORTH,EAST", default_value = "0,0", value_parser = wind, allow_hyphen_values = true)]
     wind: (f64, f64),
+    /// Folder whose contents are the root of the vehicle's card, served by MAVLink FTP; it is read at the start, and never
+    /// written to.
+    #[arg(long, value_name = "DIR")]
+    files: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -81,8 +85,15 @@ pub fn main() -> ExitCode {
         Ok(key) => key,
         Err(error) => return fail(2, &error),
     };
+    let mut files = Files::default();
+    if let Some(folder) = &arguments.files
+        && let Err(error) = files.load(folder)
+    {
+        return fail(2, &format!("--files {}: {error}", folder.display()));
+    }
     let config = SimulatorConfig {
         vehicle: Config {
+            files,
             system_id: arguments.system_id,
             home: arguments.home,
             airframe: match arguments.airframe {

@@ -124,10 +124,11 @@ fn host() -> Result<String> {
 }
 
 /// The targets, and the longest input of each in bytes.
-const TARGETS: [(&str, u32); 8] = [
+const TARGETS: [(&str, u32); 9] = [
     ("dli_wrapper", 548),
     ("dli_datagram", 548),
     ("mavlink_frame", 1_024),
+    ("ftp", 4_096),
     ("session", 4_096),
     ("config", 4_096),
     ("key_exchange_message", 249),

@@ -9,6 +9,7 @@ mod config_arg;
 mod demo;
 mod dli_lines;
 mod doctor;
+mod files;
 mod init;
 mod key;
 mod pair;
@@ -82,6 +83,8 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// List, read, write and remove files of a vehicle, over the link that the running bridge holds
+    Files(files::Files),
     /// Let a running bridge read its configuration again, and show what of it is applied
     Reload {
         #[command(flatten)]
@@ -127,6 +130,7 @@ impl Command {
         !matches!(
             self,
             Command::Status { .. }
+                | Command::Files(_)
                 | Command::Reload { .. }
                 | Command::Decode { .. }
                 | Command::Encode { .. }
@@ -162,6 +166,7 @@ pub fn main() -> ExitCode {
             wait_s,
         } => check_vehicle::run(config.path(), json, wait_s),
         Command::Status { config, json } => status::show(config.path(), json),
+        Command::Files(arguments) => files::run(&arguments),
         Command::Doctor { config, json } => doctor::run(config.path(), json),
         Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),

@@ -14,6 +14,7 @@ pub mod airside_disk;
 pub mod clock;
 pub mod disk;
 pub mod dli_recording;
+pub mod files_socket;
 pub mod http;
 pub mod interfaces;
 pub mod key_file;

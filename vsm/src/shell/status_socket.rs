@@ -16,6 +16,9 @@ pub const STATUS: &str = "status.sock";
 /// Lets the configuration be read again.
 pub const RELOAD: &str = "reload.sock";
 
+/// Reaches the files of the vehicles.
+pub const FILES: &str = "files.sock";
+
 /// Reads the settings of the vehicles, and gives them once they are read.
 pub const SETTINGS: &str = "settings.sock";
 

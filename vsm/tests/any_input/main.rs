@@ -8,13 +8,14 @@ mod every_replay;
 mod seeds;
 
 use kit::Random;
-use kit::any_input::{config, frame, session};
+use kit::any_input::{config, frame, ftp, session};
 
 /// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
-const TARGETS: [Target; 3] = [
+const TARGETS: [Target; 4] = [
     ("mavlink_frame", frame::run, seeds::frames),
+    ("ftp", ftp::run, seeds::file_answers),
     ("session", session::run, seeds::sessions),
     ("config", config::run, seeds::configurations),
 ];

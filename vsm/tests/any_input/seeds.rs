@@ -37,6 +37,32 @@ pub(crate) fn frames() -> Vec<Vec<u8>> {
     seeds
 }
 
+/// Whole operations: a file of 300 bytes that is read, a folder, a file that is written and one that is removed.
+pub(crate) fn file_answers() -> Vec<Vec<u8>> {
+    let answer = |data: &[u8]| {
+        // The number, opcode and offset of the request, and an ACK.
+        let mut bytes = vec![15, 12 + data.len() as u8, 0, 0, 0, 128, data.len() as u8];
+        bytes.extend([0; 7]);
+        bytes.extend(data);
+        bytes
+    };
+    let size = 300_u32.to_le_bytes();
+    let read = [&[][..], &size, &[1; 239], &[1; 61], &[], &size];
+    let written = [&[][..], &[0; 4], &[9, 0, 0, 0], &[], &[0; 4]];
+    let operations: [(u8, &[&[u8]]); 4] = [
+        (3, &read),
+        (0, &[&[], b"Fa\t9\0Db\0"]),
+        (1, &written),
+        (2, &[&[], &[]]),
+    ];
+    let seeds = operations.iter().map(|(first, answers)| {
+        let mut seed = vec![*first];
+        answers.iter().for_each(|data| seed.extend(answer(data)));
+        seed
+    });
+    seeds.collect()
+}
+
 /// A vehicle with a live link, then one vector of each type that a station sends, with time between.
 pub(crate) fn sessions() -> Vec<Vec<u8>> {
     let mut received = Vec::new();

@@ -30,6 +30,7 @@ mod edition_25;
 mod effects_order;
 mod faults;
 mod fence;
+mod files;
 mod findings;
 
 mod forged_addresses;

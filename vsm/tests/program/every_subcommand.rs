@@ -365,6 +365,12 @@ const GROUND: &[&[(&str, Ends)]] = &[
         // Nothing of the vehicle is there to be read.
         ("check-vehicle --wait-s 1", Either),
         ("check-vehicle --wait-s 1 --json", Either),
+        // The vehicle is silent.
+        ("files ls", Refused("cannot be reached")),
+        ("files get /a", Refused("cannot be reached")),
+        ("files put vsm.toml /a", Refused("cannot be reached")),
+        ("files rm /a", Refused("cannot be reached")),
+        ("files mkdir /a", Refused("cannot be reached")),
         ("reload", Done),
         ("reload --json", Done),
         ("audit verify", Done),

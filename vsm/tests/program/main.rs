@@ -11,6 +11,7 @@ mod demo_curves;
 mod demo_wings;
 mod doctor;
 mod every_subcommand;
+mod files;
 mod init;
 mod logging;
 mod multicast;

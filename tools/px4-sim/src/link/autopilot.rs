@@ -121,7 +121,10 @@ impl<A: Clone + PartialEq> Autopilot<A> {
     /// Switched off and on again: back at home, the streams forgotten, every signing clock back at
     /// the value in the key file, and a new partner taken.
     pub fn restart(&mut self) {
-        self.vehicle = Vehicle::new(self.vehicle.config.clone());
+        // The card stays as it is.
+        let files = self.vehicle.files().clone();
+        let config = self.vehicle.config.clone();
+        self.vehicle = Vehicle::new(Config { files, ..config });
         self.signing.restart();
         self.outgoing = None;
         for port in &mut self.ports {

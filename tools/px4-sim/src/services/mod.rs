@@ -4,6 +4,7 @@
 //! network.
 //! - [`mission_rules`]: which items PX4 accepts, and which parameters of a command it uses;
 //! - [`mission`]: stores missions, fences and rally points, and sends them back;
+//! - [`ftp`]: lists, reads and writes the [`files`] of its card;
 //! - [`param`]: lists, reads and sets parameters;
 //! - `streams`: which messages go out unrequested, and how often;
 //! - `texts`: the queue of STATUSTEXT.
@@ -13,6 +14,8 @@
     reason = "PX4 still sends and takes MISSION_REQUEST and MISSION_ITEM"
 )]
 
+pub mod files;
+pub mod ftp;
 pub mod mission;
 pub mod mission_rules;
 pub mod param;

@@ -95,6 +95,10 @@ impl Vehicle {
                     || self.param_service.handle_message(now, from, message)
                 {
                     self.drain_services();
+                } else if self.ftp.handle_message(now, from, message) {
+                    while let Some(answer) = self.ftp.poll_transmit() {
+                        self.send(answer);
+                    }
                 }
             }
         }

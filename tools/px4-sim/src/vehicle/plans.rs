@@ -30,6 +30,10 @@ impl Vehicle {
         {
             self.param_service.handle_timeout(now);
         }
+        self.ftp.handle_timeout(now);
+        while let Some(message) = self.ftp.poll_transmit() {
+            self.send(message);
+        }
     }
 
     /// Sends what the mission and parameter servers have queued, and applies their events.

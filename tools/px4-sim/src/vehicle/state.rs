@@ -24,6 +24,8 @@ use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 use crate::physics::noise::Estimator;
 use crate::physics::trajectory::{Guidance, Heading};
 use crate::physics::vtol::VtolState;
+use crate::services::files::Files;
+use crate::services::ftp;
 use crate::services::mission::{KINDS, Limits, Server};
 use crate::services::mission_rules::{Airframe as ParamUse, Px4Rules};
 use crate::services::param;
@@ -145,6 +147,7 @@ pub struct Vehicle {
     pub(crate) navigator: Navigator,
     pub(crate) params: Params,
     pub(crate) param_service: param::Server,
+    pub(crate) ftp: ftp::Server,
     pub(crate) streams: Streams,
     pub(crate) missions: Server<Px4Rules>,
     pub(crate) texts: Texts,
@@ -199,6 +202,7 @@ impl Vehicle {
             commander: Commander::default(),
             navigator: Navigator::default(),
             param_service: param::Server::new(node, params.table()),
+            ftp: ftp::Server::new(node, config.files.clone()),
             params,
             streams: Streams::new(boot::FIRST_HEARTBEAT),
             missions: Server::new(node, Limits::PX4_SITL, rules),
@@ -394,6 +398,16 @@ impl Vehicle {
     /// What it has been sent of the ground.
     pub fn ground(&self) -> Option<&GroundGrid> {
         self.ground.as_ref()
+    }
+
+    /// What is on its card.
+    pub fn files(&self) -> &Files {
+        self.ftp.files()
+    }
+
+    /// To change it from outside, as a logger does.
+    pub fn files_mut(&mut self) -> &mut Files {
+        self.ftp.files_mut()
     }
 
     /// The parameters' values.

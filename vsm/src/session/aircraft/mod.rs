@@ -15,7 +15,7 @@
 //!
 //! Whatever comes in goes to one machine, then [`Aircraft::run_until_idle`] delivers what follows from it until nothing is left.
 //! `machines`: what each is lent for an input; `start`: how a vehicle begins, and what a restart finds; `commands`: what
-//! the bridge asks for a message of a CUCS.
+//! the bridge asks for a message of a CUCS; `files`: what an operator of this computer asks for.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -28,6 +28,7 @@ use super::alerts::{Alerts, Cause};
 use super::authority::{self, AuthorityMachine};
 use super::context::{Bounds, Context, Settings, WATCH_SLACK};
 use super::effects::{DliEffects, Effects, Request};
+use super::files::FileAccess;
 use super::flight::{self, Flight};
 use super::held::{self, Held};
 use super::link::VehicleLink;
@@ -61,6 +62,7 @@ pub(crate) struct Aircraft {
     pub(super) held: Held,
     pub(super) reports: Reports,
     pub(super) link: VehicleLink,
+    files: FileAccess,
 }
 
 // Both borrow single fields, so that a machine can be borrowed mutably beside them; a method would borrow all.
@@ -92,6 +94,7 @@ macro_rules! effects {
 }
 
 mod commands;
+mod files;
 mod machines;
 mod start;
 
@@ -141,6 +144,7 @@ impl Aircraft {
         self.watch_at = None;
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_timeout(vehicle, effects!(self, dli));
+        self.watch_file();
         self.authority(dli, authority::Input::WatchSilence);
         // At once: the loss of the controller is flown in this call, not at the next timeout.
         self.deliver_requests(dli);

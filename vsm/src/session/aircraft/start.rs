@@ -14,6 +14,7 @@ use crate::session::authority::record::KnownStation;
 use crate::session::context::{Bounds, Settings};
 use crate::session::duplicates::Seen;
 use crate::session::effects::DliEffects;
+use crate::session::files::FileAccess;
 use crate::session::flight::Flight;
 use crate::session::held::Held;
 use crate::session::link::VehicleLink;
@@ -51,6 +52,7 @@ impl Aircraft {
             held: Held::default(),
             reports: Reports::default(),
             link,
+            files: FileAccess::default(),
             config,
         }
     }

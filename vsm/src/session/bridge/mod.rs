@@ -3,12 +3,13 @@
 //! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
-//! `forwards`: other ground stations;
+//! `forwards`: other ground stations; `files`: files of a vehicle;
 //! `editions`: stations of Edition 2.5; `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
 mod dispatch;
 mod editions;
+mod files;
 mod forwards;
 mod keys;
 mod port;

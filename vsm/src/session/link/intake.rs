@@ -54,6 +54,7 @@ impl VehicleLink {
                     mission: delivery.can_answer(asked.mission),
                     command: delivery.can_answer(asked.command),
                     parameter: delivery.can_answer(asked.parameter),
+                    file: delivery.can_answer(asked.file),
                     state: delivery.can_answer(asked.last),
                     clock: delivery.can_answer(asked.clock),
                 };
@@ -119,6 +120,7 @@ impl VehicleLink {
             missions,
             commands,
             parameters,
+            files,
             intervals,
             clock,
             ..
@@ -153,6 +155,7 @@ impl VehicleLink {
         }
         missions.handle_message(now, node, message, fresh.mission);
         commands.handle_message(now, node, message, fresh.command);
+        files.handle_message(now, node, message, fresh.file);
         let answered = parameters.handle_message(now, node, message, fresh.parameter);
         if let MavMessage::PARAM_VALUE(reported) = message
             && !answered

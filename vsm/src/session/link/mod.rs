@@ -95,6 +95,8 @@ struct Asked {
     command: Option<Stamp>,
     /// First of the parameters that are requested.
     parameter: Option<Stamp>,
+    /// First of the file operation that runs.
+    file: Option<Stamp>,
     /// The last command that may change its state.
     last: Option<Stamp>,
     /// The oldest request for its time that is not answered.
@@ -107,6 +109,7 @@ struct Fresh {
     mission: bool,
     command: bool,
     parameter: bool,
+    file: bool,
     state: bool,
     clock: bool,
 }
@@ -175,10 +178,12 @@ impl VehicleLink {
             missions,
             commands,
             parameters,
+            files,
             intervals,
             clock,
             ..
         } = &mut *effects.vehicle;
+        files.handle_timeout(now.mono);
         missions.handle_timeout(now.mono);
         commands.handle_timeout(now.mono);
         parameters.handle_timeout(now.mono);
@@ -209,6 +214,7 @@ impl VehicleLink {
             services.commands.poll_timeout(),
             services.parameters.poll_timeout(),
             services.ground.poll_timeout(),
+            services.files.poll_timeout(),
             self.texts.poll_timeout(),
             silence,
             intervals,

@@ -90,6 +90,14 @@ impl VehicleLink {
                 vehicle.state_is_newer = false;
             }
         }
+        if !services.files.is_active() {
+            self.asked.file = None;
+        }
+        // Last of all: nothing that flies the vehicle waits for a file.
+        while let Some(message) = services.files.poll_transmit() {
+            let stamp = self.send(now, &message, store);
+            self.asked.file = self.asked.file.or(stamp);
+        }
     }
 
     /// Sends the block of the ground that is due, to a vehicle that asks for it.

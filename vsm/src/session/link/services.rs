@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::{Intervals, Rate};
-use mavlink_link::service::{Node, command, mission, param, timesync};
+use mavlink_link::service::{Node, command, ftp, mission, param, timesync};
 
 use super::ground::GroundService;
 use super::rates::RATES;
@@ -21,6 +21,8 @@ pub(crate) struct Services {
     /// The vehicle's clock against ours.
     pub(crate) clock: timesync::Client,
     pub(crate) ground: GroundService,
+    /// Its events are taken by who asked, not by a machine.
+    pub(crate) files: ftp::Client,
     pub(super) intervals: Intervals,
     pub(super) posts: VecDeque<MavMessage>,
     own_system: u8,
@@ -35,6 +37,7 @@ impl Services {
             parameters: param::Client::new(own, vehicle, param::Timing::default()),
             clock: timesync::Client::new(vehicle),
             ground: GroundService::default(),
+            files: ftp::Client::new(own, vehicle, ftp::Timing::default()),
             intervals: Intervals::new(RATES.iter().copied()),
             posts: VecDeque::new(),
             own_system: own.system,

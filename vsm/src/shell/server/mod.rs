@@ -2,6 +2,7 @@
 //! thread synchronises the disk.
 
 mod error;
+mod files;
 mod forward;
 mod open;
 mod reload;
@@ -45,6 +46,7 @@ pub struct Server {
     forwards: Vec<ForwardReader>,
     status: UnixListener,
     settings: UnixListener,
+    files: UnixListener,
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
@@ -104,6 +106,7 @@ impl Server {
             forwards,
             status,
             settings,
+            files,
             page,
             reload,
         } = self;
@@ -153,6 +156,10 @@ impl Server {
         let of_all = shared.clone();
         tasks.spawn(&local, "settings socket", |beat| {
             tell_settings(of_all, beat, settings)
+        });
+        let of_all = shared.clone();
+        tasks.spawn(&local, "file socket", |beat| {
+            files::serve(of_all, beat, files)
         });
         if let Some((listener, hosts)) = page {
             let of_all = shared.clone();

@@ -94,6 +94,8 @@ impl Server {
             .map_err(StartError::Status)?;
         let settings = status_socket::listen(&config.store.dir, status_socket::SETTINGS)
             .map_err(StartError::Status)?;
+        let files = status_socket::listen(&config.store.dir, status_socket::FILES)
+            .map_err(StartError::Status)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
         let key_stores = key_stores.into_iter().map(|keys| {
@@ -130,6 +132,7 @@ impl Server {
             forwards: forwards.readers,
             status,
             settings,
+            files,
             page,
             reload: None,
         })

@@ -3,6 +3,7 @@
 //! Every run is a function of its seed. Time is virtual.
 
 mod any_message;
+mod files;
 mod missions;
 mod network;
 mod parameters;

@@ -1,0 +1,31 @@
+//! Files of the vehicle, by MAVLink FTP (FILE_TRANSFER_PROTOCOL, 110): PX4's logs, parameters' metadata, its SD card.
+//!
+//! A [`Client`] does one [`Operation`] at a time and ends it by one [`Event::Ended`]. A file is read in order, from its
+//! beginning or from where an earlier transfer broke off, and is not reported as done before the vehicle's CRC32 of the
+//! whole file agrees with what was delivered.
+//!
+//! Promised for any peer: at most [`MAX_HELD`] bytes wait out of order and [`MAX_UNREAD`] bytes wait for their reader; what
+//! the peer announces is held against it, and an answer that contradicts it ends the operation with a [`Lie`] that names
+//! both.
+//!
+//! [`payload`]: the bytes; [`path`](FilePath): what may be asked for; `listing`: what a directory holds; `client`: the
+//! operations; `read` and `write`: the two that take more than one answer; `pending`: a request that is repeated.
+
+mod checksum;
+mod client;
+mod failure;
+mod listing;
+mod path;
+pub mod payload;
+mod pending;
+mod read;
+mod write;
+
+pub use checksum::crc32;
+pub use client::{Client, Done, Event, Operation, Resume, StartError};
+pub use failure::{Failure, Lie};
+pub use listing::{Entry, Kind};
+pub use path::{FilePath, PathError};
+pub use pending::Timing;
+pub use read::{MAX_HELD, MAX_UNREAD};
+pub use write::MAX_WRITE;

@@ -1,0 +1,117 @@
+//! Files of the vehicle, for an operator of this computer: one operation at a time over the link that the bridge holds.
+//!
+//! The link's commands and heartbeats come first: what is sent for a file leaves after everything else, in flight and on
+//! serial lines everything is requested piece by piece at a set rate, and the checksum of a large file, during which PX4
+//! receives nothing, is left for the ground. Nothing is written or removed while the vehicle may be armed.
+
+use mavlink_link::service::ftp::{Event, Operation};
+
+use super::Aircraft;
+use crate::config::LinkAddress;
+use crate::session::effects::{DliEffects, Effects};
+use crate::session::files::{FileAccess, FileEvent, FileRefusal, MAX_IN_FLIGHT};
+use crate::session::log::LogLevel;
+
+impl Aircraft {
+    /// Begins an operation.
+    ///
+    /// # Errors
+    /// It cannot be done now, or not at all.
+    pub(in crate::session) fn start_file(
+        &mut self,
+        dli: &mut DliEffects<'_>,
+        operation: Operation,
+    ) -> Result<(), FileRefusal> {
+        if !self.vehicle.live() {
+            return Err(FileRefusal::Silent);
+        }
+        let (verb, path, writes) = match &operation {
+            Operation::List(path) => ("list", path, false),
+            Operation::Read { path, .. } => ("read", path, false),
+            Operation::Write { path, .. } => ("write", path, true),
+            Operation::Remove(path) | Operation::RemoveDirectory(path) => ("remove", path, true),
+            Operation::CreateDirectory(path) => ("create", path, true),
+        };
+        let path = path.to_string();
+        if path.to_ascii_lowercase().contains(KEY_FILE) {
+            return Err(FileRefusal::KeyFile(path));
+        }
+        if let Some(state) = self.may_fly().filter(|_| writes) {
+            return Err(FileRefusal::InFlight(state));
+        }
+        self.set_file_rate();
+        self.services.files.start(dli.now.mono, operation)?;
+        let stopped = None;
+        self.files = FileAccess { writes, stopped };
+        let effects = effects!(self, dli);
+        effects.note(
+            LogLevel::Info,
+            format!("an operator of this computer requests to {verb} {path}"),
+        );
+        self.run_until_idle(dli);
+        Ok(())
+    }
+
+    /// What has become of it.
+    pub(in crate::session) fn poll_file(&mut self) -> Option<FileEvent> {
+        Some(match self.services.files.poll_event()? {
+            Event::Opened { size } => {
+                if let Some(state) = self.may_fly().filter(|_| size > MAX_IN_FLIGHT) {
+                    self.stop_file(FileRefusal::TooLargeInFlight(size, state));
+                }
+                FileEvent::Opened(size)
+            }
+            Event::Data(bytes) => FileEvent::Data(bytes),
+            Event::Written { bytes, of } => FileEvent::Written(bytes, of),
+            Event::Ended(result) => {
+                let stopped = self.files.stopped.take();
+                FileEvent::Ended(result.map_err(|failure| stopped.unwrap_or(failure.into())))
+            }
+        })
+    }
+
+    /// Withdraws it: whoever wanted it has gone.
+    pub(in crate::session) fn withdraw_file(&mut self, dli: &mut DliEffects<'_>) {
+        self.services.files.withdraw();
+        self.run_until_idle(dli);
+    }
+
+    /// Whoever arms the vehicle ends what changes its files, and slows what reads them.
+    pub(super) fn watch_file(&mut self) {
+        if !self.services.files.is_active() {
+            return;
+        }
+        self.set_file_rate();
+        if let Some(state) = self.may_fly().filter(|_| self.files.writes) {
+            self.stop_file(FileRefusal::InFlight(state));
+        }
+    }
+
+    fn stop_file(&mut self, why: FileRefusal) {
+        self.files.stopped = Some(why);
+        self.services.files.withdraw();
+    }
+
+    fn set_file_rate(&mut self) {
+        let rate = match &self.config.link {
+            // Half of the line, ten bits a byte.
+            LinkAddress::Serial { baud, .. } => Some(baud / 20),
+            _ => self.may_fly().map(|_| IN_FLIGHT_BYTES_PER_S),
+        };
+        self.services.files.limit(rate);
+    }
+
+    /// Why it counts as flying, as an error names it; `None`: it has reported that it is disarmed.
+    fn may_fly(&self) -> Option<&'static str> {
+        match self.vehicle.telemetry.armed {
+            Some(false) => None,
+            Some(true) => Some("is armed"),
+            None => Some("has not reported whether it is armed"),
+        }
+    }
+}
+
+/// Requested and answered in flight, bytes a second on the wire: a seventh of a radio of 57 600 baud downwards, less upwards.
+const IN_FLIGHT_BYTES_PER_S: u32 = 8_000;
+/// A part of the name of PX4's key file, `/fs/microsd/mavlink/mavlink-signing-key.bin`.
+const KEY_FILE: &str = "mavlink-signing-key";

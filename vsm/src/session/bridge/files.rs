@@ -1,0 +1,66 @@
+//! Files of the vehicles, as the shell asks for them.
+
+use mavlink_link::Now;
+use mavlink_link::service::ftp::Operation;
+use mavlink_link::store::Disk;
+use stanag_msgs::Id;
+
+use super::Bridge;
+use crate::session::files::{FileEvent, FileRefusal};
+
+impl Bridge {
+    /// The vehicle that is meant: of this id, or the only one.
+    ///
+    /// # Errors
+    /// There is none of this id, or there are several.
+    pub fn file_vehicle(&self, id: Option<Id>) -> Result<Id, FileRefusal> {
+        let all: Vec<String> = self
+            .aircraft
+            .iter()
+            .map(|one| one.id().to_string())
+            .collect();
+        match (id, self.aircraft.as_slice()) {
+            (None, [only]) => Ok(only.id()),
+            (None, _) => Err(FileRefusal::WhichVehicle(all.join(", "))),
+            (Some(id), vehicles) if vehicles.iter().any(|one| one.id() == id) => Ok(id),
+            (Some(id), _) => Err(FileRefusal::NoVehicle(id.to_string(), all.join(", "))),
+        }
+    }
+
+    /// Begins an operation on a vehicle's files.
+    ///
+    /// # Errors
+    /// It cannot be done now, or not at all.
+    pub fn start_file(
+        &mut self,
+        now: Now,
+        vehicle: Id,
+        operation: Operation,
+        disk: &mut dyn Disk,
+    ) -> Result<(), FileRefusal> {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let one = aircraft.iter_mut().find(|one| one.id() == vehicle);
+        one.ok_or(FileRefusal::Silent)?
+            .start_file(&mut dli, operation)
+    }
+
+    /// What has become of it.
+    pub fn poll_file(&mut self, vehicle: Id) -> Option<FileEvent> {
+        let one = self.aircraft.iter_mut().find(|one| one.id() == vehicle);
+        one?.poll_file()
+    }
+
+    /// Whether a vehicle of this id is still there: a reload may have removed it.
+    #[must_use]
+    pub fn has_vehicle(&self, vehicle: Id) -> bool {
+        self.aircraft.iter().any(|one| one.id() == vehicle)
+    }
+
+    /// Withdraws the operation that is under way.
+    pub fn withdraw_file(&mut self, now: Now, vehicle: Id, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+            one.withdraw_file(&mut dli);
+        }
+    }
+}

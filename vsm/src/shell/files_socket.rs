@@ -1,0 +1,138 @@
+//! `vsm files`: a Unix socket in the store folder, over which whoever may enter the folder reaches the files of a vehicle.
+//!
+//! The asker sends one line of JSON, a [`Request`], and the content of a file that it writes. It is answered by lines of
+//! JSON, [`Reply`]s; a [`Reply::Data`] is followed by its bytes. [`Reply::Refused`], [`Reply::Listing`] and
+//! [`Reply::Done`] are the last. An asker that goes away withdraws what it asked for.
+
+use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream as BlockingStream;
+use std::path::Path;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::status_socket;
+
+/// What is asked for.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The vehicle's id; absent: the only one.
+    pub vehicle: Option<String>,
+    /// A path on the vehicle.
+    pub path: String,
+    /// What to do there.
+    pub action: Action,
+}
+
+/// What to do with a path.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// List a folder.
+    List,
+    /// Read a file; the bytes that are there already, and their CRC32.
+    Read {
+        /// Bytes.
+        offset: u32,
+        /// CRC32.
+        crc: u32,
+    },
+    /// Write a file of so many bytes, which follow.
+    Write {
+        /// Bytes.
+        length: usize,
+    },
+    /// Remove a file.
+    Remove,
+    /// Remove an empty folder.
+    RemoveFolder,
+    /// Create a folder.
+    CreateFolder,
+}
+
+/// What is answered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reply {
+    /// The file is open: its size in bytes.
+    Opened(u32),
+    /// So many bytes of it follow.
+    Data(usize),
+    /// Bytes confirmed as written, and of how many.
+    Written(u32, u32),
+    /// What the folder holds.
+    Listing(Vec<Entry>),
+    /// Done: the size of the file and the CRC32 that both ends have of it.
+    Done {
+        /// Bytes.
+        size: u32,
+        /// CRC32.
+        crc: u32,
+    },
+    /// Not done: why; and whether a transfer of it must begin anew.
+    Refused {
+        /// Why.
+        why: String,
+        /// What was transferred is not a part of the file.
+        anew: bool,
+    },
+}
+
+/// An entry of a folder.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Its name.
+    pub name: String,
+    /// Bytes; none of a folder.
+    pub size: Option<u32>,
+}
+
+/// Asks a running bridge.
+#[derive(Debug)]
+pub struct Asker(BufReader<BlockingStream>);
+
+impl Asker {
+    /// Sends a request, with what it writes.
+    ///
+    /// # Errors
+    /// No bridge is running on this store, or it has hung up.
+    pub fn ask(store: &Path, request: &Request, content: &[u8]) -> io::Result<Asker> {
+        let mut stream = BlockingStream::connect(status_socket::path(store, status_socket::FILES))?;
+        stream.set_read_timeout(Some(ANSWER_WITHIN))?;
+        let line = serde_json::to_string(request)? + "\n";
+        stream.write_all(line.as_bytes())?;
+        // One that refuses closes before it has read the content; what it said is read all the same.
+        if stream.write_all(content).is_ok() && content.is_empty() {
+            stream.flush()?;
+        }
+        Ok(Asker(BufReader::new(stream)))
+    }
+
+    /// The next answer, with the bytes that follow it; `None` once the bridge has hung up.
+    ///
+    /// # Errors
+    /// The system's, or an answer that is none.
+    pub fn receive(&mut self) -> io::Result<Option<(Reply, Vec<u8>)>> {
+        let mut line = String::new();
+        if self.0.read_line(&mut line)? == 0 {
+            return Ok(None);
+        }
+        let reply: Reply = serde_json::from_str(&line)?;
+        let mut bytes = Vec::new();
+        if let Reply::Data(length) = reply {
+            bytes.resize(length, 0);
+            self.0.read_exact(&mut bytes)?;
+        }
+        Ok(Some((reply, bytes)))
+    }
+
+    /// Hangs up, so that the bridge withdraws what is under way.
+    pub fn close(self) {
+        let _ = self.0.into_inner().shutdown(Shutdown::Both);
+    }
+}
+
+/// The longest that a bridge is silent about an operation is the checksum of a large file.
+const ANSWER_WITHIN: Duration = Duration::from_secs(300);
