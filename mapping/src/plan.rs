@@ -151,6 +151,8 @@ pub enum StoreError {
 
 /// Most waypoints, curves and loiters that a plan stores (each): PX4's own bound in simulation.
 pub const MAX_WAYPOINTS: usize = 10_000;
+/// Where the numbers of waypoints begin.
+const FIRST: u16 = 1;
 /// Most routes that a plan stores.
 pub const MAX_ROUTES: usize = 64;
 
@@ -341,9 +343,11 @@ impl Plan {
     }
 
     /// The flight route that waypoints without any 13001 are (Edition 2.5, #801: a route without one is of type flight). It
-    /// begins at the only waypoint that no other leads to.
+    /// begins at waypoint 1, which no other leads to.
     ///
-    /// `None` where there is a 13001, and where the waypoints are not one chain: a start that they leave open is not guessed.
+    /// `None` where there is a 13001, and where the waypoints are not one chain from waypoint 1: a start that they leave open is not
+    /// guessed. In a chain that begins at 3, 3 may be the first waypoint, or the first that has arrived of an upload whose 13001 and
+    /// first waypoints were lost (nothing else counts them). Before 1 none can be missing: numbers are 1 to 65534.
     #[must_use]
     pub fn route_of_waypoints(&self) -> Option<UaRoute> {
         if !self.routes.is_empty() {
@@ -351,7 +355,7 @@ impl Plan {
         }
         let led_to: BTreeSet<u16> = self.waypoints.values().map(next).collect();
         let mut starts = self.numbers().filter(|number| !led_to.contains(number));
-        let (Some(start), None) = (starts.next(), starts.next()) else {
+        let (Some(start @ FIRST), None) = (starts.next(), starts.next()) else {
             return None;
         };
         let route = UaRoute {
@@ -634,7 +638,7 @@ mod tests {
     }
 
     #[test]
-    fn waypoints_without_a_route_are_a_flight_from_the_one_that_no_other_leads_to() {
+    fn waypoints_without_a_route_are_a_flight_from_the_first_that_no_other_leads_to() {
         let start = |messages: &[Message]| {
             let mut plan = Plan::default();
             for message in messages {
@@ -644,8 +648,8 @@ mod tests {
             assert_eq!(route_type(&route), RouteType::Flight);
             route.initial_waypoint_number
         };
-        let chain = [waypoint(3, 0), waypoint(9, 4), waypoint(4, 3)];
-        assert_eq!(start(&chain), Some(9));
+        let chain = [waypoint(3, 0), waypoint(1, 4), waypoint(4, 3)];
+        assert_eq!(start(&chain), Some(1));
         // The end of a loop leads back into the route.
         assert_eq!(
             start(&[waypoint(1, 2), waypoint(2, 5), waypoint(5, 2)]),
@@ -653,13 +657,16 @@ mod tests {
         );
         let two = [&chain[..], &[waypoint(20, 21), waypoint(21, 0)]].concat();
         let circle_beside = [&chain[..], &[waypoint(20, 21), waypoint(21, 20)]].concat();
-        let with_a_route = [&chain[..], &[route("R", 9)]].concat();
+        let with_a_route = [&chain[..], &[route("R", 1)]].concat();
+        // Its first waypoint may have been lost.
+        let headless = [waypoint(3, 0), waypoint(9, 4), waypoint(4, 3)];
         for open in [
             &[][..],
             &two,
             &circle_beside,
             &with_a_route,
             &circle_beside[3..],
+            &headless,
         ] {
             assert_eq!(start(open), None, "{open:?}");
         }

@@ -289,6 +289,16 @@ impl Telemetry {
             Airframe::Vtol => self.vtol_state != Some(MavVtolState::MAV_VTOL_STATE_FW),
         }
     }
+
+    /// Whether a VTOL turns to its wings, or to a hover.
+    #[must_use]
+    pub fn transits(&self) -> bool {
+        use MavVtolState as V;
+        matches!(
+            self.vtol_state,
+            Some(V::MAV_VTOL_STATE_TRANSITION_TO_FW | V::MAV_VTOL_STATE_TRANSITION_TO_MC)
+        )
+    }
 }
 
 /// Of degrees times 1e7, and metres.

@@ -17,7 +17,7 @@ use mapping::report::Commanded;
 use mapping::route::{Curving, FixedWing, Pattern, Policy, Vertices, Wings};
 use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
-use stanag_msgs::enums::{CommandedEngineState, RouteType};
+use stanag_msgs::enums::{CommandedEngineState, FlightPathControlMode, RouteType};
 use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
 use stanag_msgs::{Id, Text, TimeStamp};
 
@@ -88,6 +88,8 @@ pub(crate) struct MissionView<'a> {
     pub(crate) loaded: Option<&'a UploadedMission>,
     pub(crate) progress: &'a RouteProgress,
     pub(crate) transfer: Transfer,
+    /// The mode of the command that waits for its route, where one does and names it.
+    pub(crate) waiting_mode: Option<FlightPathControlMode>,
     /// A fence is being uploaded.
     pub(crate) fence_busy: bool,
     /// What CUCSs have sent by 50016.

@@ -181,6 +181,11 @@ impl World {
         self.vehicle.show_mode(self.now.mono, mode);
     }
 
+    /// The vehicle was sent a command that may change its mode, and has reported none since.
+    pub(crate) fn command_was_sent(&mut self) {
+        self.vehicle.command_was_sent();
+    }
+
     /// From now on nothing can be written.
     pub(crate) fn fill_disk(&mut self) {
         self.disk = Box::new(MemoryDisk {
@@ -261,6 +266,7 @@ impl World {
             loaded: None,
             progress: &self.progress,
             transfer: self.transfer,
+            waiting_mode: None,
             fence_busy: false,
             areas: &self.areas,
             may_change: match self.transfer {

@@ -1,6 +1,7 @@
 //! An upload is one transaction: a refused one leaves nothing behind, the plan before it stays, the next begins clean.
 
 use kit::bridge::{Rig, Setup, orders};
+use mavlink_link::dialect::MavMissionType;
 use stanag_msgs::enums::{AckType, AltitudeType, LoiterDurationUnits, MissionPlanMode};
 use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaLoiterWaypoint};
 use stanag_msgs::{Bam32, Id, Message, Scaled};
@@ -224,3 +225,48 @@ fn an_upload_that_the_link_failed_is_loaded_by_another_13000_or_dropped_by_anoth
     // Without the curve from 70 to 80, which no 13002 has described.
     loaded(&mut rig, orders::square());
 }
+
+/// A station that asks for no answers, over a link that loses every fourth message: what has arrived of its route is loaded
+/// whole or not at all, whether or not its 13001 has arrived.
+#[test]
+fn what_is_left_of_a_lost_upload_is_never_loaded_as_a_shorter_route() {
+    let mut rig = Rig::ready();
+    let (mut loaded, mut refused, mut without_13001) = (0, 0, 0);
+    for (trial, first) in [1, 7].repeat(20).into_iter().enumerate() {
+        assert_eq!(
+            rig.carry_out(orders::transfer(MissionPlanMode::Clear)),
+            Some(AckType::CarriedOut)
+        );
+        rig.dli.faults.loss = if trial < 2 { 0.0 } else { 0.25 };
+        for number in first..first + 3 {
+            let next = if number == first + 2 { 0 } else { number + 1 };
+            let north = 40.0 * f64::from(number);
+            rig.send_once(orders::waypoint(number, next, north, 0.0, 20.0));
+        }
+        if trial % 4 < 2 {
+            rig.send_once(orders::route(first));
+        }
+        rig.run(0.2);
+        rig.dli.faults.loss = 0.0;
+        let end = rig.carry_out(orders::load());
+        let aboard = rig.vehicles[0].vehicle().plan(MISSION).len();
+        match end {
+            Some(AckType::CarriedOut) => {
+                loaded += 1;
+                without_13001 += u32::from(trial % 4 >= 2);
+                assert_eq!(aboard, 3, "trial {trial}");
+            }
+            _ => {
+                refused += 1;
+                assert_eq!(aboard, 0, "trial {trial}");
+            }
+        }
+    }
+    assert!(
+        loaded > 3 && refused > 10 && without_13001 > 0,
+        "{loaded} {refused} {without_13001}"
+    );
+    assert!(rig.station().has_alert("came without a 13001"));
+}
+
+const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;

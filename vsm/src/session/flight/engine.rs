@@ -14,14 +14,22 @@ use stanag_msgs::messages::EngineCommand;
 use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{self, Confirmation, Step};
 
-/// What a 2008 asks for, and the steps to it.
+/// What becomes of a 2008.
+pub(super) enum Task {
+    /// These steps.
+    Steps(Vec<Step>),
+    /// Nothing is sent: the vehicle has shown it already, and is looked at again.
+    Look(Step),
+}
+
+/// What a 2008 asks for, and how it comes to that.
 ///
 /// # Errors
 /// The reason, for the operator.
 pub(super) fn steps(
     command: &EngineCommand,
     vehicle: &VehicleState,
-) -> Result<(Wanted, Vec<Step>), String> {
+) -> Result<(Wanted, Task), String> {
     let vehicle = &vehicle.telemetry;
     let engines = status::engines(vehicle);
     if let Some(number) = command.engine_number
@@ -62,13 +70,17 @@ pub(super) fn steps(
         [command, confirm]
     };
     match wanted {
-        Wanted::Stop => Ok((wanted, arm(false).into())),
-        // Nothing is sent to an armed vehicle: AUTO.LOITER would take one that flies out of its mode.
-        Wanted::Start | Wanted::Enable if vehicle.armed == Some(true) => Ok((wanted, Vec::new())),
+        Wanted::Stop => Ok((wanted, Task::Steps(arm(false).into()))),
+        // Nothing is sent to an armed vehicle, and nothing that it does is ended: AUTO.LOITER would take one that flies out of its
+        // mode. Whether it is armed still, a report of after the last command shows.
+        Wanted::Start | Wanted::Enable if vehicle.armed == Some(true) => {
+            let [_, confirm] = arm(true);
+            Ok((wanted, Task::Look(confirm)))
+        }
         Wanted::Start | Wanted::Enable => {
             let mut steps: Vec<Step> = maneuver::enter(&[Px4Mode::LOITER]).into();
             steps.extend(arm(true));
-            Ok((wanted, steps))
+            Ok((wanted, Task::Steps(steps)))
         }
         other => Err(format!("Engine Command {} is not known", other.raw())),
     }

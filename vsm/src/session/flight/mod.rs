@@ -5,6 +5,7 @@
 //!
 //! - `mode_command`: what a 2016 asks of PX4, or why PX4 cannot do it; pure. `wings`: where wings do it otherwise.
 //!   `situation`: what it judges by
+//! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
 //! - `loss_action`: what is flown once the controlling CUCS is lost
@@ -12,6 +13,7 @@
 mod engine;
 mod loss_action;
 mod mode_command;
+mod running;
 mod settings;
 mod situation;
 mod steering;
@@ -26,10 +28,11 @@ use std::time::Duration;
 use mapping::altitude::{Agl, Altimeter};
 use mapping::configuration::changes;
 use mapping::mode::Px4Mode;
-use mapping::report::{self, Commanded};
+use mapping::report::Commanded;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::{MavLandedState, MavMessage};
-use mavlink_link::service::{command, mission};
+use mavlink_link::service::command::{self, Outcome};
+use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
@@ -40,7 +43,7 @@ use stanag_msgs::messages::{
 };
 
 use self::loss_action::{Action, LossAction, LossContext};
-use self::situation::{Situation, Task};
+use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
@@ -48,13 +51,14 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;
 use super::maneuver::{self, Maneuver, Progress, Step};
-use crate::config::OnLoss;
 
 /// The machine.
 #[derive(Debug, Default)]
 pub(crate) struct Flight {
     /// In progress, and who commanded it; none for the VSM itself.
     maneuver: Option<(Option<Origin>, Maneuver)>,
+    /// A look for what a 2008 wants and the vehicle has shown already; it commands nothing.
+    look: Option<(Origin, Maneuver)>,
     /// What 3002 and 3004 report as commanded.
     commanded: Commanded,
     /// The mode that the vehicle was in when it was.
@@ -173,10 +177,35 @@ impl Flight {
             || self.maneuver.as_ref().is_some_and(enters)
     }
 
-    /// Whether a mode is being entered: the last report may still show the one before.
-    fn enters_a_mode(&self) -> bool {
+    /// What of earlier commands the vehicle may not show yet.
+    fn under_way(&self, context: &Context<'_>) -> UnderWay {
+        let (vehicle, mission) = (context.vehicle, &context.mission);
+        let maneuver = self.maneuver.as_ref().map(|(_, maneuver)| maneuver);
+        let item = maneuver.and_then(Maneuver::sends_to);
+        let lands_at = |item: u16| {
+            mission
+                .uploaded
+                .is_some_and(|uploaded| uploaded.compiled.lands(item))
+        };
+        let current = vehicle.telemetry.mission.map(|mission| mission.seq);
+        let enters = |mode| maneuver.is_some_and(|maneuver| maneuver.enters(mode));
+        let waits = mission.waiting_command().is_some();
+        UnderWay {
+            enters: waits || maneuver.is_some_and(Maneuver::enters_a_mode),
+            unseen: !vehicle.state_is_newer_than_command(),
+            lands: enters(Px4Mode::LAND)
+                || (enters(Px4Mode::MISSION) && item.or(current).is_some_and(lands_at))
+                || (waits && mission.waiting_mode == Some(Mode::AutolandEngage)),
+            item,
+            turns: maneuver.is_some_and(Maneuver::turns) || vehicle.telemetry.transits(),
+        }
+    }
+
+    /// The mode that the vehicle is in, where no other is being entered, or may have been.
+    fn settled_mode(&self, context: &Context<'_>) -> Option<Px4Mode> {
         let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters_a_mode();
-        self.maneuver.as_ref().is_some_and(enters)
+        let enters = self.maneuver.as_ref().is_some_and(enters);
+        context.vehicle.settled_mode().filter(|_| !enters)
     }
 
     /// Takes an input.
@@ -201,7 +230,9 @@ impl Flight {
             Input::ControlChanged => self.control_changed(context, effects),
             Input::ControllerLost => {
                 let on_loss = context.settings.authority.on_loss;
-                let steered = self.steers(&context.vehicle.telemetry);
+                // Also where the change of control that came with it has begun to hold a vehicle that was steered.
+                let steered =
+                    self.steers(&context.vehicle.telemetry) || self.loss_action.is_active();
                 self.loss_action.begin(on_loss, steered, context.mono());
                 self.fly_loss_action(context, effects);
             }
@@ -211,7 +242,13 @@ impl Flight {
                     && let Progress::Refused(why) = maneuver.handle_command(now, event, vehicle)
                 {
                     let origin = *origin;
-                    self.fail(context, origin, why, effects);
+                    match event {
+                        command::Event::Done {
+                            outcome: Outcome::Answered { .. },
+                            ..
+                        } => self.refused(context, origin, why, effects),
+                        _ => self.fail(context, origin, why, effects),
+                    }
                 }
             }
             Input::MissionServiceEnded(event) => {
@@ -247,6 +284,7 @@ impl Flight {
         let maneuver = self.maneuver.as_ref();
         [
             maneuver.and_then(|(_, maneuver)| maneuver.poll_timeout()),
+            self.look.as_ref().and_then(|(_, seen)| seen.poll_timeout()),
             self.sticks.poll_timeout(),
             self.steering.poll_timeout(),
             self.loss_action.poll_timeout(),
@@ -338,11 +376,27 @@ impl Flight {
             return effects.refuse(Some(origin), SILENT);
         }
         match engine::steps(command, context.vehicle) {
-            Ok((wanted, steps)) => {
+            Ok((wanted, task)) => {
                 self.engine_command = Some(wanted);
                 // Arming and disarming change nothing of what 3002 reports as commanded.
-                let maneuver = Maneuver::new(steps, self.commanded);
-                self.begin(context, Some(origin), maneuver, effects);
+                let maneuver = |steps| Maneuver::new(steps, self.commanded);
+                let running = self.maneuver.as_ref();
+                let stops = running.is_some_and(|(_, running)| running.disarms());
+                match task {
+                    engine::Task::Steps(steps) => {
+                        let maneuver = maneuver(steps);
+                        self.begin(context, Some(origin), maneuver, effects);
+                    }
+                    // An earlier stop that is on its way is not wanted any more.
+                    engine::Task::Look(step) if stops => {
+                        let maneuver = maneuver(vec![step]);
+                        self.begin(context, Some(origin), maneuver, effects);
+                    }
+                    engine::Task::Look(step) => {
+                        let seen = maneuver(vec![step]);
+                        self.look_for(context, origin, seen, effects);
+                    }
+                }
             }
             Err(why) => effects.refuse(Some(origin), why),
         }
@@ -371,7 +425,7 @@ impl Flight {
             loaded: context.mission.loaded,
             plan: context.mission.plan,
             just_loaded,
-            entering: context.mission.waiting_command().is_some() || self.enters_a_mode(),
+            under_way: self.under_way(context),
             landing_from_m: self.landing_from_m,
             loiter: &self.loiter,
             commanded: self.commanded,
@@ -483,7 +537,7 @@ impl Flight {
             return effects.refuse(origin, why);
         }
         let mut steps = Vec::new();
-        if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) {
+        if self.settled_mode(context) != Some(Px4Mode::POSCTL) {
             // PX4 refuses the mode until it has seen sticks.
             steps.push(Step::Pause(SEEN_WITHIN));
         }
@@ -507,9 +561,8 @@ impl Flight {
         let telemetry = &context.vehicle.telemetry;
         // Not by the mode alone: a HEARTBEAT of before a hold that was just commanded still shows OFFBOARD, and a command that
         // changes nothing but the set points would be acknowledged while the vehicle holds.
-        let entered = telemetry.mode == Some(Px4Mode::OFFBOARD)
-            && self.steering.engaged()
-            && !self.enters_a_mode();
+        let entered =
+            self.settled_mode(context) == Some(Px4Mode::OFFBOARD) && self.steering.engaged();
         // On a copy: an order that is refused must not disturb what is being steered.
         let mut steering = self.steering.clone();
         if !entered {
@@ -528,151 +581,6 @@ impl Flight {
             maneuver::enter(&[Px4Mode::OFFBOARD]).into()
         };
         self.begin(context, origin, Maneuver::new(steps, commanded), effects);
-    }
-}
-
-/// The maneuver in progress, and its end.
-impl Flight {
-    fn begin(
-        &mut self,
-        context: &Context<'_>,
-        origin: Option<Origin>,
-        maneuver: Maneuver,
-        effects: &mut Effects<'_>,
-    ) {
-        self.supersede(context, effects);
-        self.maneuver = Some((origin, maneuver));
-    }
-
-    /// Ends what runs, for a later command.
-    fn supersede(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let why = "superseded by a later command";
-        self.end_running(context, why, |_| true, effects);
-        // A command that waits for its route to be uploaded has not begun, and must not begin later.
-        if context.mission.waiting_command().is_some() {
-            effects.request(Request::DropWaitingCommand {
-                why: why.to_owned(),
-                without_right: false,
-            });
-        }
-    }
-
-    /// Control has passed to another CUCS, or to nobody: what its sender could not command now is not continued.
-    fn control_changed(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let controller = context.controller;
-        // Before what its sender began is ended: the vehicle may enter the mode all the same.
-        let steered = self.steers(&context.vehicle.telemetry);
-        let why = match controller {
-            Some(id) => format!("{id} controls the vehicle now"),
-            None => "its sender no longer controls the vehicle, nobody does".to_owned(),
-        };
-        let without_right = |origin: Option<Origin>| {
-            origin.is_some_and(|origin| {
-                context.asker(origin.station).map(|asker| asker.id) != controller
-            })
-        };
-        self.end_running(context, &why, without_right, effects);
-        if context.mission.waiting_command().is_some() {
-            effects.request(Request::DropWaitingCommand {
-                why,
-                without_right: true,
-            });
-        }
-        self.sticks.forget();
-        if controller.is_none() && steered {
-            // Steered by nobody it would fly straight on for ever.
-            if context.vehicle.telemetry.airborne() {
-                self.operate(context, None, &select(Mode::Loiter), false, effects);
-            }
-            // Tried again, as after a loss, where the vehicle is silent at the moment or refuses it.
-            if !self.loss_action.is_active() {
-                let on_loss = OnLoss::Continue;
-                self.loss_action.begin(on_loss, steered, context.mono());
-            }
-        }
-    }
-
-    fn end_running(
-        &mut self,
-        context: &Context<'_>,
-        why: &str,
-        ends: impl Fn(Option<Origin>) -> bool,
-        effects: &mut Effects<'_>,
-    ) {
-        if let Some((origin, mut running)) = self.maneuver.take_if(|(origin, _)| ends(*origin)) {
-            running.abandon(context.mono(), context.vehicle, effects.vehicle);
-            self.release_streams(context);
-            self.forget_commanded(context);
-            effects.refuse(origin, why);
-        }
-    }
-
-    /// Ends streams whose mode was not entered; within their mode they must not starve.
-    fn release_streams(&mut self, context: &Context<'_>) {
-        let mode = context.vehicle.telemetry.mode;
-        if mode != Some(Px4Mode::POSCTL) {
-            self.sticks.release();
-        }
-        if mode != Some(Px4Mode::OFFBOARD) {
-            self.steering.release();
-        }
-    }
-
-    fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let Some((origin, maneuver)) = &mut self.maneuver else {
-            return;
-        };
-        let origin = *origin;
-        match maneuver.advance(context.mono(), context.vehicle, effects.vehicle) {
-            Progress::Going => {}
-            Progress::Done => {
-                // What it commanded goes with the mode that the vehicle shows now.
-                let telemetry = &context.vehicle.telemetry;
-                let uploaded = context.mission.uploaded;
-                self.commanded = maneuver.commanded;
-                self.commanded_in = telemetry.mode;
-                // In mode 11 a speed of the route takes the place of one commanded on an earlier leg.
-                self.commanded.speed_leg =
-                    uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
-                self.maneuver = None;
-                if let Some(origin) = origin {
-                    effects.acknowledge(&origin, AckType::CarriedOut);
-                }
-            }
-            Progress::Refused(why) => self.fail(context, origin, why, effects),
-        }
-    }
-
-    fn fail(
-        &mut self,
-        context: &Context<'_>,
-        origin: Option<Origin>,
-        why: String,
-        effects: &mut Effects<'_>,
-    ) {
-        if let Some((_, mut maneuver)) = self.maneuver.take() {
-            maneuver.abandon(context.mono(), context.vehicle, effects.vehicle);
-        }
-        self.release_streams(context);
-        self.forget_commanded(context);
-        effects.refuse(origin, why);
-    }
-
-    /// Forgets what was commanded in another mode: PX4 forgets speeds, places and altitudes when its mode changes; so
-    /// does this VSM, whoever has changed it. What a maneuver leads to is known at its end.
-    fn forget_commanded(&mut self, context: &Context<'_>) {
-        let mode = context.vehicle.telemetry.mode;
-        if self.maneuver.is_some() || self.commanded_in == mode {
-            return;
-        }
-        // It hovers, or loiters, where it has taken off to.
-        let taken_off = [Some(Px4Mode::TAKEOFF), Some(Px4Mode::VTOL_TAKEOFF)]
-            .contains(&self.commanded_in)
-            && mode == Some(Px4Mode::LOITER);
-        if !taken_off {
-            self.commanded = Commanded::default();
-        }
-        self.commanded_in = mode;
     }
 }
 
@@ -709,7 +617,8 @@ impl Flight {
             live: context.vehicle.live(),
             on_ground: telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
             controlled: context.controller.is_some(),
-            mode: telemetry.mode,
+            // What was given up when control was lost may still be entered: an older report ends no action.
+            mode: context.vehicle.settled_mode(),
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
             // A command of the VSM itself that waits for its route is the action's own.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),

@@ -43,9 +43,10 @@ pub(crate) fn task(
             // A setting that is kept, such as the altimeter's.
             return Ok(Task::Nothing);
         }
-        if at.entering {
+        if at.settled_mode().is_none() {
             return Err(
-                "no mode is commanded while another is being entered: name the mode".to_owned(),
+                "no mode is commanded while another is being entered, or was commanded and is not shown yet: name the mode"
+                    .to_owned(),
             );
         }
         if !matches!(mode, Mode::Waypoint | Mode::Loiter | Mode::Autopilot) {
@@ -75,8 +76,10 @@ pub(crate) fn task(
         },
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
+        // What is shown or what is commanded: to abort is the safe decision about either.
         Mode::AutolandWaveOff
-            if at.telemetry.hovers() && at.telemetry.mode == Some(Px4Mode::LAND) =>
+            if at.telemetry.hovers()
+                && (at.telemetry.mode == Some(Px4Mode::LAND) || at.under_way.lands) =>
         {
             wave_off(command, at)
         }
@@ -174,7 +177,7 @@ fn fly(
                 .first_item_of(number)
                 .ok_or_else(|| format!("{} aboard", absent(number)))?,
         ),
-        None => restarts_route(command, at.telemetry, Some(uploaded)).then_some(0),
+        None => continued_from(command, uploaded, at),
     };
     if enters || start.is_some() {
         check_way_to_route(uploaded, start, enters, at)?;
@@ -217,6 +220,22 @@ fn fly(
         commanded.speed_type = Some(flown_as(at.wings.is_none()));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// The item to begin with where no waypoint is named; none to fly on to the current one.
+fn continued_from(
+    command: &VehicleOperatingModeCommand,
+    uploaded: &UploadedMission,
+    at: &Situation<'_>,
+) -> Option<u16> {
+    let restart = restarts_route(command, at.telemetry, Some(uploaded)).then_some(0);
+    match at.under_way.item {
+        // Where an earlier command sends the vehicle, and it does not report yet.
+        Some(item) if !uploaded.compiled.lands(item) => Some(item),
+        // But to the landing of a mode 19: it may have become current, and mode 11 flies back to where the route was left.
+        Some(_) => restart.or(at.telemetry.mission.map(|mission| mission.seq)),
+        None => restart,
+    }
 }
 
 /// Whether the straight way from the vehicle to where its route is begun or continued is above the terrain, where that is
@@ -699,6 +718,7 @@ mod tests {
     use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
     use stanag_msgs::messages::LoiterConfiguration;
 
+    use super::super::situation::UnderWay;
     use super::*;
 
     #[test]
@@ -726,7 +746,7 @@ mod tests {
                 loaded: None,
                 plan: &Plan::default(),
                 just_loaded: false,
-                entering: false,
+                under_way: UnderWay::default(),
                 landing_from_m: None,
                 loiter: &LoiterConfiguration::default(),
                 commanded: Commanded::default(),
@@ -785,7 +805,7 @@ mod tests {
                 loaded: None,
                 plan: &Plan::default(),
                 just_loaded: false,
-                entering: false,
+                under_way: UnderWay::default(),
                 landing_from_m: None,
                 loiter: &LoiterConfiguration::default(),
                 commanded: Commanded::default(),

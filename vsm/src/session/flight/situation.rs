@@ -63,8 +63,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) plan: &'a Plan,
     /// The uploaded route has just been uploaded for this command.
     pub(crate) just_loaded: bool,
-    /// A command that enters a mode is being carried out.
-    pub(crate) entering: bool,
+    /// What of earlier commands the vehicle may not show yet.
+    pub(crate) under_way: UnderWay,
     /// Where AUTO.LAND began, m above mean sea level.
     pub(crate) landing_from_m: Option<f64>,
     pub(crate) loiter: &'a LoiterConfiguration,
@@ -82,6 +82,23 @@ pub(crate) struct Situation<'a> {
     pub(crate) wings: Option<Wings>,
     /// VTO_LOITER_ALT: how high above its take-off a VTOL loiters after a launch, m.
     pub(crate) vtol_loiter_m: Option<f64>,
+}
+
+/// What of earlier commands the vehicle may not show yet: its reports are up to a second old, and older on a bad link. What
+/// is decided by them alone does too little where they are overtaken: what is left out because "it is in that mode already"
+/// is never done, and what is refused because "it does not land" lands.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct UnderWay {
+    /// A command that enters a mode is being carried out.
+    pub(crate) enters: bool,
+    /// The last report of the mode was made before the last command that may have changed it, whatever became of that.
+    pub(crate) unseen: bool,
+    /// A landing is being entered, or waits for its route.
+    pub(crate) lands: bool,
+    /// The mission item that the vehicle is being sent to.
+    pub(crate) item: Option<u16>,
+    /// A VTOL turns to its wings, or to a hover.
+    pub(crate) turns: bool,
 }
 
 impl Situation<'_> {
@@ -105,10 +122,10 @@ impl Situation<'_> {
         Ok((place.latitude, place.longitude))
     }
 
-    /// The mode that the vehicle is in; none while another is being entered, when the last report may still show the one
-    /// before: what is left out because "it is in that mode already" would never be done.
+    /// The mode that the vehicle is in; none while another is being entered, or may have been.
     pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
-        self.telemetry.mode.filter(|_| !self.entering)
+        let settled = !self.under_way.enters && !self.under_way.unseen;
+        self.telemetry.mode.filter(|_| settled)
     }
 }
 
@@ -247,7 +264,7 @@ pub(super) fn flown_as(hovers: bool) -> SpeedType {
 
 pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
     // PX4 forgets commanded speeds and altitudes when its mode changes.
-    let commanded = if at.telemetry.mode.is_some_and(|mode| modes.contains(&mode)) {
+    let commanded = if at.settled_mode().is_some_and(|mode| modes.contains(&mode)) {
         at.commanded
     } else {
         Commanded::default()

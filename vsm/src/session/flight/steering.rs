@@ -146,6 +146,8 @@ struct Flown {
     due: Duration,
     last: Duration,
     entered: bool,
+    /// The mode is given up, and its command may be received until then.
+    given_up: Option<Duration>,
 }
 
 impl Steering {
@@ -158,6 +160,15 @@ impl Steering {
     /// was ordered on the way into it does.
     pub(super) fn enter_again(&mut self) {
         self.flown = self.flown.filter(|flown| !flown.entered);
+    }
+
+    /// The way into the mode was superseded, or its end was not seen: the vehicle may enter it all the same, and would return
+    /// home without set points. In another mode it ignores them; so they continue until a report that is made after the last
+    /// command shows that one, and a command on its way has arrived.
+    pub(super) fn give_up(&mut self, now: Duration) {
+        if let Some(flown) = &mut self.flown {
+            flown.given_up.get_or_insert(now + ON_ITS_WAY);
+        }
     }
 
     /// Takes an order, on top of what is steered or done now.
@@ -174,6 +185,7 @@ impl Steering {
             Some(flown) => flown,
             None => present(now, vehicle)?,
         };
+        flown.given_up = None;
         flown.speed_m_s = order.speed_m_s.unwrap_or(flown.speed_m_s);
         flown.vertical = order.vertical.unwrap_or(flown.vertical);
         if let Some(direction) = order.direction {
@@ -211,6 +223,15 @@ impl Steering {
         let steered = vehicle.mode == Some(Px4Mode::OFFBOARD);
         // Not before the mode was entered: HEARTBEAT shows the one before for up to a second.
         if flown.entered && !steered {
+            self.flown = None;
+            return None;
+        }
+        let arrived = flown.given_up.is_some_and(|until| until <= now);
+        if arrived
+            && state
+                .settled_mode()
+                .is_some_and(|mode| mode != Px4Mode::OFFBOARD)
+        {
             self.flown = None;
             return None;
         }
@@ -275,6 +296,7 @@ fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
         due: now,
         last: now,
         entered: false,
+        given_up: None,
     })
 }
 
@@ -313,6 +335,8 @@ fn set_point(flown: &Flown, climb_m_s: f64, system: u8) -> MavMessage {
 
 /// Set points continue for this long while nothing is received, level: a bad link is no reason to turn back.
 const LONGEST_BLIND: Duration = Duration::from_secs(10);
+/// A command that was given up may still be received within this time.
+const ON_ITS_WAY: Duration = Duration::from_secs(2);
 /// Of set points: PX4 needs 2 a second.
 const PERIOD: Duration = Duration::from_millis(50);
 /// Position, acceleration and yaw rate are not for use.

@@ -370,3 +370,166 @@ fn a_launch_that_a_restart_cut_off_leaves_no_running_motors_on_the_ground() {
         assert!(!flight.launch_cut_off, "once");
     }
 }
+
+/// What a 2008 that starts the engine is answered, and what follows from it.
+fn start_engine(world: &mut World, flight: &mut Flight) -> Vec<AckType> {
+    let start = EngineCommand {
+        engine_command: Some(CommandedEngineState::Start),
+        ..EngineCommand::default()
+    };
+    command(world, flight, start)
+}
+
+/// PX4 has taken the mode, and shows it only with its next HEARTBEAT: without set points it would return home.
+#[test]
+fn set_points_continue_while_a_superseded_mode_15_may_still_be_entered() {
+    let later: [fn(&mut World, &mut Flight); 3] = [
+        |world, flight| {
+            command(world, flight, select(Mode::Loiter));
+        },
+        |world, flight| handle(world, flight, Input::Hold),
+        |world, flight| {
+            world.controller = None;
+            handle(world, flight, Input::ControlChanged);
+        },
+    ];
+    for supersede in later {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        command(&mut world, &mut flight, turn_to(0.0));
+        world.commanded_modes();
+        world.command_was_sent();
+        supersede(&mut world, &mut flight);
+        world.command_was_sent();
+        for _ in 0..30 {
+            world.advance(Duration::from_millis(50));
+            world.posts();
+            handle(&mut world, &mut flight, Input::Advance);
+            assert_eq!(world.posts().len(), 1);
+        }
+        // The vehicle was in it all the while.
+        world.show_mode(Px4Mode::OFFBOARD);
+        world.advance(Duration::from_secs(3));
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.posts().len(), 1);
+        world.show_mode(Px4Mode::LOITER);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert!(world.posts().is_empty() && !steers(&world, &flight));
+    }
+}
+
+#[test]
+fn a_start_of_a_running_engine_leaves_a_mode_that_is_being_entered() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    command(&mut world, &mut flight, turn_to(0.0));
+    world.commanded_modes();
+    world.command_was_sent();
+    // Armed by a report of before that command: it proves nothing yet.
+    assert_eq!(
+        start_engine(&mut world, &mut flight),
+        [AckType::Received],
+        "answered by what the vehicle shows"
+    );
+    assert!(steers(&world, &flight) && flight.view().maneuver);
+    world.show_mode(Px4Mode::OFFBOARD);
+    let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(answers, [AckType::CarriedOut; 2]);
+    assert!(steers(&world, &flight) && !flight.view().maneuver);
+}
+
+#[test]
+fn a_wave_off_right_after_the_landing_was_commanded_aborts_it() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    command(&mut world, &mut flight, select(Mode::AutolandEngage));
+    assert_eq!(world.commanded_modes(), [Px4Mode::LAND]);
+    world.command_was_sent();
+    let answers = command(&mut world, &mut flight, select(Mode::AutolandWaveOff));
+    assert_eq!(answers, [AckType::Received, AckType::Refused], "mode 19");
+    answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+    // Without a landing there is nothing to abort.
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    let answers = command(&mut world, &mut flight, select(Mode::AutolandWaveOff));
+    assert_eq!(answers, [AckType::Received, AckType::Refused]);
+    assert!(!flight.view().maneuver);
+}
+
+/// The hold may have ended a mode 15 that the vehicle has entered, and shows later.
+#[test]
+fn a_loss_action_is_not_done_by_a_report_of_before_the_last_command() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    world.settings.authority.on_loss = OnLoss::Hold;
+    command(&mut world, &mut flight, turn_to(0.0));
+    world.commanded_modes();
+    world.command_was_sent();
+    world.controller = None;
+    handle(&mut world, &mut flight, Input::ControlChanged);
+    handle(&mut world, &mut flight, Input::ControllerLost);
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    assert!(flight.view().loss_action);
+    world.show_mode(Px4Mode::LOITER);
+    handle(&mut world, &mut flight, Input::Advance);
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    assert!(!flight.view().loss_action);
+}
+
+#[test]
+fn a_command_without_a_mode_is_judged_by_no_report_of_before_the_last_command() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    let faster = VehicleOperatingModeCommand {
+        commanded_speed: Scaled::from_si(5.0).ok(),
+        ..VehicleOperatingModeCommand::default()
+    };
+    // A mode that was commanded and given up: no maneuver runs, and the vehicle may be in it.
+    world.command_was_sent();
+    let answers = command(&mut world, &mut flight, faster.clone());
+    assert_eq!(answers, [AckType::Received, AckType::Refused]);
+    world.show_mode(Px4Mode::LOITER);
+    let answers = command(&mut world, &mut flight, faster);
+    assert_eq!(answers, [AckType::Received]);
+}
+
+/// A VTOL on its way to its wings, for a route that is flown on them.
+fn turning() -> (World, Flight) {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    let mut steps = maneuver::transition(false).to_vec();
+    steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+    world.vehicle.telemetry.vehicle_type = Some(MavType::MAV_TYPE_VTOL_TAILSITTER_DUOROTOR);
+    world.act(|common, views, effects| {
+        let context = Context {
+            common,
+            mission: views.mission,
+            parameters: views.parameters,
+        };
+        let maneuver = Maneuver::new(steps, Commanded::default());
+        flight.begin(&context, None, maneuver, effects);
+    });
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.commanded_modes(), []);
+    for event in world.answer(MavCmd::MAV_CMD_DO_VTOL_TRANSITION, ACCEPTED) {
+        handle(&mut world, &mut flight, Input::CommandEnded(&event));
+    }
+    handle(&mut world, &mut flight, Input::Advance);
+    (world, flight)
+}
+
+#[test]
+fn a_pilot_who_takes_over_between_two_steps_keeps_the_aircraft() {
+    let on_wings = Some(mavlink_link::dialect::MavVtolState::MAV_VTOL_STATE_FW);
+    for taken in [None, Some(Px4Mode::POSCTL), Some(Px4Mode::RTL)] {
+        let (mut world, mut flight) = turning();
+        if let Some(mode) = taken {
+            world.show_mode(mode);
+            handle(&mut world, &mut flight, Input::Advance);
+            assert!(!flight.view().maneuver, "at once, not at the next step");
+            // The pilot's own hold.
+            world.show_mode(Px4Mode::LOITER);
+        }
+        world.vehicle.telemetry.vtol_state = on_wings;
+        handle(&mut world, &mut flight, Input::Advance);
+        let expected: &[Px4Mode] = match taken {
+            None => &[Px4Mode::MISSION],
+            Some(_) => &[],
+        };
+        assert_eq!(world.commanded_modes(), expected, "{taken:?}");
+    }
+}

@@ -63,7 +63,7 @@ pub(super) fn turn_for_the_leg(
     };
     let hovers = uploaded.compiled.hovers_from(seq);
     let turns_itself = uploaded.compiled.turns_at(seq);
-    if hovers == at.telemetry.hovers() || turns_itself {
+    if (hovers == at.telemetry.hovers() && !at.under_way.turns) || turns_itself {
         return Ok(());
     }
     check_transition(wings, at)?;
@@ -126,7 +126,7 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     }
 }
 
-/// Mode 20.
+/// Mode 20: aborts the landing that the vehicle shows, or that it was commanded.
 pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
     let loiter = || Ok(plain(&[Px4Mode::LOITER], at));
     if at.telemetry.mode == Some(Px4Mode::LAND) {
@@ -151,6 +151,8 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
                 loiter()
             }
         }
+        // Commanded and not shown yet, or perhaps: a landing that was superseded may have begun all the same.
+        None if at.under_way.lands || (at.under_way.unseen && !at.under_way.enters) => loiter(),
         None => Err(
             "mode 20 (wave-off): the vehicle is not landing, there is nothing to abort".to_owned(),
         ),
@@ -297,7 +299,7 @@ pub(super) fn transition_for(
         Pattern::Circle(_) | Pattern::FigureEight(_) => false,
     };
     // A change of altitude or speed alone is no new loiter.
-    if wanted == hovers || !named {
+    if (wanted == hovers && !at.under_way.turns) || !named {
         return Ok(hovers);
     }
     if !at.telemetry.airborne() {

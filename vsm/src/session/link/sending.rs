@@ -185,12 +185,19 @@ impl VehicleLink {
     }
 }
 
-/// Rates and messages are requested all the time: a mode that was reported meanwhile is no less fresh for it.
+/// Whether a command may change the mode, or arm or disarm. Rates, messages and operator control are requested all the time, and
+/// values change within a mode (PX4 rejects an altitude or a course outside the modes that take one): a mode that was
+/// reported before is no less fresh for them.
 fn may_change_state(command: &MavMessage) -> bool {
     !matches!(
         command,
         MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL | MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL
+                | MavCmd::MAV_CMD_REQUEST_MESSAGE
+                | MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL
+                | MavCmd::MAV_CMD_DO_CHANGE_SPEED
+                | MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE
+                | MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING,
             ..
         })
     )

@@ -4,6 +4,7 @@
 
 use std::time::Duration;
 
+use mapping::mode::Px4Mode;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavType;
 
@@ -58,10 +59,16 @@ impl VehicleState {
 
     /// Makes it report a mode just now, without a link.
     #[cfg(test)]
-    pub(crate) fn show_mode(&mut self, now: Duration, mode: mapping::mode::Px4Mode) {
+    pub(crate) fn show_mode(&mut self, now: Duration, mode: Px4Mode) {
         self.telemetry.mode = Some(mode);
         self.mode_at = Some(now);
         self.state_is_newer = true;
+    }
+
+    /// Sends it a command that may change its mode, without a link.
+    #[cfg(test)]
+    pub(crate) fn command_was_sent(&mut self) {
+        self.state_is_newer = false;
     }
 
     /// Whether data is received from it: its telemetry is not stale.
@@ -93,6 +100,12 @@ impl VehicleState {
     /// Whether its mode was reported by a message made after the last command was sent that may change it.
     pub(crate) fn state_is_newer_than_command(&self) -> bool {
         self.state_is_newer
+    }
+
+    /// The mode that it is in; none where its last report was made before the last command that may have changed it. What is
+    /// decided by an older one may be wrong for up to a second, and longer on a bad link.
+    pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
+        self.telemetry.mode.filter(|_| self.state_is_newer)
     }
 
     /// Vehicle Type of messages 2 to 5: the custodian's list of types is not public, MAVLink's MAV_TYPE stands in; 0

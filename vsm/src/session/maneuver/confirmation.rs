@@ -3,7 +3,6 @@
 use mapping::limits::metres;
 use mapping::mode::Px4Mode;
 use mapping::telemetry::{Place, Telemetry};
-use mavlink_link::dialect::MavVtolState;
 
 use crate::session::link::state::VehicleState;
 
@@ -62,16 +61,7 @@ impl Confirmation {
             Confirmation::Course(wanted) => course(telemetry).is_some_and(|flown| {
                 (flown - wanted).sin().abs() < COURSE_SLACK.sin() && (flown - wanted).cos() > 0.0
             }),
-            Confirmation::Hovers(wanted) => {
-                let transits = matches!(
-                    telemetry.vtol_state,
-                    Some(
-                        MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_FW
-                            | MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_MC
-                    )
-                );
-                !transits && telemetry.hovers() == *wanted
-            }
+            Confirmation::Hovers(wanted) => !telemetry.transits() && telemetry.hovers() == *wanted,
             // The set point is compared, not the position: the flight there may take minutes.
             Confirmation::Target { place, amsl_m } => {
                 telemetry.target.is_some_and(|target: Place| {

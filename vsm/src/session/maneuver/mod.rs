@@ -2,6 +2,9 @@
 //!
 //! An accepted COMMAND_ACK proves nothing: PX4 accepts modes that it does not enter. A maneuver is done when the
 //! vehicle's own messages, made after the command was sent, show it; else it is refused with the vehicle's reason.
+//!
+//! Between two steps may lie a transition or a whole climb. Where the vehicle leaves meanwhile the mode that a maneuver has
+//! found or led to, a pilot or a failsafe has taken it, and nothing more is commanded.
 
 mod confirmation;
 mod step;
@@ -38,11 +41,47 @@ pub(crate) enum Progress {
 pub(crate) struct Maneuver {
     steps: VecDeque<Step>,
     waiting: Waiting,
+    basis: Basis,
     /// What 3002 reports as commanded, once it is done.
     pub(crate) commanded: Commanded,
     /// Sent when the maneuver fails: a launch that fails leaves no running motors.
     undo: Option<Command>,
     armed_by_us: bool,
+}
+
+/// The mode in which the next command of a maneuver is sent.
+#[derive(Debug, Clone, Copy)]
+enum Basis {
+    /// The vehicle has not shown it yet.
+    Unknown,
+    /// It was in this one when the maneuver began.
+    Found(Px4Mode),
+    /// Another one is commanded, and not confirmed yet.
+    Entering,
+    /// The maneuver has led to one of these.
+    Entered(&'static [Px4Mode]),
+    /// Somebody else has led the vehicle to this one.
+    Lost(Px4Mode),
+}
+
+impl Basis {
+    /// As it is once the vehicle shows this mode.
+    fn after(self, mode: Px4Mode) -> Basis {
+        let stays = match &self {
+            Basis::Unknown => return Basis::Found(mode),
+            Basis::Entering | Basis::Lost(_) => return self,
+            Basis::Found(before) => is_from(std::slice::from_ref(before), mode),
+            Basis::Entered(modes) => is_from(modes, mode),
+        };
+        if stays { self } else { Basis::Lost(mode) }
+    }
+}
+
+/// Whether a vehicle in one of these modes comes to `mode` by itself: PX4 ends a take-off and a mission in a hold.
+fn is_from(modes: &[Px4Mode], mode: Px4Mode) -> bool {
+    const END_IN_A_HOLD: [Px4Mode; 3] = [Px4Mode::TAKEOFF, Px4Mode::VTOL_TAKEOFF, Px4Mode::MISSION];
+    let ends = |one: &Px4Mode| END_IN_A_HOLD.contains(one);
+    modes.contains(&mode) || (mode == Px4Mode::LOITER && modes.iter().any(ends))
 }
 
 #[derive(Debug)]
@@ -71,6 +110,7 @@ impl Maneuver {
         Maneuver {
             steps: steps.into_iter().collect(),
             waiting: Waiting::Nothing,
+            basis: Basis::Unknown,
             commanded,
             undo: None,
             armed_by_us: false,
@@ -101,6 +141,30 @@ impl Maneuver {
             } => modes.contains(&mode),
             _ => false,
         })
+    }
+
+    /// The mission item that the vehicle is still to be sent to.
+    pub(crate) fn sends_to(&self) -> Option<u16> {
+        let mut left = self.steps.iter();
+        left.find_map(|step| match step {
+            Step::SetCurrent(items) => Some(*items.start()),
+            _ => None,
+        })
+    }
+
+    /// Whether a VTOL is still to turn to its wings, or to a hover.
+    pub(crate) fn turns(&self) -> bool {
+        self.awaits(|confirmation| matches!(confirmation, Confirmation::Hovers(_)))
+    }
+
+    /// Whether the motors are still to stop.
+    pub(crate) fn disarms(&self) -> bool {
+        self.awaits(|confirmation| *confirmation == Confirmation::Disarmed)
+    }
+
+    fn awaits(&self, so: impl Fn(&Confirmation) -> bool) -> bool {
+        let mut left = self.steps.iter();
+        left.any(|step| matches!(step, Step::Confirm { confirmation, .. } if so(confirmation)))
     }
 
     /// A command sent when the maneuver fails after its arming step.
@@ -202,10 +266,21 @@ impl Maneuver {
         vehicle: &VehicleState,
         services: &mut Services,
     ) -> Progress {
+        if let Some(mode) = vehicle.settled_mode() {
+            self.basis = self.basis.after(mode);
+        }
         loop {
             let Some(step) = self.steps.front() else {
                 return Progress::Done;
             };
+            if let (Basis::Lost(mode), true) = (self.basis, self.commands_more()) {
+                // Nor are the motors stopped under a pilot who has taken the vehicle over on the ground.
+                self.undo = None;
+                return Progress::Refused(format!(
+                    "the vehicle is in {} now, by its pilot or a failsafe",
+                    mode.name()
+                ));
+            }
             match (&self.waiting, step) {
                 (
                     Waiting::Nothing,
@@ -216,9 +291,13 @@ impl Maneuver {
                     },
                 ) => {
                     let patient_until = now + *patience;
+                    let enters = self.steps.get(1).is_some_and(Step::confirms_a_mode);
                     match submit(services, now, *command, what, patient_until) {
                         Ok(waiting) => self.waiting = waiting,
                         Err(refused) => return refused,
+                    }
+                    if enters {
+                        self.basis = Basis::Entering;
                     }
                 }
                 (Waiting::Again { at, patient_until }, Step::Command { command, what, .. })
@@ -260,7 +339,7 @@ impl Maneuver {
                     },
                 ) => {
                     if confirmation.is_seen(vehicle) {
-                        self.next();
+                        self.confirmed();
                     } else if *deadline > now {
                         return Progress::Going;
                     } else {
@@ -271,14 +350,14 @@ impl Maneuver {
                         };
                         self.next();
                         // Another mode may be a pilot's or a failsafe's, and is not contested.
-                        if vehicle.telemetry.mode == Some(Px4Mode::LOITER) {
+                        if vehicle.settled_mode() == Some(Px4Mode::LOITER) {
                             self.steps.push_front(again);
                         }
                     }
                 }
                 (Waiting::Confirmation { deadline }, Step::Confirm { confirmation, .. }) => {
                     if confirmation.is_seen(vehicle) {
-                        self.next();
+                        self.confirmed();
                     } else if *deadline <= now {
                         let why = vehicle.latest_complaint(now).unwrap_or_default();
                         return Progress::Refused(format!(
@@ -327,6 +406,27 @@ impl Maneuver {
             // Full means that the vehicle does not answer; it disarms by itself on the ground.
             let _ = services.commands.submit(now, undo);
         }
+    }
+
+    /// Whether a step is left that commands something, and has not begun.
+    fn commands_more(&self) -> bool {
+        let begun = usize::from(!matches!(
+            self.waiting,
+            Waiting::Nothing | Waiting::Again { .. }
+        ));
+        let mut left = self.steps.iter().skip(begun);
+        left.any(|step| matches!(step, Step::Command { .. } | Step::SetCurrent(_)))
+    }
+
+    /// The vehicle shows what the step in front waits for, and what is in its place.
+    fn confirmed(&mut self) {
+        if let Some(Step::Insist { confirmation, .. } | Step::Confirm { confirmation, .. }) =
+            self.steps.front()
+            && let Confirmation::Mode(modes) = confirmation
+        {
+            self.basis = Basis::Entered(modes);
+        }
+        self.next();
     }
 
     fn next(&mut self) {

@@ -36,6 +36,22 @@ pub(crate) enum Step {
     },
 }
 
+impl Step {
+    /// Whether it waits for a mode: the command before it is one that enters that.
+    pub(super) fn confirms_a_mode(&self) -> bool {
+        matches!(
+            self,
+            Step::Insist {
+                confirmation: Confirmation::Mode(_),
+                ..
+            } | Step::Confirm {
+                confirmation: Confirmation::Mode(_),
+                ..
+            }
+        )
+    }
+}
+
 /// MAV_CMD_DO_SET_MODE to a mode of PX4, and the confirmation of it.
 ///
 /// A take-off that ends in that very moment puts PX4 into AUTO.LOITER, whatever it has just accepted: then, and in no

@@ -115,6 +115,7 @@ impl Mission {
             loaded: self.store.loaded.as_ref(),
             progress: &self.progress,
             transfer: self.transfers.view(),
+            waiting_mode: self.transfers.waiting_mode(),
             fence_busy: self.fence.busy(),
             areas: self.fence.sent(),
             may_change: self.may_change(vehicle, services),

@@ -74,8 +74,9 @@ impl Resync {
             }
             return false;
         }
-        // The comparison stays due, and is made again when the maneuver or the transfer is over.
-        if context.flight.maneuver || !free {
+        // The comparison stays due, and is made again when the maneuver or the transfer is over, and the vehicle shows a mode of after
+        // the last command: it may be entering AUTO.MISSION.
+        if context.flight.maneuver || !free || !context.vehicle.state_is_newer_than_command() {
             return false;
         }
         self.compared();

@@ -282,6 +282,70 @@ fn a_mode_command_flies_once_its_route_is_uploaded_unless_it_was_dropped() {
     }
 }
 
+/// A wing's mission that ends in a landing, flown now.
+fn flying_to_a_landing(world: &mut World, mission: &mut Mission) {
+    const NAV_LAND: u16 = 21;
+    let item = |command| Item {
+        command,
+        ..Item::default()
+    };
+    mission.store.uploaded = Some(UploadedMission {
+        compiled: mapping::route::CompiledMission {
+            items: vec![item(16), item(NAV_LAND)],
+            waypoint_of: vec![1, 2],
+            ..mapping::route::CompiledMission::default()
+        },
+        mission_id: 7,
+        route_type: stanag_msgs::enums::RouteType::Flight,
+        mission_name: String::new(),
+        plan: Plan::default(),
+    });
+    let telemetry = &mut world.vehicle.telemetry;
+    telemetry.vehicle_type = Some(mavlink_link::dialect::MavType::MAV_TYPE_FIXED_WING);
+    telemetry.mission = named(7, 0);
+    world.show_mode(mapping::mode::Px4Mode::MISSION);
+}
+
+/// Requested before the final approach, and begun on it: a hold would circle the wing as low as it has come.
+#[test]
+fn a_load_that_waited_takes_no_wing_off_its_final_approach() {
+    for on_final in [false, true] {
+        let (mut world, mut mission) = ready();
+        stored(&mut world, &mut mission);
+        flying_to_a_landing(&mut world, &mut mission);
+        let wanted = VehicleOperatingModeCommand::default();
+        let message = wanted.clone().into();
+        let input = Input::LoadAndFly {
+            origin: Some(origin(&message)),
+            route_type: Some(stanag_msgs::enums::RouteType::Flight),
+            command: Box::new(wanted),
+        };
+        world.maneuver = true;
+        handle(&mut world, &mut mission, input);
+        handle(&mut world, &mut mission, Input::Advance);
+        if on_final && let Some(progress) = &mut world.vehicle.telemetry.mission {
+            progress.seq = 1;
+        }
+        // What was commanded before may be entered yet: another plan would be flown at once.
+        world.maneuver = false;
+        world.command_was_sent();
+        handle(&mut world, &mut mission, Input::Advance);
+        assert_eq!(world.commanded_modes(), []);
+        world.show_mode(mapping::mode::Px4Mode::MISSION);
+        handle(&mut world, &mut mission, Input::Advance);
+        let expected: &[mapping::mode::Px4Mode] = if on_final {
+            &[]
+        } else {
+            &[mapping::mode::Px4Mode::LOITER]
+        };
+        assert_eq!(world.commanded_modes(), expected);
+        let refused = answers(&mut world).contains(&AckType::Refused);
+        assert_eq!(refused, on_final);
+        let view = mission.view(&world.vehicle, &world.services);
+        assert_eq!(view.waiting_command().is_none(), on_final);
+    }
+}
+
 #[test]
 fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
     let (mut world, mut mission) = ready();

@@ -12,7 +12,7 @@ use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{self, Failure, MavMissionType};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, RouteType};
+use stanag_msgs::enums::{AckType, FlightPathControlMode, MissionPlanMode as Mode, RouteType};
 use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingModeCommand};
 
 use super::download::{Download, Part};
@@ -162,6 +162,11 @@ impl Transfers {
             effects.advise(format!(
                 "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
             ));
+        }
+        if !store.to_load().defines(&route) {
+            effects.advise(
+                "the waypoints came without a 13001: they are loaded as a route of type flight, from waypoint 1",
+            );
         }
         status::report(effects, origin.station, &name, 0);
         let upload = RouteUpload::new(context.mono(), &route, route_type, false);
@@ -335,6 +340,24 @@ impl Transfers {
         if context.flight.maneuver && upload.has_not_begun() {
             *blocked = true;
             return;
+        }
+        if upload.has_not_begun() {
+            // The vehicle may be in what was commanded and given up: another plan would be flown at once. What it sends next calls
+            // this again; of a silent one the mission service reports that it does not answer.
+            if context.vehicle.live() && !context.vehicle.state_is_newer_than_command() {
+                *blocked = true;
+                return;
+            }
+            // Asked when it was requested, and again now: a wing may have come to its final approach since.
+            if let Err(why) = replaceable(context, store) {
+                let outcome = Outcome::Refused {
+                    waypoint: None,
+                    why: why.to_owned(),
+                    touched: false,
+                    flaw: false,
+                };
+                return self.follow(context, outcome, store, progress, effects);
+            }
         }
         let held = upload.held;
         let site = site(context);
@@ -567,6 +590,12 @@ impl Transfers {
         }
     }
 
+    /// The mode of the command that waits for its route.
+    pub(super) fn waiting_mode(&self) -> Option<FlightPathControlMode> {
+        let (_, command) = self.load.as_ref()?.then.as_ref()?;
+        command.select_flight_path_control_mode
+    }
+
     /// When a load or a download takes its next step.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let load = self.load.as_ref().and_then(|load| match &load.work {
@@ -650,7 +679,7 @@ impl Load {
 }
 
 /// The route of a plan that a load means: the one named, else the latest flight route, else the latest of all, else the
-/// flight that waypoints without a 13001 are.
+/// flight that waypoints without a 13001 are, from waypoint 1.
 fn route_to_load(plan: &Plan, route_id: Option<&str>) -> Result<(UaRoute, RouteType), String> {
     let route = match route_id {
         Some(id) => plan
@@ -672,8 +701,8 @@ fn without_route(plan: &Plan) -> String {
     if plan.numbers().next().is_none() {
         "no route has been received (13001)".to_owned()
     } else {
-        "no route has been received (13001), and the waypoints are not one chain with one start: send a 13001 that names its \
-         first waypoint"
+        "no route has been received (13001), and the waypoints are not one chain from waypoint 1, so that some may be missing: send \
+         the 13001 that names its first waypoint"
             .to_owned()
     }
 }

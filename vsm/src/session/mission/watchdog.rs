@@ -245,7 +245,8 @@ fn stuck(still_s: f64, patience_s: f64) -> Finding {
 pub(super) fn flown(context: &Context<'_>, uploaded: &UploadedMission) -> Option<MissionProgress> {
     let telemetry = &context.vehicle.telemetry;
     let mission = telemetry.mission?;
-    let flown = telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne();
+    // A watch that ends in a hold judges no report of before the last command: a pilot may have the vehicle since.
+    let flown = context.vehicle.settled_mode() == Some(Px4Mode::MISSION) && telemetry.airborne();
     let over = mission.state == MissionState::MISSION_STATE_COMPLETE;
     // The items of another station's plan are unknown here; an id of 0 names no plan.
     let foreign = !uploaded.is_aboard(mission.mission_id);

@@ -1,0 +1,204 @@
+//! The maneuver in progress: how it begins, supersedes the one before it, and ends.
+//!
+//! There is one at a time. Its end is seen in what the vehicle shows ([`maneuver`]), and answered to the CUCS that commanded
+//! it. Beside it runs only what commands nothing: a look for motors that a 2008 wants and the vehicle has shown already.
+
+use mapping::mode::Px4Mode;
+use mapping::report::{self, Commanded};
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
+
+use super::{Context, Flight, select};
+use crate::config::OnLoss;
+use crate::session::context::Origin;
+use crate::session::effects::{Effects, Request};
+use crate::session::maneuver::{Maneuver, Progress};
+
+impl Flight {
+    pub(super) fn begin(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        maneuver: Maneuver,
+        effects: &mut Effects<'_>,
+    ) {
+        self.supersede(context, effects);
+        self.maneuver = Some((origin, maneuver));
+    }
+
+    /// Ends what runs, for a later command.
+    pub(super) fn supersede(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let why = SUPERSEDED;
+        self.end_running(context, why, |_| true, effects);
+        // A command that waits for its route to be uploaded has not begun, and must not begin later.
+        if context.mission.waiting_command().is_some() {
+            effects.request(Request::DropWaitingCommand {
+                why: why.to_owned(),
+                without_right: false,
+            });
+        }
+    }
+
+    /// Control has passed to another CUCS, or to nobody: what its sender could not command now is not continued.
+    pub(super) fn control_changed(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let controller = context.controller;
+        // Before what its sender began is ended: the vehicle may enter the mode all the same.
+        let steered = self.steers(&context.vehicle.telemetry);
+        let why = match controller {
+            Some(id) => format!("{id} controls the vehicle now"),
+            None => "its sender no longer controls the vehicle, nobody does".to_owned(),
+        };
+        let without_right = |origin: Option<Origin>| {
+            origin.is_some_and(|origin| {
+                context.asker(origin.station).map(|asker| asker.id) != controller
+            })
+        };
+        self.end_running(context, &why, without_right, effects);
+        if context.mission.waiting_command().is_some() {
+            effects.request(Request::DropWaitingCommand {
+                why,
+                without_right: true,
+            });
+        }
+        self.sticks.forget();
+        if controller.is_none() && steered {
+            // Steered by nobody it would fly straight on for ever.
+            if context.vehicle.telemetry.airborne() {
+                self.operate(context, None, &select(Mode::Loiter), false, effects);
+            }
+            // Tried again, as after a loss, where the vehicle is silent at the moment or refuses it.
+            if !self.loss_action.is_active() {
+                let on_loss = OnLoss::Continue;
+                self.loss_action.begin(on_loss, steered, context.mono());
+            }
+        }
+    }
+
+    fn end_running(
+        &mut self,
+        context: &Context<'_>,
+        why: &str,
+        ends: impl Fn(Option<Origin>) -> bool,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some((origin, mut running)) = self.maneuver.take_if(|(origin, _)| ends(*origin)) {
+            running.abandon(context.mono(), context.vehicle, effects.vehicle);
+            self.give_up_streams(context);
+            self.forget_commanded(context);
+            effects.refuse(origin, why);
+        }
+        if let Some((origin, _)) = self.look.take_if(|(origin, _)| ends(Some(*origin))) {
+            effects.refuse(Some(origin), why);
+        }
+    }
+
+    /// Ends streams whose mode is given up; within their mode they must not starve.
+    fn give_up_streams(&mut self, context: &Context<'_>) {
+        // Not so long as the vehicle might still enter the mode: sticks that move take it from what superseded them
+        // (COM_RC_OVERRIDE).
+        if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) {
+            self.sticks.release();
+        }
+        self.steering.give_up(context.mono());
+    }
+
+    pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        self.advance_look(context, effects);
+        let Some((origin, maneuver)) = &mut self.maneuver else {
+            return;
+        };
+        let origin = *origin;
+        match maneuver.advance(context.mono(), context.vehicle, effects.vehicle) {
+            Progress::Going => {}
+            Progress::Done => {
+                // What it commanded goes with the mode that the vehicle shows now.
+                let telemetry = &context.vehicle.telemetry;
+                let uploaded = context.mission.uploaded;
+                self.commanded = maneuver.commanded;
+                self.commanded_in = telemetry.mode;
+                // In mode 11 a speed of the route takes the place of one commanded on an earlier leg.
+                self.commanded.speed_leg =
+                    uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
+                self.maneuver = None;
+                if let Some(origin) = origin {
+                    effects.acknowledge(&origin, AckType::CarriedOut);
+                }
+            }
+            Progress::Refused(why) => self.fail(context, origin, why, effects),
+        }
+    }
+
+    /// Looks for what the vehicle has shown already: it is answered by a report that is newer than the last command.
+    pub(super) fn look_for(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        seen: Maneuver,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some((before, _)) = self.look.replace((origin, seen)) {
+            effects.refuse(Some(before), SUPERSEDED);
+        }
+        self.advance_look(context, effects);
+    }
+
+    fn advance_look(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let Some((origin, seen)) = &mut self.look else {
+            return;
+        };
+        let origin = *origin;
+        match seen.advance(context.mono(), context.vehicle, effects.vehicle) {
+            Progress::Going => return,
+            Progress::Done => effects.acknowledge(&origin, AckType::CarriedOut),
+            Progress::Refused(why) => effects.refuse(Some(origin), why),
+        }
+        self.look = None;
+    }
+
+    /// The vehicle answered that it does not do what the maneuver commands: a mode that is refused is not entered.
+    pub(super) fn refused(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        why: String,
+        effects: &mut Effects<'_>,
+    ) {
+        if context.vehicle.telemetry.mode != Some(Px4Mode::OFFBOARD) {
+            self.steering.release();
+        }
+        self.fail(context, origin, why, effects);
+    }
+
+    pub(super) fn fail(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        why: String,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some((_, mut maneuver)) = self.maneuver.take() {
+            maneuver.abandon(context.mono(), context.vehicle, effects.vehicle);
+        }
+        self.give_up_streams(context);
+        self.forget_commanded(context);
+        effects.refuse(origin, why);
+    }
+
+    /// Forgets what was commanded in another mode: PX4 forgets speeds, places and altitudes when its mode changes; so
+    /// does this VSM, whoever has changed it. What a maneuver leads to is known at its end.
+    pub(super) fn forget_commanded(&mut self, context: &Context<'_>) {
+        let mode = context.vehicle.telemetry.mode;
+        if self.maneuver.is_some() || self.commanded_in == mode {
+            return;
+        }
+        // It hovers, or loiters, where it has taken off to.
+        let taken_off = [Some(Px4Mode::TAKEOFF), Some(Px4Mode::VTOL_TAKEOFF)]
+            .contains(&self.commanded_in)
+            && mode == Some(Px4Mode::LOITER);
+        if !taken_off {
+            self.commanded = Commanded::default();
+        }
+        self.commanded_in = mode;
+    }
+}
+
+const SUPERSEDED: &str = "superseded by a later command";
