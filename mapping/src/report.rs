@@ -47,6 +47,26 @@ pub struct Commanded {
     pub direction: Option<CommandedDirection>,
 }
 
+impl Commanded {
+    /// What `later` commands takes the place of what was before; the rest stays.
+    pub fn keep(&mut self, later: &Commanded) {
+        let Commanded {
+            altitude_amsl_m,
+            speed_m_s,
+            speed_type,
+            speed_leg,
+            loiter_position,
+            direction,
+        } = *later;
+        self.altitude_amsl_m = altitude_amsl_m.or(self.altitude_amsl_m);
+        if speed_m_s.is_some() {
+            (self.speed_m_s, self.speed_type, self.speed_leg) = (speed_m_s, speed_type, speed_leg);
+        }
+        self.loiter_position = loiter_position.or(self.loiter_position);
+        self.direction = direction.or(self.direction);
+    }
+}
+
 /// A direction as 2016 commands it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CommandedDirection {
@@ -126,6 +146,38 @@ pub fn operating_states(
     }
     states.commanded_waypoint_number = to_leg(vehicle, compiled).map(|leg| leg.number);
     states
+}
+
+/// What 3002 leaves out because nothing is commanded in the present mode, for Edition 2.5: all fields of #104 are always sent, and an
+/// altitude of 0 would be one that nobody has commanded. It is what was commanded `last`, in whatever mode and by whichever CUCS, so
+/// that it is the same for the next in control; before that what is flown. Altitude and Heading Command Type stay absent, which says that
+/// neither is commanded now; a speed of 0 is none, as it is in #43.
+pub fn fill_commanded(states: &mut VehicleOperatingStates, vehicle: &Telemetry, last: &Commanded) {
+    if states.commanded_altitude.is_none() {
+        let (altitude_type, offset_m) = reference(vehicle);
+        let flown = vehicle.position.map(|place| place.amsl_m);
+        let amsl_m = last.altitude_amsl_m.or(flown);
+        states.commanded_altitude = scaled(amsl_m.map(|m| m + offset_m));
+        states.altitude_type = states.commanded_altitude.and(Some(altitude_type));
+    }
+    if states.commanded_speed.is_none() {
+        states.commanded_speed = scaled(last.speed_m_s);
+        states.speed_type = states.commanded_speed.and(last.speed_type);
+    }
+    let (heading, course) = match last.direction {
+        Some(CommandedDirection::Steady { heading, course }) => (heading, course),
+        Some(CommandedDirection::Turning(_)) | None => (None, None),
+    };
+    let nose = || {
+        let attitude = vehicle.attitude?;
+        Some(Bam16::from_radians(attitude.yaw))
+    };
+    let track = || {
+        let [north, east, _] = vehicle.velocity_ned?;
+        Some(Bam16::from_radians(east.atan2(north)))
+    };
+    states.commanded_heading = states.commanded_heading.or(heading).or_else(nose);
+    states.commanded_course = states.commanded_course.or(course).or_else(track);
 }
 
 /// 4000. `None` before the vehicle has reported anything that it carries.

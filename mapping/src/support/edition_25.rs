@@ -109,7 +109,7 @@ rows! {
         not 0, a speed and an altimeter setting that are not 0, and a waypoint that is new";
     48 "kept, and reported by #109; 1 becomes 0 when a waypoint is reached" [4, 5, 6];
     101 "4000, once position and altitude are known; not while they are not";
-    104 "3002, once the energy level is known; flaps, brakes and gear are 0";
+    104 "3002, once the altitude and the energy level are known, with what was commanded last where nothing is, or what is flown; flaps, brakes and gear are 0";
     109 "after #48, on #1403, and when a preference ends" [4, 5, 6];
     802 "13002; contingency waypoints become contingency routes, which must be the same for all waypoints of a flight route; \
          a speed of 0 and a time without speed type 3 fill their places" [13, 14];

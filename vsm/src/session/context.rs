@@ -75,6 +75,8 @@ pub(crate) struct Origin {
     pub(crate) ack_requested: bool,
     /// It was held until now, with this serial number: what it is answered goes to the machine that held it.
     pub(crate) held: Option<u32>,
+    /// It continues the command before it, of the same station: Edition 2.5 commands a mode (#42) and its values (#43) by two messages.
+    pub(crate) continues: bool,
 }
 
 /// What the other machines may know of the mission.

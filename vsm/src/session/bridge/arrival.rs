@@ -23,6 +23,7 @@ use crate::session::allowance::Rate;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
 use crate::session::duplicates::{Seen, Verdict, is_command, stamps_apart_ms};
+use crate::session::editions::DEMAND;
 use crate::session::findings::dli::Fault;
 use crate::session::log::LogLevel;
 use crate::session::trace::DliTrace;
@@ -152,6 +153,7 @@ impl Bridge {
             // An acknowledgement is never acknowledged: two peers would answer each other without end.
             ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
             held: None,
+            continues: made_of == Some(DEMAND),
         };
         let profile = &mut self.stations[index].profile;
         profile.note(&header);

@@ -159,6 +159,7 @@ impl Bridge {
                     stamp: editions::stamp(frame),
                     ack_requested: false,
                     held: None,
+                    continues: false,
                 };
                 if at.info.is_some() {
                     self.refuse_command(now, &origin, at.vehicle, refusal.why, disk);
@@ -374,11 +375,19 @@ impl Bridge {
                 continue;
             };
             let decoded = readings.decode(frame.header.message_type, frame.data);
-            let Ok(message) = decoded else { continue };
+            let Ok(mut message) = decoded else { continue };
             let envelope = frame.header.envelope();
             let mut logical = self.logical.iter();
             let real = logical.find(|(_, logical)| *logical == envelope.source);
             let of = real.map_or(envelope.source, |(real, _)| *real);
+            if let Message::VehicleOperatingStates(states) = &mut message {
+                let mut aircraft = self.aircraft.iter();
+                let live = aircraft.find(|one| one.id() == of && one.vehicle.live());
+                if let Some(one) = live {
+                    let (telemetry, last) = (&one.vehicle.telemetry, one.flight.last_commanded());
+                    mapping::report::fill_commanded(states, telemetry, last);
+                }
+            }
             let translated = station.translator.outbound(&envelope, of, &message);
             let question = matches!(message, Message::Heartbeat(_)) && envelope.ack_requested;
             let charged = if question {

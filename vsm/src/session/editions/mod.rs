@@ -418,6 +418,15 @@ impl Translator {
                 let steering = self.steering.entry(vehicle).or_default();
                 steering.shows(mode.map(|mode| mode.raw()));
             }
+            Message::InertialStates(states) => {
+                let place = states.latitude.zip(states.longitude);
+                if let (Some((latitude, longitude)), Some(stamp)) = (place, states.time_stamp) {
+                    let steering = self.steering.entry(vehicle).or_default();
+                    if steering.is_at(latitude.radians(), longitude.radians()) {
+                        out.push(self.preference(vehicle, stamp));
+                    }
+                }
+            }
             Message::FromToNextWaypointStates(states) => {
                 let steering = self.steering.entry(vehicle).or_default();
                 let reached = steering.flies_to(states.to_waypoint_number);
@@ -578,6 +587,8 @@ fn authorisation(record: &Record, at: &Parties) -> Result<Message, Refusal> {
 /// Messages that this border composes or answers itself.
 const ACKNOWLEDGEMENT: u16 = 1400;
 const REQUEST: u16 = 1403;
+/// #43, whose values are of the mode that a #42 has commanded.
+pub(crate) const DEMAND: u16 = 43;
 const RESOURCES: u16 = 1202;
 const ENGINE: u16 = 105;
 /// Names this VSM, as 44003 does not.
@@ -596,9 +607,9 @@ const RESET: &[(u16, u8)] = &[
     (110, 22),
 ];
 
-/// What must be known before a report is sent: Edition 2.5 has no way to leave it out. Position and altitude; energy, of
-/// which an unknown one would be an empty one.
-pub(crate) const ESSENTIAL: &[(u16, &[u8])] = &[(101, &[4, 5, 6]), (104, &[16])];
+/// What must be known before a report is sent: Edition 2.5 has no way to leave it out. Position and altitude; the altitude that
+/// is commanded, or flown where none ever was; energy, of which an unknown one would be an empty one.
+pub(crate) const ESSENTIAL: &[(u16, &[u8])] = &[(101, &[4, 5, 6]), (104, &[4, 16])];
 
 /// Subsystem state of an alert that has ended.
 const CLEARED: u32 = 0;

@@ -16,12 +16,14 @@
 //! Else it is kept for the #42 that follows it, once: a demand from before the last #42 moves nothing. Within a #43 count an
 //! altitude and a heading whose command type is not 0, a speed and an altimeter setting that are not 0, and a waypoint of
 //! 1 to 65534 that is another than before, and another than the vehicle flies to. #48 preference 1 falls back to 0 when
-//! a waypoint is reached.
+//! a waypoint is reached, in mode 12 when the vehicle is at the loiter position that #43 commands (without one it is at its loiter
+//! point, and goes to none), and is taken again only once another was commanded in between.
 //!
 //! A station repeats its last #43 all the time, in modes that do not use it too. So a landing takes nothing of it: a heading
 //! that stands by would have it refused. A wave-off takes an altitude only where that has changed since the last #42, since
 //! one from before the landing may lie below the vehicle.
 
+use mapping::limits::metres;
 use stanag_msgs::Message;
 use stanag_msgs::ed25::Record;
 use stanag_msgs::ed25::record::ed4;
@@ -39,14 +41,17 @@ pub(crate) struct Steering {
     shown: Option<u8>,
     /// The waypoint that the vehicle flies to.
     to: Option<u16>,
-    /// The mode of the last #42, and its stamp, until the vehicle shows that mode or changes to any other.
-    commanded: Option<(u8, f64)>,
+    /// The modes of the last #42s, and their stamps, until the vehicle shows the last of them, or changes to one that none of
+    /// them has commanded.
+    commanded: Vec<(u8, f64)>,
     /// The last #43.
     demand: Option<Demand>,
     /// The last #41.
     loiter: Option<Record>,
     /// The last #48: altitude, speed, course and heading.
     preference: [u8; 3],
+    /// Which of them were 1 and have fallen back, and have been nothing else since.
+    fallen_back: [bool; 3],
 }
 
 /// A command, and what it changes here once it is taken.
@@ -139,7 +144,7 @@ impl Steering {
         let seconds = record.number(1).unwrap_or_default();
         // A mode that was just commanded and is not shown yet: Edition 4 wants it named again. A loiter is entered again although
         // the vehicle shows it: a place that follows it at once would else come to a vehicle that is stopping, and be refused.
-        let entered = self.commanded.filter(|(mode, at)| {
+        let entered = self.commanded.last().copied().filter(|(mode, at)| {
             [WAYPOINT, LOITER, AUTOPILOT].contains(mode)
                 && (0.0..ENTERED_WITHIN_S).contains(&(seconds - at))
         });
@@ -279,8 +284,16 @@ impl Steering {
             Latch::Mode(mode, seconds) => {
                 // Of a mode that is not entered a #43 names none.
                 if !refused {
-                    let again = self.shown == Some(mode) && mode != LOITER;
-                    self.commanded = Some((mode, seconds)).filter(|_| !again);
+                    let is_fresh =
+                        |(_, at): &(u8, f64)| (0.0..ENTERED_WITHIN_S).contains(&(seconds - at));
+                    self.commanded.retain(is_fresh);
+                    let again =
+                        self.commanded.is_empty() && self.shown == Some(mode) && mode != LOITER;
+                    // Left and commanded again before the vehicle has shown another: it is being entered.
+                    if !again {
+                        self.commanded.truncate(MAX_COMMANDED);
+                        self.commanded.push((mode, seconds));
+                    }
                 }
                 if let Some(demand) = &mut self.demand {
                     (demand.fresh, demand.waypoint, demand.altitude) = (false, false, false);
@@ -289,7 +302,11 @@ impl Steering {
             Latch::Demand(demand) => self.demand = Some(demand),
             Latch::Loiter(loiter) => self.loiter = Some(loiter),
             Latch::Preference(preference) => {
-                self.preference = preference;
+                let each = self.preference.iter_mut().zip(&mut self.fallen_back);
+                for ((now, fallen_back), commanded) in each.zip(preference) {
+                    *fallen_back &= commanded == UNTIL_REACHED;
+                    *now = if *fallen_back { 0 } else { commanded };
+                }
                 return true;
             }
         }
@@ -316,11 +333,14 @@ impl Steering {
     /// A mode that was commanded is named again until it is shown. Once it was, or the vehicle has changed to another, a
     /// pilot or a failsafe has decided since: a #43 must not lead back.
     pub(super) fn shows(&mut self, mode: Option<u8>) {
-        let entered = self
-            .commanded
-            .is_some_and(|(wanted, _)| mode == Some(wanted) && self.shown != mode);
-        if entered || (self.shown.is_some() && self.shown != mode) {
-            self.commanded = None;
+        if self.shown != mode {
+            let mut commanded = self.commanded.iter();
+            match commanded.position(|(wanted, _)| mode == Some(*wanted)) {
+                // One on the way to the last is shown late: it was left already.
+                Some(at) => drop(self.commanded.drain(..=at)),
+                None if self.shown.is_some() => self.commanded.clear(),
+                None => {}
+            }
         }
         self.shown = mode;
     }
@@ -329,10 +349,37 @@ impl Steering {
     pub(super) fn flies_to(&mut self, number: Option<u16>) -> bool {
         let reached = self.to.is_some() && number.is_some() && number != self.to;
         self.to = number;
-        let ends = reached && self.shown == Some(WAYPOINT) && self.preference.contains(&1);
-        if ends {
-            for mode in self.preference.iter_mut().filter(|mode| **mode == 1) {
-                *mode = 0;
+        reached && self.shown == Some(WAYPOINT) && self.fall_back()
+    }
+
+    /// 4000: true where a preference ends because the loiter position that #43 commands is reached.
+    pub(super) fn is_at(&mut self, latitude_rad: f64, longitude_rad: f64) -> bool {
+        let demand = self.demand.as_ref().map(|demand| &demand.record);
+        let demand = demand.filter(|_| self.shown == Some(LOITER) && self.preference[2] != 0);
+        let Some((place_rad, to_rad)) = demand
+            .filter(|demand| has_place(demand))
+            .and_then(|demand| demand.number(18).zip(demand.number(19)))
+        else {
+            return false;
+        };
+        // A circle is flown about it.
+        let radius_m = self.loiter.as_ref().and_then(|loiter| loiter.number(5));
+        let near_m = AT_ITS_PLACE_M + 1.2 * radius_m.unwrap_or(0.0);
+        let degrees =
+            |(latitude, longitude): (f64, f64)| (latitude.to_degrees(), longitude.to_degrees());
+        let away_m = metres(
+            degrees((latitude_rad, longitude_rad)),
+            degrees((place_rad, to_rad)),
+        );
+        away_m < near_m && self.fall_back()
+    }
+
+    /// The waypoint or the loiter point is reached: what is manual until then is so no longer. True where something was.
+    fn fall_back(&mut self) -> bool {
+        let ends = self.preference.contains(&UNTIL_REACHED);
+        for (mode, fallen_back) in self.preference.iter_mut().zip(&mut self.fallen_back) {
+            if *mode == UNTIL_REACHED {
+                (*mode, *fallen_back) = (0, true);
             }
         }
         ends
@@ -381,6 +428,12 @@ fn has_place(demand: &Record) -> bool {
         .any(|field| demand.number(*field).is_some_and(|angle| angle != 0.0))
 }
 
+/// Preference of #48: manual until the waypoint or loiter point.
+const UNTIL_REACHED: u8 = 1;
+/// How near its loiter position a vehicle is there, m, beside the radius of its circle.
+const AT_ITS_PLACE_M: f64 = 15.0;
+/// Modes that are commanded within the time in which one is entered.
+const MAX_COMMANDED: usize = 8;
 const MANUAL: u8 = 2;
 const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
@@ -510,6 +563,56 @@ mod tests {
         steering.accept(order.latch, true);
         let after = take(&mut steering, &record(43, 20.5, &DEMAND));
         assert_eq!(after.select_flight_path_control_mode, None);
+    }
+
+    #[test]
+    fn a_demand_names_the_last_of_several_modes_until_that_is_shown() {
+        let named = |steering: &mut Steering, at: f64| {
+            let command = take(steering, &record(43, at, &DEMAND));
+            command.select_flight_path_control_mode.map(|one| one.raw())
+        };
+        // A hold that was commanded and left again before the vehicle showed it, whether it shows it late or never.
+        for late in [false, true] {
+            let mut steering = Steering::default();
+            steering.shows(Some(AUTOPILOT));
+            for (at, wanted) in [(0.0, LOITER), (0.2, AUTOPILOT)] {
+                mode(&mut steering, wanted, at);
+            }
+            assert_eq!(named(&mut steering, 0.4), Some(15));
+            if late {
+                steering.shows(Some(LOITER));
+                assert_eq!(named(&mut steering, 0.6), Some(15));
+                steering.shows(Some(AUTOPILOT));
+                assert_eq!(named(&mut steering, 0.8), None);
+            }
+            // A safety pilot all the same.
+            steering.shows(Some(MANUAL));
+            assert_eq!(named(&mut steering, 1.0), None);
+        }
+    }
+
+    #[test]
+    fn a_preference_until_the_loiter_point_ends_there_and_must_be_left_before_it_is_taken_again() {
+        let prefer = |steering: &mut Steering, at: f64, mode: f64| {
+            let fields = [(4, mode), (5, mode), (6, mode)];
+            take(steering, &record(48, at, &fields));
+            steering.preference()
+        };
+        let mut steering = Steering::default();
+        assert_eq!(prefer(&mut steering, 0.0, 1.0), [1; 3]);
+        take(&mut steering, &record(43, 1.0, &[(18, 0.8), (19, 0.1)]));
+        // On the way there in another mode nothing is reached.
+        steering.shows(Some(WAYPOINT));
+        assert!(!steering.is_at(0.8, 0.1));
+        mode(&mut steering, LOITER, 2.0);
+        steering.shows(Some(LOITER));
+        assert!(!steering.is_at(0.800_1, 0.1), "600 m away");
+        assert!(steering.is_at(0.800_001, 0.1), "6 m away");
+        assert_eq!(steering.preference(), [0; 3]);
+        // A station repeats its last #48.
+        assert_eq!(prefer(&mut steering, 3.0, 1.0), [0; 3]);
+        assert_eq!(prefer(&mut steering, 4.0, 2.0), [2; 3]);
+        assert_eq!(prefer(&mut steering, 5.0, 1.0), [1; 3]);
     }
 
     #[test]

@@ -57,10 +57,14 @@ use super::maneuver::{self, Maneuver, Progress, Step};
 pub(crate) struct Flight {
     /// In progress, and who commanded it; none for the VSM itself.
     maneuver: Option<(Option<Origin>, Maneuver)>,
+    /// Commands that it carries out too: those that its command continues.
+    joined: Vec<Origin>,
     /// A look for what a 2008 wants and the vehicle has shown already; it commands nothing.
     look: Option<(Origin, Maneuver)>,
     /// What 3002 and 3004 report as commanded.
     commanded: Commanded,
+    /// What was commanded last of each, whatever the mode since.
+    last: Commanded,
     /// The mode that the vehicle was in when it was.
     commanded_in: Option<Px4Mode>,
     loiter: LoiterConfiguration,
@@ -166,6 +170,11 @@ impl Flight {
             engine_command: self.engine_command,
             sticks: self.sticks.latest(),
         }
+    }
+
+    /// What was commanded last, also in an earlier mode.
+    pub(crate) fn last_commanded(&self) -> &Commanded {
+        &self.last
     }
 
     /// Whether the vehicle is steered (mode 15), or on the way there: by set points, or as wings are, in GUIDED_COURSE. Left
@@ -571,7 +580,16 @@ impl Flight {
         if let Err(why) = steering.take(context.mono(), order, telemetry) {
             return effects.refuse(origin, why);
         }
-        self.supersede(context, effects);
+        // On the way into the mode a demand that continues its command changes the set points alone.
+        if self.is_continued_by(origin)
+            && let (Some((_, running)), Some(origin)) = (&mut self.maneuver, origin)
+            && running.enters(Px4Mode::OFFBOARD)
+        {
+            running.commanded = commanded;
+            self.steering = steering;
+            return self.join(origin, effects);
+        }
+        self.supersede(context, origin, effects);
         // After what was superseded has released the stream.
         self.steering = steering;
         self.stream_set_points(context, effects);

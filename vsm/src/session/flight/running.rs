@@ -21,13 +21,41 @@ impl Flight {
         maneuver: Maneuver,
         effects: &mut Effects<'_>,
     ) {
-        self.supersede(context, effects);
+        self.supersede(context, origin, effects);
         self.maneuver = Some((origin, maneuver));
     }
 
-    /// Ends what runs, for a later command.
-    pub(super) fn supersede(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+    /// Whether a command continues the one that is being carried out: it is answered with it, and supersedes nothing.
+    pub(super) fn is_continued_by(&self, origin: Option<Origin>) -> bool {
+        let running = self.maneuver.as_ref().and_then(|(origin, _)| *origin);
+        let both = running.zip(origin.filter(|origin| origin.continues));
+        both.is_some_and(|(running, later)| running.station == later.station)
+    }
+
+    /// A command whose end is that of the maneuver in progress, too.
+    pub(super) fn join(&mut self, origin: Origin, effects: &mut Effects<'_>) {
+        // A station that repeats its demand ten times a second, and a mode that is entered within six.
+        if self.joined.len() == MAX_JOINED {
+            effects.acknowledge(&self.joined.remove(0), AckType::Refused);
+        }
+        self.joined.push(origin);
+    }
+
+    /// Ends what runs, for a later command `by` this station.
+    pub(super) fn supersede(
+        &mut self,
+        context: &Context<'_>,
+        by: Option<Origin>,
+        effects: &mut Effects<'_>,
+    ) {
         let why = SUPERSEDED;
+        if self.is_continued_by(by)
+            && let Some((Some(before), mut running)) = self.maneuver.take()
+        {
+            running.abandon(context.mono(), context.vehicle, effects.vehicle);
+            self.give_up_streams(context);
+            self.join(before, effects);
+        }
         self.end_running(context, why, |_| true, effects);
         // A command that waits for its route to be uploaded has not begun, and must not begin later.
         if context.mission.waiting_command().is_some() {
@@ -84,7 +112,7 @@ impl Flight {
             running.abandon(context.mono(), context.vehicle, effects.vehicle);
             self.give_up_streams(context);
             self.forget_commanded(context);
-            effects.refuse(origin, why);
+            self.refuse(origin, why, effects);
         }
         if let Some((origin, _)) = self.look.take_if(|(origin, _)| ends(Some(*origin))) {
             effects.refuse(Some(origin), why);
@@ -114,12 +142,13 @@ impl Flight {
                 let telemetry = &context.vehicle.telemetry;
                 let uploaded = context.mission.uploaded;
                 self.commanded = maneuver.commanded;
+                self.last.keep(&maneuver.commanded);
                 self.commanded_in = telemetry.mode;
                 // In mode 11 a speed of the route takes the place of one commanded on an earlier leg.
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
                 self.maneuver = None;
-                if let Some(origin) = origin {
+                for origin in origin.into_iter().chain(std::mem::take(&mut self.joined)) {
                     effects.acknowledge(&origin, AckType::CarriedOut);
                 }
             }
@@ -180,7 +209,20 @@ impl Flight {
         }
         self.give_up_streams(context);
         self.forget_commanded(context);
+        self.refuse(origin, why, effects);
+    }
+
+    fn refuse(
+        &mut self,
+        origin: Option<Origin>,
+        why: impl Into<String>,
+        effects: &mut Effects<'_>,
+    ) {
         effects.refuse(origin, why);
+        // With the same reason, which is stated once.
+        for joined in std::mem::take(&mut self.joined) {
+            effects.acknowledge(&joined, AckType::Refused);
+        }
     }
 
     /// Forgets what was commanded in another mode: PX4 forgets speeds, places and altitudes when its mode changes; so
@@ -201,4 +243,6 @@ impl Flight {
     }
 }
 
+/// Commands that are answered with one maneuver at most.
+const MAX_JOINED: usize = 64;
 const SUPERSEDED: &str = "superseded by a later command";

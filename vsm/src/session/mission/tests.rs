@@ -311,13 +311,16 @@ fn flying_to_a_landing(world: &mut World, mission: &mut Mission) {
 fn a_load_that_waited_takes_no_wing_off_its_final_approach() {
     for on_final in [false, true] {
         let (mut world, mut mission) = ready();
-        stored(&mut world, &mut mission);
         flying_to_a_landing(&mut world, &mut mission);
+        // Another mission, as 13000 has loaded it.
+        let mut loaded = mission.store.uploaded.clone().expect("aboard");
+        loaded.compiled.items.truncate(1);
+        mission.store.loaded = Some(loaded);
         let wanted = VehicleOperatingModeCommand::default();
         let message = wanted.clone().into();
         let input = Input::LoadAndFly {
             origin: Some(origin(&message)),
-            route_type: Some(stanag_msgs::enums::RouteType::Flight),
+            route_type: None,
             command: Box::new(wanted),
         };
         world.maneuver = true;
