@@ -335,7 +335,9 @@ fn a_load_that_waited_takes_no_wing_off_its_final_approach() {
         handle(&mut world, &mut mission, Input::Advance);
         assert_eq!(world.commanded_modes(), []);
         world.show_mode(mapping::mode::Px4Mode::MISSION);
-        handle(&mut world, &mut mission, Input::Advance);
+        for _ in 0..2 {
+            handle(&mut world, &mut mission, Input::Advance);
+        }
         let expected: &[mapping::mode::Px4Mode] = if on_final {
             &[]
         } else {
