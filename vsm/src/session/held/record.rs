@@ -87,6 +87,7 @@ impl Entry {
             stamp: Some(TimeStamp(self.stamp)),
             ack_requested: self.ack_requested,
             held: None,
+            continues: false,
         }
     }
 
