@@ -1,5 +1,6 @@
 //! Pure functions between STANAG 4586 and MAVLink: no state, no clock, no I/O.
 //!
+//! - [`payload`]: payload stations, where they look, and messages 21000, 21100 and 21101.
 //! - [`plan`]: the routes and waypoints that a CUCS has sent, as DLI messages, and what is wrong with one by itself.
 //! - [`route`]: a route of a plan becomes mission items, or a refusal that names the waypoint.
 //! - [`mode`]: flight path control modes and PX4's modes.
@@ -72,6 +73,7 @@ pub mod health;
 pub mod limits;
 pub mod mode;
 pub mod parameter;
+pub mod payload;
 pub mod plan;
 pub mod report;
 pub mod route;

@@ -77,8 +77,9 @@ static REFUSED: &[(&[u16], &str)] = &[
         "a route is flown at the places that its waypoints name, and is not moved",
     ),
     (
-        &[200, 201, 202, 203, 204, 205, 206, 207],
-        "no payload is connected to this VSM",
+        &[202, 203, 204, 205, 206, 207],
+        "payloads are gimbals and cameras: radars, stores, relays, separate recorders, bays and terrain data have no MAVLink \
+         command here",
     ),
     (
         &[400, 401, 402, 403, 404],

@@ -98,6 +98,15 @@ static VALUES: &[(u16, &str, &[u8])] = &[
     (13002, "Limit Type", &[0, 1]),
     (13003, "Waypoint Loiter Type", &[1, 4]),
     (13003, "Loiter Duration Units", &[0]),
+    (19001, "Set Zoom", &[0, 1, 2, 3]),
+    (19001, "Altitude Type", &[0, 1, 2, 3]),
+    (19001, "Set Focus", &[0, 1, 2]),
+    (19001, "Focus Type", &[0, 1]),
+    (19100, "Image Output", &[1, 2]),
+    (19100, "Set EO/IR Pointing Mode", &[0, 1, 2, 3, 4]),
+    (19100, "Fire Laser Pointer", &[0]),
+    (19100, "Fire Laser Rangefinder", &[0]),
+    (19100, "Initiate Laser Designator", &[0]),
 ];
 
 /// The same of a fixed wing, where it differs.

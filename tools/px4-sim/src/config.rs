@@ -80,6 +80,8 @@ pub struct Config {
     pub operator_control: bool,
     /// What is on its card at the first boot.
     pub files: Files,
+    /// Payload stations, 0 to 2: gimbals and cameras as components of their own. PX4's simulator has none.
+    pub payloads: u8,
 }
 
 impl Default for Config {
@@ -97,6 +99,7 @@ impl Default for Config {
             params: Vec::new(),
             operator_control: false,
             files: Files::default(),
+            payloads: 0,
         }
     }
 }

@@ -9,7 +9,8 @@
 //!   demo run it.
 //!
 //! The folders, each built on those before it: `physics` (where the vehicle is and how it moves), `flight` (PX4's
-//! commander and navigator), `services` (streams, texts, uploads), `vehicle` (all of it joined, stepped at 250 Hz),
+//! commander and navigator), `services` (streams, texts, uploads), `payload` (gimbals and
+//! cameras), `vehicle` (all of it joined, stepped at 250 Hz),
 //! `link` (frames and signing).
 //!
 //! ```
@@ -28,6 +29,7 @@ mod flight;
 mod key_files;
 mod link;
 mod link_address;
+mod payload;
 mod physics;
 pub mod program;
 pub mod services;
@@ -41,6 +43,7 @@ pub use link::autopilot::{Autopilot, LinkCounters, Transmit};
 pub use link::signing::{Admission, Refusal, Setup, Signing};
 pub use link_address::{LinkAddress, LinkAddressError};
 pub use mavlink_link::service::param::Value;
+pub use payload::PayloadTruth;
 pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use physics::vtol::VtolState;
 pub use services::files::Files;

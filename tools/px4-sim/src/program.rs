@@ -55,6 +55,9 @@ struct Arguments {
     /// Implement operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     #[arg(long)]
     operator_control: bool,
+    /// Payload stations, 0 to 2: each a gimbal and a camera, as MAVLink components beside the autopilot.
+    #[arg(long, default_value_t = 0, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(0..=2))]
+    payloads: u8,
     /// Steady wind, m/s toward north and east.
     #[arg(long, value_name = "NORTH,EAST", default_value = "0,0", value_parser = wind, allow_hyphen_values = true)]
     wind: (f64, f64),
@@ -105,6 +108,7 @@ pub fn main() -> ExitCode {
             wind_ne_ms: [arguments.wind.0, arguments.wind.1],
             unix_time_us: unix_time_us(),
             operator_control: arguments.operator_control,
+            payloads: arguments.payloads,
             ..Config::default()
         },
         links: arguments.link,

@@ -5,7 +5,7 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `forward` is of other ground stations; `terrain` reads elevation files; `explain` puts what is wrong into words;
+//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `terrain` reads elevation files; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
 //!
@@ -32,6 +32,7 @@ mod error;
 mod explain;
 mod forward;
 mod key;
+mod payload;
 pub mod reference;
 mod station;
 mod terrain;
@@ -43,6 +44,7 @@ pub use changes::{Changes, Report};
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use forward::{Commands, Forward, ForwardLink, Relay};
+pub use payload::Payload;
 pub use station::{Checksum, Cucs, Delivery, Edition, Presence};
 pub use terrain::{TerrainFault, TerrainFolder};
 pub use value::{

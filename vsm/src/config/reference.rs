@@ -107,6 +107,9 @@ keep = \"out\"
 centre = [47.0, 8.0]
 radius_m = 10.0
 #vehicle.area
+[[vehicle.payload]]
+station = 1
+#vehicle.payload
 [[forward]]
 name = \"qgc\"
 link = \"udpout:127.0.0.1:14560\"

@@ -7,6 +7,7 @@ use stanag_msgs::Id;
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
+use super::payload::{self, Payload};
 use super::terrain::TerrainFolder;
 use super::value::{self, LinkAddress, Signing, SigningTable, id, logical_id};
 
@@ -62,6 +63,9 @@ table! {
         /// Areas of its geofence, which no CUCS can take away.
         #[serde(default)]
         pub area: Vec<Area> => Table(Area::KEYS),
+        /// Its payload stations.
+        #[serde(default)]
+        pub payload: Vec<Payload> => Table(Payload::KEYS),
     }
 }
 
@@ -328,6 +332,7 @@ impl Vehicle {
             return fault(at, "vehicle.agl", "\"terrain\"", expected);
         }
         self.curve.check(at)?;
+        payload::check(&self.payload, at)?;
         if let Err(found) = check_areas(&self.area) {
             return fault(at, "vehicle.area", found, "areas that make a fence");
         }

@@ -12,6 +12,7 @@ use mapping::altitude::{Agl, Altimeter};
 use mapping::area::Areas;
 use mapping::limits::{Limits, Performance};
 use mapping::parameter::Parameters;
+use mapping::payload::Equipment;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
 use mapping::route::{Curving, FixedWing, Pattern, Policy, Vertices, Wings};
@@ -21,7 +22,7 @@ use stanag_msgs::enums::{CommandedEngineState, FlightPathControlMode, RouteType}
 use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
 use stanag_msgs::{Id, Text, TimeStamp};
 
-use super::authority::rules::Asker;
+use super::authority::rules::{Asker, Stations};
 use super::link::state::VehicleState;
 use super::mission::progress::RouteProgress;
 use super::mission::record::UploadedMission;
@@ -174,6 +175,21 @@ impl Context<'_> {
     /// The index of a station.
     pub(crate) fn station_of(&self, id: Id) -> Option<usize> {
         self.stations.iter().position(|station| station.id() == id)
+    }
+
+    /// The payload stations of the vehicle.
+    pub(crate) fn equipment(&self) -> Vec<Equipment> {
+        let configured: Vec<Equipment> = (self.config.payload.iter())
+            .map(config::Payload::equipment)
+            .collect();
+        self.vehicle.payloads.stations(&configured)
+    }
+
+    /// Their numbers, as rights have them.
+    pub(crate) fn payload_stations(&self) -> Stations {
+        let numbers = self.equipment();
+        let bits = numbers.iter().map(|one| Stations::one(one.number).raw());
+        Stations::from_raw(bits.fold(0, |all, bit| all | bit))
     }
 
     /// Message 3.

@@ -7,8 +7,8 @@ use mapping::support::{Received, field};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType};
 use stanag_msgs::messages::{
-    LoiterConfiguration, UaLoiterWaypoint, UaPositionWaypoint, UaStickCommand,
-    VehicleOperatingModeCommand, VehicleSpecificWaypoint,
+    EoIrLaserPayloadCommand, LoiterConfiguration, PayloadSteeringCommand, UaLoiterWaypoint,
+    UaPositionWaypoint, UaStickCommand, VehicleOperatingModeCommand, VehicleSpecificWaypoint,
 };
 use stanag_msgs::table::{self, FieldInfo, MessageInfo};
 use stanag_msgs::wrapper::MAX_DATA;
@@ -97,6 +97,8 @@ const ASKING: &[u16] = &[
     UaPositionWaypoint::ID,
     UaLoiterWaypoint::ID,
     VehicleSpecificWaypoint::ID,
+    PayloadSteeringCommand::ID,
+    EoIrLaserPayloadCommand::ID,
 ];
 /// Fields that ask for nothing by themselves: an activity's number, and which messages follow.
 const SILENT: &[&str] = &["Activity ID", "Optional Messages for Waypoint"];

@@ -88,6 +88,7 @@ mod maneuver;
 mod mission;
 mod outbox;
 mod paths;
+mod payload;
 mod reports;
 mod station;
 mod station_profile;

@@ -39,6 +39,16 @@ loi = [2, 3, 4, 5]
 override = true
 ";
 
+/// Payload stations 1 to 3.
+pub const PAYLOADS: &str = "
+[[vehicle.payload]]
+station = 1
+[[vehicle.payload]]
+station = 2
+[[vehicle.payload]]
+station = 3
+";
+
 pub struct Scene {
     pub rig: Rig,
     lines: Vec<(Duration, String)>,
@@ -54,7 +64,10 @@ impl Scene {
     }
 
     pub fn with(setup: Setup) -> Scene {
-        let mut rig = Rig::new(setup);
+        let mut rig = Rig::new(Setup {
+            vehicle_keys: PAYLOADS,
+            ..setup
+        });
         for (id, port) in [(Id(0x1b00_00b0), 41_000), (Id(0x1b00_00c0), 42_000)] {
             let address = ([127, 0, 0, 1], port).into();
             rig.stations.push(Station::new(id, address));

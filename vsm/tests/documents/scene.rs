@@ -83,6 +83,7 @@ pub(super) fn traces(trial: &Trial, message: &Message) -> String {
         "{:?} {} {:?} {:?}",
         truth.mode, truth.armed, truth.position, truth.attitude
     );
+    let _ = writeln!(trace, "{:?}", vehicle.payloads());
     for parameter in vehicle.params().table() {
         let _ = writeln!(trace, "{parameter:?}");
     }
@@ -176,4 +177,4 @@ fn unstamped(message: &Message) -> String {
 }
 
 /// Pushed all the time: the latest counts.
-const PERIODIC: &[u16] = &[3001, 3002, 4000, 4001, 16002];
+const PERIODIC: &[u16] = &[3001, 3002, 4000, 4001, 16002, 21101];

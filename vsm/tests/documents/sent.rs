@@ -53,6 +53,7 @@ fn sent_fields_are_sent_and_no_others() {
     keep_messages(&received(&everything(Airframe::Quad)));
     keep_messages(&received(&everything(Airframe::Plane)));
     keep_messages(&received(&services()));
+    keep_messages(&received(&payload()));
     keep_messages(&of_other_sensors());
     // 17000 is taken off by the stations: each of its fields is looked at there.
     let acknowledged = &table::message(17_000).expect("17000").fields;
@@ -286,6 +287,23 @@ fn services() -> Rig {
         ..PingRequest::default()
     };
     done(&mut rig, filled(ping.into()));
+    rig
+}
+
+/// Everything that is reported of a payload.
+fn payload() -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            payloads: 1,
+            ..px4_sim::Config::default()
+        }],
+        ..Setup::default()
+    });
+    rig.take_off(20.0);
+    rig.run(4.0);
+    for message in [21000, 21100, 21101] {
+        done(&mut rig, request(message));
+    }
     rig
 }
 

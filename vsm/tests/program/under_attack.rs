@@ -220,7 +220,7 @@ impl World {
         let text = format!(
             "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{dli}\"\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n[[cucs]]\n\
              id = \"{}\"\nloi = [2, 3, 4, 5]\n[[vehicle]]\nid = \"{}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\n\
-             signing = {{ key_file = \"uav.key\", exchange = \"{exchange}\" }}\n[store]\ndir = \"state\"\n",
+             signing = {{ key_file = \"uav.key\", exchange = \"{exchange}\" }}\n[[vehicle.payload]]\nstation = 1\n[store]\ndir = \"state\"\n",
             cucs(0),
             cucs(1),
             vehicle_id(0),

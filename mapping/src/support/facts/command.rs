@@ -8,11 +8,11 @@ facts! {
         "VSM ID": "refused unless this VSM's, everybody's or none";
         "Requested/Handover LOI": "the levels requested or released; with bits beyond LOI 2 to 5 nothing is granted";
         "Requested/Handover Access": "0 releases, 1 requests, 2 overrides where the configuration allows it; absent or without levels: a question; others are refused";
-        "Controlled Station 1-16": "the stations of the payload that the rights are for";
+        "Controlled Station 1-16": "the payload stations of LOI 3; none: all that there are; refused are those that there are not";
         "Wait for Vehicle Data Link Transition Coordination Message": "1: the request waits for a handover";
         "CUCS Type": ECHO;
         "CUCS Subtype": ECHO;
-        "Controlled Station 17-32": "the stations of the payload that the rights are for";
+        "Controlled Station 17-32": "the payload stations of LOI 3; none: all that there are; refused are those that there are not";
     }
     2 sends "in answer to 1 and 4, on 17002, and when control is taken from a CUCS" {
         "Time Stamp": STAMP;
@@ -20,16 +20,16 @@ facts! {
         "Data Link ID": NULL_LINK;
         "Access Authorized": "1 where the configuration gives any level, else 0";
         "Access Granted": "whether level 3, 4 or 5 is held";
-        "LOI Authorized": "cucs.loi";
+        "LOI Authorized": "cucs.loi, without LOI 3 while the vehicle has no payload station";
         "LOI Granted": "everything that this CUCS now holds";
-        "Controlled Station 1-16": "stations that it holds";
+        "Controlled Station 1-16": "payload stations that there are and that it holds";
         "Access Requested": "as requested";
         "Vehicle Type": "HEARTBEAT.type, 0 before the first one";
         "Vehicle Subtype": "0";
         "CUCS Type": "as requested";
         "CUCS Subtype": "as requested";
         "Presence Vector Support": "partial vectors";
-        "Controlled Station 17-32": "stations that it holds";
+        "Controlled Station 17-32": "payload stations that there are and that it holds";
     }
     3 sends "at the grant of LOI 2, on 17001 and 17002" {
         "Time Stamp": STAMP;

@@ -3,8 +3,10 @@
 mod command;
 mod configuration;
 mod flight_status;
+mod handover;
 mod held;
 mod mission;
+mod payload;
 mod private;
 mod services;
 
@@ -16,6 +18,8 @@ pub(super) static SUPPORT: &[&[MessageSupport]] = &[
     flight_status::ROWS,
     mission::ROWS,
     services::ROWS,
+    payload::ROWS,
+    handover::ROWS,
     configuration::ROWS,
     private::ROWS,
     held::ROWS,

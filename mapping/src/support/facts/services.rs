@@ -1,4 +1,4 @@
-//! Alerts, acknowledgements, requests, handover: 15000 to 39999.
+//! Alerts, acknowledgements, requests: 15000 to 18999.
 
 use crate::support::row::{NULL_LINK, RECEIVED_STAMP, STAMP, facts};
 
@@ -45,26 +45,13 @@ facts! {
     }
     17001 taken "a report is sent at this rate, its sources requested by SET_MESSAGE_INTERVAL" {
         "Time Stamp": RECEIVED_STAMP;
-        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 4000, 4001, 12101, 16001, 16002; others are refused";
+        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 4000, 4001, 12101, 16001, 16002, 21000, 21100, 21101; others are refused";
         "Frequency": "1 to 100 Hz; 0: stop; forgotten when LOI 2 ends";
     }
     17002 taken "a report is sent once" {
         "Time Stamp": RECEIVED_STAMP;
+        "Station Number 1-16": "of 21000, 21100 and 21101: the stations; none: all";
         "Message Type": "2, 50013 and those of 17001; others are refused";
         "Requested Field Presence Vector": "the fields to send, beside the stamp; 0: all";
-    }
-    34000 taken "dli.provisional = all: control is handed over or requested; else refused" {
-        "Time Stamp": RECEIVED_STAMP;
-        "Acquiring CUCS ID": "who acquires; needed";
-        "Set Forward Link Carrier Frequency (ADT)": "0; others are refused";
-        "Set Return Link Carrier Frequency (ADT)": "0; others are refused";
-        "Set PN Code (ADT)": "0; others are refused";
-    }
-    35000 sends "when a handover begins or ends, and on 17002, unless dli.provisional is off" {
-        "Time Stamp": STAMP;
-        "CUCS ID (relinquishing control)": "the holder, or null";
-        "CUCS ID (acquiring control)": "the successor, or null";
-        "Status": "how far it is";
-        "Air Data Link ID": NULL_LINK;
     }
 }

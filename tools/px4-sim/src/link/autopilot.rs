@@ -1,5 +1,6 @@
 //! A vehicle and its links: framing, signing, the lock on the first sender, still without sockets.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mavlink::dialects::development::{MavMessage, MavSeverity};
@@ -65,7 +66,8 @@ impl LinkCounters {
 #[derive(Debug)]
 struct Port<A> {
     parser: Parser,
-    sequence: u8,
+    /// The number of the next frame, by component.
+    sequences: BTreeMap<u8, u8>,
     /// This link's signing clock.
     clock: u64,
     remote: Option<A>,
@@ -103,7 +105,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
             .into_iter()
             .map(|remote| Port {
                 parser: Parser::new(),
-                sequence: 0,
+                sequences: BTreeMap::new(),
                 clock,
                 remote,
                 partner: None,
@@ -129,7 +131,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         self.outgoing = None;
         for port in &mut self.ports {
             port.parser = Parser::new();
-            port.sequence = 0;
+            port.sequences.clear();
             port.clock = self.signing.stored_stamp();
             port.partner = None;
         }
@@ -286,10 +288,16 @@ impl<A> Port<A> {
         message: &Outgoing,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<usize> {
+        let component = match message {
+            Outgoing::Component(component, _) => *component,
+            _ => node.component,
+        };
+        // Each component numbers its own.
+        let sequence = self.sequences.entry(component).or_default();
         let header = Header {
-            seq: self.sequence,
+            seq: *sequence,
             system_id: node.system,
-            component_id: node.component,
+            component_id: component,
             message_id: 0,
             incompat: if signing.key().is_some() {
                 INCOMPAT_SIGNED
@@ -299,7 +307,9 @@ impl<A> Port<A> {
             compat: 0,
         };
         let len = match message {
-            Outgoing::Message(message) => frame::encode(message, header, out),
+            Outgoing::Message(message) | Outgoing::Component(_, message) => {
+                frame::encode(message, header, out)
+            }
             Outgoing::Raw { id, payload } => frame::encode_raw(
                 Header {
                     message_id: *id,
@@ -310,7 +320,7 @@ impl<A> Port<A> {
             )
             .ok()?,
         };
-        self.sequence = self.sequence.wrapping_add(1);
+        *sequence = sequence.wrapping_add(1);
         self.counters.sent += 1;
         let Some(key) = signing.key() else {
             return Some(len);

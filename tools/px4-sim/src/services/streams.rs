@@ -45,6 +45,9 @@ const DEFAULTS: &[(u32, i32)] = &[
     (mav::EXTENDED_SYS_STATE_DATA::ID, 1_000_000),
     (mav::ORBIT_EXECUTION_STATUS_DATA::ID, 500_000),
     (mav::CURRENT_MODE_DATA::ID, 2_000_000),
+    // Of a vehicle whose gimbal PX4 manages.
+    (mav::GIMBAL_MANAGER_STATUS_DATA::ID, 2_000_000),
+    (mav::GIMBAL_MANAGER_INFORMATION_DATA::ID, -1),
 ];
 
 impl Streams {

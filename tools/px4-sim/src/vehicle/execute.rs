@@ -12,6 +12,7 @@ use super::state::{Outgoing, Vehicle};
 use crate::config::{Airframe, Param};
 use crate::flight::mode::{Mode, UnknownMode};
 use crate::flight::navigator::Reposition;
+use crate::payload::gimbal;
 use crate::physics::motion::{Geodetic, Ned};
 use crate::physics::trajectory::Circle;
 use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
@@ -23,6 +24,9 @@ impl Vehicle {
         let own = self.node();
         let Node { system, component } = command.target;
         // PX4 ignores a command from its own system and component.
+        if system == own.system && component != 0 && component != own.component {
+            return self.execute_by_component(&command);
+        }
         if !is_for(own, system, component) || command.from == own {
             self.counters.commands_ignored += 1;
             return;
@@ -71,7 +75,22 @@ impl Vehicle {
         .is_some()
     }
 
+    /// PX4 forwards what is for another component of its vehicle, and that component answers.
+    fn execute_by_component(&mut self, command: &Command) {
+        let carrier = self.carrier();
+        let Some((answer, sent)) = self.payloads.execute(command, &carrier) else {
+            self.counters.commands_ignored += 1;
+            return;
+        };
+        self.acknowledge_by(command.target.component, command, answer);
+        self.send_of_components(sent);
+    }
+
     fn acknowledge(&mut self, command: &Command, answer: Answer) {
+        self.acknowledge_by(self.node().component, command, answer);
+    }
+
+    fn acknowledge_by(&mut self, component: u8, command: &Command, answer: Answer) {
         let mut payload = vec![0; 10];
         payload[..2].copy_from_slice(&command.id.to_le_bytes());
         payload[2] = answer as u8;
@@ -79,7 +98,8 @@ impl Vehicle {
         payload[9] = command.from.component;
         // The dialect's struct where it knows the command.
         match MavMessage::parse(MavlinkVersion::V2, mav::COMMAND_ACK_DATA::ID, &payload) {
-            Ok(message) => self.send(message),
+            Ok(message) if component == self.node().component => self.send(message),
+            Ok(message) => self.send_of_components(vec![(component, message)]),
             Err(_) => self.out.push_back(Outgoing::Raw {
                 id: mav::COMMAND_ACK_DATA::ID,
                 payload,
@@ -103,6 +123,15 @@ impl Vehicle {
             191 => self.go_around(),
             192 => self.reposition(c),
             // Regions of interest, camera triggers and the like: taken, without effect here.
+            195 if self.config.payloads > 0 => {
+                let placed = gimbal::place(c, &self.carrier());
+                let pointed = self.payloads.execute_by_px4(&placed);
+                pointed.unwrap_or(Answer::Accepted)
+            }
+            197 if self.config.payloads > 0 => {
+                let pointed = self.payloads.execute_by_px4(c);
+                pointed.unwrap_or(Answer::Accepted)
+            }
             80 | 189 | 195 | 196 | 197 | 201 | 206 | 211 | 214 | 530..=532 => Answer::Accepted,
             // A reboot would be accepted by a board; a process cannot.
             246 => Answer::accepted_or(Answer::Denied, c.param(1) == 0.0),
@@ -133,7 +162,8 @@ impl Vehicle {
                 answer
             }
             // Gimbal and camera commands: without such a device PX4 sends no acknowledgement at all.
-            203 | 205 | 1000 | 1001 => return None,
+            gimbal::PITCHYAW | gimbal::CONFIGURE => return self.payloads.execute_by_px4(c),
+            203 | 205 => return None,
             _ => Answer::Unsupported,
         })
     }

@@ -48,6 +48,9 @@ impl Vehicle {
                     garbled: false,
                 });
             }
+            M::GIMBAL_MANAGER_SET_ATTITUDE(m) if m.target_system == own.system => {
+                self.payloads.set_attitude(from, m, own.component);
+            }
             M::MANUAL_CONTROL(m) if m.target == own.system => {
                 self.sticks = Sticks::new(m);
                 self.commander.sticks(now);

@@ -66,7 +66,7 @@ impl Vehicle {
                 max_version: 203,
                 ..Default::default()
             }),
-            _ => return None,
+            _ => return self.payloads.report(message, self.boot_ms()),
         })
     }
 

@@ -19,6 +19,8 @@ use crate::flight::mode::Mode;
 use crate::flight::navigator::Navigator;
 use crate::flight::steering::{Setpoint, Sticks};
 use crate::flight::view::{Note, View};
+use crate::payload::gimbal::Carrier;
+use crate::payload::{FromComponent, PayloadTruth, Payloads};
 use crate::physics::airframe::{Body, Tuning};
 use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 use crate::physics::noise::Estimator;
@@ -32,7 +34,7 @@ use crate::services::param;
 use crate::services::streams::Streams;
 use crate::services::texts::Texts;
 
-/// Something to put on the wire, from component 1 of the vehicle.
+/// Something to put on the wire, from component 1 of the vehicle where no other is named.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(
     clippy::large_enum_variant,
@@ -41,6 +43,8 @@ use crate::services::texts::Texts;
 pub enum Outgoing {
     /// A message of the dialect.
     Message(MavMessage),
+    /// A message of another component of the vehicle: a gimbal or a camera.
+    Component(u8, MavMessage),
     /// A message that the dialect's structs cannot hold: an enum value they do not know.
     Raw {
         /// Message id.
@@ -54,7 +58,7 @@ impl Outgoing {
     /// The message, where the dialect has it.
     pub fn message(&self) -> Option<&MavMessage> {
         match self {
-            Self::Message(message) => Some(message),
+            Self::Message(message) | Self::Component(_, message) => Some(message),
             Self::Raw { .. } => None,
         }
     }
@@ -175,6 +179,7 @@ pub struct Vehicle {
     pub(crate) health_faults: HealthFaults,
     pub(crate) operator: OperatorControl,
     pub(crate) ground: Option<GroundGrid>,
+    pub(crate) payloads: Payloads,
 }
 
 impl Vehicle {
@@ -230,6 +235,7 @@ impl Vehicle {
             last_seq: 0,
             health_faults: HealthFaults::default(),
             ground: None,
+            payloads: Payloads::new(&config),
             operator: OperatorControl::new(config.operator_control, config.system_id),
             config,
         }
@@ -260,6 +266,35 @@ impl Vehicle {
             landed: self.landed,
             mission_seq: self.navigator.mission.index() as u16,
             vtol: self.body.vtol(),
+        }
+    }
+
+    /// What its payloads really do, station 1 first.
+    pub fn payloads(&self) -> Vec<PayloadTruth> {
+        self.payloads.truth(&self.carrier())
+    }
+
+    /// Leaves the camera of a station, from 0, so much storage, MiB.
+    pub fn set_storage(&mut self, station: usize, left_mib: f64) {
+        self.payloads.set_storage(station, left_mib);
+    }
+
+    /// The vehicle as its payloads need it.
+    pub(crate) fn carrier(&self) -> Carrier {
+        let motion = self.body.motion();
+        Carrier {
+            attitude: motion.attitude,
+            position: motion.position,
+            frame: self.frame,
+            now: self.now(),
+        }
+    }
+
+    pub(crate) fn send_of_components(&mut self, messages: Vec<FromComponent>) {
+        for (component, message) in messages {
+            if self.out.len() < MAX_OUT {
+                self.out.push_back(Outgoing::Component(component, message));
+            }
         }
     }
 

@@ -43,6 +43,11 @@ impl Vehicle {
         self.command();
         self.fly(now);
         self.detect_ground(now);
+        if self.config.payloads > 0 && self.ticks.is_multiple_of(PAYLOADS_EVERY) {
+            let carrier = self.carrier();
+            let sent = self.payloads.step(DT * PAYLOADS_EVERY as f64, &carrier);
+            self.send_of_components(sent);
+        }
         self.serve();
         for message in self
             .ground
@@ -220,6 +225,8 @@ const ESTIMATOR_EVERY: u64 = 10;
 const COMMANDS_EVERY: u64 = 2;
 /// The navigator checks the position at about 20 Hz, so that a fast vehicle can pass a small radius between two checks.
 const NAVIGATE_EVERY: u64 = 13;
+/// Gimbals are driven at 50 Hz.
+const PAYLOADS_EVERY: u64 = 5;
 const LIFTED_M: f64 = 0.05;
 const LANDED_AFTER_S: f64 = 0.8;
 const REACHED_REPEATS: u8 = 10;

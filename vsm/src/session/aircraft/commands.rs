@@ -10,7 +10,7 @@ use crate::config::{self, Provisional};
 use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
 use crate::session::station::GroundStation;
-use crate::session::{authority, flight, held, mission, reports};
+use crate::session::{authority, flight, held, mission, payload, reports};
 
 /// Whether a station is sent messages whose layout is derived from Edition 2.
 fn has_provisional(dli: &DliEffects<'_>, station: usize) -> bool {
@@ -127,6 +127,9 @@ impl Aircraft {
             | Message::EngineCommand(_)
             | Message::UnmannedAircraftLights(_) => {
                 self.flight(dli, flight::Input::Command { origin, message });
+            }
+            Message::PayloadSteeringCommand(_) | Message::EoIrLaserPayloadCommand(_) => {
+                self.payload(dli, payload::Input::Command { origin, message });
             }
             Message::ParameterRequest(_)
             | Message::ParameterSetCommand(_)

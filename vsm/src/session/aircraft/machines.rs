@@ -4,7 +4,7 @@ use stanag_msgs::enums::AckType;
 
 use super::{Aircraft, Context, Effects};
 use crate::session::effects::DliEffects;
-use crate::session::{authority, flight, held, mission, reports};
+use crate::session::{authority, flight, held, mission, payload, reports};
 
 impl Aircraft {
     /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
@@ -56,6 +56,15 @@ impl Aircraft {
         self.held.handle(&context, input, effects!(self, dli));
     }
 
+    pub(super) fn payload(&mut self, dli: &mut DliEffects<'_>, input: payload::Input<'_>) {
+        let context = payload::Context {
+            common: context!(self, dli),
+            rights: self.authority.rights(),
+            altimeter: self.flight.view().altimeter,
+        };
+        self.payload.handle(&context, input, effects!(self, dli));
+    }
+
     pub(super) fn reports(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -65,6 +74,7 @@ impl Aircraft {
             common: context!(self, dli),
             mission: self.mission.view(&self.vehicle, &self.services),
             flight: self.flight.view(),
+            payload: self.payload.view(self.authority.rights()),
         };
         self.reports.handle(&context, input, effects!(self, dli))
     }

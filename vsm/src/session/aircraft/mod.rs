@@ -11,6 +11,7 @@
 //! | [`flight`] | what a 2016 becomes: modes, maneuvers, sticks, set points, the loss action |
 //! | [`held`] | which commands are held until a condition, and when they are carried out |
 //! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
+//! | [`payload`] | what is done for a payload command on a station: gimbals, cameras |
 //! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
 //!
 //! Whatever comes in goes to one machine, then [`Aircraft::run_until_idle`] delivers what follows from it until nothing is left.
@@ -37,6 +38,7 @@ use super::link::frame::Peer;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::mission::{self, Mission};
+use super::payload::{self, Payload};
 use super::reports::{self, Reports, VehicleSettings};
 use super::station::GroundStation;
 use crate::config;
@@ -61,6 +63,7 @@ pub(crate) struct Aircraft {
     pub(super) flight: Flight,
     pub(super) held: Held,
     pub(super) reports: Reports,
+    pub(super) payload: Payload,
     pub(super) link: VehicleLink,
     files: FileAccess,
 }
@@ -164,6 +167,7 @@ impl Aircraft {
         self.observe(dli, reports::Input::ClearAnswers);
         self.mission(dli, mission::Input::AdvanceDownload);
         self.authority(dli, authority::Input::Settle);
+        self.payload(dli, payload::Input::Poll);
         self.observe(dli, reports::Input::PushDue);
         self.link.store_link_id(effects!(self, dli));
         self.run_until_idle(dli);
@@ -217,6 +221,7 @@ impl Aircraft {
             self.flight.poll_timeout(),
             self.held.poll_timeout(),
             self.reports.poll_timeout(&self.alerts),
+            self.payload.poll_timeout(),
         ]
         .into_iter()
         .flatten()
@@ -302,6 +307,7 @@ impl Aircraft {
                 }
                 Request::ListenerChanged { station } => {
                     self.observe(dli, reports::Input::ListenerChanged { station });
+                    self.payload(dli, payload::Input::ListenerChanged { station });
                 }
                 Request::Configured { changed, by } => {
                     self.observe(dli, reports::Input::Configured { changed, by });
@@ -350,7 +356,15 @@ impl Aircraft {
                 self.link.operator_control.answered(&event);
                 self.flight(dli, flight::Input::CommandEnded(&event));
                 self.mission(dli, mission::Input::CommandEnded(&event));
+                let component = self.link.autopilot().component;
+                let event = &event;
+                self.payload(dli, payload::Input::CommandEnded { component, event });
             }
+            VehicleEvent::ComponentCommand(component, event) => {
+                let event = &event;
+                self.payload(dli, payload::Input::CommandEnded { component, event });
+            }
+            VehicleEvent::PayloadReported => self.payload(dli, payload::Input::Poll),
             VehicleEvent::Mission(event) => {
                 self.flight(dli, flight::Input::MissionServiceEnded(&event));
                 self.mission(dli, mission::Input::ServiceEnded(event));

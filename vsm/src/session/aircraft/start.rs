@@ -21,6 +21,7 @@ use crate::session::link::VehicleLink;
 use crate::session::link::services::Services;
 use crate::session::link::state::VehicleState;
 use crate::session::mission::Mission;
+use crate::session::payload::Payload;
 use crate::session::reports::Reports;
 use crate::session::station::GroundStation;
 
@@ -51,6 +52,7 @@ impl Aircraft {
             flight: Flight::default(),
             held: Held::default(),
             reports: Reports::default(),
+            payload: Payload::default(),
             link,
             files: FileAccess::default(),
             config,

@@ -46,6 +46,11 @@ impl AuthorityMachine {
             _ => return self.question(context, origin.station, request, effects),
         };
         let wanted = Rights::named(levels, stations);
+        // A station that is gone can still be released.
+        let (wanted, absent) = match access {
+            Access::Release => (wanted, Rights::NONE),
+            _ => with_stations(context, wanted, !stations.is_empty()),
+        };
         let waits_for_transition = request
             .wait_for_vehicle_data_link_transition_coordination_message
             == Some(WaitTransition::Wait);
@@ -57,6 +62,13 @@ impl AuthorityMachine {
                 authority.request(at, &asker, access, wanted, !stations.is_empty())
             }
         });
+        let answer = match answer {
+            Answer::Granted if !absent.is_empty() => Answer::Refused {
+                missing: absent,
+                why: Refusal::NoStation,
+            },
+            decided => decided,
+        };
         if !is_too_often(&answer) {
             self.answer(context, origin.station, Some(request), effects);
         }
@@ -185,6 +197,23 @@ impl AuthorityMachine {
                 AckType::Refused
             }
         }
+    }
+}
+
+/// Of rights that are requested what there can be, and what is refused because the vehicle has no such payload station. LOI 3
+/// that names no station means those that there are: beside other levels it may mean none, and LOI Granted shows that.
+pub(super) fn with_stations(
+    context: &Context<'_>,
+    wanted: Rights,
+    by_number: bool,
+) -> (Rights, Rights) {
+    let present = Rights::of_stations(context.payload_stations());
+    let absent = Rights::of_stations(wanted.stations()).without(present);
+    let possible = wanted.without(absent);
+    if by_number || possible.is_empty() {
+        (possible, absent)
+    } else {
+        (possible, Rights::NONE)
     }
 }
 

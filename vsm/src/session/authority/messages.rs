@@ -21,6 +21,16 @@ pub(super) fn response(
     request: Option<&CucsAuthorisationRequest>,
     stamp: TimeStamp,
 ) -> Message {
+    // A station that is not there is nobody's: one that was held before a restart returns with its device.
+    let gone = Rights::of_stations(held.stations())
+        .without(Rights::of_stations(context.payload_stations()));
+    let held = held.without(gone);
+    // Nor is LOI 3 on offer where there is nothing that it would be for.
+    let authorised = if context.payload_stations().is_empty() {
+        asker.authorised.without(LoiBitmap::LOI3)
+    } else {
+        asker.authorised
+    };
     let granted = held.levels();
     let in_control = granted.intersects(LoiBitmap::LOI3.union(CONTROL));
     Message::from(VsmAuthorisationResponse {
@@ -33,7 +43,7 @@ pub(super) fn response(
         } else {
             AccessGranted::NotInControl
         }),
-        loi_authorized: Some(asker.authorised),
+        loi_authorized: Some(authorised),
         loi_granted: Some(granted),
         controlled_station_1_16: Some(held.stations().low()),
         controlled_station_17_32: Some(held.stations().high()),

@@ -188,6 +188,10 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::AreaTransferCommand(_)
         // As the command in it, where that can be read: the caller looks into it.
         | Message::HoldCommand(_) => Some(LoiBitmap::LOI4),
+        // Of the station that it names: the payload machine looks at that.
+        Message::PayloadSteeringCommand(_) | Message::EoIrLaserPayloadCommand(_) => {
+            Some(LoiBitmap::LOI3)
+        }
         // Its own commands a CUCS cancels with whatever right it is left.
         Message::HeldCommandCancel(_)
         | Message::ParameterRequest(_)

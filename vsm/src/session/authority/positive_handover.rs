@@ -12,7 +12,10 @@ use stanag_msgs::messages::{
     PositiveHandoverAuthorisationRequest, VehicleDataLinkTransitionCoordination,
 };
 
-use super::rules::{CONTROL, Decision, Handover, Outcome, Rights, Stage, Stations};
+use super::authorisation::with_stations;
+use super::rules::{
+    Answer, CONTROL, Decision, Handover, Outcome, Refusal, Rights, Stage, Stations,
+};
 use super::{AuthorityMachine, Context, Of, messages};
 use crate::config::Provisional;
 use crate::session::context::Origin;
@@ -38,7 +41,15 @@ impl AuthorityMachine {
             request.controlled_station_17_32,
         );
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
-        let wanted = Rights::named(levels, stations);
+        let named = Rights::named(levels, stations);
+        let (wanted, absent) = with_stations(context, named, !stations.is_empty());
+        if !absent.is_empty() {
+            let answer = Answer::Refused {
+                missing: absent,
+                why: Refusal::NoStation,
+            };
+            return self.acknowledgement(origin, by.id, &answer, effects);
+        }
         let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
         });

@@ -27,7 +27,7 @@ use std::collections::BTreeMap;
 
 use stanag_msgs::ed25::record::{stamp_of, times};
 use stanag_msgs::ed25::{self, Parties, Record, Version};
-use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap};
+use stanag_msgs::enums::{EoirSystemMode, FlightPathControlMode, LoiBitmap};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
@@ -464,7 +464,11 @@ impl Translator {
         let mut essential = ESSENTIAL.iter().filter(|(of, _)| *of == number);
         let known =
             essential.all(|(_, fields)| fields.iter().all(|field| record.number(*field).is_some()));
-        known.then_some(record)
+        // A sensor that is stowed looks nowhere; of any other the angles would be false ones.
+        let aims = number != SENSOR_STATE
+            || record.number(6) == Some(f64::from(EoirSystemMode::Stow.raw()))
+            || [10, 12].iter().all(|field| record.number(*field).is_some());
+        (known && aims).then_some(record)
     }
 
     /// What asks an address for a proof: a request that the station acknowledges, since it was just configured to.
@@ -591,6 +595,7 @@ const REQUEST: u16 = 1403;
 pub(crate) const DEMAND: u16 = 43;
 const RESOURCES: u16 = 1202;
 const ENGINE: u16 = 105;
+const SENSOR_STATE: u16 = 302;
 /// Names this VSM, as 44003 does not.
 const AVAILABILITY: u16 = 1303;
 const MODE_PREFERENCE_REPORT: u32 = 109;
@@ -608,8 +613,9 @@ const RESET: &[(u16, u8)] = &[
 ];
 
 /// What must be known before a report is sent: Edition 2.5 has no way to leave it out. Position and altitude; the altitude that
-/// is commanded, or flown where none ever was; energy, of which an unknown one would be an empty one.
-pub(crate) const ESSENTIAL: &[(u16, &[u8])] = &[(101, &[4, 5, 6]), (104, &[4, 16])];
+/// is commanded, or flown where none ever was; energy, of which an unknown one would be an empty one; what a sensor does, which
+/// unknown would be stowed.
+pub(crate) const ESSENTIAL: &[(u16, &[u8])] = &[(101, &[4, 5, 6]), (104, &[4, 16]), (302, &[6])];
 
 /// Subsystem state of an alert that has ended.
 const CLEARED: u32 = 0;

@@ -25,6 +25,10 @@ pub(crate) enum VehicleEvent {
     Mission(mission::Event),
     /// A command ended.
     Command(command::Event),
+    /// A command to this component ended, which is not the autopilot.
+    ComponentCommand(u8, command::Event),
+    /// A gimbal or a camera has reported something.
+    PayloadReported,
     /// A parameter request ended.
     Parameter(param::Event),
     /// A parameter that nobody requested: somebody has changed it.

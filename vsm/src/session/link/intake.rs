@@ -1,7 +1,8 @@
 //! What a vehicle sends: only frames that the link believes update its state, and only fresh ones answer a request.
 
-use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult};
+use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavType};
 use mavlink_link::frame::{FrameView, Header};
+use mavlink_link::receiver::AUTOPILOT;
 use mavlink_link::service::{Node, param};
 
 use super::event::VehicleEvent;
@@ -40,7 +41,7 @@ impl VehicleLink {
         }
         // The link borrows itself while it delivers: what it delivers is taken in afterwards.
         let mut believed = std::mem::take(&mut self.believed);
-        let asked = self.asked;
+        let (asked, components) = (self.asked, &self.asked_components);
         let (link, key, received) = (&mut self.link, self.key.as_mut(), &mut self.received);
         link.handle_datagram(
             now,
@@ -52,7 +53,10 @@ impl VehicleLink {
                 received.count(delivery.header.message_id);
                 let fresh = Fresh {
                     mission: delivery.can_answer(asked.mission),
-                    command: delivery.can_answer(asked.command),
+                    command: delivery.can_answer(match delivery.header.component_id {
+                        AUTOPILOT => asked.command,
+                        component => components.get(&component).copied(),
+                    }),
                     parameter: delivery.can_answer(asked.parameter),
                     file: delivery.can_answer(asked.file),
                     state: delivery.can_answer(asked.last),
@@ -92,7 +96,16 @@ impl VehicleLink {
         let now = effects.dli.now.mono;
         // A text may come from any component of the vehicle's system; state and answers only from its autopilot.
         self.texts.handle_message(now, node, message);
+        if node.system == self.vehicle.system && is_of_payload(message) {
+            vehicle.payloads.update(now, node.component, message);
+            self.events.push_back(VehicleEvent::PayloadReported);
+        }
         if node != self.vehicle {
+            if node.system == self.vehicle.system
+                && let Some(commands) = effects.vehicle.components.get_mut(&node.component)
+            {
+                commands.handle_message(now, node, message, fresh.command);
+            }
             return;
         }
         self.watch_control(node, message, effects);
@@ -206,6 +219,25 @@ impl VehicleLink {
             }
             _ => {}
         }
+    }
+}
+
+/// Whether a message is about a gimbal or a camera, whichever component of the vehicle sends it.
+fn is_of_payload(message: &MavMessage) -> bool {
+    use MavMessage as M;
+    match message {
+        M::HEARTBEAT(beat) => beat.mavtype == MavType::MAV_TYPE_CAMERA,
+        M::GIMBAL_MANAGER_INFORMATION(_)
+        | M::GIMBAL_MANAGER_STATUS(_)
+        | M::GIMBAL_DEVICE_ATTITUDE_STATUS(_)
+        | M::CAMERA_INFORMATION(_)
+        | M::CAMERA_SETTINGS(_)
+        | M::CAMERA_CAPTURE_STATUS(_)
+        | M::CAMERA_FOV_STATUS(_)
+        | M::STORAGE_INFORMATION(_)
+        | M::VIDEO_STREAM_INFORMATION(_)
+        | M::VIDEO_STREAM_STATUS(_) => true,
+        _ => false,
     }
 }
 

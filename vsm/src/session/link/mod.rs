@@ -34,8 +34,8 @@ use mavlink_link::dialect::{MavMessage, MavSeverity};
 use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkState, LinkStats, Security};
 use mavlink_link::provisioning::StartError;
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
-use mavlink_link::service::Node;
 use mavlink_link::service::text::Texts;
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -79,6 +79,8 @@ pub(crate) struct VehicleLink {
     wall_far_ahead: Option<Duration>,
     texts: Texts,
     asked: Asked,
+    /// The stamp of the first try of the command that runs, by component.
+    asked_components: BTreeMap<u8, Stamp>,
     believed: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
     out: VecDeque<OutFrame>,
@@ -133,6 +135,7 @@ impl VehicleLink {
             wall_far_ahead: None,
             texts: Texts::new(vehicle.system),
             asked: Asked::default(),
+            asked_components: BTreeMap::new(),
             believed: Vec::new(),
             events: VecDeque::new(),
             out: VecDeque::new(),
@@ -179,6 +182,7 @@ impl VehicleLink {
             commands,
             parameters,
             files,
+            components,
             intervals,
             clock,
             ..
@@ -186,6 +190,9 @@ impl VehicleLink {
         files.handle_timeout(now.mono);
         missions.handle_timeout(now.mono);
         commands.handle_timeout(now.mono);
+        for commands in components.values_mut() {
+            commands.handle_timeout(now.mono);
+        }
         parameters.handle_timeout(now.mono);
         self.texts.handle_timeout(now.mono);
         let silent = vehicle.silent_at().is_none_or(|at| at <= now.mono);
@@ -209,7 +216,9 @@ impl VehicleLink {
         let silence = vehicle.silent_at().filter(|_| vehicle.live());
         let intervals = services.intervals.poll_timeout().filter(|_| vehicle.live());
         let clock = vehicle.live().then(|| services.clock.poll_timeout());
+        let components = services.components.values();
         [
+            components.filter_map(command::Client::poll_timeout).min(),
             services.missions.poll_timeout(),
             services.commands.poll_timeout(),
             services.parameters.poll_timeout(),

@@ -8,6 +8,7 @@ use mavlink_link::frame::{
     FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw,
 };
 use mavlink_link::link::Security;
+use mavlink_link::service::command;
 use mavlink_link::signing::{Stamp, sign};
 use mavlink_link::store::Disk;
 
@@ -88,6 +89,24 @@ impl VehicleLink {
             if may_change_state(&message) {
                 self.asked.last = stamp.or(self.asked.last);
                 vehicle.state_is_newer = false;
+            }
+        }
+        // Like the autopilot's, for each component by itself.
+        for (component, commands) in &mut services.components {
+            loop {
+                while let Some(event) = commands.poll_event() {
+                    if let command::Event::Done { .. } = event {
+                        self.asked_components.remove(component);
+                    }
+                    let event = VehicleEvent::ComponentCommand(*component, event);
+                    self.events.push_back(event);
+                }
+                let Some(message) = commands.poll_transmit() else {
+                    break;
+                };
+                if let Some(stamp) = self.send(now, &message, store) {
+                    self.asked_components.entry(*component).or_insert(stamp);
+                }
             }
         }
         if !services.files.is_active() {

@@ -3,7 +3,7 @@
 //! Each is a machine of `mavlink_link::service` that repeats until it is answered. The link machine sends what they
 //! queue, signed at the moment of sending, and returns their ends as [`VehicleEvent`](super::event::VehicleEvent)s.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::{Intervals, Rate};
@@ -23,9 +23,12 @@ pub(crate) struct Services {
     pub(crate) ground: GroundService,
     /// Its events are taken by who asked, not by a machine.
     pub(crate) files: ftp::Client,
+    /// For components other than the autopilot, each with a client of its own: an answer names the command, not the component.
+    pub(super) components: BTreeMap<u8, command::Client>,
     pub(super) intervals: Intervals,
     pub(super) posts: VecDeque<MavMessage>,
-    own_system: u8,
+    own: Node,
+    vehicle: Node,
 }
 
 impl Services {
@@ -39,8 +42,10 @@ impl Services {
             ground: GroundService::default(),
             files: ftp::Client::new(own, vehicle, ftp::Timing::default()),
             intervals: Intervals::new(RATES.iter().copied()),
+            components: BTreeMap::new(),
             posts: VecDeque::new(),
-            own_system: own.system,
+            own,
+            vehicle,
         }
     }
 
@@ -60,8 +65,29 @@ impl Services {
         self.intervals.request(message, Rate::Hz(hertz));
     }
 
+    /// Commands to a component of the vehicle: its autopilot, a gimbal or a camera.
+    pub(crate) fn commands_to(&mut self, component: u8) -> &mut command::Client {
+        if component == self.vehicle.component {
+            return &mut self.commands;
+        }
+        let (own, node) = (self.own, Node::new(self.vehicle.system, component));
+        (self.components)
+            .entry(component)
+            .or_insert_with(|| command::Client::new(own, node, command::Timing::default()))
+    }
+
+    /// This VSM as the vehicle knows it.
+    pub(crate) fn own(&self) -> Node {
+        self.own
+    }
+
+    /// The vehicle's autopilot.
+    pub(crate) fn autopilot(&self) -> Node {
+        self.vehicle
+    }
+
     /// The MAVLink system id of this VSM.
     pub(crate) fn own_system(&self) -> u8 {
-        self.own_system
+        self.own.system
     }
 }

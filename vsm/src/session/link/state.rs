@@ -5,6 +5,7 @@
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mapping::payload::Payloads;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavType;
 
@@ -14,6 +15,8 @@ use super::measured::Measured;
 #[derive(Debug)]
 pub(crate) struct VehicleState {
     pub(crate) telemetry: Telemetry,
+    /// Its gimbals and cameras, components of their own among them.
+    pub(crate) payloads: Payloads,
     /// Its HEARTBEAT came last at this time.
     pub(super) heartbeat_at: Option<Duration>,
     /// It reported its mode last at this time.
@@ -31,6 +34,7 @@ impl Default for VehicleState {
     fn default() -> VehicleState {
         VehicleState {
             telemetry: Telemetry::default(),
+            payloads: Payloads::default(),
             heartbeat_at: None,
             mode_at: None,
             // Nothing was received yet: its state is as unknown as that of a vehicle that went silent.

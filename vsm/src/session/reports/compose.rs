@@ -4,6 +4,7 @@
 //! What the vehicle must stream for the latter is requested of the vehicle then, not before: a radio has no room for it.
 
 use mapping::parameter::Parameters;
+use mapping::payload::report::{self as payload, Station};
 use mapping::{report, status};
 use stanag_msgs::enums::CommandedEngineState;
 use stanag_msgs::messages::{Heartbeat, UaStickStatus};
@@ -12,10 +13,15 @@ use stanag_msgs::{Message, TimeStamp};
 use super::health::detail_reference;
 use crate::session::context::{Context, FlightView, MissionView};
 use crate::session::effects::Effects;
+use crate::session::payload::{PayloadView, ground};
 
 /// What 17001 and 17002 can request, and the reports that are made on request only.
 pub(super) const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
-pub(super) const DETAILS: &[u16] = &[3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 12101, 16001];
+pub(super) const DETAILS: &[u16] = &[
+    3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 12101, 16001, 21000, 21100, 21101,
+];
+/// Of these, those about payload stations.
+pub(super) const PAYLOAD: &[u16] = &[21000, 21100, 21101];
 
 /// What reports are made of.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +29,7 @@ pub(super) struct Sources<'a> {
     pub(super) common: Context<'a>,
     pub(super) mission: MissionView<'a>,
     pub(super) flight: FlightView<'a>,
+    pub(super) payload: PayloadView<'a>,
     pub(super) parameters: &'a Parameters,
 }
 
@@ -148,6 +155,7 @@ fn details(
                 .into_iter()
                 .collect()
         }
+        21000 | 21100 | 21101 => payload_reports(sources, report, effects),
         12101 if live => vec![status::battery(vehicle, effects.stamp()).into()],
         16001 => status::subsystems(vehicle, sources.parameters, live)
             .into_iter()
@@ -157,6 +165,44 @@ fn details(
             })
             .collect(),
         _ => Vec::new(),
+    }
+}
+
+/// 21000, 21100 or 21101 of every payload station.
+fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_>) -> Vec<Message> {
+    let context = &sources.common;
+    let (vehicle, live) = (context.vehicle, context.vehicle.live());
+    let all = context.equipment();
+    let ground = ground(context);
+    let mut reports = Vec::new();
+    for equipment in all.iter().filter(|one| one.bit() != 0) {
+        let station = Station::of(*equipment, &vehicle.payloads, context.mono());
+        let stamp = effects.stamp();
+        match message {
+            21000 => {
+                let report = payload::configuration(&station, &all, context.vsm, stamp);
+                reports.push(report.into());
+            }
+            21100 => reports.push(payload::sensor(&station, context.vsm, stamp).into()),
+            _ if live => {
+                let mode = sources.payload.mode(equipment.number);
+                let telemetry = &vehicle.telemetry;
+                let report = payload::operating(&station, telemetry, ground.as_ref(), mode, stamp);
+                reports.push(report.into());
+            }
+            _ => {}
+        }
+    }
+    reports
+}
+
+/// The payload stations that a report is about, as bits; `None` of a report about none.
+pub(super) fn station_bits(report: &Message) -> Option<u16> {
+    match report {
+        Message::PayloadConfiguration(report) => report.station_number_1_16.map(|bits| bits.raw()),
+        Message::EoIrConfigurationState(report) => report.station_number_1_16,
+        Message::EoIrLaserOperatingState(report) => report.station_number_1_16,
+        _ => None,
     }
 }
 

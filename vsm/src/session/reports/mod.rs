@@ -47,6 +47,9 @@ use super::alerts::{Alerts, Cause};
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
 use super::effects::Effects;
 use super::ignored_fields;
+use super::payload::PayloadView;
+use super::station::GroundStation;
+use crate::config::Provisional;
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -72,6 +75,7 @@ pub(crate) struct Context<'a> {
     pub(crate) common: context::Context<'a>,
     pub(crate) mission: MissionView<'a>,
     pub(crate) flight: FlightView<'a>,
+    pub(crate) payload: PayloadView<'a>,
 }
 
 impl<'a> Deref for Context<'a> {
@@ -176,7 +180,9 @@ impl Reports {
                 let configuration = &mut self.configuration;
                 configuration.configure(common, mission, origin, request, answers, effects);
             }
-            Input::Schedule { station, command } => return self.schedule(station, command),
+            Input::Schedule { station, command } => {
+                return self.schedule(context, station, command);
+            }
             Input::ReportOnce { station, request } => {
                 return self.report_once(context, station, request, effects);
             }
@@ -305,6 +311,7 @@ impl Reports {
             common: context.common,
             mission: context.mission,
             flight: context.flight,
+            payload: context.payload,
             parameters: self.configuration.parameters().values,
         }
     }
@@ -345,6 +352,7 @@ impl Reports {
     /// 17001.
     fn schedule(
         &mut self,
+        context: &Context<'_>,
         station: usize,
         command: &ScheduleMessageUpdateCommand,
     ) -> Result<(), String> {
@@ -353,6 +361,7 @@ impl Reports {
             .ok_or("Requested Message Type is missing")?;
         let hertz = command.frequency.ok_or("Frequency is missing")?;
         known_report(message)?;
+        in_use(context, station, message)?;
         if hertz > MAX_HERTZ {
             return Err(format!(
                 "Frequency {hertz} Hz, expected 1 to {MAX_HERTZ}, or 0 to stop"
@@ -382,7 +391,14 @@ impl Reports {
             return Ok(());
         }
         known_report(message)?;
-        let reports = compose::all(&self.sources(context), station, message, effects);
+        in_use(context, station, message)?;
+        let mut reports = compose::all(&self.sources(context), station, message, effects);
+        let named = request.station_number_1_16.map_or(0, |named| named.raw());
+        if named != 0 {
+            reports.retain(|report| {
+                compose::station_bits(report).is_none_or(|bits| bits & named != 0)
+            });
+        }
         for report in &reports {
             match fields {
                 // An empty vector requests nothing in particular.
@@ -420,7 +436,10 @@ impl Reports {
     fn push_due(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         for index in 0..effects.listeners.len() {
             let station = effects.listeners[index];
-            while let Some(message) = self.push.next_due(context.mono(), station) {
+            let steers = |one: &GroundStation| context.payload.steers(one.id());
+            let payload = (context.stations.get(station)).is_some_and(steers)
+                && context.provisional(station) != Provisional::Off;
+            while let Some(message) = self.push.next_due(context.mono(), station, payload) {
                 if DETAILS.contains(&message) {
                     for report in compose::all(&self.sources(context), station, message, effects) {
                         effects.publish(station, &report);
@@ -587,6 +606,17 @@ impl Reports {
         }
         Some(before)
     }
+}
+
+/// Reports whose layouts are derived from Edition 2 are sent unless the configuration says that they are off.
+fn in_use(context: &Context<'_>, station: usize, message: u16) -> Result<(), String> {
+    if compose::PAYLOAD.contains(&message) && context.provisional(station) == Provisional::Off {
+        return Err(format!(
+            "message {} is derived from Edition 2, and dli.provisional is off",
+            table::named(message)
+        ));
+    }
+    Ok(())
 }
 
 fn known_report(message: u16) -> Result<(), String> {

@@ -44,11 +44,17 @@ impl Push {
     }
 
     /// A message that is due now for a listening station, until there is none. Each is due again a period later.
-    pub(super) fn next_due(&mut self, now: Duration, station: usize) -> Option<u16> {
+    /// `payload`: it holds a payload station.
+    pub(super) fn next_due(&mut self, now: Duration, station: usize, payload: bool) -> Option<u16> {
         let Push { due, scheduled } = self;
+        let own = (station, PAYLOAD.0);
+        if !payload && !scheduled.contains_key(&own) {
+            due.remove(&own);
+        }
         // What a station has scheduled replaces the default of that message, for that station alone.
         let defaults = DEFAULTS
             .iter()
+            .chain(payload.then_some(&PAYLOAD))
             .filter(|(message, _)| !scheduled.contains_key(&(station, *message)))
             .copied();
         let all = scheduled
@@ -88,6 +94,9 @@ const DEFAULTS: &[(u16, Duration)] = &[
     (16002, Duration::from_millis(1_000)),
 ];
 
+/// And to who holds LOI 3 of a station.
+const PAYLOAD: (u16, Duration) = (21101, Duration::from_millis(500));
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,7 +106,8 @@ mod tests {
     }
 
     fn due(push: &mut Push, now: Duration, station: usize) -> Vec<u16> {
-        let mut messages: Vec<u16> = std::iter::from_fn(|| push.next_due(now, station)).collect();
+        let mut messages: Vec<u16> =
+            std::iter::from_fn(|| push.next_due(now, station, false)).collect();
         messages.sort_unstable();
         messages
     }

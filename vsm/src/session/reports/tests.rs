@@ -6,16 +6,20 @@ use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{ParameterRequest, ParameterSetCommand};
 
 use super::*;
+use crate::session::authority::rules::Authority;
+use crate::session::payload::Payload;
 use crate::session::testing::{World, acknowledgements, origin};
 
 const NAME: &str = "MPC_XY_CRUISE";
 
 fn handle(world: &mut World, reports: &mut Reports, input: Input<'_>) -> Result<(), String> {
+    let (idle, nobody) = (Payload::default(), Authority::default());
     world.act(|common, views, effects| {
         let context = Context {
             common,
             mission: views.mission,
             flight: views.flight,
+            payload: idle.view(&nobody),
         };
         reports.handle(&context, input, effects)
     })

@@ -29,6 +29,7 @@ macro_rules! trial {
 mod flight;
 mod held;
 pub(super) mod messages;
+mod payload;
 mod private;
 mod requests;
 mod routes;
@@ -42,6 +43,7 @@ pub(super) fn trials() -> Vec<Trial> {
     all.extend(flight::flight());
     all.extend(routes::routes());
     all.extend(requests::requests());
+    all.extend(payload::payload());
     all.extend(private::private());
     all.extend(held::held());
     all

@@ -18,6 +18,7 @@ pub(super) fn one() -> Setup {
 pub(super) fn two_stations() -> Setup {
     Setup {
         stations: 2,
+        vehicle_keys: PAYLOADS,
         ..Setup::default()
     }
 }
@@ -212,6 +213,18 @@ pub(super) fn request_control_of(rig: &mut Rig, message: &Message) {
     let _ = rig.send(message.clone());
     rig.run(5.0);
 }
+
+/// Payload stations that can be held.
+const PAYLOADS: &str = "
+[[vehicle.payload]]
+station = 1
+[[vehicle.payload]]
+station = 2
+[[vehicle.payload]]
+station = 17
+[[vehicle.payload]]
+station = 18
+";
 
 fn stations_1_16(bits: u16) -> StationBitmap1To16 {
     StationBitmap1To16::from_raw(bits)

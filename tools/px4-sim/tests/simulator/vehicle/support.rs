@@ -81,7 +81,9 @@ impl Flight {
         let now = self.now();
         while let Some(out) = self.vehicle.poll_transmit() {
             match out {
-                Outgoing::Message(message) => self.received.push((now, message)),
+                Outgoing::Message(message) | Outgoing::Component(_, message) => {
+                    self.received.push((now, message));
+                }
                 Outgoing::Raw { id, payload } => self.raw.push((id, payload)),
             }
         }

@@ -58,6 +58,8 @@ pub enum Refusal {
     NoHandover,
     /// It cannot be stored: a right that would not survive a restart is not granted.
     NotStored,
+    /// The vehicle has no payload station of that number, or none at all.
+    NoStation,
     /// Its sender has had more decisions stored than it may in a short time.
     TooOften,
 }
@@ -73,6 +75,7 @@ impl fmt::Display for Refusal {
             Refusal::NoSuccessor(id) => write!(f, "{id} cannot take control"),
             Refusal::NotHeld => write!(f, "not held by the sender of the handover"),
             Refusal::NoHandover => write!(f, "there is no handover to answer"),
+            Refusal::NoStation => write!(f, "the vehicle has no such payload station"),
             Refusal::NotStored => write!(f, "it cannot be stored"),
             Refusal::TooOften => write!(
                 f,

@@ -1,0 +1,16 @@
+//! Payload stations: gimbals and cameras of MAVLink as the payload stations of STANAG 4586.
+//!
+//! - [`state`]: what gimbals and cameras have reported of themselves, and which stations that makes.
+//! - [`pointing`]: where a sensor looks: its direction in the frames of both standards, and its footprint on the ground.
+//! - [`report`]: messages 21000, 21100 and 21101 from that.
+//!
+//! A station is a gimbal, a camera or both. Without a configuration a station has the number of its device among the component
+//! ids of MAVLink: camera 100 or gimbal 154 is station 1, camera 101 or gimbal 171 is station 2. A number that depended on the
+//! order in which devices report would hand a station to another operator after a restart.
+
+pub mod pointing;
+pub mod report;
+pub mod state;
+
+pub use pointing::{Direction, Footprint};
+pub use state::{Camera, Equipment, Gimbal, Payloads};

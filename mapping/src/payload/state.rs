@@ -1,0 +1,459 @@
+//! What gimbals and cameras have reported of themselves: gimbal protocol v2 and camera protocol v2.
+//!
+//! A plain value. Whoever feeds it decides which messages to believe; each value has the time of its arrival, since a gimbal
+//! that is silent points nowhere that is known.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mavlink_link::dialect::{
+    CAMERA_INFORMATION_DATA, CameraCapFlags, CameraMode, GimbalDeviceFlags, GimbalManagerCapFlags,
+    MavMessage, MavType, StorageStatus, VideoStreamStatusFlags,
+};
+
+use super::pointing::{Frame, GimbalAttitude};
+
+/// Everything that reports as a payload of one vehicle.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Payloads {
+    gimbals: BTreeMap<u8, Gimbal>,
+    cameras: BTreeMap<u8, Camera>,
+}
+
+/// A gimbal: its device, and the manager that steers it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Gimbal {
+    /// The component that sends GIMBAL_MANAGER_INFORMATION and GIMBAL_MANAGER_STATUS of it: it takes the commands.
+    pub manager: Option<u8>,
+    /// GIMBAL_MANAGER_INFORMATION.
+    pub regard: Option<Regard>,
+    /// GIMBAL_MANAGER_STATUS: system and component in primary control, 0 and 0 where nobody is; and when it came.
+    pub control: Option<(Duration, [u8; 2])>,
+    /// GIMBAL_DEVICE_ATTITUDE_STATUS, and when it came.
+    pub attitude: Option<(Duration, GimbalAttitude)>,
+}
+
+/// What a gimbal can do (GIMBAL_MANAGER_INFORMATION); angles in rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Regard {
+    /// GIMBAL_MANAGER_INFORMATION.cap_flags.
+    pub can: GimbalManagerCapFlags,
+    /// Lowest and highest pitch, up positive; `None` where it reports none.
+    pub pitch: Option<[f64; 2]>,
+    /// The same of yaw, right of the vehicle's heading positive.
+    pub yaw: Option<[f64; 2]>,
+}
+
+/// A camera.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Camera {
+    /// Its HEARTBEAT came last at this time.
+    pub heard_at: Option<Duration>,
+    /// CAMERA_INFORMATION.
+    pub information: Option<CameraInformation>,
+    /// CAMERA_SETTINGS, and when it came.
+    pub settings: Option<(Duration, Settings)>,
+    /// CAMERA_CAPTURE_STATUS, and when it came.
+    pub capture: Option<(Duration, Capture)>,
+    /// STORAGE_INFORMATION.
+    pub storage: Option<Storage>,
+    /// CAMERA_FOV_STATUS: horizontal and vertical field of view, rad; and when it came.
+    pub field_of_view: Option<(Duration, [f64; 2])>,
+    /// VIDEO_STREAM_STATUS or VIDEO_STREAM_INFORMATION of its first stream, and when it came: it runs, it is thermal.
+    pub stream: Option<(Duration, Stream)>,
+}
+
+/// What a camera is (CAMERA_INFORMATION).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraInformation {
+    /// CAMERA_INFORMATION.flags.
+    pub can: CameraCapFlags,
+    /// Pixels, columns and rows; 0 where it reports none.
+    pub resolution: [u16; 2],
+    /// Width of the sensor, mm, where it is known: with it a field of view is a focal length.
+    pub sensor_width_mm: Option<f64>,
+    /// The gimbal that carries it, where it names one.
+    pub gimbal: Option<u8>,
+}
+
+/// CAMERA_SETTINGS.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Image or video mode.
+    pub mode: CameraMode,
+    /// Zoom, 0 to 100 %, where it reports one.
+    pub zoom: Option<f64>,
+    /// Focus, 0 (near) to 100 %, where it reports one.
+    pub focus: Option<f64>,
+}
+
+/// CAMERA_CAPTURE_STATUS.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Capture {
+    /// Video is recorded.
+    pub recording: bool,
+    /// Images captured in all; -1 where it does not count.
+    pub images: i32,
+}
+
+/// STORAGE_INFORMATION.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Storage {
+    /// Empty slot, unformatted, ready, not supported.
+    pub status: StorageStatus,
+    /// What is left, MiB.
+    pub available_mib: f64,
+}
+
+/// VIDEO_STREAM_STATUS.flags.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stream {
+    /// It is running.
+    pub running: bool,
+    /// It is of a thermal sensor.
+    pub thermal: bool,
+}
+
+/// What makes a payload station: `vehicle.payload`, or what the vehicle shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Equipment {
+    /// Station number, 1 to 32; the payload messages have a place for 1 to 16.
+    pub number: u8,
+    /// Gimbal device id: the component id of a MAVLink gimbal, 1 to 6 of one that the autopilot drives.
+    pub gimbal: Option<u8>,
+    /// Component id of the camera.
+    pub camera: Option<u8>,
+}
+
+impl Equipment {
+    /// Its bit in the bitmaps of stations 1 to 16; 0 where it has none there.
+    #[must_use]
+    pub fn bit(&self) -> u16 {
+        let place = u32::from(self.number.wrapping_sub(1));
+        1_u16.checked_shl(place).unwrap_or(0)
+    }
+}
+
+impl Payloads {
+    /// Takes a message of a component of the vehicle's system.
+    pub fn update(&mut self, now: Duration, component: u8, message: &MavMessage) {
+        match message {
+            MavMessage::GIMBAL_MANAGER_INFORMATION(m) if m.gimbal_device_id != 0 => {
+                if let Some(gimbal) = self.gimbal_mut(m.gimbal_device_id) {
+                    gimbal.manager = Some(component);
+                    gimbal.regard = Some(Regard {
+                        can: m.cap_flags,
+                        pitch: range(m.pitch_min, m.pitch_max),
+                        yaw: range(m.yaw_min, m.yaw_max),
+                    });
+                }
+            }
+            MavMessage::GIMBAL_MANAGER_STATUS(m) if m.gimbal_device_id != 0 => {
+                if let Some(gimbal) = self.gimbal_mut(m.gimbal_device_id) {
+                    gimbal.manager = Some(component);
+                    let holder = [m.primary_control_sysid, m.primary_control_compid];
+                    gimbal.control = Some((now, holder));
+                }
+            }
+            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(m) => {
+                // A device that is a component of its own leaves the id out.
+                let device = match m.gimbal_device_id {
+                    0 => component,
+                    id => id,
+                };
+                let flags = m.flags;
+                let locked = flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_PITCH_LOCK);
+                // Older devices state neither frame: there the lock says which it is.
+                let north = flags
+                    .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME)
+                    || flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_LOCK)
+                        && !flags
+                            .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME);
+                let q = m.q.map(f64::from);
+                let rates = [m.angular_velocity_y, m.angular_velocity_z].map(f64::from);
+                if !q.iter().all(|part| part.is_finite()) {
+                    return;
+                }
+                if let Some(gimbal) = self.gimbal_mut(device) {
+                    let attitude = GimbalAttitude {
+                        q,
+                        frame: match (north, locked) {
+                            (true, _) => Frame::North,
+                            (false, true) => Frame::Heading,
+                            (false, false) => Frame::Body,
+                        },
+                        retracted: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_RETRACT),
+                        neutral: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL),
+                        rates: rates.iter().all(|rate| rate.is_finite()).then_some(rates),
+                    };
+                    gimbal.attitude = Some((now, attitude));
+                }
+            }
+            other => self.update_camera(now, component, other),
+        }
+    }
+
+    fn update_camera(&mut self, now: Duration, component: u8, message: &MavMessage) {
+        match message {
+            MavMessage::HEARTBEAT(m) if m.mavtype == MavType::MAV_TYPE_CAMERA => {
+                if let Some(camera) = self.camera_mut(component) {
+                    camera.heard_at = Some(now);
+                }
+            }
+            MavMessage::CAMERA_INFORMATION(m) if m.camera_device_id == 0 => {
+                if let Some(camera) = self.camera_mut(component) {
+                    camera.information = Some(information(component, m));
+                }
+            }
+            MavMessage::CAMERA_SETTINGS(m) if m.camera_device_id == 0 => {
+                if let Some(camera) = self.camera_mut(component) {
+                    let settings = Settings {
+                        mode: m.mode_id,
+                        zoom: level(m.zoomLevel),
+                        focus: level(m.focusLevel),
+                    };
+                    camera.settings = Some((now, settings));
+                }
+            }
+            MavMessage::CAMERA_CAPTURE_STATUS(m) if m.camera_device_id == 0 => {
+                if let Some(camera) = self.camera_mut(component) {
+                    let capture = Capture {
+                        recording: m.video_status == 1,
+                        images: m.image_count,
+                    };
+                    camera.capture = Some((now, capture));
+                }
+            }
+            MavMessage::STORAGE_INFORMATION(m) => {
+                // Autopilots have a card of their own: only that of a camera is a payload's.
+                if let Some(camera) = self.cameras.get_mut(&component) {
+                    camera.storage = Some(Storage {
+                        status: m.status,
+                        available_mib: f64::from(m.available_capacity),
+                    });
+                }
+            }
+            MavMessage::CAMERA_FOV_STATUS(m) if m.camera_device_id == 0 => {
+                let fields = [m.hfov, m.vfov].map(|degrees| f64::from(degrees).to_radians());
+                if let Some(camera) = self.cameras.get_mut(&component)
+                    && fields.iter().all(|field| field.is_finite() && *field > 0.0)
+                {
+                    camera.field_of_view = Some((now, fields));
+                }
+            }
+            MavMessage::VIDEO_STREAM_STATUS(m) if m.stream_id == 1 && m.camera_device_id == 0 => {
+                self.note_stream(now, component, m.flags);
+            }
+            MavMessage::VIDEO_STREAM_INFORMATION(m)
+                if m.stream_id == 1 && m.camera_device_id == 0 =>
+            {
+                self.note_stream(now, component, m.flags);
+            }
+            _ => {}
+        }
+    }
+
+    fn note_stream(&mut self, now: Duration, component: u8, flags: VideoStreamStatusFlags) {
+        if let Some(camera) = self.cameras.get_mut(&component) {
+            let running = VideoStreamStatusFlags::VIDEO_STREAM_STATUS_FLAGS_RUNNING;
+            let thermal = VideoStreamStatusFlags::VIDEO_STREAM_STATUS_FLAGS_THERMAL;
+            let stream = Stream {
+                running: flags.contains(running),
+                thermal: flags.contains(thermal),
+            };
+            camera.stream = Some((now, stream));
+        }
+    }
+
+    /// Input bounds no table: so many devices of one vehicle, and no more.
+    fn gimbal_mut(&mut self, device: u8) -> Option<&mut Gimbal> {
+        let room = self.gimbals.len() < MAX_DEVICES || self.gimbals.contains_key(&device);
+        room.then(|| self.gimbals.entry(device).or_default())
+    }
+
+    fn camera_mut(&mut self, component: u8) -> Option<&mut Camera> {
+        let room = self.cameras.len() < MAX_DEVICES || self.cameras.contains_key(&component);
+        room.then(|| self.cameras.entry(component).or_default())
+    }
+
+    /// A gimbal by its device id.
+    #[must_use]
+    pub fn gimbal(&self, device: Option<u8>) -> Option<&Gimbal> {
+        self.gimbals.get(&device?)
+    }
+
+    /// A camera by its component id.
+    #[must_use]
+    pub fn camera(&self, component: Option<u8>) -> Option<&Camera> {
+        self.cameras.get(&component?)
+    }
+
+    /// Every gimbal with its device id.
+    pub fn gimbals(&self) -> impl Iterator<Item = (u8, &Gimbal)> {
+        self.gimbals.iter().map(|(id, gimbal)| (*id, gimbal))
+    }
+
+    /// Every camera with its component id.
+    pub fn cameras(&self) -> impl Iterator<Item = (u8, &Camera)> {
+        self.cameras.iter().map(|(id, camera)| (*id, camera))
+    }
+
+    /// The payload stations, by rising number: those that the configuration names, or else those that the vehicle shows.
+    #[must_use]
+    pub fn stations(&self, configured: &[Equipment]) -> Vec<Equipment> {
+        if !configured.is_empty() {
+            return configured.to_vec();
+        }
+        let mut stations = BTreeMap::new();
+        let mut carried = Vec::new();
+        for (id, camera) in &self.cameras {
+            let Some(number) = number_of(*id) else {
+                continue;
+            };
+            let gimbal = camera.information.as_ref().and_then(|known| known.gimbal);
+            let gimbal = gimbal.filter(|gimbal| self.gimbals.contains_key(gimbal));
+            carried.extend(gimbal);
+            let station = Equipment {
+                number,
+                gimbal,
+                camera: Some(*id),
+            };
+            stations.insert(number, station);
+        }
+        for id in self.gimbals.keys().filter(|id| !carried.contains(id)) {
+            let Some(number) = number_of(*id) else {
+                continue;
+            };
+            let station = stations.entry(number).or_insert(Equipment {
+                number,
+                gimbal: None,
+                camera: None,
+            });
+            // A camera that names no gimbal stands on that of its number.
+            station.gimbal.get_or_insert(*id);
+        }
+        stations.into_values().collect()
+    }
+}
+
+/// The station of a device by its id: MAV_COMP_ID_CAMERA to _CAMERA6, MAV_COMP_ID_GIMBAL to _GIMBAL6, and the gimbals 1 to 6
+/// that an autopilot drives.
+fn number_of(id: u8) -> Option<u8> {
+    match id {
+        1..=6 => Some(id),
+        100..=105 => Some(id - 99),
+        154 => Some(1),
+        171..=175 => Some(id - 169),
+        _ => None,
+    }
+}
+
+fn information(component: u8, m: &CAMERA_INFORMATION_DATA) -> CameraInformation {
+    let width = f64::from(m.sensor_size_h);
+    CameraInformation {
+        can: m.flags,
+        resolution: [m.resolution_h, m.resolution_v],
+        sensor_width_mm: (width.is_finite() && width > 0.0).then_some(width),
+        gimbal: match m.gimbal_device_id {
+            0 => None,
+            // The gimbal is the same component as the camera.
+            7 => Some(component),
+            id => Some(id),
+        },
+    }
+}
+
+fn range(low: f32, high: f32) -> Option<[f64; 2]> {
+    let both = [low, high].map(f64::from);
+    (both.iter().all(|end| end.is_finite()) && low < high).then_some(both)
+}
+
+fn level(percent: f32) -> Option<f64> {
+    (0.0..=100.0)
+        .contains(&percent)
+        .then_some(f64::from(percent))
+}
+
+/// Devices of each kind that are kept.
+const MAX_DEVICES: usize = 32;
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::dialect::{
+        GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_STATUS_DATA, HEARTBEAT_DATA,
+    };
+
+    use super::*;
+
+    const NOW: Duration = Duration::from_secs(1);
+
+    fn camera(gimbal: u8) -> MavMessage {
+        MavMessage::CAMERA_INFORMATION(CAMERA_INFORMATION_DATA {
+            gimbal_device_id: gimbal,
+            ..CAMERA_INFORMATION_DATA::default()
+        })
+    }
+
+    fn device() -> MavMessage {
+        MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
+            q: [1.0, 0.0, 0.0, 0.0],
+            ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
+        })
+    }
+
+    #[test]
+    fn a_station_has_the_number_of_its_device_whatever_reports_first() {
+        let mut forwards = Payloads::default();
+        let mut backwards = Payloads::default();
+        let reports = [
+            (154, device()),
+            (100, camera(0)),
+            (101, camera(171)),
+            (171, device()),
+        ];
+        for (id, message) in &reports {
+            forwards.update(NOW, *id, message);
+        }
+        for (id, message) in reports.iter().rev() {
+            backwards.update(NOW, *id, message);
+        }
+        let expected = [(1, Some(154), Some(100)), (2, Some(171), Some(101))];
+        for payloads in [forwards, backwards] {
+            let stations = payloads.stations(&[]);
+            let found: Vec<_> = stations
+                .iter()
+                .map(|s| (s.number, s.gimbal, s.camera))
+                .collect();
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn a_vehicle_without_payload_has_no_station_and_one_that_is_configured_has_just_those() {
+        let mut payloads = Payloads::default();
+        payloads.update(NOW, 1, &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()));
+        assert!(payloads.stations(&[]).is_empty());
+        payloads.update(NOW, 154, &device());
+        let configured = Equipment {
+            number: 7,
+            gimbal: Some(154),
+            camera: None,
+        };
+        assert_eq!(payloads.stations(&[configured]), [configured]);
+    }
+
+    #[test]
+    fn a_gimbal_that_the_autopilot_drives_is_known_by_the_id_in_its_messages() {
+        let mut payloads = Payloads::default();
+        let status = MavMessage::GIMBAL_MANAGER_STATUS(GIMBAL_MANAGER_STATUS_DATA {
+            gimbal_device_id: 1,
+            primary_control_sysid: 245,
+            primary_control_compid: 190,
+            ..GIMBAL_MANAGER_STATUS_DATA::default()
+        });
+        payloads.update(NOW, 1, &status);
+        let gimbal = payloads.gimbal(Some(1)).expect("a gimbal");
+        assert_eq!(gimbal.control, Some((NOW, [245, 190])));
+        assert_eq!(payloads.stations(&[])[0].number, 1);
+    }
+}

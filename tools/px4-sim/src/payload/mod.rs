@@ -1,0 +1,160 @@
+//! Payloads of a simulated vehicle: gimbals and cameras, each a MAVLink component of its own beside the autopilot.
+//!
+//! Station 1 is a MAVLink gimbal (component 154) that PX4's own gimbal manager steers (component 1), and an EO/IR camera
+//! (component 100). Station 2 is a smart payload, as PX4's manager drives one gimbal only: its gimbal (component 171) is its own
+//! manager, and carries an EO camera (component 101).
+//!
+//! - [`gimbal`]: how a gimbal moves, and what a gimbal manager takes. PX4's manager follows its source
+//!   (src/modules/gimbal/input_mavlink.cpp, v1.18): a command of who is not in primary control is DENIED, RETRACT is
+//!   acknowledged and not done, angles of NaN in DO_GIMBAL_MANAGER_PITCHYAW become 0, and rates end 2 s after they were set.
+//! - [`camera`]: the camera protocol: modes, zoom, focus, photographs, video, storage.
+
+pub(crate) mod camera;
+pub(crate) mod gimbal;
+
+use mavlink::MessageData as _;
+use mavlink::dialects::development as mav;
+use mavlink::dialects::development::MavMessage;
+use mavlink_link::service::Node;
+
+use self::camera::{Camera, Kind};
+pub(crate) use self::gimbal::FromComponent;
+use self::gimbal::{Carrier, Gimbal, Manager};
+use crate::config::Config;
+use crate::vehicle::command::{Answer, Command};
+
+/// The payloads of one vehicle.
+#[derive(Debug)]
+pub(crate) struct Payloads {
+    stations: Vec<Station>,
+}
+
+#[derive(Debug)]
+struct Station {
+    gimbal: Gimbal,
+    camera: Camera,
+}
+
+/// Where a payload really looks, for tests and pictures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PayloadTruth {
+    /// North, east, down: a unit vector.
+    pub sight: [f64; 3],
+    /// The gimbal is retracted.
+    pub retracted: bool,
+    /// Horizontal field of view, rad.
+    pub hfov: f64,
+    /// Video is recorded.
+    pub recording: bool,
+    /// Photographs taken.
+    pub images: u32,
+    /// The stream shows the thermal sensor.
+    pub thermal: bool,
+    /// Focus, 0 (near) to 100.
+    pub focus: f64,
+}
+
+impl Payloads {
+    pub(crate) fn new(config: &Config) -> Payloads {
+        let stations = [
+            Station {
+                gimbal: Gimbal::new(154, Manager::Px4),
+                camera: Camera::new(100, 154, Kind::EoIr),
+            },
+            Station {
+                gimbal: Gimbal::new(171, Manager::Own),
+                camera: Camera::new(101, 171, Kind::Eo),
+            },
+        ];
+        let count = usize::from(config.payloads);
+        Payloads {
+            stations: stations.into_iter().take(count).collect(),
+        }
+    }
+
+    /// What each really does, station 1 first.
+    pub(crate) fn truth(&self, carrier: &Carrier) -> Vec<PayloadTruth> {
+        let truth = |station: &Station| PayloadTruth {
+            sight: station.gimbal.sight(carrier),
+            retracted: station.gimbal.is_retracted(),
+            hfov: station.camera.hfov(),
+            recording: station.camera.is_recording(),
+            images: station.camera.images(),
+            thermal: station.camera.is_thermal(),
+            focus: station.camera.focus(),
+        };
+        self.stations.iter().map(truth).collect()
+    }
+
+    /// Leaves a camera so much storage, MiB.
+    pub(crate) fn set_storage(&mut self, station: usize, left_mib: f64) {
+        if let Some(station) = self.stations.get_mut(station) {
+            station.camera.set_storage(left_mib);
+        }
+    }
+
+    /// Lets time pass, and reports what is due.
+    pub(crate) fn step(&mut self, dt: f64, carrier: &Carrier) -> Vec<FromComponent> {
+        let mut out = Vec::new();
+        for station in &mut self.stations {
+            station.gimbal.step(dt, carrier, &mut out);
+            station.camera.step(dt, carrier, &mut out);
+        }
+        out
+    }
+
+    /// A message that PX4's gimbal manager streams or answers REQUEST_MESSAGE with.
+    pub(crate) fn report(&self, message: u32, boot_ms: u32) -> Option<MavMessage> {
+        let mut gimbals = self.stations.iter().map(|station| &station.gimbal);
+        let gimbal = gimbals.find(|gimbal| gimbal.manager() == Manager::Px4)?;
+        match message {
+            mav::GIMBAL_MANAGER_STATUS_DATA::ID => Some(gimbal.status(boot_ms)),
+            mav::GIMBAL_MANAGER_INFORMATION_DATA::ID => Some(gimbal.information(boot_ms)),
+            _ => None,
+        }
+    }
+
+    /// A command to a component other than the autopilot: what answers it, and what it sends beside. `None` where there is no
+    /// such component.
+    pub(crate) fn execute(
+        &mut self,
+        command: &Command,
+        carrier: &Carrier,
+    ) -> Option<(Answer, Vec<FromComponent>)> {
+        let component = command.target.component;
+        for Station { gimbal, camera } in &mut self.stations {
+            if camera.component() == component {
+                return Some(camera.execute(command, carrier));
+            }
+            if gimbal.device() == component {
+                return Some(gimbal.execute_own(command, carrier));
+            }
+        }
+        None
+    }
+
+    /// A command to the autopilot that its gimbal manager takes. `None` where it has none: then nothing answers.
+    pub(crate) fn execute_by_px4(&mut self, command: &Command) -> Option<Answer> {
+        let mut gimbals = self.stations.iter_mut().map(|station| &mut station.gimbal);
+        let gimbal = gimbals.find(|gimbal| gimbal.manager() == Manager::Px4)?;
+        Some(gimbal.execute(command))
+    }
+
+    /// GIMBAL_MANAGER_SET_ATTITUDE, which nothing answers.
+    pub(crate) fn set_attitude(
+        &mut self,
+        from: Node,
+        message: &mav::GIMBAL_MANAGER_SET_ATTITUDE_DATA,
+        autopilot: u8,
+    ) {
+        for Station { gimbal, .. } in &mut self.stations {
+            let manager = match gimbal.manager() {
+                Manager::Px4 => autopilot,
+                Manager::Own => gimbal.device(),
+            };
+            if [0, manager].contains(&message.target_component) {
+                gimbal.set_attitude(from, message);
+            }
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! What gimbals and cameras are, and what cameras do: requested of them, since they send little of it by themselves.
+//!
+//! Nothing is requested before a device has reported by itself: a vehicle without payload is sent nothing, and its radio carries
+//! nothing of this.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use mavlink_link::dialect::{CameraCapFlags, MavResult};
+use mavlink_link::service::command::{Outcome, Ticket};
+
+use super::step::{
+    CAMERA_CAPTURE_STATUS, CAMERA_FOV_STATUS, CAMERA_INFORMATION, CAMERA_SETTINGS,
+    GIMBAL_MANAGER_INFORMATION, STORAGE_INFORMATION, VIDEO_STREAM_STATUS, request,
+};
+use crate::session::context::Context;
+use crate::session::effects::Effects;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct Discovery {
+    /// By component and what is requested of it: the next time, and how often it was refused.
+    next: BTreeMap<(u8, u16), (Duration, u32)>,
+    /// The same before this turn.
+    before: BTreeMap<(u8, u16), (Duration, u32)>,
+    /// The requests that run: component, ticket, message.
+    running: Vec<(u8, Ticket, u16)>,
+    /// Which status message a camera is asked for next.
+    turn: BTreeMap<u8, usize>,
+}
+
+impl Discovery {
+    /// Requests what is due.
+    pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        // Only what is wanted now has a time: what is known, or cannot be asked, must wake nobody.
+        let before = std::mem::take(&mut self.next);
+        if !context.vehicle.live() {
+            return;
+        }
+        self.before = before;
+        let payloads = &context.vehicle.payloads;
+        let autopilot = effects.vehicle.autopilot().component;
+        for (_, gimbal) in payloads.gimbals() {
+            let manager = gimbal.manager.unwrap_or(autopilot);
+            if gimbal.regard.is_none() {
+                self.request(manager, GIMBAL_MANAGER_INFORMATION, AGAIN, context, effects);
+            }
+            if manager == autopilot {
+                // PX4 sends it every 2 s: too seldom to confirm a change of control.
+                effects.vehicle.request_rate(GIMBAL_MANAGER_STATUS, 2.0);
+            }
+        }
+        for (component, camera) in payloads.cameras() {
+            let Some(known) = &camera.information else {
+                self.request(component, CAMERA_INFORMATION, AGAIN, context, effects);
+                continue;
+            };
+            if effects.listeners.is_empty() {
+                continue;
+            }
+            let turn = self.turn.get(&component).copied().unwrap_or(0);
+            let due = STATUS[turn % STATUS.len()];
+            let streams = CameraCapFlags::CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM;
+            let skipped = due == VIDEO_STREAM_STATUS && !known.can.contains(streams);
+            if skipped || self.request(component, due, STATUS_EVERY, context, effects) {
+                self.turn.insert(component, turn + 1);
+            }
+        }
+    }
+
+    /// When [`Discovery::advance`] is next needed.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.next.values().map(|(at, _)| *at).min()
+    }
+
+    /// Takes the end of a request; false where it is none of these.
+    pub(super) fn ended(
+        &mut self,
+        component: u8,
+        ticket: Ticket,
+        outcome: &Outcome,
+        now: Duration,
+    ) -> bool {
+        let ours = |(of, one, _): &(u8, Ticket, u16)| (*of, *one) == (component, ticket);
+        let Some(place) = self.running.iter().position(ours) else {
+            return false;
+        };
+        let (_, _, message) = self.running.swap_remove(place);
+        let accepted = MavResult::MAV_RESULT_ACCEPTED;
+        let refused = !matches!(outcome, Outcome::Answered { result, .. } if *result == accepted);
+        if let Some((next, refusals)) = self.next.get_mut(&(component, key(message))) {
+            *refusals = if refused { *refusals + 1 } else { 0 };
+            // What is refused again and again is not there; it may come with the next restart.
+            if *refusals >= MAX_REFUSALS && message != CAMERA_SETTINGS {
+                *next = now + SELDOM;
+            }
+        }
+        true
+    }
+
+    /// Requests a message where that is due, and nothing else runs there; true where it was sent.
+    fn request(
+        &mut self,
+        component: u8,
+        message: u16,
+        every: Duration,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) -> bool {
+        let (now, key) = (context.mono(), (component, key(message)));
+        let before = self.before.get(&key).copied().unwrap_or((now, 0));
+        let next = self.next.entry(key).or_insert(before);
+        if now < next.0 {
+            return false;
+        }
+        next.0 = now + every;
+        let client = effects.vehicle.commands_to(component);
+        if client.pending() > 0 {
+            return false;
+        }
+        let Ok(ticket) = client.submit(now, request(message)) else {
+            return false;
+        };
+        self.running.push((component, ticket, message));
+        true
+    }
+}
+
+/// Status messages of a camera have one clock together.
+fn key(message: u16) -> u16 {
+    if STATUS.contains(&message) {
+        CAMERA_SETTINGS
+    } else {
+        message
+    }
+}
+
+/// What a camera does, in turn; what moves most often comes most often.
+const STATUS: [u16; 6] = [
+    CAMERA_SETTINGS,
+    CAMERA_CAPTURE_STATUS,
+    CAMERA_FOV_STATUS,
+    VIDEO_STREAM_STATUS,
+    CAMERA_CAPTURE_STATUS,
+    STORAGE_INFORMATION,
+];
+const STATUS_EVERY: Duration = Duration::from_millis(500);
+const AGAIN: Duration = Duration::from_secs(2);
+const SELDOM: Duration = Duration::from_secs(60);
+const MAX_REFUSALS: u32 = 5;
+const GIMBAL_MANAGER_STATUS: u32 = 281;

@@ -1,0 +1,657 @@
+//! Payload stations: what a CUCS with LOI 3 of a station has its gimbal and camera do (19001, 19100).
+//!
+//! A command becomes steps ([`judge`], pure), each carried out by the gimbal manager or the camera and done when that shows it
+//! ([`step`]); then the command is acknowledged as carried out. LOI 3 is by station: a command for a station that its sender
+//! does not hold is refused, whatever else it holds. Devices are asked what they are, and what they do ([`discovery`]).
+//!
+//! Several commands of one station run beside each other, since zooming does not wait for turning. A newer steering command replaces
+//! an older one that still turns: an operator who moves a stick sends many.
+//!
+//! Rates end: PX4 stops a gimbal 2 s after its rates were set, so they are set again each second, for as long as who commanded
+//! them holds the station.
+
+mod discovery;
+mod judge;
+mod step;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::Deref;
+use std::time::Duration;
+
+use mapping::altitude::{Altimeter, Datum};
+use mapping::payload::Equipment;
+use mapping::payload::report::{self, Ground, Station};
+use mavlink_link::dialect::MavResult;
+use mavlink_link::service::Node;
+use mavlink_link::service::command::{Event, Outcome, Ticket};
+use stanag_msgs::enums::{
+    AckType, EoirPointingMode, FocusType, SetFocus, SetZoom, StationBitmap1To16,
+};
+use stanag_msgs::{Id, Message};
+
+use self::discovery::Discovery;
+use self::judge::{Judged, Situation};
+use self::step::{Before, Order, Slew, Step, Zoom, request};
+use super::authority::rules::{Authority, Stations};
+use super::context::{self, Origin};
+use super::effects::Effects;
+use crate::config::Provisional;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct Payload {
+    states: BTreeMap<u8, State>,
+    tasks: Vec<Task>,
+    discovery: Discovery,
+    /// The stations that listeners were sent last.
+    announced: Vec<Equipment>,
+}
+
+/// What was commanded of one station.
+#[derive(Debug)]
+struct State {
+    /// The pointing mode that was commanded last, and the one that has been shown.
+    commanded: EoirPointingMode,
+    shown: EoirPointingMode,
+    slewing: Option<Slewing>,
+    zooming: bool,
+    by_hand: bool,
+}
+
+impl Default for State {
+    fn default() -> State {
+        State {
+            commanded: EoirPointingMode::NoValue,
+            shown: EoirPointingMode::NoValue,
+            slewing: None,
+            zooming: false,
+            by_hand: false,
+        }
+    }
+}
+
+/// Rates that stand.
+#[derive(Debug, Clone, Copy)]
+struct Slewing {
+    by: Id,
+    slew: Slew,
+    next: Duration,
+}
+
+/// A command that is carried out.
+#[derive(Debug)]
+struct Task {
+    origin: Origin,
+    by: Id,
+    station: u8,
+    /// A 19001.
+    steers: bool,
+    mode: Option<EoirPointingMode>,
+    steps: VecDeque<Step>,
+    running: Option<Running>,
+}
+
+/// The step that was sent.
+#[derive(Debug)]
+struct Running {
+    /// Its command, until it is answered.
+    ticket: Option<(u8, Ticket)>,
+    /// What shows it is reported after this.
+    since: Duration,
+    until: Duration,
+    before: Before,
+    ask_at: Duration,
+}
+
+/// What it reads.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context<'a> {
+    pub(crate) common: context::Context<'a>,
+    pub(crate) rights: &'a Authority,
+    pub(crate) altimeter: Altimeter,
+}
+
+impl<'a> Deref for Context<'a> {
+    type Target = context::Context<'a>;
+
+    fn deref(&self) -> &context::Context<'a> {
+        &self.common
+    }
+}
+
+/// What happens to it.
+#[derive(Debug)]
+pub(crate) enum Input<'a> {
+    /// 19001 or 19100 of a CUCS that holds LOI 3 of a station.
+    Command {
+        origin: Origin,
+        message: &'a Message,
+    },
+    /// A command to this component ended.
+    CommandEnded { component: u8, event: &'a Event },
+    /// The station has begun, or ceased, to hold LOI 2.
+    ListenerChanged { station: usize },
+    /// A device has reported something, or time has passed, or rights have changed.
+    Poll,
+}
+
+/// What the other machines may know of it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PayloadView<'a> {
+    states: &'a BTreeMap<u8, State>,
+    rights: &'a Authority,
+}
+
+impl PayloadView<'_> {
+    /// The pointing mode that a station was commanded to and has shown.
+    pub(crate) fn mode(&self, station: u8) -> EoirPointingMode {
+        let state = self.states.get(&station);
+        state.map_or(EoirPointingMode::NoValue, |state| state.shown)
+    }
+
+    /// Whether a CUCS holds LOI 3 of a station.
+    pub(crate) fn steers(&self, id: Id) -> bool {
+        !self.rights.held(id).stations().is_empty()
+    }
+}
+
+impl Payload {
+    /// For the other machines.
+    pub(crate) fn view<'a>(&'a self, rights: &'a Authority) -> PayloadView<'a> {
+        PayloadView {
+            states: &self.states,
+            rights,
+        }
+    }
+
+    /// Takes an input.
+    pub(crate) fn handle(
+        &mut self,
+        context: &Context<'_>,
+        input: Input<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        match input {
+            Input::Command { origin, message } => self.command(context, origin, message, effects),
+            Input::CommandEnded { component, event } => {
+                self.command_ended(context, component, event, effects);
+            }
+            Input::ListenerChanged { station } => {
+                if effects.listeners.contains(&station) {
+                    let all = context.equipment();
+                    announce(context, &[station], &all, effects);
+                }
+                return;
+            }
+            Input::Poll => {}
+        }
+        self.advance(context, effects);
+        self.keep_slewing(context, effects);
+        self.discovery.advance(&context.common, effects);
+        self.watch_stations(context, effects);
+    }
+
+    /// When [`Input::Poll`] is next needed.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        let tasks = self.tasks.iter().filter_map(|task| {
+            let running = task.running.as_ref()?;
+            // A command that is not answered yet ends by the client's own time.
+            running
+                .ticket
+                .is_none()
+                .then(|| running.until.min(running.ask_at))
+        });
+        let slews = self
+            .states
+            .values()
+            .filter_map(|state| Some(state.slewing?.next));
+        tasks
+            .chain(slews)
+            .chain(self.discovery.poll_timeout())
+            .min()
+    }
+
+    fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &Message,
+        effects: &mut Effects<'_>,
+    ) {
+        match self.begin(context, origin, message, effects) {
+            Ok(Some(task)) => {
+                effects.acknowledge(&origin, AckType::Received);
+                self.tasks.push(task);
+            }
+            Ok(None) => effects.acknowledge(&origin, AckType::CarriedOut),
+            Err(why) => effects.refuse(Some(origin), why),
+        }
+    }
+
+    /// Judges a command. `None` where there is nothing to be done for it.
+    fn begin(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        message: &Message,
+        effects: &mut Effects<'_>,
+    ) -> Result<Option<Task>, String> {
+        if context.provisional(origin.station) != Provisional::All {
+            return Err(format!(
+                "{} is derived from Edition 2: it is carried out with dli.provisional = \"all\" only",
+                message.id()
+            ));
+        }
+        let by = context.asker(origin.station).map(|asker| asker.id);
+        let by = by.ok_or("its sender is not configured")?;
+        let named = match message {
+            Message::PayloadSteeringCommand(m) => m.station_number_1_16,
+            Message::EoIrLaserPayloadCommand(m) => m.station_number_1_16,
+            other => return Err(format!("message {} is no payload command", other.id())),
+        };
+        let equipment = self.station(context, by, named)?;
+        if !context.vehicle.live() {
+            return Err("no data from the vehicle".to_owned());
+        }
+        if self.tasks.len() >= MAX_TASKS {
+            return Err(format!("{MAX_TASKS} payload commands are in progress"));
+        }
+        let state = self.states.entry(equipment.number).or_default();
+        let situation = Situation {
+            station: Station::of(equipment, &context.vehicle.payloads, context.mono()),
+            telemetry: &context.vehicle.telemetry,
+            ground: ground(context),
+            datum: Datum {
+                geoid_m: context.vehicle.telemetry.geoid_m,
+                agl: context.bounds.agl,
+                altimeter: context.altimeter,
+                terrain: context.bounds.terrain.as_deref(),
+            },
+            mode: state.commanded,
+            zooming: state.zooming,
+            by_hand: state.by_hand,
+        };
+        let steers = matches!(message, Message::PayloadSteeringCommand(_));
+        let Judged { steps, mode } = match message {
+            Message::PayloadSteeringCommand(m) => judge::steering(m, &situation)?,
+            Message::EoIrLaserPayloadCommand(m) => judge::sensor(m, &situation)?,
+            _ => Judged::default(),
+        };
+        if let Message::PayloadSteeringCommand(m) = message {
+            state.zooming = match m.set_zoom {
+                Some(SetZoom::ZoomIn | SetZoom::ZoomOut) => true,
+                None => state.zooming,
+                _ => false,
+            };
+            state.by_hand = match (m.set_focus, m.focus_type) {
+                (Some(SetFocus::FocusCloser | SetFocus::FocusFarther), _) => true,
+                (_, Some(FocusType::Auto)) => false,
+                _ => state.by_hand,
+            };
+        }
+        if let Some(mode) = mode {
+            state.commanded = mode;
+        }
+        if steps.iter().any(|step| step.points()) {
+            // What it turned by before ends with the new command.
+            state.slewing = None;
+            self.replace(equipment.number, effects);
+        }
+        if steps.is_empty() {
+            if let (Some(mode), Some(state)) = (mode, self.states.get_mut(&equipment.number)) {
+                state.shown = mode;
+            }
+            return Ok(None);
+        }
+        Ok(Some(Task {
+            origin,
+            by,
+            station: equipment.number,
+            steers,
+            mode,
+            steps: steps.into(),
+            running: None,
+        }))
+    }
+
+    /// The one station that a command names, where its sender holds it and it is there.
+    fn station(
+        &self,
+        context: &Context<'_>,
+        by: Id,
+        named: Option<StationBitmap1To16>,
+    ) -> Result<Equipment, String> {
+        let stations = Stations::from_bitmaps(named, None);
+        let mut numbers = stations.iter();
+        let (Some(number), None) = (numbers.next(), numbers.next()) else {
+            return Err(format!(
+                "Station Number names {} stations, expected one",
+                stations.iter().count()
+            ));
+        };
+        if !context.rights.holds_station(by, number) {
+            return Err(format!(
+                "it needs LOI 3 (payload) of station {number}, held is {}",
+                context.rights.held(by).in_words()
+            ));
+        }
+        let all = context.equipment();
+        all.into_iter()
+            .find(|one| one.number == number)
+            .ok_or_else(|| format!("the vehicle has no payload station {number}"))
+    }
+
+    /// A newer command turns the gimbal: what older ones still wanted of it ends.
+    fn replace(&mut self, station: u8, effects: &mut Effects<'_>) {
+        let now = effects.dli.now.mono;
+        self.tasks.retain_mut(|task| {
+            if task.station != station || !task.steps.iter().any(|step| step.points()) {
+                return true;
+            }
+            if let Some((component, ticket)) = task
+                .running
+                .take_if(|_| task.steps.front().is_some_and(|step| step.points()))
+                .and_then(|running| running.ticket)
+            {
+                effects.vehicle.commands_to(component).withdraw(now, ticket);
+            }
+            task.steps.retain(|step| !step.points());
+            // A 19100 sets the mode that the newer command is in; a 19001 was to look elsewhere.
+            if !task.steers || !task.steps.is_empty() {
+                return true;
+            }
+            effects.refuse(
+                Some(task.origin),
+                "replaced by a newer command for the same gimbal",
+            );
+            false
+        });
+    }
+
+    /// Carries out what can be done now.
+    fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if self.tasks.is_empty() {
+            return;
+        }
+        let all = context.equipment();
+        for mut task in std::mem::take(&mut self.tasks) {
+            let equipment = all.iter().find(|one| one.number == task.station).copied();
+            let ended = match equipment {
+                Some(equipment) => {
+                    let station = Station::of(equipment, &context.vehicle.payloads, context.mono());
+                    task.advance(context, &station, effects)
+                }
+                None => Some(Err(format!(
+                    "the vehicle has no payload station {} any more",
+                    task.station
+                ))),
+            };
+            match ended {
+                None => self.tasks.push(task),
+                Some(end) => self.end(&task, end, context.mono(), effects),
+            }
+        }
+    }
+
+    fn end(
+        &mut self,
+        task: &Task,
+        end: Result<Option<Slew>, String>,
+        now: Duration,
+        effects: &mut Effects<'_>,
+    ) {
+        let state = self.states.entry(task.station).or_default();
+        match end {
+            Ok(slew) => {
+                if let Some(mode) = task.mode {
+                    state.shown = mode;
+                }
+                if let Some(slew) = slew.filter(|slew| !slew.is_still()) {
+                    state.slewing = Some(Slewing {
+                        by: task.by,
+                        slew,
+                        next: now + SLEW_AGAIN,
+                    });
+                }
+                effects.acknowledge(&task.origin, AckType::CarriedOut);
+            }
+            Err(why) => {
+                if task.mode.is_some() {
+                    state.commanded = state.shown;
+                }
+                effects.refuse(Some(task.origin), why);
+            }
+        }
+    }
+
+    fn command_ended(
+        &mut self,
+        context: &Context<'_>,
+        component: u8,
+        event: &Event,
+        effects: &mut Effects<'_>,
+    ) {
+        let Event::Done {
+            ticket,
+            command,
+            outcome,
+            ..
+        } = event
+        else {
+            return;
+        };
+        if self
+            .discovery
+            .ended(component, *ticket, outcome, context.mono())
+        {
+            return;
+        }
+        let of = Some((component, *ticket));
+        let place = self.tasks.iter().position(|task| {
+            let running = task.running.as_ref();
+            running.is_some_and(|running| running.ticket == of)
+        });
+        let Some(place) = place else { return };
+        let why = match outcome {
+            Outcome::Answered {
+                result: MavResult::MAV_RESULT_ACCEPTED,
+                ..
+            } => {
+                if let Some(running) = &mut self.tasks[place].running {
+                    running.ticket = None;
+                    running.since = context.mono();
+                }
+                return;
+            }
+            Outcome::Answered { result, .. } => {
+                format!("component {component} answers {command:?}: {result:?}")
+            }
+            Outcome::NoAnswer { .. } => {
+                format!("component {component} does not answer {command:?}")
+            }
+            Outcome::Withdrawn => format!("{command:?} was withdrawn"),
+        };
+        let task = self.tasks.swap_remove(place);
+        self.end(&task, Err(why), context.mono(), effects);
+    }
+
+    /// Sets rates again, or ends them with the rights of who commanded them.
+    fn keep_slewing(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let now = context.mono();
+        let autopilot = effects.vehicle.autopilot();
+        for (number, state) in &mut self.states {
+            let Some(slewing) = &mut state.slewing else {
+                continue;
+            };
+            let holds = context.rights.holds_station(slewing.by, *number);
+            if holds && now < slewing.next {
+                continue;
+            }
+            let all = context.equipment();
+            let Some(equipment) = all.into_iter().find(|one| one.number == *number) else {
+                state.slewing = None;
+                continue;
+            };
+            let station = Station::of(equipment, &context.vehicle.payloads, now);
+            let slew = if holds { slewing.slew } else { Slew::STILL };
+            effects.vehicle.post(slew.message(&station, autopilot));
+            slewing.next = now + SLEW_AGAIN;
+            if !holds {
+                state.slewing = None;
+            }
+        }
+    }
+
+    /// 21000 to all who listen, where the stations are others than before.
+    fn watch_stations(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let all = context.equipment();
+        if all == self.announced {
+            return;
+        }
+        let listeners = effects.listeners.clone();
+        announce(context, &listeners, &all, effects);
+        self.announced = all;
+    }
+}
+
+impl Task {
+    /// Carries out what can be done of it now. At its end: the rates that stand, or why it failed.
+    fn advance(
+        &mut self,
+        context: &Context<'_>,
+        station: &Station<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Option<Result<Option<Slew>, String>> {
+        let now = context.mono();
+        let own = effects.vehicle.own();
+        let mut slew = None;
+        // A right that was lost commands nothing more.
+        if !context.rights.holds_station(self.by, self.station) {
+            return Some(Err(format!(
+                "LOI 3 (payload) of station {} is no longer held",
+                self.station
+            )));
+        }
+        loop {
+            let Some(step) = self.steps.front().copied() else {
+                return Some(Ok(slew));
+            };
+            let Some(running) = &mut self.running else {
+                if step.is_so(station, own) {
+                    self.steps.pop_front();
+                    continue;
+                }
+                match start(step, station, own, now, effects) {
+                    Ok(running) => self.running = Some(running),
+                    Err(why) => return Some(Err(why)),
+                }
+                return None;
+            };
+            if running.ticket.is_some() {
+                return None;
+            }
+            let telemetry = &context.vehicle.telemetry;
+            if step.is_shown(station, telemetry, own, &running.before, running.since) {
+                if let Step::Slew(rates) = step {
+                    slew = Some(rates);
+                }
+                self.steps.pop_front();
+                self.running = None;
+                continue;
+            }
+            if now >= running.until {
+                return Some(Err(step.undone().to_owned()));
+            }
+            if step == Step::Zoom(Zoom::Stop)
+                && let Some((at, settings)) = station.camera.and_then(|camera| camera.settings)
+                && let Some(zoom) = settings.zoom
+                && at > running.since
+            {
+                running.before.last_zoom = Some((at, zoom));
+            }
+            if now >= running.ask_at {
+                running.ask_at = now + ASK_AGAIN;
+                if let (Some(message), Some(camera)) = (step.evidence(), station.equipment.camera) {
+                    ask(camera, message, now, effects);
+                }
+            }
+            return None;
+        }
+    }
+}
+
+/// Sends a step.
+fn start(
+    step: Step,
+    station: &Station<'_>,
+    own: Node,
+    now: Duration,
+    effects: &mut Effects<'_>,
+) -> Result<Running, String> {
+    let autopilot = effects.vehicle.autopilot();
+    let order = step.order(station, own, autopilot);
+    let ticket = match order.ok_or("the station lacks the device for it")? {
+        Order::Rates(slew) => {
+            effects.vehicle.post(slew.message(station, autopilot));
+            None
+        }
+        Order::Command(component, command) => {
+            let client = effects.vehicle.commands_to(component);
+            let ticket = client
+                .submit(now, command)
+                .map_err(|fault| fault.to_string())?;
+            Some((component, ticket))
+        }
+    };
+    Ok(Running {
+        ticket,
+        since: now,
+        until: now + step.limit(),
+        before: Before::of(station),
+        ask_at: now,
+    })
+}
+
+/// Requests a message of a component once; its end is nobody's.
+fn ask(component: u8, message: u16, now: Duration, effects: &mut Effects<'_>) {
+    let client = effects.vehicle.commands_to(component);
+    // One at a time: a camera that is slow to answer must not have a queue of them.
+    if client.pending() == 0 {
+        let _ = client.submit(now, request(message));
+    }
+}
+
+/// The ground that sensors look at: of elevation files where there are some, else flat at home's height.
+pub(crate) fn ground<'a>(context: &context::Context<'a>) -> Option<Ground<'a>> {
+    match &context.bounds.terrain {
+        Some(terrain) => Some(Ground::Terrain(terrain)),
+        None => {
+            let home = context.vehicle.telemetry.home?;
+            Some(Ground::Flat(home.amsl_m))
+        }
+    }
+}
+
+/// 21000 of every station to these CUCSs.
+fn announce(context: &Context<'_>, to: &[usize], all: &[Equipment], effects: &mut Effects<'_>) {
+    for listener in to {
+        if context.provisional(*listener) == Provisional::Off {
+            continue;
+        }
+        for one in all.iter().filter(|one| one.bit() != 0) {
+            let station = Station::of(*one, &context.vehicle.payloads, context.mono());
+            let stamp = effects.stamp();
+            let message = report::configuration(&station, all, context.vsm, stamp);
+            // Not as a report, which an address that is not proven yet may miss: it is sent once.
+            effects.send(*listener, &message.into());
+        }
+    }
+}
+
+/// Rates are set again before PX4 ends them, 2 s after they were set.
+const SLEW_AGAIN: Duration = Duration::from_secs(1);
+/// What shows a step is requested again after this.
+const ASK_AGAIN: Duration = Duration::from_millis(400);
+const MAX_TASKS: usize = 32;

@@ -1,0 +1,454 @@
+//! The machine without the others: refusals with their reasons, what is sent for a command, and what ends it.
+
+use mapping::telemetry::{Attitude, Place};
+use mavlink_link::dialect::{
+    CAMERA_CAPTURE_STATUS_DATA, CAMERA_INFORMATION_DATA, CAMERA_SETTINGS_DATA, COMMAND_ACK_DATA,
+    CameraCapFlags, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_INFORMATION_DATA,
+    GIMBAL_MANAGER_STATUS_DATA, GimbalDeviceFlags, GimbalManagerCapFlags, HEARTBEAT_DATA, MavCmd,
+    MavMessage, MavType, STORAGE_INFORMATION_DATA, StorageStatus,
+};
+use stanag_msgs::enums::{EoirSystemMode, LaserRfCmd, LoiBitmap};
+use stanag_msgs::messages::{EoIrLaserPayloadCommand, PayloadSteeringCommand};
+use stanag_msgs::{Bam16, Bam32, Scaled};
+
+use super::*;
+use crate::session::authority::rules::{Access, Asker, Circumstances, Rights};
+use crate::session::testing::{CUCS, World, acknowledgements, origin};
+
+const GIMBAL: u8 = 154;
+const CAMERA: u8 = 100;
+
+/// A vehicle with a gimbal and a camera, and a CUCS with LOI 3 of station 1.
+struct Scene {
+    world: World,
+    machine: Payload,
+    rights: Authority,
+}
+
+impl Scene {
+    fn new() -> Scene {
+        let mut world = World::new();
+        for station in &mut world.stations {
+            station.profile.provisional = Provisional::All;
+        }
+        world.vehicle.telemetry.attitude = Some(Attitude {
+            roll: 0.0,
+            pitch: 0.0,
+            yaw: 0.0,
+            roll_rate: 0.0,
+            pitch_rate: 0.0,
+            yaw_rate: 0.0,
+        });
+        let here = Place {
+            latitude: 47.4,
+            longitude: 8.5,
+            amsl_m: 588.0,
+        };
+        world.vehicle.telemetry.position = Some(here);
+        world.vehicle.telemetry.home = Some(Place {
+            amsl_m: 488.0,
+            ..here
+        });
+        let asker = Asker {
+            id: CUCS,
+            authorised: LoiBitmap::LOI3,
+            may_override: false,
+            rank: 0,
+        };
+        let mut rights = Authority::default();
+        let at = Circumstances {
+            now: Duration::ZERO,
+            roster: &[asker],
+            loading: None,
+            launch_or_landing: false,
+        };
+        let one = Rights::of_stations(Stations::one(1));
+        rights.request(&at, &asker, Access::Control, one, true);
+        let mut scene = Scene {
+            world,
+            machine: Payload::default(),
+            rights,
+        };
+        scene.report(1, manager([0, 0]));
+        scene.report(1, information());
+        scene.report(GIMBAL, looking(0.0));
+        scene.report(CAMERA, heartbeat());
+        scene.report(CAMERA, camera());
+        scene.report(CAMERA, settings(20.0));
+        scene.report(CAMERA, capture(false, 3));
+        scene
+    }
+
+    fn report(&mut self, component: u8, message: MavMessage) {
+        let now = self.world.now.mono;
+        self.world.vehicle.payloads.update(now, component, &message);
+        self.handle(Input::Poll);
+    }
+
+    fn later(&mut self, seconds: f64) {
+        self.world.now.mono += Duration::from_secs_f64(seconds);
+    }
+
+    fn handle(&mut self, input: Input<'_>) {
+        let Scene {
+            world,
+            machine,
+            rights,
+        } = self;
+        world.act(|common, views, effects| {
+            let context = Context {
+                common,
+                rights,
+                altimeter: views.flight.altimeter,
+            };
+            machine.handle(&context, input, effects);
+        });
+    }
+
+    fn command(&mut self, message: impl Into<Message>) -> Vec<AckType> {
+        let message = message.into();
+        self.world.sent_to(0);
+        let origin = origin(&message);
+        self.handle(Input::Command {
+            origin,
+            message: &message,
+        });
+        self.answers()
+    }
+
+    fn answers(&mut self) -> Vec<AckType> {
+        acknowledgements(&self.world.sent_to(0))
+    }
+
+    /// The commands that were sent to a component, each answered as accepted.
+    fn accept(&mut self, component: u8) -> Vec<MavCmd> {
+        let mut sent = Vec::new();
+        let now = self.world.now.mono;
+        let client = self.world.services.commands_to(component);
+        let mut ended = Vec::new();
+        while let Some(message) = client.poll_transmit() {
+            let (command, node) = match message {
+                MavMessage::COMMAND_LONG(m) => (m.command, m.target_component),
+                MavMessage::COMMAND_INT(m) => (m.command, m.target_component),
+                _ => continue,
+            };
+            let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                command,
+                result: MavResult::MAV_RESULT_ACCEPTED,
+                target_system: 245,
+                target_component: 190,
+                ..COMMAND_ACK_DATA::default()
+            });
+            client.handle_message(now, Node::new(1, node), &ack, true);
+            sent.push(command);
+            while let Some(event) = client.poll_event() {
+                ended.push(event);
+            }
+        }
+        for event in &ended {
+            self.handle(Input::CommandEnded { component, event });
+        }
+        sent.retain(|command| *command != MavCmd::MAV_CMD_REQUEST_MESSAGE);
+        sent
+    }
+
+    /// Why the command was refused.
+    fn refusal(&mut self, message: impl Into<Message>) -> String {
+        let message = message.into();
+        self.world.sent_to(0);
+        let origin = origin(&message);
+        self.handle(Input::Command {
+            origin,
+            message: &message,
+        });
+        let sent = self.world.sent_to(0);
+        assert_eq!(acknowledgements(&sent), [AckType::Refused]);
+        // A long text comes in several parts.
+        let text = |message: &Message| match message {
+            Message::SubsystemStatusAlert(alert) => {
+                alert.text.as_ref().map(|text| text.as_str().to_owned())
+            }
+            _ => None,
+        };
+        sent.iter().filter_map(text).collect()
+    }
+
+    /// Puts it into a pointing mode, as if the vehicle had shown it.
+    fn mode(&mut self, mode: EoirPointingMode) {
+        let state = self.machine.states.entry(1).or_default();
+        (state.commanded, state.shown) = (mode, mode);
+    }
+}
+
+fn manager(control: [u8; 2]) -> MavMessage {
+    MavMessage::GIMBAL_MANAGER_STATUS(GIMBAL_MANAGER_STATUS_DATA {
+        gimbal_device_id: GIMBAL,
+        primary_control_sysid: control[0],
+        primary_control_compid: control[1],
+        ..GIMBAL_MANAGER_STATUS_DATA::default()
+    })
+}
+
+fn information() -> MavMessage {
+    MavMessage::GIMBAL_MANAGER_INFORMATION(GIMBAL_MANAGER_INFORMATION_DATA {
+        gimbal_device_id: GIMBAL,
+        cap_flags: GimbalManagerCapFlags::empty(),
+        pitch_min: -1.6,
+        pitch_max: 0.5,
+        yaw_min: -2.6,
+        yaw_max: 2.6,
+        ..GIMBAL_MANAGER_INFORMATION_DATA::default()
+    })
+}
+
+/// The gimbal looks ahead and down by degrees.
+fn looking(down: f64) -> MavMessage {
+    let half = down.to_radians() / 2.0;
+    MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
+        q: [half.cos() as f32, 0.0, -half.sin() as f32, 0.0],
+        flags: GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME,
+        ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
+    })
+}
+
+fn heartbeat() -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        mavtype: MavType::MAV_TYPE_CAMERA,
+        ..HEARTBEAT_DATA::default()
+    })
+}
+
+fn camera() -> MavMessage {
+    MavMessage::CAMERA_INFORMATION(CAMERA_INFORMATION_DATA {
+        flags: CameraCapFlags::CAMERA_CAP_FLAGS_CAPTURE_VIDEO
+            | CameraCapFlags::CAMERA_CAP_FLAGS_CAPTURE_IMAGE
+            | CameraCapFlags::CAMERA_CAP_FLAGS_HAS_BASIC_ZOOM,
+        gimbal_device_id: GIMBAL,
+        ..CAMERA_INFORMATION_DATA::default()
+    })
+}
+
+fn settings(zoom: f32) -> MavMessage {
+    MavMessage::CAMERA_SETTINGS(CAMERA_SETTINGS_DATA {
+        zoomLevel: zoom,
+        focusLevel: f32::NAN,
+        ..CAMERA_SETTINGS_DATA::default()
+    })
+}
+
+fn capture(recording: bool, images: i32) -> MavMessage {
+    MavMessage::CAMERA_CAPTURE_STATUS(CAMERA_CAPTURE_STATUS_DATA {
+        video_status: u8::from(recording),
+        image_count: images,
+        ..CAMERA_CAPTURE_STATUS_DATA::default()
+    })
+}
+
+fn steer(degrees: f64) -> PayloadSteeringCommand {
+    PayloadSteeringCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        set_centreline_azimuth_angle: Some(Bam16::from_degrees(0.0)),
+        set_centreline_elevation_angle: Some(Bam16::from_degrees(degrees)),
+        ..PayloadSteeringCommand::default()
+    }
+}
+
+fn system(mode: EoirSystemMode) -> EoIrLaserPayloadCommand {
+    EoIrLaserPayloadCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        system_operating_mode: Some(mode),
+        ..EoIrLaserPayloadCommand::default()
+    }
+}
+
+#[test]
+fn a_gimbal_is_taken_under_control_and_carried_out_is_where_it_looks() {
+    let mut scene = Scene::new();
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    assert_eq!(scene.command(steer(-30.0)), [AckType::Received]);
+    let control = MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE;
+    assert_eq!(scene.accept(1), [control]);
+    // Accepted is not shown: nothing more is sent before the manager reports who is in control.
+    assert_eq!(scene.accept(1), []);
+    scene.later(0.5);
+    scene.report(1, manager([245, 190]));
+    assert_eq!(
+        scene.accept(1),
+        [MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW]
+    );
+    scene.later(0.2);
+    scene.report(GIMBAL, looking(15.0));
+    assert_eq!(scene.answers(), [], "on its way");
+    scene.later(0.2);
+    scene.report(GIMBAL, looking(29.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+}
+
+#[test]
+fn a_gimbal_that_stands_elsewhere_after_its_time_refuses_the_command() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    scene.command(steer(-30.0));
+    scene.accept(1);
+    for _ in 0..21 {
+        scene.later(1.0);
+        scene.report(GIMBAL, looking(0.0));
+    }
+    assert_eq!(scene.answers(), [AckType::Refused]);
+}
+
+#[test]
+fn a_newer_steering_command_replaces_the_older() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    scene.command(steer(-30.0));
+    scene.accept(1);
+    scene.later(0.1);
+    assert_eq!(
+        scene.command(steer(-60.0)),
+        [AckType::Refused, AckType::Received]
+    );
+    scene.accept(1);
+    scene.later(0.2);
+    scene.report(GIMBAL, looking(60.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+}
+
+#[test]
+fn rates_are_set_again_each_second_and_end_with_the_right() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::SlewRateToUa);
+    scene.command(PayloadSteeringCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        horizontal_slew_rate: Some(Scaled::saturating_from_si(0.2)),
+        ..PayloadSteeringCommand::default()
+    });
+    let rates = |posts: Vec<MavMessage>| -> Vec<f32> {
+        let rate = |message: &MavMessage| match message {
+            MavMessage::GIMBAL_MANAGER_SET_ATTITUDE(m) => Some(m.angular_velocity_z),
+            _ => None,
+        };
+        posts.iter().filter_map(rate).collect()
+    };
+    assert_eq!(rates(scene.world.services.take_posts()), [0.2]);
+    scene.later(0.2);
+    let mut turning = looking(0.0);
+    if let MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(m) = &mut turning {
+        m.angular_velocity_z = 0.18;
+    }
+    scene.report(GIMBAL, turning);
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    for _ in 0..3 {
+        scene.later(1.0);
+        scene.handle(Input::Poll);
+        assert_eq!(rates(scene.world.services.take_posts()), [0.2]);
+    }
+    scene.rights = Authority::default();
+    scene.handle(Input::Poll);
+    assert_eq!(rates(scene.world.services.take_posts()), [0.0]);
+    scene.later(5.0);
+    scene.handle(Input::Poll);
+    assert_eq!(rates(scene.world.services.take_posts()), [0.0; 0]);
+}
+
+#[test]
+fn recording_is_carried_out_once_the_camera_shows_it() {
+    let mut scene = Scene::new();
+    scene.accept(CAMERA);
+    assert_eq!(
+        scene.command(system(report::RECORDING)),
+        [AckType::Received]
+    );
+    assert_eq!(scene.accept(CAMERA), [MavCmd::MAV_CMD_VIDEO_START_CAPTURE]);
+    scene.later(0.5);
+    scene.report(CAMERA, capture(false, 3));
+    assert_eq!(scene.answers(), []);
+    scene.later(0.5);
+    scene.report(CAMERA, capture(true, 3));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    // Again: it is so already.
+    assert_eq!(
+        scene.command(system(report::RECORDING)),
+        [AckType::CarriedOut]
+    );
+}
+
+#[test]
+fn every_refusal_names_its_reason() {
+    let mut scene = Scene::new();
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    let two = PayloadSteeringCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(2)),
+        ..steer(-10.0)
+    };
+    assert!(
+        scene
+            .refusal(two.clone())
+            .contains("LOI 3 (payload) of station 2")
+    );
+    let both = PayloadSteeringCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(3)),
+        ..two
+    };
+    assert!(scene.refusal(both).contains("names 2 stations"));
+    assert!(scene.refusal(steer(40.0)).contains("reaches no farther"));
+    let laser = EoIrLaserPayloadCommand {
+        fire_laser_rangefinder: Some(LaserRfCmd::FireOnePulse),
+        ..system(EoirSystemMode::Active)
+    };
+    assert!(scene.refusal(laser).contains("no laser"));
+    assert!(
+        scene
+            .refusal(system(EoirSystemMode::Stow))
+            .contains("can retract")
+    );
+    assert!(
+        scene
+            .refusal(system(EoirSystemMode::Calibrate))
+            .contains("expected 0 stow")
+    );
+    let full = MavMessage::STORAGE_INFORMATION(STORAGE_INFORMATION_DATA {
+        status: StorageStatus::STORAGE_STATUS_READY,
+        available_capacity: 3.0,
+        ..STORAGE_INFORMATION_DATA::default()
+    });
+    scene.report(CAMERA, full);
+    assert!(
+        scene
+            .refusal(system(report::RECORDING))
+            .contains("3 MiB left")
+    );
+    scene.mode(EoirPointingMode::NoValue);
+    assert!(scene.refusal(steer(-10.0)).contains("no pointing mode"));
+    scene.mode(EoirPointingMode::LatLongSlaved);
+    let no_altitude = PayloadSteeringCommand {
+        latitude: Some(Bam32::from_degrees(47.4)),
+        longitude: Some(Bam32::from_degrees(8.5)),
+        ..steer(-10.0)
+    };
+    assert!(scene.refusal(no_altitude).contains("Altitude is missing"));
+    scene.mode(EoirPointingMode::AngleToUa);
+    scene.world.stations[0].profile.provisional = Provisional::Status;
+    assert!(scene.refusal(steer(-10.0)).contains("dli.provisional"));
+    scene.world.stations[0].profile.provisional = Provisional::All;
+    scene.later(10.0);
+    assert!(
+        scene
+            .refusal(steer(-10.0))
+            .contains("no data from the gimbal")
+    );
+    scene.world.vehicle.set_silent();
+    assert!(
+        scene
+            .refusal(steer(-10.0))
+            .contains("no data from the vehicle")
+    );
+}

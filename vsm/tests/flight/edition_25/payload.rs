@@ -1,0 +1,118 @@
+//! A station of Edition 2.5 as payload operator (#200, #201, #300 to #302), while one of Edition 4 flies.
+
+use super::*;
+use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::CucsAuthorisationRequest;
+
+/// A vehicle with a payload, flown by the station of Edition 4; that of Edition 2.5 holds payload station 1.
+fn operating() -> (Rig, StationEd25) {
+    let mut rig = Rig::new(Setup {
+        tables: TABLES,
+        vehicles: vec![px4_sim::Config {
+            payloads: 1,
+            ..px4_sim::Config::default()
+        }],
+        ..Setup::default()
+    });
+    rig.run(12.0);
+    let control = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(LOI_4_AND_5)),
+        requested_handover_access: Some(RequestedAccess::Request),
+        ..CucsAuthorisationRequest::default()
+    };
+    assert_eq!(rig.carry_out(control), Some(AckType::CarriedOut));
+    rig.take_off(30.0);
+    let mut station = StationEd25::new(CUCS, ([127, 0, 0, 2], 41_000).into());
+    let fields = json!({
+        "VSM ID": -1, "Requested/Handover LOI": 2, "Controlled Station": 1, "Controlled Station Mode": 1,
+    });
+    station.send(&mut rig, vehicle_id(0), 1, &fields);
+    rig.run(4.0);
+    let granted = station.take(&rig, 21);
+    assert!(
+        granted
+            .iter()
+            .any(|one| one["LOI Granted"] == 3 && one["Controlled Station"] == 1),
+        "{granted:?}"
+    );
+    (rig, station)
+}
+
+/// #201: a station of this edition always sends all fields; these are what it shows its operator.
+fn sensor(rig: &mut Rig, station: &mut StationEd25, system: u8, pointing: u8) {
+    let fields = json!({
+        "Station Number": 1, "Addressed Sensor": 1, "System Operating Mode": system,
+        "Set EO Sensor Mode": 1, "Image Output": 1, "Set EO/IR Pointing Mode": pointing,
+        "Select Laser Rangefinder First/Last Pulse": 1,
+    });
+    station.send(rig, vehicle_id(0), 201, &fields);
+}
+
+/// #200 with all fields.
+fn steer(rig: &mut Rig, station: &mut StationEd25, fields: &Value) {
+    let mut all = json!({ "Station Number": 1, "Set Zoom": 1 });
+    if let (Some(all), Some(fields)) = (all.as_object_mut(), fields.as_object()) {
+        all.extend(fields.clone());
+    }
+    station.send(rig, vehicle_id(0), 200, &all);
+}
+
+#[test]
+fn an_operator_of_edition_2_5_points_zooms_and_records() {
+    let (mut rig, mut station) = operating();
+    let configuration = station.take(&rig, 300);
+    assert_eq!(
+        configuration.last().expect("#300")["Payload Stations Available"],
+        1
+    );
+    sensor(&mut rig, &mut station, 5, 1);
+    rig.run(2.0);
+    let down = (-30.0_f64).to_radians();
+    steer(
+        &mut rig,
+        &mut station,
+        &json!({ "Set Centreline Azimuth Angle": 1.0, "Set Centreline Elevation Angle": down }),
+    );
+    rig.run(6.0);
+    let state = station.take(&rig, 302);
+    let state = state.last().expect("#302");
+    let near = |field: &str, value: f64| (state[field].as_f64().unwrap() - value).abs() < 0.06;
+    assert!(near("Actual Centreline Azimuth Angle", 1.0), "{state}");
+    assert!(near("Actual Centreline Elevation Angle", down), "{state}");
+    assert_eq!(state["Pointing Mode State"], 1);
+    assert_eq!(state["Image Position"], 1);
+    let range = state["Reported Range"].as_f64().unwrap();
+    assert!((range - 60.0).abs() < 6.0, "{state}");
+
+    let wide = rig.vehicles[0].vehicle().payloads()[0].hfov;
+    let field = json!({
+        "Set Zoom": 0, "Set Horizontal Field Of View": 20.0_f64.to_radians(),
+        "Set Centreline Azimuth Angle": 1.0, "Set Centreline Elevation Angle": down,
+    });
+    steer(&mut rig, &mut station, &field);
+    rig.run(6.0);
+    let hfov = rig.vehicles[0].vehicle().payloads()[0].hfov;
+    assert!(
+        hfov < wide && (hfov.to_degrees() - 20.0).abs() < 1.0,
+        "{hfov}"
+    );
+    // Recording and photographs are payload specific modes in both editions.
+    sensor(&mut rig, &mut station, 10, 1);
+    rig.run(6.0);
+    assert!(rig.vehicles[0].vehicle().payloads()[0].recording);
+    rig.run(3.0);
+    let state = station.take(&rig, 302);
+    assert_eq!(
+        state.last().expect("#302")["System Operating Mode State"],
+        10
+    );
+    sensor(&mut rig, &mut station, 5, 1);
+    rig.run(6.0);
+    assert!(!rig.vehicles[0].vehicle().payloads()[0].recording);
+    assert!(rig.truth().armed);
+    // What is refused is named.
+    sensor(&mut rig, &mut station, 6, 1);
+    rig.run(1.0);
+    let alerts = station.alerts(&rig).join("|");
+    assert!(alerts.contains("System Operating Mode 6"), "{alerts}");
+}
