@@ -3,6 +3,8 @@
 //! None is pushed: a CUCS asks by 17001 or 17002. A field that the vehicle has not reported is absent, never zero.
 //! Angles and velocities over ground are true, not magnetic; 3010 is in the body's axes.
 
+use std::f64::consts::TAU;
+
 use mavlink_link::dialect::MavType;
 use stanag_msgs::enums::{
     AlertPriority, CommandedEngineState, EngineStatus, FtMode, FtState, SpeedType, SubsystemId,
@@ -111,12 +113,15 @@ pub fn engine(
         Some(false) => Some(0.0),
         _ => vehicle.throttle.map(f64::from),
     };
+    let motor = usize::from(number).checked_sub(1);
+    let rpm = motor.and_then(|motor| *vehicle.equipment.rpm.get(motor)?);
     EngineOperatingStates {
         time_stamp: Some(stamp),
         engine_number: Some(number.into()),
         engine_status: status,
         reported_engine_command: commanded,
         engine_power_setting: scaled(power),
+        engine_speed_1: scaled(rpm.map(|rpm| rpm.abs() * TAU / 60.0)),
         ..EngineOperatingStates::default()
     }
 }

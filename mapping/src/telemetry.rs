@@ -8,6 +8,7 @@ use mavlink_link::dialect::{
 };
 
 use crate::airframe::Airframe;
+use crate::equipment::Equipment;
 use crate::mode::Px4Mode;
 
 /// A place: WGS-84 latitude and longitude in degrees, altitude in metres above mean sea level.
@@ -116,6 +117,8 @@ pub struct Telemetry {
     pub reached: Option<u16>,
     /// What its sensors have reported beyond that.
     pub sensed: Sensed,
+    /// What it has reported of its equipment.
+    pub equipment: Equipment,
     /// AUTOPILOT_VERSION, once it was asked for.
     pub software: Option<Software>,
 }
@@ -123,7 +126,7 @@ pub struct Telemetry {
 impl Telemetry {
     /// Takes in one message of the vehicle's autopilot. True where it held something that is kept here.
     pub fn update(&mut self, message: &MavMessage) -> bool {
-        let sensed = self.sensed.update(message);
+        let sensed = self.sensed.update(message) | self.equipment.update(message);
         match message {
             MavMessage::HEARTBEAT(m) => {
                 self.mode = Some(Px4Mode(m.custom_mode));

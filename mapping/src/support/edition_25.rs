@@ -82,7 +82,7 @@ static REFUSED: &[(&[u16], &str)] = &[
          command here",
     ),
     (
-        &[400, 401, 402, 403, 404],
+        &[400, 401, 402, 403],
         "data links are the link's own matter, no radio is connected to this VSM",
     ),
     (

@@ -6,8 +6,10 @@
 mod edition_25;
 mod facts;
 mod lookup;
+mod refusals;
 mod row;
 
 pub use edition_25::{Edition25, In25, edition_25, edition_25_rows, in_edition_25};
 pub use lookup::{FieldSupport, Received, field, message, provisional, rows, values};
+pub use refusals::why_refused;
 pub use row::MessageSupport;

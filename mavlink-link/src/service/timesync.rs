@@ -216,6 +216,12 @@ impl Client {
         self.offset_us.filter(|_| self.contrary == 0)
     }
 
+    /// Whether the vehicle answers; `None` of one that never has.
+    #[must_use]
+    pub fn answers(&self) -> Option<bool> {
+        (!self.samples.is_empty()).then_some(self.unanswered <= MAX_UNANSWERED)
+    }
+
     /// The shortest round trip of the latest exchanges.
     #[must_use]
     pub fn round_trip(&self) -> Option<Duration> {
@@ -287,6 +293,8 @@ const STEADY: Duration = Duration::from_secs(5);
 const RARELY: Duration = Duration::from_secs(30);
 /// Requests in quick succession at most: a radio has little room.
 const QUICK: u32 = 20;
+/// A vehicle that leaves more requests unanswered in a row has stopped to answer.
+const MAX_UNANSWERED: u32 = 3;
 /// Without an answer to so many requests the vehicle is taken for one that does not answer.
 const GIVES_UP: u32 = 10;
 

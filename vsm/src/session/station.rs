@@ -141,7 +141,7 @@ impl GroundStation {
     }
 
     /// How long nothing of it was received, s; `None` where silence does not count.
-    fn silent_s(&self, now: Duration) -> Option<f64> {
+    pub(crate) fn silent_s(&self, now: Duration) -> Option<f64> {
         let received = self.received.filter(|_| self.sends_heartbeats)?;
         Some(now.saturating_sub(received).as_secs_f64())
     }

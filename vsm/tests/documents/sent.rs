@@ -7,7 +7,7 @@ use mapping::status;
 use mapping::support::{self, rows};
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HIGHRES_IMU_DATA, MavMessage,
+    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, GPS_RAW_INT_DATA, HIGHRES_IMU_DATA, MavMessage,
 };
 use px4_sim::{Airframe, HealthFaults};
 use stanag_msgs::enums::{
@@ -311,10 +311,16 @@ fn payload() -> Rig {
 fn of_other_sensors() -> Vec<Message> {
     let mut vehicle = Telemetry::default();
     let reported = [
+        MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA {
+            time_usec: 1_767_225_600_000_000,
+            ..GPS_RAW_INT_DATA::default()
+        }),
         MavMessage::HIGHRES_IMU(HIGHRES_IMU_DATA::default()),
         MavMessage::BATTERY_STATUS(BATTERY_STATUS_DATA {
             current_battery: 1_200,
             temperature: 2_500,
+            time_remaining: 600,
+            voltages: [4_000; 10],
             ..BATTERY_STATUS_DATA::default()
         }),
         MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
@@ -326,7 +332,12 @@ fn of_other_sensors() -> Vec<Message> {
         assert!(vehicle.update(message));
     }
     let stamp = TimeStamp(1);
+    let mut electrical = mapping::equipment_reports::electrical(&vehicle, || stamp);
+    let electrical = electrical.next().expect("a battery");
+    let gps = mapping::equipment_reports::gps_status(&vehicle, stamp).expect("a receiver");
     vec![
+        electrical.into(),
+        gps.into(),
         status::body_sensed(&vehicle, stamp).into(),
         status::battery(&vehicle, stamp).into(),
         status::software("1.0.0", vehicle.software.as_ref(), stamp).into(),

@@ -14,7 +14,7 @@
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - payload stations: `payload`
 //! - a station of Edition 2.5: `edition_25`
-//! - reports: `status`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
+//! - reports: `status`, `equipment`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
 
 mod above_terrain;
@@ -29,6 +29,7 @@ mod configuration_phase;
 mod curves;
 mod edition_25;
 mod effects_order;
+mod equipment;
 mod faults;
 mod fence;
 mod files;

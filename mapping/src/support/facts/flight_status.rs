@@ -58,6 +58,7 @@ facts! {
         "Engine Status": "HEARTBEAT: armed or not";
         "Reported Engine Command": "the last 2008";
         "Engine Power Setting": "VFR_HUD.throttle; 0 when disarmed";
+        "Engine Speed 1": "ESC_STATUS, where the controllers of the motors report it";
     }
     3009 sends "by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": MEASURED;
@@ -88,6 +89,16 @@ facts! {
         "Longitudinal Stick": "the last 2010";
         "Rotational Stick (Rudder)": "the last 2010";
         "Throttle Stick - Engine 1": "the last 2010";
+    }
+    3016 sends "by 17001, on 17002, once home is known; routes have no reference of their own" {
+        "Time Stamp": STAMP;
+        "Location Latitude (Y-axis zero)": "HOME_POSITION: what altitudes above ground are flown above";
+        "Location Longitude (X-axis zero)": "HOME_POSITION";
+        "Location Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
+        "Location Altitude": "HOME_POSITION";
+        "Route ID": "of the route aboard";
+        "UA Relative Altitude Type": "2";
+        "UA Relative Altitude": "GLOBAL_POSITION_INT, unless vehicle.agl is refuse";
     }
     4000 sends "every 200 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": MEASURED;
@@ -125,6 +136,13 @@ facts! {
         "Next Waypoint Speed": "where the route gives one";
         "Next Waypoint Time": "from the time before by the leg's speed";
         "Next Waypoint Number": "0: none";
+    }
+    12001 sends "by 17001, on 17002, one a bus; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Bus ID": "0 to 3: BATTERY_STATUS.id; 4: GENERATOR_STATUS";
+        "Bus Voltage": "in volts: no source gives a scale";
+        "Bus Current": "steps of 0.01 A: no source gives one";
+        "Battery Time Remaining": "s";
     }
     12101 sends "by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": STAMP;

@@ -1,6 +1,6 @@
 //! Alerts, acknowledgements, requests: 15000 to 18999.
 
-use crate::support::row::{NULL_LINK, RECEIVED_STAMP, STAMP, facts};
+use crate::support::row::{MEASURED, NULL_LINK, RECEIVED_STAMP, STAMP, facts};
 
 facts! {
     15000 taken "answered by 16001, unless dli.provisional is off; needs LOI 2" {
@@ -45,7 +45,7 @@ facts! {
     }
     17001 taken "a report is sent at this rate, its sources requested by SET_MESSAGE_INTERVAL" {
         "Time Stamp": RECEIVED_STAMP;
-        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 4000, 4001, 12101, 16001, 16002, 21000, 21100, 21101; others are refused";
+        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 3016, 4000, 4001, 12001, 12101, 16001, 16002, 18300, 18500, 21000, 21100, 21101, 28001, 32000, 32005, 32200, 32302, 32400; others are refused";
         "Frequency": "1 to 100 Hz; 0: stop; forgotten when LOI 2 ends";
     }
     17002 taken "a report is sent once" {
@@ -53,5 +53,27 @@ facts! {
         "Station Number 1-16": "of 21000, 21100 and 21101: the stations; none: all";
         "Message Type": "2, 50013 and those of 17001; others are refused";
         "Requested Field Presence Vector": "the fields to send, beside the stamp; 0: all";
+    }
+    18300 sends "by 17001, on 17002; never of a silent vehicle, or before wind or temperature are known" {
+        "Time Stamp": MEASURED;
+        "Publish Time": "when it is sent";
+        "Forecast Time": "as the stamp: it is measured";
+        "Latitude": "GLOBAL_POSITION_INT: where the vehicle is";
+        "Longitude": "GLOBAL_POSITION_INT";
+        "Number of Levels": "1";
+        "Altitude": "GLOBAL_POSITION_INT and the geoid separation";
+        "U_Speed": "WIND_COV, north, where the air goes; steps of 0.05 m/s: no source gives one";
+        "V_Speed": "WIND_COV, east; steps of 0.05 m/s";
+        "Temperature": "HIGHRES_IMU, else SCALED_PRESSURE, which is that of the barometer";
+    }
+    18500 sends "by 17001, on 17002; never of a silent vehicle" {
+        "Time Stamp": STAMP;
+        "Number of Satellites": "GPS_RAW_INT";
+        "GPS Mode": "GPS_RAW_INT.fix_type: no source gives the values";
+        "GPS Status": "1 with a position in three dimensions, else 0: no source gives the values";
+        "PDOP": "of the two others; steps of 0.1: no source gives one";
+        "HDOP": "GPS_RAW_INT; steps of 0.1";
+        "VDOP": "GPS_RAW_INT; steps of 0.1";
+        "GPS Time": "GPS_RAW_INT.time_usec, UTC, once the receiver has it";
     }
 }

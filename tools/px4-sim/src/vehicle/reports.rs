@@ -55,6 +55,8 @@ impl Vehicle {
                 vibration_z: if self.commander.is_armed() { 1.5 } else { 0.0 },
                 ..Default::default()
             }),
+            mav::ESC_STATUS_DATA::ID => M::ESC_STATUS(self.esc_status()),
+            mav::SCALED_PRESSURE_DATA::ID => M::SCALED_PRESSURE(self.scaled_pressure()),
             mav::HOME_POSITION_DATA::ID => M::HOME_POSITION(self.home_position()?),
             mav::EXTENDED_SYS_STATE_DATA::ID => M::EXTENDED_SYS_STATE(self.extended_sys_state()),
             mav::ORBIT_EXECUTION_STATUS_DATA::ID => M::ORBIT_EXECUTION_STATUS(self.orbit_status()?),
@@ -148,6 +150,36 @@ impl Vehicle {
             servo6_raw: 900,
             servo7_raw: 900,
             servo8_raw: 900,
+            ..Default::default()
+        }
+    }
+
+    /// As PX4's simulator in hardware: revolutions by the throttle, without volts and amperes.
+    fn esc_status(&self) -> mav::ESC_STATUS_DATA {
+        let throttle = if self.commander.is_armed() {
+            self.body.throttle()
+        } else {
+            0.0
+        };
+        let motors = match self.config.airframe {
+            Airframe::Quad | Airframe::Vtol => 4,
+            Airframe::Plane => 1,
+        };
+        let rpm = (throttle.max(0.0).sqrt() * MAX_RPM) as i32;
+        mav::ESC_STATUS_DATA {
+            time_usec: self.boot_us(),
+            rpm: std::array::from_fn(|motor| if motor < motors { rpm } else { 0 }),
+            ..Default::default()
+        }
+    }
+
+    /// As PX4's simulated barometer: the standard atmosphere, 288 K at sea level.
+    fn scaled_pressure(&self) -> mav::SCALED_PRESSURE_DATA {
+        let kelvin = 288.0 - 0.0065 * self.believed_place().altitude_m;
+        mav::SCALED_PRESSURE_DATA {
+            time_boot_ms: self.boot_ms(),
+            press_abs: (1013.25 * (kelvin / 288.0).powf(5.256)) as f32,
+            temperature: ((kelvin - 273.0) * 100.0).round() as i16,
             ..Default::default()
         }
     }
@@ -345,6 +377,8 @@ pub(crate) fn centidegrees(rad: f64) -> u16 {
     (rad.to_degrees().rem_euclid(360.0) * 100.0) as u16 % 36000
 }
 
+/// Of PX4's simulated motors at full throttle.
+const MAX_RPM: f64 = 10_000.0;
 /// SYS_STATUS of the reference vehicle, the pre-arm bit apart.
 const PRESENT: u32 = 50_380_847;
 const ENABLED: u32 = 50_446_383;

@@ -159,11 +159,13 @@ pub(super) fn summary(message: &MessageInfo, row: Option<&MessageSupport>) -> (S
         Some(row) if !row.taken.is_empty() => row.taken,
         _ => "refused",
     };
+    let why = support::why_refused(message.id).filter(|_| taken == "refused");
+    let taken = why.map_or_else(|| taken.to_owned(), |why| format!("{taken}: {why}"));
     let sends = match row {
         Some(row) if !row.sends.is_empty() => row.sends,
         _ => "never",
     };
-    (taken.to_owned(), sends.to_owned())
+    (taken, sends.to_owned())
 }
 
 /// What is done with a field on receipt, in a cell.

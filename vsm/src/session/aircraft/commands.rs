@@ -134,6 +134,7 @@ impl Aircraft {
             Message::ParameterRequest(_)
             | Message::ParameterSetCommand(_)
             | Message::PingRequest(_)
+            | Message::DataLinkControlRequest(_)
             | Message::SubsystemStatusRequest(_)
             | Message::SubsystemStatusDetailRequest(_) => {
                 self.observe(dli, reports::Input::Command { origin, message });

@@ -75,6 +75,9 @@ impl Aircraft {
             mission: self.mission.view(&self.vehicle, &self.services),
             flight: self.flight.view(),
             payload: self.payload.view(self.authority.rights()),
+            link: self
+                .link
+                .data_link(dli.now.mono, &self.vehicle, &self.services.clock),
         };
         self.reports.handle(&context, input, effects!(self, dli))
     }

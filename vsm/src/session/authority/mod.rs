@@ -196,6 +196,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         Message::HeldCommandCancel(_)
         | Message::ParameterRequest(_)
         | Message::PingRequest(_)
+        | Message::DataLinkControlRequest(_)
         | Message::SubsystemStatusRequest(_)
         | Message::SubsystemStatusDetailRequest(_) => Some(LoiBitmap::LOI2),
         _ => None,

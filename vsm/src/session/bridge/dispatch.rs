@@ -1,5 +1,6 @@
 //! Whom a message of a station is for: the VSM, one of its vehicles, or all of them; and the right that it needs.
 
+use mapping::support;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AckType, LoiBitmap};
@@ -202,9 +203,12 @@ fn command_one(
         Some(right) => refuse_without_right(one, dli, &origin, cucs, right),
         None => {
             dli.counters.count("not supported");
+            let why = support::why_refused(message.id());
             let why = format!(
-                "message {} is not supported by this VSM",
-                table::named(origin.message_type)
+                "message {} is not supported by this VSM{}{}",
+                table::named(origin.message_type),
+                if why.is_some() { ": " } else { "" },
+                why.unwrap_or_default()
             );
             one.effects(dli).refuse_unprivileged(&origin, &why);
         }

@@ -169,6 +169,8 @@ pub struct LinkStatus {
     pub refused_though_verified: BTreeMap<&'static str, u64>,
     /// The shortest way there and back of late, s (TIMESYNC); none where the vehicle does not answer.
     pub round_trip_s: Option<f64>,
+    /// The part of the vehicle's frames of late that did not arrive, 0 to 1, by gaps in their numbers.
+    pub lost: Option<f64>,
     /// Whether what the vehicle measures is dated by its own clock; else by its arrival.
     pub clock_known: bool,
     /// How keys are agreed about over the air, where they are.
@@ -249,6 +251,7 @@ impl Bridge {
                         .live_since
                         .map(|at| now.saturating_sub(at).as_secs_f64()),
                     round_trip_s: aircraft.clock().round_trip().map(|trip| trip.as_secs_f64()),
+                    lost: link.lost(),
                     clock_known: aircraft.clock().offset().is_some(),
                     exchange: link.agreement.status(),
                     refused: link.refused_frames(now),

@@ -43,6 +43,7 @@ impl VehicleLink {
         let mut believed = std::mem::take(&mut self.believed);
         let (asked, components) = (self.asked, &self.asked_components);
         let (link, key, received) = (&mut self.link, self.key.as_mut(), &mut self.received);
+        let (loss, autopilot) = (&mut self.loss, self.vehicle);
         link.handle_datagram(
             now,
             from,
@@ -51,6 +52,10 @@ impl VehicleLink {
             &mut |delivery| {
                 tap(&delivery.frame);
                 received.count(delivery.header.message_id);
+                let header = delivery.header;
+                if Node::new(header.system_id, header.component_id) == autopilot {
+                    loss.note(now.mono, header.seq);
+                }
                 let fresh = Fresh {
                     mission: delivery.can_answer(asked.mission),
                     command: delivery.can_answer(match delivery.header.component_id {
@@ -68,7 +73,8 @@ impl VehicleLink {
                         component_id,
                         ..
                     } = delivery.header;
-                    believed.push((Node::new(system_id, component_id), message, fresh));
+                    let node = Node::new(system_id, component_id);
+                    believed.push((node, message, fresh));
                 }
             },
         );
@@ -99,6 +105,12 @@ impl VehicleLink {
         if node.system == self.vehicle.system && is_of_payload(message) {
             vehicle.payloads.update(now, node.component, message);
             self.events.push_back(VehicleEvent::PayloadReported);
+        }
+        // A radio reports itself as a component of its own.
+        if let MavMessage::RADIO_STATUS(_) = message
+            && node.system == self.vehicle.system
+        {
+            vehicle.telemetry.equipment.update(message);
         }
         if node != self.vehicle {
             if node.system == self.vehicle.system

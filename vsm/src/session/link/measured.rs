@@ -21,6 +21,8 @@ pub(crate) struct Measured {
     attitude: Option<Duration>,
     /// HIGHRES_IMU.
     force: Option<Duration>,
+    /// WIND_COV.
+    wind: Option<Duration>,
 }
 
 impl Measured {
@@ -33,6 +35,7 @@ impl Measured {
             MavMessage::LOCAL_POSITION_NED(m) => (&mut self.velocity, BootTime::Ms(m.time_boot_ms)),
             MavMessage::ATTITUDE(m) => (&mut self.attitude, BootTime::Ms(m.time_boot_ms)),
             MavMessage::HIGHRES_IMU(m) => (&mut self.force, BootTime::Us(m.time_usec)),
+            MavMessage::WIND_COV(m) => (&mut self.wind, BootTime::Us(m.time_usec)),
             _ => return,
         };
         *slot = Some(clock.measured(now, at).unwrap_or(now));
@@ -49,6 +52,7 @@ impl Measured {
         let at = match message {
             INERTIAL_STATES | WAYPOINT_STATES | AIR_AND_GROUND => place(),
             BODY_SENSED => self.force.or(self.attitude),
+            WEATHER => self.wind,
             _ => return None,
         };
         Some(at.unwrap_or(now))
@@ -57,5 +61,6 @@ impl Measured {
 
 const AIR_AND_GROUND: u16 = 3009;
 const BODY_SENSED: u16 = 3010;
+const WEATHER: u16 = 18_300;
 const INERTIAL_STATES: u16 = 4000;
 const WAYPOINT_STATES: u16 = 4001;

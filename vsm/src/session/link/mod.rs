@@ -17,6 +17,7 @@ mod intake;
 pub(crate) mod key_agreement;
 pub(crate) mod key_recovery;
 mod link_id;
+mod loss;
 pub(crate) mod measured;
 mod operator_control;
 mod rates;
@@ -29,12 +30,14 @@ mod tests;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
+use mapping::data_link::DataLink;
 use mavlink_link::Now;
 use mavlink_link::dialect::{MavMessage, MavSeverity};
 use mavlink_link::link::{Alert, Auth, Endpoint, Event, Link, LinkState, LinkStats, Security};
 use mavlink_link::provisioning::StartError;
 use mavlink_link::receiver::{AUTOPILOT, KeyState};
 use mavlink_link::service::text::Texts;
+use mavlink_link::service::timesync;
 use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use mavlink_link::store::{Disk, Store as _, StoreError};
@@ -44,6 +47,7 @@ use self::event::VehicleEvent;
 use self::frame::{OutFrame, Peer};
 use self::key_agreement::Agreement;
 use self::key_recovery::KeyRecovery;
+use self::loss::Loss;
 use self::operator_control::OperatorControl;
 use self::services::Services;
 use self::state::VehicleState;
@@ -81,6 +85,8 @@ pub(crate) struct VehicleLink {
     asked: Asked,
     /// The stamp of the first try of the command that runs, by component.
     asked_components: BTreeMap<u8, Stamp>,
+    /// Of the autopilot's frames.
+    loss: Loss,
     believed: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
     out: VecDeque<OutFrame>,
@@ -136,6 +142,7 @@ impl VehicleLink {
             texts: Texts::new(vehicle.system),
             asked: Asked::default(),
             asked_components: BTreeMap::new(),
+            loss: Loss::default(),
             believed: Vec::new(),
             events: VecDeque::new(),
             out: VecDeque::new(),
@@ -428,6 +435,35 @@ impl VehicleLink {
             return "settling";
         }
         link_state_name(&self.link, mono)
+    }
+
+    /// The part of its frames that did not arrive.
+    pub(crate) fn lost(&self) -> Option<f64> {
+        self.loss.part()
+    }
+
+    /// How it stands as a data link of the DLI.
+    pub(crate) fn data_link(
+        &self,
+        mono: Duration,
+        vehicle: &VehicleState,
+        clock: &timesync::Client,
+    ) -> DataLink {
+        let signed = self.link.config().security == Security::Signed;
+        let verified = (self.verified).is_some_and(|(at, _)| mono.saturating_sub(at) <= FRESH);
+        DataLink {
+            received: vehicle.live(),
+            // Signatures show it with every frame; without them the answers to TIMESYNC do, where the vehicle gives any.
+            answered: match self.link.unanswered(mono) {
+                Some(age) => Some(age <= UNANSWERED),
+                None => clock.answers(),
+            },
+            signed,
+            verified,
+            lost: self.loss.part(),
+            round_trip: clock.round_trip(),
+            radio: vehicle.telemetry.equipment.radio,
+        }
     }
 
     /// When a frame last verified and was accepted, and under which key.

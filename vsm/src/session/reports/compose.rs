@@ -1,8 +1,10 @@
 //! The reports, composed from what the vehicle shows: 3, 3001, 3002, 4000, 4001 and 16002, which are pushed; and status in
-//! detail, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 12101, 16001.
+//! detail, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 3016, 12001, 12101, 16001, 18300, 18500, 28001 to 32400.
 //!
 //! What the vehicle must stream for the latter is requested of the vehicle then, not before: a radio has no room for it.
 
+use mapping::data_link::DataLink;
+use mapping::equipment_reports as equipment;
 use mapping::parameter::Parameters;
 use mapping::payload::report::{self as payload, Station};
 use mapping::{report, status};
@@ -10,6 +12,7 @@ use stanag_msgs::enums::CommandedEngineState;
 use stanag_msgs::messages::{Heartbeat, UaStickStatus};
 use stanag_msgs::{Message, TimeStamp};
 
+use super::data_link;
 use super::health::detail_reference;
 use crate::session::context::{Context, FlightView, MissionView};
 use crate::session::effects::Effects;
@@ -18,7 +21,8 @@ use crate::session::payload::{PayloadView, ground};
 /// What 17001 and 17002 can request, and the reports that are made on request only.
 pub(super) const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
 pub(super) const DETAILS: &[u16] = &[
-    3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 12101, 16001, 21000, 21100, 21101,
+    3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 3016, 12001, 12101, 16001, 18300, 18500, 21000,
+    21100, 21101, 28001, 32000, 32005, 32200, 32302, 32400,
 ];
 /// Of these, those about payload stations.
 pub(super) const PAYLOAD: &[u16] = &[21000, 21100, 21101];
@@ -30,6 +34,7 @@ pub(super) struct Sources<'a> {
     pub(super) mission: MissionView<'a>,
     pub(super) flight: FlightView<'a>,
     pub(super) payload: PayloadView<'a>,
+    pub(super) link: DataLink,
     pub(super) parameters: &'a Parameters,
 }
 
@@ -96,7 +101,13 @@ pub(super) fn request_streams(report: u16, effects: &mut Effects<'_>) {
     match report {
         3009 => effects.vehicle.request_rate(WIND_COV, 1.0),
         3010 => effects.vehicle.request_rate(HIGHRES_IMU, 5.0),
+        3007 => effects.vehicle.request_rate(ESC_STATUS, 1.0),
         16001 => effects.vehicle.request_rate(ESTIMATOR_STATUS, 1.0),
+        12001 => effects.vehicle.request_rate(GENERATOR_STATUS, 1.0),
+        18300 => {
+            effects.vehicle.request_rate(WIND_COV, 1.0);
+            effects.vehicle.request_rate(SCALED_PRESSURE, 1.0);
+        }
         _ => {}
     }
 }
@@ -156,6 +167,36 @@ fn details(
                 .collect()
         }
         21000 | 21100 | 21101 => payload_reports(sources, report, effects),
+        3016 => {
+            let route = sources
+                .mission
+                .uploaded
+                .map(|one| one.mission_name.as_str());
+            let agl = context.bounds.agl;
+            equipment::relative_location(vehicle, route, agl, effects.stamp())
+                .map(Message::from)
+                .into_iter()
+                .collect()
+        }
+        12001 if live => equipment::electrical(vehicle, || effects.stamp())
+            .map(Message::from)
+            .collect(),
+        18300 if live => {
+            let measured = stamp(sources, station, report, effects);
+            equipment::weather(vehicle, measured, effects.stamp())
+                .map(Message::from)
+                .into_iter()
+                .collect()
+        }
+        18500 if live => equipment::gps_status(vehicle, effects.stamp())
+            .map(Message::from)
+            .into_iter()
+            .collect(),
+        28001..=32400 => {
+            data_link::report(context, &sources.flight, &sources.link, report, effects)
+                .into_iter()
+                .collect()
+        }
         12101 if live => vec![status::battery(vehicle, effects.stamp()).into()],
         16001 => status::subsystems(vehicle, sources.parameters, live)
             .into_iter()
@@ -221,3 +262,6 @@ fn sticks_status(sticks: &stanag_msgs::messages::UaStickCommand, stamp: TimeStam
 const WIND_COV: u32 = 231;
 const HIGHRES_IMU: u32 = 105;
 const ESTIMATOR_STATUS: u32 = 230;
+const ESC_STATUS: u32 = 291;
+const GENERATOR_STATUS: u32 = 373;
+const SCALED_PRESSURE: u32 = 29;

@@ -190,7 +190,7 @@ fn reference_of(subsystem: SubsystemId) -> i32 {
 }
 
 /// Both requests are known from Edition 2 alone.
-fn edition_2(context: &Context<'_>, station: usize) -> Result<(), String> {
+pub(super) fn edition_2(context: &Context<'_>, station: usize) -> Result<(), String> {
     match context.provisional(station) {
         Provisional::Off => {
             Err("its layout is derived from Edition 2, and dli.provisional is off".to_owned())

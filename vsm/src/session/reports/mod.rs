@@ -5,11 +5,13 @@
 //! - `answers`: answers of many messages, a few at a time
 //! - `configuration`: the configuration phase (40000), and changes of what it has reported
 //! - `parameters`: the vehicle's parameters for stations (50010 to 50012); `settings`: for `vsm check-vehicle`
+//! - `data_link`: the link as stations see it (28000 to 32400)
 //! - `health`: what the vehicle reports of its own health, as alerts and as subsystem status (15000, 15001)
 
 mod answers;
 mod compose;
 mod configuration;
+mod data_link;
 mod health;
 mod parameters;
 mod push;
@@ -23,6 +25,7 @@ use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::configuration::changes;
+use mapping::data_link::DataLink;
 use mapping::mode::Px4Mode;
 use mapping::{hardening, parameter};
 use mavlink_link::service::param::{self, Event};
@@ -76,6 +79,7 @@ pub(crate) struct Context<'a> {
     pub(crate) mission: MissionView<'a>,
     pub(crate) flight: FlightView<'a>,
     pub(crate) payload: PayloadView<'a>,
+    pub(crate) link: DataLink,
 }
 
 impl<'a> Deref for Context<'a> {
@@ -312,6 +316,7 @@ impl Reports {
             mission: context.mission,
             flight: context.flight,
             payload: context.payload,
+            link: context.link,
             parameters: self.configuration.parameters().values,
         }
     }
@@ -336,6 +341,9 @@ impl Reports {
             }
             Message::PingRequest(request) => {
                 self.requests.ping(common, origin, request, effects);
+            }
+            Message::DataLinkControlRequest(request) => {
+                data_link::control_request(common, origin, request, effects);
             }
             Message::SubsystemStatusRequest(request) => {
                 compose::request_streams(SubsystemStatusReport::ID, effects);

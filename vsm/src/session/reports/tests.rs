@@ -20,6 +20,7 @@ fn handle(world: &mut World, reports: &mut Reports, input: Input<'_>) -> Result<
             mission: views.mission,
             flight: views.flight,
             payload: idle.view(&nobody),
+            link: mapping::data_link::DataLink::default(),
         };
         reports.handle(&context, input, effects)
     })

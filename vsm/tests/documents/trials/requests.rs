@@ -2,9 +2,10 @@
 
 use stanag_msgs::enums::{ConfigRequestType, RequestedAccess};
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, FieldConfigurationRequest, GenericInformationRequestMessage,
-    Heartbeat, PositiveHandoverAuthorisationRequest, ScheduleMessageUpdateCommand,
-    SubsystemStatusDetailRequest, SubsystemStatusRequest, VehicleDataLinkTransitionCoordination,
+    CucsAuthorisationRequest, DataLinkControlRequest, FieldConfigurationRequest,
+    GenericInformationRequestMessage, Heartbeat, PositiveHandoverAuthorisationRequest,
+    ScheduleMessageUpdateCommand, SubsystemStatusDetailRequest, SubsystemStatusRequest,
+    VehicleDataLinkTransitionCoordination,
 };
 
 use super::scenes::{
@@ -118,6 +119,16 @@ pub(super) fn requests() -> Vec<Trial> {
                 "Set Return Link Carrier Frequency (ADT)" = "1" refused "others are refused",
                 "Set PN Code (ADT)" = "1" refused "others are refused",
             ]
+        ),
+        trial!(
+            one,
+            control,
+            then_5_s,
+            DataLinkControlRequest {
+                control_assignment_request: Some(1),
+                ..DataLinkControlRequest::default()
+            },
+            ["Control Assignment Request" = "0" refused "others are refused"]
         ),
         trial!(
             one,
