@@ -1,0 +1,219 @@
+//! The proof that a station is at an address: questions that only who has received them can answer.
+
+use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
+
+use mavlink_link::Now;
+use sha2::{Digest as _, Sha256};
+use stanag_msgs::TimeStamp;
+
+use super::credit::Limits;
+use super::{Path, Paths, Station};
+
+/// What a 17000 of a heartbeat of ours is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Proof {
+    /// None, or none any more.
+    None,
+    /// One of several: ask again.
+    Round,
+    /// The last. `moved`: the station is there from now on.
+    Proven { moved: bool },
+}
+
+impl Paths {
+    pub(crate) fn set_secret(&mut self, secret: [u8; 32]) {
+        self.secret = secret;
+    }
+
+    /// The stamp of the heartbeat that asks this address for a proof, where it is time to ask and there is credit for it.
+    /// `again`: an answer has just come, so the next is asked for at once.
+    pub(crate) fn ask(
+        &mut self,
+        now: Now,
+        index: usize,
+        address: SocketAddr,
+        again: bool,
+    ) -> Option<TimeStamp> {
+        let station = self.stations.get_mut(index)?;
+        let contested = !station.candidates.is_empty();
+        let answer = station.next_answer();
+        let question = station.question_bytes();
+        let round = match station.find(address) {
+            Some(path) => {
+                // An address that is believed is asked only where there is another.
+                let idle = path.trusted && !contested;
+                if !again && (idle || path.ask_at > now.mono) {
+                    return None;
+                }
+                if path.proven.is_none() && !path.trusted {
+                    let left = path.credit.checked_sub(question)?;
+                    // One question may take the place of the answer for a moment. A CUCS that never acknowledges would get
+                    // nothing else.
+                    if !again
+                        && answer.is_some_and(|bytes| (left + 1..=path.credit).contains(&bytes))
+                    {
+                        return None;
+                    }
+                    path.credit = left;
+                }
+                path.ask_at = now.mono + path.pause;
+                if path.rounds == 0 && !again {
+                    path.pause = (path.pause * 2).min(LONGEST_PAUSE);
+                }
+                path.rounds
+            }
+            // The table is full of others: it is asked without being remembered. What came was longer than what goes.
+            None => 0,
+        };
+        let slot = slot(now.wall).saturating_sub(1);
+        Some(TimeStamp(
+            slot << BITS | self.cookie(index, address, round, slot),
+        ))
+    }
+
+    /// A 17000 of a heartbeat of ours names this stamp.
+    pub(crate) fn answered(
+        &mut self,
+        now: Now,
+        index: usize,
+        from: SocketAddr,
+        stamp: TimeStamp,
+    ) -> Proof {
+        let Some(round) = self
+            .stations
+            .get_mut(index)
+            .map(|one| one.find(from).map_or(0, |path| path.rounds))
+        else {
+            return Proof::None;
+        };
+        let (made, today) = (stamp.0 >> BITS, slot(now.wall));
+        let recent = (1..=MAX_AGE).any(|age| made + age == today);
+        let is_of = |round| recent && stamp.0 & MASK == self.cookie(index, from, round, made);
+        let right = is_of(round);
+        // A network that duplicates does not guess.
+        if !right && (0..ROUNDS).any(is_of) {
+            return Proof::None;
+        }
+        let lease = self.limits.lease;
+        let station = &mut self.stations[index];
+        if right && station.find(from).is_none() {
+            // It has received what was sent there: it may take the place of one of which that is not known.
+            station.make_room(1);
+            station.candidate(now.mono, from);
+        }
+        let Some(path) = station.find(from) else {
+            return Proof::None;
+        };
+        if !right {
+            path.wrong += 1;
+            if path.wrong > MAX_WRONG {
+                (path.rounds, path.wrong) = (0, 0);
+                path.ask_at = now.mono + path.pause;
+            }
+            return Proof::None;
+        }
+        path.rounds += 1;
+        path.pause = FIRST_PAUSE;
+        if path.rounds < ROUNDS {
+            return Proof::Round;
+        }
+        path.proven = Some(now.mono);
+        path.credit = 0;
+        (path.rounds, path.wrong) = (0, 0);
+        path.ask_at = now.mono + lease / 2;
+        station.answers = true;
+        let place = station
+            .candidates
+            .iter()
+            .position(|path| path.address == from);
+        if let Some(place) = place {
+            station.adopt(place);
+        }
+        Proof::Proven {
+            moved: place.is_some(),
+        }
+    }
+
+    /// The address that a timer must ask for its proof again.
+    pub(crate) fn due_to_ask(&self, now: Duration, index: usize) -> Option<SocketAddr> {
+        let station = self.stations.get(index)?;
+        let at = station.asks_at(&self.limits, now)?;
+        (at <= now).then(|| station.current.as_ref().map(|path| path.address))?
+    }
+
+    /// What nobody can know who has not received it.
+    fn cookie(&self, index: usize, address: SocketAddr, round: u8, slot: u64) -> u64 {
+        let mut hash = Sha256::new_with_prefix(self.secret);
+        hash.update(index.to_be_bytes());
+        match address.ip() {
+            IpAddr::V4(ip) => hash.update(ip.to_ipv6_mapped().octets()),
+            IpAddr::V6(ip) => hash.update(ip.octets()),
+        }
+        hash.update(address.port().to_be_bytes());
+        hash.update([round]);
+        hash.update(slot.to_be_bytes());
+        let whole: [u8; 32] = hash.finalize().into();
+        u64::from(u16::from_be_bytes([whole[0], whole[1]])) & MASK
+    }
+}
+
+impl Station {
+    /// When a timer asks: who has answered before, until the lease is over; else only as long as an answer may have been
+    /// lost, of what is left of the credit.
+    pub(super) fn asks_at(&self, limits: &Limits, now: Duration) -> Option<Duration> {
+        let current = self.current.as_ref()?;
+        let asks = if current.trusted {
+            self.movable().next().is_some()
+        } else {
+            let may_answer = current.may_be_asked() && current.credit >= self.question_bytes();
+            current.proven.is_some() || may_answer
+        };
+        (asks && !current.has_lapsed(now, limits.lease)).then_some(current.ask_at)
+    }
+}
+
+impl Path {
+    /// Whether it may still answer: it has answered a round, or was not asked twice in vain yet.
+    pub(super) fn is_asked(&self) -> bool {
+        self.rounds > 0 || self.pause <= 2 * FIRST_PAUSE
+    }
+
+    /// Whether a timer asks it: so often that five losses in a row are needed for a station that sends nothing more to be
+    /// left without an answer. Of what is left of its credit: after the second question answers go first.
+    pub(super) fn may_be_asked(&self) -> bool {
+        self.rounds > 0 || self.pause <= 16 * FIRST_PAUSE
+    }
+}
+
+/// The bytes of a question, by the edition of its station.
+pub(crate) fn question_bytes(ed25: bool) -> usize {
+    if ed25 {
+        QUESTION_ED25_BYTES
+    } else {
+        QUESTION_BYTES
+    }
+}
+
+/// The part of a stamp that lies above what is unpredictable, ms since 2000.
+fn slot(wall: Duration) -> u64 {
+    let ms = u64::try_from(wall.as_millis()).unwrap_or(u64::MAX);
+    TimeStamp::from_unix_ms(ms).0 >> BITS
+}
+
+/// Unpredictable bits of a stamp: it lies up to 4.1 s back, which a clock may be wrong by.
+const BITS: u32 = 11;
+const MASK: u64 = (1 << BITS) - 1;
+/// An answer may take this many times 2 s.
+const MAX_AGE: u64 = 4;
+/// Answers in a row that prove an address, each a round trip.
+const ROUNDS: u8 = 3;
+/// Wrong answers before the rounds start again.
+const MAX_WRONG: u8 = 8;
+/// A heartbeat with its wrapper, summed or not.
+const QUESTION_BYTES: usize = 26;
+/// The same of Edition 2.5: #1401, and #1403, which that makes subject to an acknowledgement.
+const QUESTION_ED25_BYTES: usize = 128;
+pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(500);
+/// A CUCS that never answers is asked as seldom as this.
+const LONGEST_PAUSE: Duration = Duration::from_secs(64);
