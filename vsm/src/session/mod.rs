@@ -98,6 +98,7 @@ mod testing;
 pub(crate) mod trace;
 mod turns;
 
+pub(crate) use authority::audit::AUDIT_KEY;
 pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
 pub(crate) use authority::record::examine as examine_audit;
 pub use authority::rules::{

@@ -141,6 +141,28 @@ impl FileDisk {
         self.system.clone()
     }
 
+    /// The names of its files.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub(super) fn names(&self) -> Result<Vec<String>, StoreError> {
+        let names = fs::read_dir(&self.folder).and_then(|entries| {
+            let each = entries.map(|one| Ok(one?.file_name().to_string_lossy().into_owned()));
+            each.collect()
+        });
+        names.map_err(|cause| StoreError::new(self.folder.display().to_string(), cause))
+    }
+
+    /// The same store for another thread.
+    pub(super) fn shared(&self) -> FileDisk {
+        self.through(self.system.clone())
+    }
+
+    /// Whether a file is there.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.folder.join(name).exists()
+    }
+
     /// Adds to a log without synchronising it. After a failure nothing has been added, or, where that cannot be undone
     /// either, a part: the next start finds a line without end, and closes it.
     pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<Added> {

@@ -167,6 +167,24 @@ impl KeyStore {
         Ok(keys.iter().flatten().map(SigningKey::id).collect())
     }
 
+    /// The same keys for another thread, to be looked at: who holds the store changes them.
+    #[must_use]
+    pub(super) fn view(&self, system: Box<dyn FileSystem>) -> KeyStore {
+        KeyStore {
+            path: self.path.clone(),
+            system,
+            _lock: None,
+            key_lock: RefCell::new(None),
+        }
+    }
+
+    /// All files of these keys, whether they are there or not.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        let beside = ["next", "previous", "revoked", "dead"];
+        let beside = beside.map(|what| with(&self.path, what));
+        beside.into_iter().chain([self.path.clone()]).collect()
+    }
+
     /// Deletes the signing clocks of keys that are in none of the files any more. Without it every change of a key
     /// would leave a file behind, for good. To be called after each change, and at the start.
     ///

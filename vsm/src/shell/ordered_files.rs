@@ -79,6 +79,27 @@ impl OrderedFiles {
         Ok(OrderedFiles(Arc::new(Owner { shared, system })))
     }
 
+    /// Reads these files now: they are read from memory until [`OrderedFiles::release`].
+    ///
+    /// # Errors
+    /// One is there and cannot be read.
+    pub fn hold(&self, paths: impl IntoIterator<Item = PathBuf>) -> io::Result<()> {
+        for path in paths {
+            let bytes = self.0.system.read(&path, MAX_READ)?.map(Arc::new);
+            // What a step will leave there is newer.
+            self.state().files.entry(path).or_insert(bytes);
+        }
+        Ok(())
+    }
+
+    /// Forgets what was read ahead.
+    pub fn release(&self) {
+        let mut state = self.state();
+        if state.steps.is_empty() {
+            state.files.clear();
+        }
+    }
+
     /// Whether all that was written so far is durable.
     #[must_use]
     pub fn is_durable(&self) -> bool {

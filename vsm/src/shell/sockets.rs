@@ -270,24 +270,43 @@ impl Hosts {
     /// A host is unknown.
     pub fn ask<'a>(
         links: impl Iterator<Item = (&'static str, &'a str)>,
+        resolver: Resolver,
     ) -> Result<Hosts, SocketError> {
-        let asked = links.map(|(key, host)| Ok((host.to_owned(), Hosts::AskNow.find(key, host)?)));
+        let asked = links.map(|(key, host)| {
+            let address = found(key, host, resolver(host))?;
+            Ok((host.to_owned(), address))
+        });
         Ok(Hosts::Known(asked.collect::<Result<_, SocketError>>()?))
     }
 
     fn find(&self, key: &'static str, host: &str) -> Result<SocketAddr, SocketError> {
-        let found = match self {
-            Hosts::AskNow => host.to_socket_addrs().map(|mut all| all.next()),
+        let address = match self {
+            Hosts::AskNow => ask_system(host),
             Hosts::Known(hosts) => Ok(hosts.get(host).copied()),
         };
-        found
-            .and_then(|address| address.ok_or_else(|| io::ErrorKind::NotFound.into()))
-            .map_err(|cause| SocketError::Resolve {
-                key,
-                address: host.to_owned(),
-                cause,
-            })
+        found(key, host, address)
     }
+}
+
+fn found(
+    key: &'static str,
+    host: &str,
+    address: io::Result<Option<SocketAddr>>,
+) -> Result<SocketAddr, SocketError> {
+    let address = address.and_then(|found| found.ok_or_else(|| io::ErrorKind::NotFound.into()));
+    address.map_err(|cause| SocketError::Resolve {
+        key,
+        address: host.to_owned(),
+        cause,
+    })
+}
+
+/// What knows the address of a host and port, and may take its time.
+pub type Resolver = fn(&str) -> io::Result<Option<SocketAddr>>;
+
+/// The system's resolver.
+pub(super) fn ask_system(host: &str) -> io::Result<Option<SocketAddr>> {
+    host.to_socket_addrs().map(|mut all| all.next())
 }
 
 /// The record of a link's local port: that of the first vehicle on it, so that whoever opens a link that several share

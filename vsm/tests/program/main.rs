@@ -16,6 +16,7 @@ mod init;
 mod logging;
 mod multicast;
 mod reload;
+mod reload_on_a_slow_disk;
 mod serial_line;
 mod small_disk;
 mod under_attack;

@@ -8,8 +8,9 @@
 use std::fs::{self, File};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
-use std::path::Path;
-use std::sync::mpsc;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -40,9 +41,27 @@ use vsm::shell::key_file::system_random;
 use vsm::shell::server::Server;
 use zeroize::Zeroizing;
 
-/// A file system of which each synchronisation takes so long.
+/// A file system of which each synchronisation takes so long, and from some moment on each reading.
 #[derive(Debug)]
-struct Slow(Duration);
+pub(crate) struct Slow {
+    sync: Duration,
+    /// Milliseconds.
+    pub(crate) read: Arc<AtomicU64>,
+    /// What was read on a thread of the name [`BRIDGE`] since then.
+    pub(crate) waited: Arc<Mutex<Vec<PathBuf>>>,
+}
+
+pub(crate) const BRIDGE: &str = "bridge";
+
+impl Slow {
+    pub(crate) fn new(sync: Duration) -> Slow {
+        Slow {
+            sync,
+            read: Arc::default(),
+            waited: Arc::default(),
+        }
+    }
+}
 
 impl FileSystem for Slow {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -50,12 +69,12 @@ impl FileSystem for Slow {
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
-        thread::sleep(self.0);
+        thread::sleep(self.sync);
         NativeFileSystem.sync(path)
     }
 
     fn sync_open(&self, file: &File) -> io::Result<()> {
-        thread::sleep(self.0);
+        thread::sleep(self.sync);
         NativeFileSystem.sync_open(file)
     }
 
@@ -68,6 +87,12 @@ impl FileSystem for Slow {
     }
 
     fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        let slow = self.read.load(Ordering::Relaxed);
+        if slow > 0 && thread::current().name() == Some(BRIDGE) {
+            let mut waited = self.waited.lock().expect("no panic");
+            waited.push(path.to_owned());
+        }
+        thread::sleep(Duration::from_millis(slow));
         NativeFileSystem.read(path, most)
     }
 }
@@ -236,7 +261,7 @@ impl World {
                 .build()
                 .expect("a runtime");
             runtime.block_on(async {
-                let disk = FileDisk::open_on(&config.store.dir, Box::new(Slow(sync)));
+                let disk = FileDisk::open_on(&config.store.dir, Box::new(Slow::new(sync)));
                 let server = Server::open_on(&config, disk.expect("a store")).expect("it starts");
                 ready.send(()).expect("the test waits");
                 let stop = async {
@@ -583,7 +608,7 @@ fn a_slow_disk_of_the_agent_holds_up_no_frame() {
             .build()
             .expect("a runtime");
         runtime.block_on(async {
-            let slow = |dir: &Path| FileDisk::open_on(dir, Box::new(Slow(3 * SYNC)));
+            let slow = |dir: &Path| FileDisk::open_on(dir, Box::new(Slow::new(3 * SYNC)));
             let server = AirsideServer::open_on(&config, &slow).expect("it starts");
             let stop = async {
                 let _ = stopped.await;

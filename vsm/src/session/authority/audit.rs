@@ -443,7 +443,7 @@ const FAULT: &str = "fault";
 const FAULT_LINE: &str = "\"what\":\"fault\"";
 const KEYED: &str = "keyed";
 const KEYED_LINE: &str = "\"what\":\"keyed\"";
-const AUDIT_KEY: &str = "audit.key";
+pub(crate) const AUDIT_KEY: &str = "audit.key";
 /// The key is 64 digits; more than this is never read.
 const MAX_KEY_BYTES: u64 = 256;
 const HASH_DIGITS: usize = 64;

@@ -222,7 +222,7 @@ impl Bridge {
         }
         // Also of one that comes again after a restart.
         if let Some(waypoint) = waypoint.filter(|one| self.holds(vehicle, at.cucs, one)) {
-            self.stations[index].translator.stored(vehicle, waypoint);
+            self.keep_contingencies(index, vehicle, waypoint, disk);
         }
         if downloads && accepted {
             self.stations[index].translator.begin_download(vehicle);

@@ -7,6 +7,7 @@
 //! `editions`: stations of Edition 2.5; `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
+mod contingencies;
 mod dispatch;
 mod editions;
 mod files;
@@ -212,6 +213,7 @@ impl Bridge {
             .collect();
         bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
+        bridge.restore_contingencies(disk);
         Ok(bridge)
     }
 

@@ -80,6 +80,7 @@ impl Bridge {
             }
             return Err(fault);
         }
+        self.restore_contingencies(disk);
         self.settings = Settings::of(config);
         self.readings = config.dli.disputed.profile.clone();
         self.paths.set_limits(Limits::of(&config.dli));

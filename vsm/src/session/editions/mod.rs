@@ -36,7 +36,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 pub(crate) use self::form::{Refusal, Standing};
 use self::form::{generic, new, to};
 use self::plans::Plans;
-pub(crate) use self::plans::{Contingencies, Upload};
+pub(crate) use self::plans::{Contingencies, Kept, Upload};
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
@@ -257,9 +257,19 @@ impl Translator {
         controls && steering.accept(latch, refused)
     }
 
-    /// The plan of a vehicle holds this waypoint.
-    pub(crate) fn stored(&mut self, vehicle: Id, waypoint: Contingencies) {
-        self.plans.entry(vehicle).or_default().stored(waypoint);
+    /// The plan of a vehicle holds this waypoint. What is to be written of it.
+    pub(crate) fn stored(&mut self, vehicle: Id, waypoint: Contingencies) -> Option<Kept> {
+        self.plans.entry(vehicle).or_default().stored(waypoint)
+    }
+
+    /// What an earlier run has written of the contingencies of a vehicle's waypoints.
+    pub(crate) fn restore(&mut self, vehicle: Id, text: &str) {
+        self.plans.entry(vehicle).or_default().restore(text);
+    }
+
+    /// Whether anything of a vehicle's plan came since the start.
+    pub(crate) fn has_plan(&self, vehicle: Id) -> bool {
+        self.plans.contains_key(&vehicle)
     }
 
     /// A download of a vehicle's plan begins.

@@ -6,8 +6,9 @@
 //! deletes the route that an earlier one has made. On a download each waypoint names the contingency routes.
 //!
 //! What has been sent is asked of the bridge ([`Upload`]), so that a repeated datagram and a restart change nothing here.
-//! Kept is only what the plan has no place for: which contingencies a waypoint names. After a restart in the middle of an
-//! upload they are not known; where a contingency is named at all, those waypoints must be sent again before a load.
+//! Kept is only what the plan has no place for: which contingencies a waypoint names. The bridge writes that to disk, a line
+//! for each waypoint ([`Contingencies::line`]). Of a waypoint whose line is lost it is not known; where a contingency is
+//! named at all, that waypoint must be sent again before a load.
 
 use std::collections::BTreeMap;
 
@@ -26,12 +27,14 @@ use super::form::{Refusal, clear_unused_of_loiter, generic, new, to};
 pub(crate) struct Plans {
     /// The waypoints that the plan has stored.
     waypoints: BTreeMap<u16, Contingencies>,
+    /// Lines of the file that has them.
+    lines: usize,
     /// Where the contingency routes of a download begin.
     sent: [u16; 2],
 }
 
 /// Where a waypoint leads on contingency A and B, 0 where it names none.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Contingencies {
     pub(crate) number: u16,
     /// Of its #802: a waypoint of another stamp is another one.
@@ -49,6 +52,31 @@ impl Contingencies {
             links: [13, 14].map(|field| record.whole(field) as u16),
         })
     }
+
+    /// Number, stamp, A and B: a line of the file.
+    fn line(&self) -> String {
+        let [a, b] = self.links;
+        format!("{} {} {a} {b}\n", self.number, self.stamp.0)
+    }
+
+    fn of_line(line: &str) -> Option<Contingencies> {
+        let mut parts = line.split(' ');
+        let mut next = || parts.next();
+        Some(Contingencies {
+            number: next()?.parse().ok()?,
+            stamp: TimeStamp(next()?.parse().ok()?),
+            links: [next()?.parse().ok()?, next()?.parse().ok()?],
+        })
+    }
+}
+
+/// What is to be written of the contingencies.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Kept {
+    /// Behind the others.
+    Line(String),
+    /// In place of all.
+    All(String),
 }
 
 /// What the bridge holds of a plan, for the station that sends to it. It is the truth about an upload: it survives a restart,
@@ -118,9 +146,32 @@ impl Plans {
         }
     }
 
-    /// The plan holds this waypoint.
-    pub(super) fn stored(&mut self, waypoint: Contingencies) {
-        self.waypoints.insert(waypoint.number, waypoint);
+    /// The plan holds this waypoint. What is to be written of it, where it is not written yet.
+    pub(super) fn stored(&mut self, waypoint: Contingencies) -> Option<Kept> {
+        if self.waypoints.insert(waypoint.number, waypoint) == Some(waypoint) {
+            return None;
+        }
+        if self.lines < FOLD_LINES + 2 * self.waypoints.len() {
+            self.lines += 1;
+            return Some(Kept::Line(waypoint.line()));
+        }
+        self.lines = self.waypoints.len();
+        let lines = self.waypoints.values().map(Contingencies::line);
+        Some(Kept::All(lines.collect()))
+    }
+
+    /// What an earlier run has written. A line that it could not finish is none.
+    pub(super) fn restore(&mut self, text: &str) {
+        let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
+        for waypoint in whole.lines().filter_map(Contingencies::of_line) {
+            self.waypoints.insert(waypoint.number, waypoint);
+        }
+        // A line that was cut off: the next would follow it.
+        self.lines = if whole.len() + 1 < text.len() {
+            usize::MAX
+        } else {
+            whole.lines().count()
+        };
     }
 
     pub(super) fn begin_download(&mut self) {
@@ -186,8 +237,8 @@ impl Plans {
                 return Err(Refusal::new(
                     "not supported",
                     format!(
-                        "where waypoint {number} leads on a contingency is not known any more, since the VSM has restarted: \
-                         send it again (#802), then #800"
+                        "where waypoint {number} leads on a contingency is not known any more, since the VSM has restarted and \
+                         does not find it on its disk: send it again (#802), then #800"
                     ),
                 ));
             }
@@ -306,6 +357,8 @@ fn contingency(of: &Record, kind: usize, first: u16) -> Result<Message, Refusal>
     to(&route, UaRoute::ID)
 }
 
+/// A file of no more lines than this is not worth writing again.
+const FOLD_LINES: usize = 1_000;
 const CLEAR: u32 = 1;
 const LOAD: u32 = 2;
 const DOWNLOAD: u32 = 3;

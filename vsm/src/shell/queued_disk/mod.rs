@@ -6,7 +6,7 @@
 //! holds what depends on it until then. What need survive the end of the process only is written as by [`FileDisk`].
 //!
 //! The ceilings of signing clocks have a thread of their own: a link must not fall silent because somebody else has much
-//! to write.
+//! to write. They are read from memory once they are known, since each that is raised is compared with the one before.
 //!
 //! A record is written under a name of its own (`authority-1b000101.json.new-7`) and gets its own by the thread; a start
 //! removes what a crash left. Until then the new bytes are read from memory.
@@ -18,9 +18,11 @@
 //! It never tries the same bytes in memory again. Linux reports a failed write-back to one `fsync`, may then count the
 //! pages as clean, and the next `fsync` succeeds with nothing written. So a record is rewritten, and so is a log: its
 //! end is kept here until it is durable (`Tail`), and where that fails the log becomes a record, written beside and
-//! renamed. The first line of a process does the same to the log that it finds, since the process before may have ended
-//! in that state; and a folder is given a new name before its names are synchronised again.
+//! renamed. A start does the same to the audit logs that it finds, since the process before may have ended in that state,
+//! and the first line of a process to any other log; and a folder is given a new name before its names are synchronised
+//! again.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::ops::Bound::{Excluded, Included};
@@ -36,7 +38,7 @@ use zeroize::Zeroizing;
 
 pub(super) use self::writer::dirty_names;
 use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
-use super::disk::{Added, FileDisk};
+use super::disk::{Added, FileDisk, replace};
 
 mod writer;
 
@@ -50,6 +52,8 @@ pub struct QueuedDisk {
     tails: BTreeMap<String, Tail>,
     /// Logs that this process began, or has written whole.
     begun: BTreeSet<String>,
+    /// The ceilings of clocks, as they were written or read last. Nobody else writes them: the store is locked.
+    ceilings: RefCell<BTreeMap<String, Option<Zeroizing<Vec<u8>>>>>,
     queued: u64,
     /// The changes that are not durable yet, and the file of each.
     open: BTreeMap<u64, String>,
@@ -110,11 +114,13 @@ impl QueuedDisk {
         // The process before may have ended with names that could not be synchronised.
         dirty_names(&*disk.system(), disk.folder())?;
         disk.system().sync(disk.folder())?;
+        let begun = renew(&disk)?;
         Ok(QueuedDisk {
             disk,
             waiting: BTreeMap::new(),
             tails: BTreeMap::new(),
-            begun: BTreeSet::new(),
+            begun,
+            ceilings: RefCell::default(),
             queued: 0,
             open: BTreeMap::new(),
             faults: BTreeMap::new(),
@@ -127,6 +133,14 @@ impl QueuedDisk {
     #[must_use]
     pub fn files(&self) -> &FileDisk {
         &self.disk
+    }
+
+    /// What another thread has read of the ceiling of a clock.
+    pub(super) fn know(&self, name: &str, bytes: Option<Zeroizing<Vec<u8>>>) {
+        if name.starts_with(CEILING) {
+            let mut ceilings = self.ceilings.borrow_mut();
+            ceilings.entry(name.to_owned()).or_insert(bytes);
+        }
     }
 
     /// Takes what the threads have done; true where something has come of it since the call before.
@@ -310,7 +324,12 @@ fn lane_of(name: &str) -> usize {
 impl Disk for QueuedDisk {
     fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
         let Some(waiting) = self.waiting.get(name) else {
-            return self.disk.read(name, max_bytes);
+            if let Some(known) = self.ceilings.borrow().get(name) {
+                return Ok(known.clone());
+            }
+            let read = self.disk.read(name, max_bytes)?;
+            self.know(name, read.clone());
+            return Ok(read);
         };
         let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
         let bytes = waiting.bytes.get(..max).unwrap_or(&waiting.bytes);
@@ -325,10 +344,14 @@ impl Disk for QueuedDisk {
     ) -> Result<(), StoreError> {
         // One that follows a record on its way goes the same way: it would be overwritten otherwise.
         if durability == Durability::Process && !self.waiting.contains_key(name) {
+            self.ceilings.get_mut().remove(name);
             return self.disk.replace(name, bytes, durability);
         }
         self.check(name)?;
-        self.put(name, Zeroizing::new(bytes.to_vec()), false)
+        self.put(name, Zeroizing::new(bytes.to_vec()), false)?;
+        self.ceilings.get_mut().remove(name);
+        self.know(name, Some(Zeroizing::new(bytes.to_vec())));
+        Ok(())
     }
 
     fn append(
@@ -342,7 +365,9 @@ impl Disk for QueuedDisk {
             self.check(name)?;
         }
         if self.waiting.contains_key(name) || (power && !self.begun.contains(name)) {
-            let mut all = self.read(name, u64::MAX)?.unwrap_or_default();
+            let is_there = self.waiting.contains_key(name) || self.disk.has(name);
+            let before = is_there.then(|| self.read(name, u64::MAX)).transpose()?;
+            let mut all = before.flatten().unwrap_or_default();
             // Room for all at once: a buffer that grows copies what it holds.
             all.reserve_exact(bytes.len());
             all.extend_from_slice(bytes);
@@ -419,6 +444,7 @@ impl Disk for QueuedDisk {
         self.check(name)?;
         let removed = self.disk.delete(name);
         removed.map_err(|cause| StoreError::new(name, cause))?;
+        self.ceilings.get_mut().remove(name);
         self.tails.remove(name);
         self.begun.remove(name);
         let lane = lane_of(name);
@@ -489,6 +515,27 @@ fn sweep(disk: &FileDisk) -> io::Result<()> {
     Ok(())
 }
 
+/// Writes the audit logs whole that the process before has left: up to 1 MB each, which must not be done while a vehicle
+/// waits. What cannot be written is tried again with the first line. Their names.
+fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
+    let mut renewed = BTreeSet::new();
+    for name in disk.names().map_err(io::Error::other)? {
+        if !name.starts_with(LOGS) || !name.ends_with(".log") {
+            continue;
+        }
+        let (system, path) = (disk.system(), disk.folder().join(&name));
+        let read = system.read(&path, u64::MAX)?;
+        if let Some(bytes) = read
+            && replace(&*system, &path, &bytes, true).is_ok()
+        {
+            renewed.insert(name);
+        }
+    }
+    Ok(renewed)
+}
+
+/// What the names of audit logs begin with.
+const LOGS: &str = "audit-";
 /// How often the end of the program looks whether all is written.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 

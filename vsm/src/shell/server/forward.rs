@@ -52,10 +52,10 @@ pub(super) struct Served<'a> {
     pub(super) hosts: &'a Hosts,
 }
 
-/// Keys and links of other ground stations, beside those that are open and stay.
+/// Links of other ground stations with these [`keys`], beside those that are open and stay.
 pub(super) fn open(
     config: &Config,
-    vehicles: &[(Id, KeyId)],
+    keys: Vec<Option<SigningKey>>,
     served: Option<Served<'_>>,
     store: &mut dyn Disk,
 ) -> Result<Forwards, StartError> {
@@ -63,7 +63,7 @@ pub(super) fn open(
     let open = served.map_or(&[][..], |served| served.forwards);
     let hosts = served.map_or(&Hosts::AskNow, |served| served.hosts);
     let mut next = open.iter().map(|one| one.number + 1).max().unwrap_or(0);
-    for (forward, key) in config.forwards().zip(keys(config, vehicles)?) {
+    for (forward, key) in config.forwards().zip(keys) {
         let is_there = open.iter().find(|one| one.link == forward.link);
         if let Some((served, open)) = served.zip(is_there) {
             let stays = stays(&served, open.number, forward, key.as_ref());
@@ -99,7 +99,10 @@ fn stays(served: &Served<'_>, number: usize, forward: &Forward, key: Option<&Sig
 }
 
 /// The key of each; none has the key of a vehicle, or of another.
-fn keys(config: &Config, vehicles: &[(Id, KeyId)]) -> Result<Vec<Option<SigningKey>>, StartError> {
+pub(super) fn keys(
+    config: &Config,
+    vehicles: &[(Id, KeyId)],
+) -> Result<Vec<Option<SigningKey>>, StartError> {
     let vehicles = vehicles
         .iter()
         .map(|(id, key)| (format!("vehicle {id}"), *key));

@@ -5,6 +5,7 @@ mod error;
 mod files;
 mod forward;
 mod open;
+mod read_ahead;
 mod reload;
 mod shared;
 mod tasks;
@@ -30,7 +31,7 @@ use self::tasks::{
     tell_status, watch_group,
 };
 use super::http;
-use super::sockets::{DliSockets, VehicleReader, VehicleWriter};
+use super::sockets::{DliSockets, Resolver, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
 use crate::session::Status;
@@ -50,6 +51,8 @@ pub struct Server {
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
+    /// What a reload asks for the addresses of hosts.
+    resolver: Resolver,
 }
 
 impl Server {
@@ -84,6 +87,11 @@ impl Server {
         Ok(())
     }
 
+    /// A reload asks this for the addresses of hosts, on a thread of its own, instead of the system.
+    pub fn resolve_by(&mut self, resolver: Resolver) {
+        self.resolver = resolver;
+    }
+
     /// The recording of the vehicle with this index.
     #[must_use]
     pub fn recording(&self, index: usize) -> Option<PathBuf> {
@@ -109,6 +117,7 @@ impl Server {
             files,
             page,
             reload,
+            resolver,
         } = self;
         let local = LocalSet::new();
         let mut tasks = Tasks::default();
@@ -170,7 +179,7 @@ impl Server {
         if let Some((path, listener)) = reload {
             let (of_all, later) = (shared.clone(), tasks.later());
             tasks.spawn(&local, "reload", |beat| {
-                reload::serve(of_all, beat, later, path, listener)
+                reload::serve(of_all, beat, later, (path, resolver), listener)
             });
         }
         let served = local.run_until(tasks.run(stop)).await;

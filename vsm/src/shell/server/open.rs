@@ -23,7 +23,7 @@ use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
-use crate::shell::sockets::{DliSockets, Hosts};
+use crate::shell::sockets::{DliSockets, Hosts, ask_system};
 use crate::shell::status_socket;
 
 impl Server {
@@ -81,7 +81,8 @@ impl Server {
                 exchanges.extend(exchange.map(|exchange| (at.0, exchange)));
             }
         }
-        let forwards = forward::open(config, &key_ids, None, &mut store)?;
+        let forward_keys = forward::keys(config, &key_ids)?;
+        let forwards = forward::open(config, forward_keys, None, &mut store)?;
         let prepared =
             bridge.prepare_forwards(config, forwards.ends, now, NOT_BEFORE, &mut store)?;
         bridge.take_forwards(prepared);
@@ -135,6 +136,7 @@ impl Server {
             files,
             page,
             reload: None,
+            resolver: ask_system,
         })
     }
 }

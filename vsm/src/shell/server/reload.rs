@@ -4,15 +4,20 @@
 //! it was; what it keeps until a restart is named ([`Config::changes`]). Links of vehicles that stay are not touched.
 //!
 //! Files and names are read on a thread of their own ([`read`]): a folder of elevation files takes seconds, a name whose
-//! server does not answer half a minute, and a vehicle in flight misses heartbeats and set points after one.
+//! server does not answer half a minute, and a vehicle in flight misses heartbeats and set points after one. So it is for
+//! the key files and recordings of vehicles that are added, and for what the store holds of them ([`read_ahead`]).
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::signing::KeyId;
+use mavlink_link::clock::Ceiling;
+use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::store::Record as _;
 use stanag_msgs::Id;
 use tokio::net::UnixListener;
 use tokio::signal::unix::{SignalKind, signal};
@@ -22,16 +27,19 @@ use tokio::time::{sleep, timeout};
 
 use super::StartError;
 use super::forward::{self, Forwards, OpenForward, Served};
+use super::read_ahead::{Ahead, ReadAhead};
 use super::shared::{Core, OpenPort, Shared};
 use super::tasks::{receive_forward, receive_vehicle};
-use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle};
+use super::vehicle::{check_own, find_port, open_exchange, open_keys, open_port, record_vehicle};
 use crate::config::{Changes, Config, ForwardLink, LinkAddress, Report, Signing, Vehicle};
-use crate::key_exchange::KeyExchange;
+use crate::key_exchange::{ExchangeRecord, IDENTITY, KeyExchange};
 use crate::session::LinkEnd;
 use crate::shell::clock::NOT_BEFORE;
+use crate::shell::disk::FileDisk;
+use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::recording::Recording;
-use crate::shell::sockets::{Hosts, VehicleReader, VehicleWriter};
+use crate::shell::sockets::{Hosts, Resolver, VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::{Beat, Later};
 
@@ -40,7 +48,7 @@ pub(super) async fn serve(
     shared: Rc<Shared>,
     beat: Rc<Beat>,
     later: Later,
-    path: PathBuf,
+    (path, resolver): (PathBuf, Resolver),
     listener: UnixListener,
 ) {
     let mut hangup = match signal(SignalKind::hangup()) {
@@ -73,7 +81,7 @@ pub(super) async fn serve(
                 continue;
             }
         };
-        let report = match beat.during(reading.run(&shared, &path)).await {
+        let report = match beat.during(reading.run(&shared, &path, resolver)).await {
             Ok(new) => reload(&shared, &later, new),
             Err(why) => Report::refused(why),
         };
@@ -101,8 +109,21 @@ fn log(path: &Path, report: &Report) {
 
 /// What a configuration needs of files and name servers.
 struct Reread {
-    config: Config,
+    changes: Changes,
     hosts: Hosts,
+    /// Of the vehicles that are added.
+    files: BTreeMap<Id, Files>,
+    /// Of the ground stations beside the bridge.
+    forward_keys: Vec<Option<SigningKey>>,
+    /// What the store holds of what is added.
+    ahead: ReadAhead,
+}
+
+/// Keys and recording of a vehicle that is added.
+struct Files {
+    key: Option<SigningKey>,
+    keys: Option<OrderedKeys>,
+    recording: Option<Recording>,
 }
 
 /// The thread that reads them, one at a time.
@@ -112,7 +133,12 @@ struct Reading(Option<oneshot::Receiver<Result<Reread, String>>>);
 impl Reading {
     /// # Errors
     /// Something cannot be read, or takes too long: why. Nothing has changed.
-    async fn run(&mut self, shared: &Shared, path: &Path) -> Result<Reread, String> {
+    async fn run(
+        &mut self,
+        shared: &Shared,
+        path: &Path,
+        resolver: Resolver,
+    ) -> Result<Reread, String> {
         let earlier = self.0.as_mut().map(oneshot::Receiver::try_recv);
         if let Some(Err(TryRecvError::Empty)) = earlier {
             return Err(
@@ -121,20 +147,30 @@ impl Reading {
             );
         }
         let (sender, receiver) = oneshot::channel();
-        let open = {
+        let mut open = {
             let core = shared.core.borrow();
             let ports = core.ports.iter().flatten();
+            let keys = core.bridge.vehicles().zip(&core.key_stores);
+            let view = |(id, keys): (Id, &Option<OrderedKeys>)| {
+                let OrderedKeys { keys, files, .. } = keys.as_ref()?;
+                Some((id, keys.view(Box::new(files.clone()))))
+            };
             Open {
                 config: core.config.clone(),
                 ports: ports.map(|one| one.link.clone()).collect(),
                 forwards: core.forwards.iter().map(|one| one.link.clone()).collect(),
+                keys: keys.filter_map(view).collect(),
+                store: core.store.files().shared(),
+                stored: shared.stored.clone(),
+                now: shared.clock.now(),
+                resolver,
             }
         };
         let path = path.to_owned();
         // Not the runtime's own thread for such work: the end of the program would wait for it.
         thread::Builder::new()
             .name("reload".to_owned())
-            .spawn(move || drop(sender.send(read(&path, &open))))
+            .spawn(move || drop(sender.send(read(&path, &mut open))))
             .map_err(|cause| format!("no thread to read it: {cause}"))?;
         let receiver = self.0.insert(receiver);
         match timeout(READ_WITHIN, receiver).await {
@@ -151,18 +187,26 @@ impl Reading {
     }
 }
 
-/// What is there already, and needs no name server.
+/// What is there already, and needs no name server; and what it is read with.
 struct Open {
     config: Config,
     ports: Vec<LinkAddress>,
     forwards: Vec<ForwardLink>,
+    keys: Vec<(Id, KeyStore)>,
+    store: FileDisk,
+    stored: Arc<Notify>,
+    now: Now,
+    resolver: Resolver,
 }
 
 /// Reads everything that may take its time. Blocks.
-fn read(path: &Path, open: &Open) -> Result<Reread, String> {
+fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     let mut config = Config::load(path).map_err(|fault| fault.to_string())?;
     let read = config.read_terrain(Some(&open.config));
     read.map_err(|fault| fault.to_string())?;
+    let changes = open.config.changes(&config)?;
+    let config = &changes.config;
+    check_heirs(&open.config, config)?;
     let is_new = |one: &&Vehicle| open.config.vehicles().all(|known| known.id != one.id);
     let vehicles = config.vehicles().filter(is_new).map(|one| &one.link);
     let vehicles = vehicles.filter(|link| !open.ports.contains(link));
@@ -170,8 +214,60 @@ fn read(path: &Path, open: &Open) -> Result<Reread, String> {
     let forwards = config.forwards().map(|one| &one.link);
     let forwards = forwards.filter(|link| !open.forwards.contains(link));
     let forwards = forwards.filter_map(|link| Some(("forward.link", link.host()?)));
-    let hosts = Hosts::ask(vehicles.chain(forwards)).map_err(|fault| fault.to_string())?;
-    Ok(Reread { config, hosts })
+    let asked = Hosts::ask(vehicles.chain(forwards), open.resolver);
+    let hosts = asked.map_err(|fault| fault.to_string())?;
+    let mut known = vec![];
+    for (id, keys) in &open.keys {
+        check_own(*id, Some(keys), &mut known).map_err(|fault| fault.to_string())?;
+    }
+    let mut files = BTreeMap::new();
+    let added: Vec<&Vehicle> = config.vehicles().filter(is_new).collect();
+    for vehicle in added {
+        let of_it = read_vehicle(config, vehicle, &mut known, open);
+        files.insert(vehicle.id, of_it.map_err(|fault| fault.to_string())?);
+    }
+    let forward_keys = forward::keys(config, &known).map_err(|fault| fault.to_string())?;
+    let stations = config.stations().map(|one| one.id);
+    let is_listed = |id: &Id| open.config.stations().any(|one| one.id == *id);
+    let stations = stations.filter(|id| !is_listed(id));
+    let ids = stations.chain(files.keys().copied());
+    let ids = ids.map(|id| format!("{:08x}", id.0));
+    let others = forward_keys.iter().flatten().map(SigningKey::id);
+    let keys = known.iter().map(|(_, key)| *key).chain(others);
+    let keys = keys.map(|key| Ceiling::name(&key));
+    let ahead = ReadAhead::of(&open.store, ids.chain(keys).collect());
+    let ahead = ahead.map_err(|fault| fault.to_string())?;
+    Ok(Reread {
+        hosts,
+        files,
+        forward_keys,
+        ahead,
+        changes,
+    })
+}
+
+/// Opens the keys of a vehicle that is added, none of which a vehicle of `known` has, and begins its recording.
+fn read_vehicle(
+    config: &Config,
+    vehicle: &Vehicle,
+    known: &mut Vec<(Id, KeyId)>,
+    open: &mut Open,
+) -> Result<Files, StartError> {
+    let (key, keys) = open_keys(vehicle, known, &mut open.store)?;
+    let start = |keys| OrderedKeys::start(keys, &open.store, open.stored.clone());
+    let keys = keys.map(start).transpose().map_err(StartError::Writer)?;
+    if let Some(keys) = &keys {
+        // The bridge looks at them when it begins to serve the vehicle, and the exchange of keys at its records.
+        let records = [ExchangeRecord::name(&vehicle.id), IDENTITY.to_owned()];
+        let records = records.map(|name| open.store.folder().join(name));
+        let all = keys.keys.files().into_iter().chain(records);
+        keys.files.hold(all).map_err(StartError::Writer)?;
+    }
+    Ok(Files {
+        key,
+        keys,
+        recording: record_vehicle(config, vehicle, open.now)?,
+    })
 }
 
 /// What a vehicle that is added comes with.
@@ -187,12 +283,20 @@ struct Added {
 type Opened = Vec<(VehicleReader, OpenPort)>;
 
 fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
-    let Reread { config: new, hosts } = new;
-    let stored = shared.stored.clone();
     let applied = shared.with(|core, now| {
-        let Changes { config, report } = core.config.changes(&new)?;
+        let Changes { config, report } = new.changes;
+        let ahead = new.ahead;
+        for (name, bytes) in ahead.named() {
+            core.store.know(name, bytes);
+        }
         check_removed(core, &config)?;
-        let opened = open_added(core, &config, &hosts, &stored, now);
+        let opened = open_added(
+            core,
+            &config,
+            (&new.hosts, &ahead),
+            new.files,
+            new.forward_keys,
+        );
         let (opened, forwards) = opened.map_err(|fault| fault.to_string())?;
         let Forwards {
             ends,
@@ -201,9 +305,11 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         } = forwards;
         let numbers: Vec<usize> = ends.iter().map(|(number, _)| *number).collect();
         let Core { bridge, store, .. } = core;
+        let store = &mut Ahead::new(store, &ahead);
         let prepared = bridge.prepare_forwards(&config, ends, now, NOT_BEFORE, store);
         let prepared = prepared.map_err(|fault| fault.to_string())?;
-        let receivers = apply(core, config, opened, now).map_err(|fault| fault.to_string())?;
+        let applied = apply(core, config, opened, &ahead, now);
+        let receivers = applied.map_err(|fault| fault.to_string())?;
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
         Ok::<_, String>((report, receivers, readers))
@@ -231,16 +337,25 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
     }
 }
 
-/// A vehicle in flight is not left to itself, and its key not to another while it is locked.
+/// A vehicle in flight is not left to itself.
 fn check_removed(core: &Core, config: &Config) -> Result<(), String> {
+    match removed(&core.config, config).find(|one| core.bridge.is_flying(one.id)) {
+        None => Ok(()),
+        Some(Vehicle { id, .. }) => Err(format!(
+            "vehicle {id} is armed and cannot be removed: reload again once it is disarmed, or keep its [[vehicle]]"
+        )),
+    }
+}
+
+fn removed<'a>(before: &'a Config, config: &'a Config) -> impl Iterator<Item = &'a Vehicle> {
     let is_listed = |id: Id| config.vehicles().any(|one| one.id == id);
-    for vehicle in core.config.vehicles().filter(|one| !is_listed(one.id)) {
+    before.vehicles().filter(move |one| !is_listed(one.id))
+}
+
+/// The key of a vehicle that is removed is locked until it is.
+fn check_heirs(before: &Config, config: &Config) -> Result<(), String> {
+    for vehicle in removed(before, config) {
         let id = vehicle.id;
-        if core.bridge.is_flying(id) {
-            return Err(format!(
-                "vehicle {id} is armed and cannot be removed: reload again once it is disarmed, or keep its [[vehicle]]"
-            ));
-        }
         let Signing::KeyFile(file, _) = &vehicle.signing else {
             continue;
         };
@@ -257,31 +372,29 @@ fn check_removed(core: &Core, config: &Config) -> Result<(), String> {
     Ok(())
 }
 
-/// Keys, links and recordings of the vehicles that are added, and what other ground stations need. No key is anybody's twice.
+/// The links of the vehicles that are added, and of other ground stations.
 fn open_added(
     core: &mut Core,
     config: &Config,
-    hosts: &Hosts,
-    stored: &std::sync::Arc<Notify>,
-    now: Now,
+    (hosts, ahead): (&Hosts, &ReadAhead),
+    mut files: BTreeMap<Id, Files>,
+    forward_keys: Vec<Option<SigningKey>>,
 ) -> Result<((Vec<Added>, Opened), Forwards), StartError> {
-    let mut known: Vec<(Id, KeyId)> = vec![];
-    for (id, keys) in core.bridge.vehicles().zip(&core.key_stores) {
-        let held = keys.as_ref().map(|keys| keys.keys.ids()).transpose()?;
-        known.extend(held.into_iter().flatten().map(|key| (id, key)));
-    }
     let (mut added, mut opened) = (vec![], Opened::new());
+    let mut store = Ahead::new(&mut core.store, ahead);
     for vehicle in config.vehicles() {
-        if core.config.vehicles().any(|one| one.id == vehicle.id) {
+        let Some(Files {
+            key,
+            keys,
+            recording,
+        }) = files.remove(&vehicle.id)
+        else {
             continue;
-        }
-        let (key, keys) = open_keys(vehicle, &mut known, &mut core.store)?;
-        let start = |keys| OrderedKeys::start(keys, core.store.files(), stored.clone());
-        let keys = keys.map(start).transpose().map_err(StartError::Writer)?;
+        };
         let is_new = |(_, port): &&(VehicleReader, OpenPort)| port.link == vehicle.link;
         if find_port(&core.ports, &vehicle.link).is_none() && !opened.iter().any(|one| is_new(&one))
         {
-            opened.push(open_port(vehicle, hosts, &mut core.store)?);
+            opened.push(open_port(vehicle, hosts, &mut store)?);
         }
         let new = opened.iter().find(is_new).map(|(_, port)| port);
         let Some(port) = find_port(&core.ports, &vehicle.link).or(new) else {
@@ -293,7 +406,7 @@ fn open_added(
             end: LinkEnd { key, peer },
             keys,
             writer: port.writer.clone(),
-            recording: record_vehicle(config, vehicle, now)?,
+            recording,
         });
     }
     let served = Served {
@@ -302,7 +415,7 @@ fn open_added(
         forwards: &core.forwards,
         hosts,
     };
-    let forwards = forward::open(config, &known, Some(served), &mut core.store)?;
+    let forwards = forward::open(config, forward_keys, Some(served), &mut store)?;
     Ok(((added, opened), forwards))
 }
 
@@ -311,6 +424,7 @@ fn apply(
     core: &mut Core,
     config: Config,
     (added, opened): (Vec<Added>, Opened),
+    ahead: &ReadAhead,
     now: Now,
 ) -> Result<Vec<(usize, VehicleReader, Rc<Notify>)>, StartError> {
     let served = core.writers.len();
@@ -332,26 +446,30 @@ fn apply(
     let is_new = |id: Id| kept.iter().any(|(vehicle, ..)| vehicle.id == id);
     let new = config.vehicle.iter().filter(|one| is_new(one.get_ref().id));
     both.vehicle.extend(new.cloned());
+    let mut store = Ahead::new(&mut core.store, ahead);
     core.bridge
-        .reload(&both, ends, now, NOT_BEFORE, &mut core.store)?;
+        .reload(&both, ends, now, NOT_BEFORE, &mut store)?;
     let mut exchanges = vec![];
     let mut begin = || -> Result<(), StartError> {
         for (index, (vehicle, keys, ..)) in (served..).zip(&mut kept) {
             if let Some(OrderedKeys { keys, records, .. }) = keys {
-                let machine = (&mut core.bridge, &mut core.store as _);
+                let machine = (&mut core.bridge, &mut store as _);
                 let exchange =
                     open_exchange(&both, (index, vehicle), keys, Some(records), now, machine)?;
                 exchanges.extend(exchange.map(|exchange| (index, exchange)));
             }
         }
         core.bridge
-            .reload(&config, vec![], now, NOT_BEFORE, &mut core.store)?;
+            .reload(&config, vec![], now, NOT_BEFORE, &mut store)?;
         Ok(())
     };
     if let Err(fault) = begin() {
         core.bridge
             .reload(&core.config, vec![], now, NOT_BEFORE, &mut core.store)?;
         return Err(fault);
+    }
+    for keys in kept.iter().filter_map(|(_, keys, ..)| keys.as_ref()) {
+        keys.files.release();
     }
     for (_, keys, writer, recording) in kept {
         core.writers.push(writer);

@@ -278,7 +278,38 @@ fn an_upload_survives_a_repeated_route_and_a_restart() {
     rig.deliver_from(station.address, &flight);
     let third = with(waypoint(3, 0, 90.0, 0.0), "Contingency Waypoint A", 20);
     send_all(&mut rig, &mut station, &[(802, third), other]);
-    // Which contingencies the first two name is known no more.
+    // Which contingencies the first two name was written.
+    let loaded = transfer(&mut rig, &mut station, 2);
+    assert_eq!(loaded, Some(1), "{:?}", station.alerts(&rig));
+    let expected = (vec![2, 3], vec![1, 2, 3, 20]);
+    assert_eq!(downloaded(&mut rig, &mut station), expected);
+    // Also of a mission that was loaded: one waypoint that leads elsewhere than the others is refused as before a restart.
+    rig.restart_bridge();
+    rig.run(12.0);
+    send_all(&mut rig, &mut station, &[(802, waypoint(2, 3, 80.0, 0.0))]);
+    assert_eq!(transfer(&mut rig, &mut station, 2), None);
+    let alerts = station.alerts(&rig).join("|");
+    let named = "Contingency Waypoint A of waypoint 1 is";
+    assert!(alerts.contains(named), "{alerts}");
+}
+
+#[test]
+fn an_upload_whose_contingencies_are_lost_with_the_disk_is_refused_until_they_are_sent_again() {
+    let (mut rig, mut station) = ready();
+    let [flight, first, other] = mission(20, 2);
+    let flight = station.datagram(&rig, vehicle_id(0), flight.0, &flight.1);
+    rig.deliver_from(station.address, &flight);
+    send_all(&mut rig, &mut station, std::slice::from_ref(&first));
+    let second = with(waypoint(2, 3, 80.0, 0.0), "Contingency Waypoint A", 20);
+    send_all(&mut rig, &mut station, &[(802, second)]);
+    rig.store
+        .records
+        .retain(|name, _| !name.starts_with("contingencies-"));
+    rig.restart_bridge();
+    rig.run(12.0);
+    rig.deliver_from(station.address, &flight);
+    let third = with(waypoint(3, 0, 90.0, 0.0), "Contingency Waypoint A", 20);
+    send_all(&mut rig, &mut station, &[(802, third), other]);
     assert_eq!(transfer(&mut rig, &mut station, 2), None);
     let alerts = station.alerts(&rig).join("|");
     assert!(

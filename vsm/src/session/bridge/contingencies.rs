@@ -1,0 +1,65 @@
+//! Which contingencies the waypoints of Edition 2.5 name, over a restart: `contingencies-VVVVVVVV-CCCCCCCC.log` of a vehicle
+//! and the station that has sent them. A waypoint names them beside the plan, which has no place for that
+//! ([`editions`](crate::session)).
+//!
+//! A line is written before its #802 is acknowledged, and as durable as the plan. Where that fails the upload continues; a
+//! load after a restart names the waypoint that must be sent again.
+
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
+use stanag_msgs::Id;
+
+use super::Bridge;
+use crate::session::editions::{Contingencies, Kept};
+use crate::session::log::{LogEntry, LogLevel};
+
+impl Bridge {
+    /// Reads what earlier runs have written, of stations and vehicles that were not served before.
+    pub(super) fn restore_contingencies(&mut self, disk: &dyn Disk) {
+        for station in &mut self.stations {
+            let id = station.id();
+            for vehicle in self.aircraft.iter().map(|one| one.id()) {
+                if station.translator.has_plan(vehicle) {
+                    continue;
+                }
+                match disk.read(&file(vehicle, id), MAX_RECORD_BYTES) {
+                    // Known now, so that no reload looks again.
+                    Ok(None) => station.translator.restore(vehicle, ""),
+                    Ok(Some(bytes)) => {
+                        let text = String::from_utf8_lossy(&bytes);
+                        station.translator.restore(vehicle, &text);
+                    }
+                    // A load will name the waypoints: no reason for serving nobody.
+                    Err(fault) => self.log.push_back(LogEntry {
+                        level: LogLevel::Warning,
+                        about: vehicle,
+                        text: fault.to_string(),
+                    }),
+                }
+            }
+        }
+    }
+
+    /// The plan holds a waypoint of Edition 2.5.
+    pub(super) fn keep_contingencies(
+        &mut self,
+        index: usize,
+        vehicle: Id,
+        waypoint: Contingencies,
+        disk: &mut dyn Disk,
+    ) {
+        let station = &mut self.stations[index];
+        let name = file(vehicle, station.id());
+        let written = match station.translator.stored(vehicle, waypoint) {
+            None => return,
+            Some(Kept::Line(line)) => disk.append(&name, line.as_bytes(), Durability::Process),
+            Some(Kept::All(all)) => disk.replace(&name, all.as_bytes(), Durability::Process),
+        };
+        if written.is_err() {
+            self.counters.count("contingency of a waypoint not stored");
+        }
+    }
+}
+
+fn file(vehicle: Id, station: Id) -> String {
+    format!("contingencies-{:08x}-{:08x}.log", vehicle.0, station.0)
+}
