@@ -126,8 +126,8 @@ pub fn engine(
     }
 }
 
-/// 3009. `agl`: whether height above home may stand for height above ground, or that of elevation files is known, `ground_m`
-/// above mean sea level below the vehicle.
+/// Message 3009. `agl`: whether height above home may stand for height above ground, or that of elevation files is known,
+/// `ground_m` above mean sea level below the vehicle.
 #[must_use]
 pub fn air_and_ground(
     vehicle: &Telemetry,

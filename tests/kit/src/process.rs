@@ -8,9 +8,10 @@ use std::net::{TcpListener, UdpSocket};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A program of the workspace, beside the folder of the test executables.
 ///
@@ -255,16 +256,33 @@ fn piped<A: AsRef<OsStr>>(
     output
 }
 
-/// A UDP port of the loopback address that nobody uses now.
+/// A UDP port of the loopback address that nobody uses now, or gets from the system later.
 pub fn free_udp_port() -> u16 {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a loopback socket");
-    socket.local_addr().expect("its address").port()
+    free_port(|port| UdpSocket::bind(("127.0.0.1", port)).is_ok())
 }
 
-/// A TCP port of the loopback address that nobody uses now.
+/// The same of TCP.
 pub fn free_tcp_port() -> u16 {
-    let socket = TcpListener::bind("127.0.0.1:0").expect("a loopback socket");
-    socket.local_addr().expect("its address").port()
+    free_port(|port| TcpListener::bind(("127.0.0.1", port)).is_ok())
+}
+
+/// Below those that the system gives to whoever asks for any (32768 and above): such a port could be another test's before
+/// the program that is given it has opened it.
+fn free_port(is_free: impl Fn(u16) -> bool) -> u16 {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    const FIRST: u32 = 12_000;
+    const PORTS: u32 = 20_000;
+    // Tests are processes, so each begins elsewhere.
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    let begin = now.map_or(0, |now| now.subsec_micros()) ^ std::process::id().wrapping_mul(7_919);
+    for _ in 0..PORTS {
+        let number = begin.wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed));
+        let port = u16::try_from(FIRST + number % PORTS).unwrap_or(0);
+        if is_free(port) {
+            return port;
+        }
+    }
+    panic!("no port of {FIRST} to {} is free", FIRST + PORTS);
 }
 
 /// Writes a key file as the programs expect it: hexadecimal, readable by its owner alone.

@@ -12,7 +12,7 @@ use mavlink_link::signing::SigningKey;
 use px4_sim::{LinkAddress, Simulator, SimulatorConfig};
 use serde_json::Value;
 
-use kit::process::{KillOnDrop, free_udp_port, program, run_in};
+use kit::process::{KillOnDrop, free_tcp_port, free_udp_port, program, run_in};
 
 pub(super) const FIRST: [u8; 32] = [0x11; 32];
 pub(super) const SECOND: [u8; 32] = [0x22; 32];
@@ -27,7 +27,7 @@ pub(super) struct Ground {
 impl Ground {
     pub(super) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let (dli, link, http) = (free_udp_port(), free_udp_port(), free_udp_port());
+        let (dli, link, http) = (free_udp_port(), free_udp_port(), free_tcp_port());
         let config = format!(
             "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{dli}\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
              link = \"udpin:127.0.0.1:{link}\"\nsystem_id = 1\nsigning = {{ key_file = \"uav1.key\" }}\n\

@@ -303,7 +303,7 @@ fn span(off: Duration) -> String {
     match minutes {
         0 if seconds < 10 => format!("over {seconds} s"),
         0..5 => format!("over {} s", seconds / 10 * 10),
-        0..120 => format!("over {} min", minutes / 5 * 5),
+        5..120 => format!("over {} min", minutes / 5 * 5),
         120..2_880 => format!("over {} h", minutes / 60),
         _ => format!("over {} days", minutes / 1_440),
     }
