@@ -63,6 +63,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod action;
 pub mod airframe;
 pub mod alert;
 pub mod altitude;

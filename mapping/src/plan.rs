@@ -14,51 +14,16 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Id, Message};
 
-/// Routes (13001), waypoints (13002), their loiters (13003), transitions (13006) and curves (50001, 50002).
+use crate::action::{self, Action};
+
+/// Routes (13001), waypoints (13002), their loiters (13003), actions (13006) and curves (50001, 50002).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plan {
     routes: Vec<UaRoute>,
     waypoints: BTreeMap<u16, UaPositionWaypoint>,
     loiters: BTreeMap<u16, UaLoiterWaypoint>,
     curves: BTreeMap<(u16, u16), Curve>,
-    transitions: BTreeMap<u16, VehicleSpecificWaypoint>,
-}
-
-/// What a VTOL does at a waypoint, and flies the legs from there as: Tag/Data of 13006.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Transition {
-    /// `TRANSITION WINGS`.
-    Wings,
-    /// `TRANSITION HOVER`.
-    Hover,
-}
-
-impl Transition {
-    /// The Tag/Data that asks for it.
-    #[must_use]
-    pub fn tag(self) -> &'static str {
-        match self {
-            Transition::Wings => "TRANSITION WINGS",
-            Transition::Hover => "TRANSITION HOVER",
-        }
-    }
-
-    /// What a 13006 asks for; `None` of an empty one, which takes an earlier one back.
-    ///
-    /// # Errors
-    /// A Tag Type or a Tag/Data that means nothing here.
-    fn of(specific: &VehicleSpecificWaypoint) -> Result<Option<Transition>, StoreError> {
-        let text = specific.tag_data.as_ref().map_or("", |text| text.as_str());
-        let known = [Transition::Wings, Transition::Hover];
-        let found = known.into_iter().find(|known| known.tag() == text);
-        match specific.tag_type {
-            None | Some(0) if found.is_some() || text.is_empty() => Ok(found),
-            tag_type => Err(StoreError::Tag {
-                tag_type: tag_type.unwrap_or(0),
-                text: text.to_owned(),
-            }),
-        }
-    }
+    specifics: BTreeMap<u16, VehicleSpecificWaypoint>,
 }
 
 /// A curved leg as it came.
@@ -85,7 +50,7 @@ enum Part<'m> {
     Waypoint(u16, &'m UaPositionWaypoint),
     Loiter(u16, &'m UaLoiterWaypoint),
     Curve((u16, u16), Curve),
-    Transition(u16, &'m VehicleSpecificWaypoint),
+    Specific(u16, &'m VehicleSpecificWaypoint),
 }
 
 /// A message that the plan does not take.
@@ -131,16 +96,8 @@ pub enum StoreError {
         expected: Id,
     },
     /// A 13006 that asks for nothing that is known.
-    #[error(
-        "13006 Tag Type {tag_type} with Tag/Data \"{text}\", expected Tag Type 0 with \"TRANSITION HOVER\" or \"TRANSITION WINGS\", \
-         or with no Tag/Data"
-    )]
-    Tag {
-        /// Tag Type.
-        tag_type: u8,
-        /// Tag/Data.
-        text: String,
-    },
+    #[error("{0}")]
+    Tag(String),
     /// The plan is full: a bound on memory, beyond what any vehicle carries.
     #[error("more than {0} {1} in one plan")]
     Full(usize, &'static str),
@@ -187,8 +144,8 @@ impl Plan {
             Part::Curve(ends, curve) => {
                 self.curves.insert(ends, curve);
             }
-            Part::Transition(number, specific) => {
-                self.transitions.insert(number, specific.clone());
+            Part::Specific(number, specific) => {
+                self.specifics.insert(number, specific.clone());
             }
         }
         Ok(())
@@ -253,9 +210,9 @@ impl Plan {
             }
             Message::VehicleSpecificWaypoint(specific) => {
                 let number = numbered(13006, "Waypoint Number", specific.waypoint_number)?;
-                Transition::of(specific)?;
-                has_room(&self.transitions, &number, "transitions")?;
-                Ok(Part::Transition(number, specific))
+                action::tagged(specific).map_err(StoreError::Tag)?;
+                has_room(&self.specifics, &number, "vehicle specific waypoints")?;
+                Ok(Part::Specific(number, specific))
             }
             other => Err(StoreError::NotAPlanMessage(other.id())),
         }
@@ -285,13 +242,13 @@ impl Plan {
         }
     }
 
-    /// Forgets the loiter, the transition and the curves at a waypoint that `sent` does not have there.
+    /// Forgets the loiter, the actions and the curves at a waypoint that `sent` does not have there.
     pub fn drop_unsent(&mut self, number: u16, sent: &Plan) {
         if !sent.loiters.contains_key(&number) {
             self.loiters.remove(&number);
         }
-        if !sent.transitions.contains_key(&number) {
-            self.transitions.remove(&number);
+        if !sent.specifics.contains_key(&number) {
+            self.specifics.remove(&number);
         }
         // Only the curves at this waypoint are looked at: a CUCS sends ten thousand of both.
         let here = self.curves.range(curves_at(number)).map(|(ends, _)| *ends);
@@ -379,11 +336,14 @@ impl Plan {
         self.loiters.get(&number)
     }
 
-    /// The transition of a VTOL at the waypoint of this number.
+    /// What is done at the waypoint of this number (13006), in its order.
     #[must_use]
-    pub fn transition(&self, number: u16) -> Option<Transition> {
+    pub fn actions(&self, number: u16) -> Vec<Action> {
         // Another one was not stored.
-        Transition::of(self.transitions.get(&number)?).ok()?
+        let specific = self.specifics.get(&number);
+        specific
+            .and_then(|specific| action::tagged(specific).ok())
+            .unwrap_or_default()
     }
 
     /// The curved legs that start at this waypoint: (P4's number, curve).
@@ -415,8 +375,8 @@ impl Plan {
             if let Some(loiter) = self.loiters.get(&number) {
                 part.loiters.insert(number, loiter.clone());
             }
-            if let Some(specific) = self.transitions.get(&number) {
-                part.transitions.insert(number, specific.clone());
+            if let Some(specific) = self.specifics.get(&number) {
+                part.specifics.insert(number, specific.clone());
             }
             for (to, curve) in self.curves_from(number) {
                 part.curves.insert((number, to), curve.clone());
@@ -449,24 +409,24 @@ impl Plan {
             waypoints,
             loiters,
             curves,
-            transitions,
+            specifics,
         } = upper;
         let covers = |number: &u16| waypoints.contains_key(number);
         self.loiters.retain(|number, _| !covers(number));
-        self.transitions.retain(|number, _| !covers(number));
+        self.specifics.retain(|number, _| !covers(number));
         self.curves.retain(|(p1, _), _| !covers(p1));
         self.routes.extend(routes);
         self.waypoints.extend(waypoints);
         self.loiters.extend(loiters);
         self.curves.extend(curves);
-        self.transitions.extend(transitions);
+        self.specifics.extend(specifics);
     }
 
-    /// The messages that are about one waypoint: it, its loiter and transition, the curves that start at it.
+    /// The messages that are about one waypoint: it, its loiter and actions, the curves that start at it.
     pub fn messages_about(&self, number: u16) -> impl Iterator<Item = Message> + '_ {
         let waypoint = self.waypoint(number).cloned();
         let loiter = self.loiter(number).cloned();
-        let specific = self.transitions.get(&number).cloned();
+        let specific = self.specifics.get(&number).cloned();
         let curves = self.curves_from(number).map(|(_, curve)| curve.message());
         waypoint
             .map(Message::UaPositionWaypoint)
@@ -476,7 +436,7 @@ impl Plan {
             .chain(curves)
     }
 
-    /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, transitions, curves.
+    /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, actions, curves.
     pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
         let routes = self.routes.iter().cloned().map(Message::UaRoute);
         let waypoints = self.waypoints.iter().flat_map(|(number, waypoint)| {
@@ -493,7 +453,7 @@ impl Plan {
             .filter(|(number, _)| !self.waypoints.contains_key(number));
         let without_waypoint =
             without_waypoint.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
-        let specifics = self.transitions.values().cloned();
+        let specifics = self.specifics.values().cloned();
         let curves = self.curves.values().map(Curve::message);
         routes
             .chain(waypoints)

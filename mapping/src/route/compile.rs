@@ -6,7 +6,7 @@ use curve_paths::Position;
 use curve_paths::flight::MIN_ACCEPTANCE_M;
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::LoiterType;
-use stanag_msgs::messages::UaPositionWaypoint;
+use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use super::clearance::{self, Slopes};
 use super::error::{Reason, RouteError};
@@ -14,9 +14,10 @@ use super::item::{self, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
 use super::{brake, curve, loiter, waypoint};
+use crate::action::{Action, Transition};
 use crate::altitude::Level;
 use crate::limits::{Performance, metres};
-use crate::plan::{Plan, Transition};
+use crate::plan::Plan;
 
 /// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
 /// within the smallest tolerance that the items allow, and a note reports it.
@@ -208,6 +209,7 @@ impl<'a> Draft<'a> {
         if let Some(chords) = &curve {
             self.end_curve(&leg, chords, begun_at);
         }
+        self.act(&leg, loiter).map_err(at)?;
         self.turn(&leg).map_err(at)?;
         self.compiled.order.push(leg);
         let next = self.lead_on(&leg, waypoint).map_err(at)?;
@@ -217,12 +219,47 @@ impl<'a> Draft<'a> {
         Ok(next)
     }
 
+    /// What is done at a waypoint once it is reached, and its loiter is over.
+    ///
+    /// # Errors
+    /// PX4 would never come to it, or cannot do it with this airframe.
+    fn act(&mut self, leg: &Leg, loiter: Option<&UaLoiterWaypoint>) -> Result<(), Reason> {
+        let endless = loiter.is_some_and(|loiter| loiter.loiter_duration.is_none());
+        let actions = self.plan.actions(leg.number);
+        let actions = actions
+            .iter()
+            .filter(|one| !matches!(one, Action::Transition(_)));
+        for action in actions {
+            if endless {
+                return Err(Reason::ActionAfterLoiter);
+            }
+            if matches!(action, Action::Delay(_)) && !self.site().hovers() {
+                return Err(Reason::DelayOnWings);
+            }
+            if matches!(action, Action::Servo(..)) {
+                let note = item::SERVO_NOTE.to_owned();
+                if !self.compiled.notes.contains(&note) {
+                    self.compiled.notes.push(note);
+                }
+            }
+            for item in item::action(action) {
+                self.compiled.push(leg.number, item);
+            }
+        }
+        Ok(())
+    }
+
     /// The transition at a waypoint. One to what it is already is none: PX4 passes over it.
     ///
     /// # Errors
     /// It is no VTOL, or too low.
     fn turn(&mut self, leg: &Leg) -> Result<(), Reason> {
-        let Some(transition) = self.plan.transition(leg.number) else {
+        let actions = self.plan.actions(leg.number);
+        let transition = actions.iter().find_map(|action| match action {
+            Action::Transition(transition) => Some(*transition),
+            _ => None,
+        });
+        let Some(transition) = transition else {
             return Ok(());
         };
         let wings = self.site.wings.as_ref().ok_or(Reason::NoVtol)?;

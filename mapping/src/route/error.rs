@@ -137,6 +137,16 @@ pub enum Reason {
     /// A transition of what hovers always, or never.
     #[error("a transition (13006): the vehicle is no VTOL")]
     NoVtol,
+    /// An action after a loiter that has no end.
+    #[error(
+        "an action (13006) after its loiter, which has no end: PX4 would never come to it; give the loiter a duration (13003)"
+    )]
+    ActionAfterLoiter,
+    /// A delay of what cannot stand still.
+    #[error(
+        "DELAY (13006) on wings: PX4 flies on meanwhile; send a loiter with a duration (13003)"
+    )]
+    DelayOnWings,
     /// A loop whose start is flown on wings the first time, and hovering the next, or the other way.
     #[error(
         "the loop leads back to waypoint {0} in another state of the VTOL than it was flown to before: transition (13006) \

@@ -3,6 +3,7 @@
 use curve_paths::Position;
 use mavlink_link::service::mission::{FRAME_MISSION, Item};
 
+use crate::action::Action;
 use crate::altitude::Level;
 
 /// An item at a place, degrees north and east.
@@ -60,6 +61,52 @@ pub(super) fn transition(to_hover: bool) -> Item {
     }
 }
 
+/// The items of an action at a waypoint.
+pub(super) fn action(action: &Action) -> Vec<Item> {
+    let plain = |command, params: [f64; 4]| Item {
+        frame: FRAME_MISSION,
+        command,
+        autocontinue: true,
+        params: params.map(|param| param as f32),
+        ..Item::default()
+    };
+    let one = |command, params| vec![plain(command, params)];
+    match *action {
+        Action::Transition(_) => Vec::new(),
+        // All cameras, without an interval, one picture.
+        Action::Photo => one(IMAGE_START_CAPTURE, [0.0, 0.0, 1.0, 0.0]),
+        Action::PhotoEvery(seconds) => one(IMAGE_START_CAPTURE, [0.0, seconds, 0.0, 0.0]),
+        Action::PhotoStop => one(IMAGE_STOP_CAPTURE, [0.0; 4]),
+        Action::Video(true) => one(VIDEO_START_CAPTURE, [0.0; 4]),
+        Action::Video(false) => one(VIDEO_STOP_CAPTURE, [0.0; 4]),
+        // The first picture at once.
+        Action::TriggerMetres(metres) => one(DO_SET_CAM_TRIGG_DIST, [metres, 0.0, 1.0, 0.0]),
+        // An interval does not switch the trigger on, as a distance does.
+        Action::TriggerSeconds(seconds) => vec![
+            plain(
+                DO_SET_CAM_TRIGG_INTERVAL,
+                [1_000.0 * seconds, 0.0, 0.0, 0.0],
+            ),
+            plain(DO_TRIGGER_CONTROL, [1.0, 0.0, 0.0, 0.0]),
+        ],
+        Action::TriggerOff => one(DO_TRIGGER_CONTROL, [0.0; 4]),
+        Action::Servo(output, value) => {
+            let mut params = [f64::NAN; 4];
+            if let Some(param) = params.get_mut(usize::from(output.saturating_sub(1))) {
+                *param = value;
+            }
+            one(DO_SET_ACTUATOR, params)
+        }
+        Action::RoiOff => one(DO_SET_ROI_NONE, [0.0; 4]),
+        // Hour, minute and second of a time of the day: none.
+        Action::Delay(seconds) => one(NAV_DELAY, [seconds, -1.0, -1.0, -1.0]),
+    }
+}
+
+/// MISSION_ITEM_INT has whole numbers for param5 and param6, and so none that says "as it is".
+pub(super) const SERVO_NOTE: &str = "PX4 sets the actuator outputs 5 and 6 to their middle with each SERVO of a route (13006): its \
+                                     items cannot leave them as they are";
+
 /// MISSION_ITEM_INT's unit of latitude and longitude.
 pub(crate) fn degrees_e7(degrees: f64) -> i32 {
     (degrees * 1e7).round() as i32
@@ -77,6 +124,16 @@ pub(super) const NAV_LOITER_TO_ALT: u16 = 31;
 pub(super) const NAV_VTOL_LAND: u16 = 85;
 /// MAV_CMD_DO_LAND_START.
 pub(super) const DO_LAND_START: u16 = 189;
+const NAV_DELAY: u16 = 93;
+const DO_SET_ACTUATOR: u16 = 187;
+const DO_SET_ROI_NONE: u16 = 197;
+const DO_SET_CAM_TRIGG_DIST: u16 = 206;
+const DO_SET_CAM_TRIGG_INTERVAL: u16 = 214;
+const IMAGE_START_CAPTURE: u16 = 2000;
+const IMAGE_STOP_CAPTURE: u16 = 2001;
+const DO_TRIGGER_CONTROL: u16 = 2003;
+const VIDEO_START_CAPTURE: u16 = 2500;
+const VIDEO_STOP_CAPTURE: u16 = 2501;
 /// MAV_CMD_DO_VTOL_TRANSITION.
 pub(super) const DO_VTOL_TRANSITION: u16 = 3000;
 /// MAV_CMD_DO_JUMP.

@@ -128,6 +128,7 @@ pub fn plan_record(part: &Message) -> Result<Option<Record>, String> {
             }
             (803, None)
         }
+        Message::VehicleSpecificWaypoint(_) => (806, None),
         _ => return Ok(None),
     };
     let mut record = Record::ed25(number);

@@ -48,6 +48,7 @@ pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use physics::vtol::VtolState;
 pub use services::files::Files;
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
+pub use vehicle::actions::Actions;
 pub use vehicle::ground::GroundGrid;
 pub use vehicle::state::{
     ClockFault, HealthFaults, Outgoing, TICK, Truth, Vehicle, VehicleCounters,

@@ -83,11 +83,13 @@ facts! {
         "Loiter Duration Units": AS_RECEIVED;
         "Activity ID": AS_RECEIVED;
     }
-    13006 taken "stored; a transition of a VTOL at the waypoint with its number (DO_VTOL_TRANSITION): it flies the legs from there so" {
+    13006 taken "stored; what is done at the waypoint with its number: camera (IMAGE_START_CAPTURE, VIDEO_START_CAPTURE), camera trigger \
+                 (DO_SET_CAM_TRIGG_DIST, DO_SET_CAM_TRIGG_INTERVAL), outputs (DO_SET_ACTUATOR), NAV_DELAY, and a transition of a VTOL \
+                 (DO_VTOL_TRANSITION), which flies the legs from there so" {
         "Time Stamp": RECEIVED_STAMP;
         "Waypoint Number": "1 to 65534; 0, mission generic data, is refused";
         "Tag Type": "0; others are refused";
-        "Tag/Data": "TRANSITION HOVER or TRANSITION WINGS; empty takes an earlier one back, others are refused";
+        "Tag/Data": "PHOTO, VIDEO, TRIGGER, SERVO, ROI OFF, DELAY, TRANSITION (mapping.md), divided by semicolons; empty takes an earlier one back, others are refused";
     } sends "on download" {
         "Time Stamp": STAMP;
         "Waypoint Number": AS_RECEIVED;

@@ -454,6 +454,7 @@ impl Mission {
                 self.speed = (speed > 0.0).then_some(speed);
             }
             RETURN_TO_LAUNCH => notes.push(Note::ReturnHome),
+            _ if !has_place(item) => notes.push(Note::Action(*item)),
             _ => {}
         }
     }
@@ -548,6 +549,10 @@ impl Mission {
     }
 
     fn along(&self, item: &Item, view: &View<'_>, speed: f64) -> Guidance {
+        // PX4 keeps the place that it has, and does not look ahead to the next.
+        if item.command == DELAY {
+            return loiter(self.from, view);
+        }
         let Some(target) = self.place_from(self.index, view) else {
             return loiter(view.position, view);
         };

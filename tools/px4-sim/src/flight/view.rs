@@ -3,6 +3,8 @@
 //! The notes keep the flight stack free of messages: the vehicle turns them into STATUSTEXT, MISSION_ITEM_REACHED and mode
 //! changes.
 
+use mavlink_link::service::mission::Item;
+
 use crate::config::{Airframe, Param, Params};
 use crate::physics::motion::{LocalFrame, Ned};
 use crate::physics::trajectory::{Circle, Guidance, Leg};
@@ -72,6 +74,8 @@ pub(crate) enum Note {
     Critical(String),
     /// MISSION_ITEM_REACHED.
     Reached(u16),
+    /// A mission item without a place is carried out.
+    Action(Item),
     /// Change to AUTO.RTL: the item was NAV_RETURN_TO_LAUNCH.
     ReturnHome,
     /// Begin a transition of a VTOL.

@@ -2,6 +2,7 @@
 //!
 //! The parts, each calling only those before it:
 //! - [`state`]: what a vehicle is made of, and what every part needs of it.
+//! - [`actions`]: what mission items make the payload do.
 //! - [`command`]: one command, whichever message brought it.
 //! - [`operator`]: operator control, off by default.
 //! - [`reports`]: the vehicle's state as messages.
@@ -11,6 +12,7 @@
 //! - [`inbox`]: messages in.
 //! - [`tick`]: time in; the order of the steps of 4 ms.
 
+pub(crate) mod actions;
 pub(crate) mod command;
 pub(crate) mod execute;
 pub(crate) mod ground;

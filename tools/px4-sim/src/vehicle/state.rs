@@ -9,6 +9,7 @@ use mavlink::dialects::development::{
 use mavlink_link::service::Node;
 use mavlink_link::service::mission::Item;
 
+use super::actions::Actions;
 use super::command::Command;
 use super::ground::GroundGrid;
 use super::operator::OperatorControl;
@@ -180,6 +181,7 @@ pub struct Vehicle {
     pub(crate) operator: OperatorControl,
     pub(crate) ground: Option<GroundGrid>,
     pub(crate) payloads: Payloads,
+    pub(crate) actions: Actions,
 }
 
 impl Vehicle {
@@ -236,6 +238,7 @@ impl Vehicle {
             health_faults: HealthFaults::default(),
             ground: None,
             payloads: Payloads::new(&config),
+            actions: Actions::default(),
             operator: OperatorControl::new(config.operator_control, config.system_id),
             config,
         }
@@ -409,6 +412,10 @@ impl Vehicle {
                     self.send_reached(seq);
                 }
                 Note::ReturnHome => {}
+                Note::Action(item) => {
+                    let (now, here) = (self.now(), self.body.motion().position);
+                    self.actions.take(&item, now, here);
+                }
                 Note::Transition { to_wings } => self.body.turn(to_wings),
             }
         }
@@ -443,6 +450,11 @@ impl Vehicle {
     /// To change it from outside, as a logger does.
     pub fn files_mut(&mut self) -> &mut Files {
         self.ftp.files_mut()
+    }
+
+    /// What mission items have made its payload do.
+    pub fn actions(&self) -> &Actions {
+        &self.actions
     }
 
     /// The parameters' values.

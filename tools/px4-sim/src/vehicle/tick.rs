@@ -48,6 +48,7 @@ impl Vehicle {
             let sent = self.payloads.step(DT * PAYLOADS_EVERY as f64, &carrier);
             self.send_of_components(sent);
         }
+        self.actions.step(now, self.body.motion().position);
         self.serve();
         for message in self
             .ground

@@ -348,7 +348,10 @@ impl Translator {
                 let records = self.alert(&record, of);
                 return self.datagrams(&records, vehicle, cucs);
             }
-            Message::UaRoute(_) | Message::UaPositionWaypoint(_) | Message::UaLoiterWaypoint(_) => {
+            Message::UaRoute(_)
+            | Message::UaPositionWaypoint(_)
+            | Message::UaLoiterWaypoint(_)
+            | Message::VehicleSpecificWaypoint(_) => {
                 let plans = self.plans.entry(of).or_default();
                 match plans.sent(message) {
                     Ok(Some(waypoint)) => before.push(waypoint),
@@ -358,13 +361,6 @@ impl Translator {
                         before.push(caution);
                     }
                 }
-                return self.datagrams(&before, vehicle, cucs);
-            }
-            Message::VehicleSpecificWaypoint(_) => {
-                let what =
-                    "the plan has transitions (13006), which a station of Edition 2.5 is not sent";
-                let caution = self.caution(&record, what);
-                before.push(caution);
                 return self.datagrams(&before, vehicle, cucs);
             }
             Message::CurveSegment(_) | Message::CurveSegmentPaper(_) => {

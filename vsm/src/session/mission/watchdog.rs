@@ -199,6 +199,8 @@ impl Approach {
         // Turning back takes a time, and coming back the same again; a slow flight takes long for a step.
         let mut patience_s = limit_s + TURN_S * self.fastest_m_s + STEP_M / sample.slowest_m_s;
         let (Some(away), Some(best)) = (sample.away, self.best) else {
+            // A delay (13006) is no stay at a place, and ends by its time too.
+            patience_s += sample.loiter.and_then(|delay| delay.stay_s).unwrap_or(0.0);
             return stuck(still_s, patience_s);
         };
         if let Some(loiter) = sample.loiter
@@ -284,7 +286,7 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     };
     let loiter = match item.command {
         NAV_LOITER_UNLIM => Some(None),
-        NAV_LOITER_TIME => Some(Some(f64::from(item.params[0]))),
+        NAV_LOITER_TIME | NAV_DELAY => Some(Some(f64::from(item.params[0]))),
         _ => None,
     };
     let [north, east, _] = telemetry.velocity_ned?;
@@ -357,6 +359,7 @@ const SLOWEST_M_S: f64 = 0.01;
 /// MISSION_CURRENT comes each second and on change, s.
 const FRESH_S: f64 = 3.0;
 const NAV_LOITER_UNLIM: u16 = 17;
+const NAV_DELAY: u16 = 93;
 const NAV_LOITER_TIME: u16 = 19;
 const DO_CHANGE_SPEED: u16 = 178;
 

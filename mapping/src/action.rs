@@ -1,0 +1,155 @@
+//! What Tag/Data of a 13006 asks for at its waypoint, beside flying there: camera, camera trigger, outputs, a delay, and the
+//! transition of a VTOL.
+//!
+//! What is no such action is refused when it is sent; nothing of it is stored. Several are divided by `;`, up to 18
+//! characters in all, and are done in their order when the waypoint is reached; a transition is always the last.
+
+use stanag_msgs::messages::VehicleSpecificWaypoint;
+
+/// What a VTOL does at a waypoint, and flies the legs from there as: Tag/Data of 13006.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transition {
+    /// `TRANSITION WINGS`.
+    Wings,
+    /// `TRANSITION HOVER`.
+    Hover,
+}
+
+/// One thing that Tag/Data of a 13006 asks for, on reaching its waypoint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// `TRANSITION WINGS` or `TRANSITION HOVER`.
+    Transition(Transition),
+    /// `PHOTO`: one.
+    Photo,
+    /// `PHOTO EVERY 2.5`: one each so many seconds, until `PHOTO STOP`.
+    PhotoEvery(f64),
+    /// `PHOTO STOP`.
+    PhotoStop,
+    /// `VIDEO START`, `VIDEO STOP`.
+    Video(bool),
+    /// `TRIGGER 25 M`: the camera trigger, each so many metres flown.
+    TriggerMetres(f64),
+    /// `TRIGGER 2.5 S`: each so many seconds.
+    TriggerSeconds(f64),
+    /// `TRIGGER OFF`.
+    TriggerOff,
+    /// `SERVO 1 0.5`: an output, 1 to 4, from -1 to 1.
+    Servo(u8, f64),
+    /// `ROI OFF`: no place is looked at any more.
+    RoiOff,
+    /// `DELAY 10`: it hovers for so many seconds.
+    Delay(f64),
+}
+
+/// What a 13006 asks for, in order; nothing of an empty one, which takes an earlier one back.
+///
+/// # Errors
+/// A Tag Type or a Tag/Data that means nothing here.
+pub fn tagged(specific: &VehicleSpecificWaypoint) -> Result<Vec<Action>, String> {
+    let text = specific.tag_data.as_ref().map_or("", |text| text.as_str());
+    let tag_type = specific.tag_type.unwrap_or(0);
+    // The field keeps 19 characters: of a full one it is not known whether a number was cut, and `DELAY 40` became `DELAY 4`.
+    if text.len() > LONGEST {
+        return Err(format!(
+            "13006 Tag/Data \"{text}\" fills its field and may have been cut, expected at most {LONGEST} characters"
+        ));
+    }
+    let texts = text.split(';').map(str::trim).filter(|one| !one.is_empty());
+    let actions: Option<Vec<Action>> = texts.map(named).collect();
+    match actions.filter(|_| tag_type == 0 || text.is_empty()) {
+        Some(actions) if tag_type == 0 => Ok(actions),
+        _ => Err(format!(
+            "13006 Tag Type {tag_type} with Tag/Data \"{text}\", expected Tag Type 0 with {TAGS}, divided by \";\", or with no \
+             Tag/Data"
+        )),
+    }
+}
+
+fn named(text: &str) -> Option<Action> {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let number = |word: &str, low: f64, high: f64| {
+        let number = word.parse::<f64>().ok()?;
+        (low..=high).contains(&number).then_some(number)
+    };
+    let seconds = |word: &str| number(word, 0.1, 3_600.0);
+    Some(match words.as_slice() {
+        ["TRANSITION", "WINGS"] => Action::Transition(Transition::Wings),
+        ["TRANSITION", "HOVER"] => Action::Transition(Transition::Hover),
+        ["PHOTO"] => Action::Photo,
+        ["PHOTO", "EVERY", every] => Action::PhotoEvery(seconds(every)?),
+        ["PHOTO", "STOP"] => Action::PhotoStop,
+        ["VIDEO", "START"] => Action::Video(true),
+        ["VIDEO", "STOP"] => Action::Video(false),
+        ["TRIGGER", every, "M"] => Action::TriggerMetres(number(every, 0.5, 10_000.0)?),
+        ["TRIGGER", every, "S"] => Action::TriggerSeconds(seconds(every)?),
+        ["TRIGGER", "OFF"] => Action::TriggerOff,
+        ["SERVO", output, value] => {
+            let output = output
+                .parse()
+                .ok()
+                .filter(|output| (1..=OUTPUTS).contains(output))?;
+            Action::Servo(output, number(value, -1.0, 1.0)?)
+        }
+        ["ROI", "OFF"] => Action::RoiOff,
+        ["DELAY", time] => Action::Delay(seconds(time)?),
+        _ => return None,
+    })
+}
+
+/// What Tag/Data may say.
+const TAGS: &str = "PHOTO, PHOTO EVERY s, PHOTO STOP, VIDEO START, VIDEO STOP, TRIGGER m M, TRIGGER s S, TRIGGER OFF, SERVO 1..4 \
+                    -1..1, ROI OFF, DELAY s, TRANSITION HOVER or TRANSITION WINGS";
+/// Characters of Tag/Data.
+const LONGEST: usize = 18;
+/// Outputs that an item can set: param1 to param4. 5 and 6 are numbers without a fraction there.
+const OUTPUTS: u8 = 4;
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::Text;
+
+    use super::*;
+
+    fn of(text: &str) -> Result<Vec<Action>, String> {
+        tagged(&VehicleSpecificWaypoint {
+            tag_data: Some(Text::new(text)),
+            ..VehicleSpecificWaypoint::default()
+        })
+    }
+
+    #[test]
+    fn a_tag_names_actions_in_their_order() {
+        assert_eq!(of(""), Ok(vec![]));
+        assert_eq!(
+            of("PHOTO;DELAY 2.5"),
+            Ok(vec![Action::Photo, Action::Delay(2.5)])
+        );
+        assert_eq!(of("TRIGGER 25 M"), Ok(vec![Action::TriggerMetres(25.0)]));
+        assert_eq!(of("SERVO 4 -0.5"), Ok(vec![Action::Servo(4, -0.5)]));
+        assert_eq!(
+            of("TRANSITION HOVER"),
+            Ok(vec![Action::Transition(Transition::Hover)])
+        );
+        for wrong in [
+            "SERVO 5 1",
+            "SERVO 1 2",
+            "DELAY",
+            "DELAY nan",
+            "PHOTO EVERY 0",
+            "FLY HOME",
+            "PHOTO;X",
+        ] {
+            let why = of(wrong).expect_err("it means nothing");
+            assert!(why.contains(wrong) && why.contains("TRIGGER OFF"), "{why}");
+        }
+        let cut = of("TRIGGER OFF;DELAY 40").expect_err("it may have been cut");
+        assert!(cut.contains("at most 18 characters"), "{cut}");
+        let start = VehicleSpecificWaypoint {
+            tag_type: Some(1),
+            tag_data: Some(Text::new("PHOTO")),
+            ..VehicleSpecificWaypoint::default()
+        };
+        assert!(tagged(&start).is_err_and(|why| why.contains("Tag Type 1")));
+    }
+}
