@@ -25,6 +25,8 @@ impl Px4Mode {
     pub const VTOL_TAKEOFF: Px4Mode = Px4Mode::new(4, 10);
     /// GUIDED_COURSE: a fixed wing keeps a course over ground, an altitude and an air speed.
     pub const COURSE: Px4Mode = Px4Mode::new(4, 19);
+    /// TERMINATION: failsafe values at all outputs, until PX4 restarts.
+    pub const TERMINATION: Px4Mode = Px4Mode::new(10, 0);
     /// OFFBOARD: set points come over the link.
     pub const OFFBOARD: Px4Mode = Px4Mode::new(6, 0);
 
@@ -82,7 +84,7 @@ pub const MODES: &[(Px4Mode, u8, &str)] = &[
     (Px4Mode::new(4, 1), 38, "AUTO.READY"),
     (Px4Mode::new(4, 8), 39, "AUTO.FOLLOW_TARGET"),
     (Px4Mode::new(4, 9), 40, "AUTO.PRECLAND"),
-    (Px4Mode::new(10, 0), 42, "TERMINATION"),
+    (Px4Mode::TERMINATION, 42, "TERMINATION"),
     (Px4Mode::new(11, 0), 43, "ALTITUDE_CRUISE"),
     (Px4Mode::new(4, 11), 44, "EXTERNAL1"),
     (Px4Mode::new(4, 12), 45, "EXTERNAL2"),

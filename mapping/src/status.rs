@@ -78,12 +78,12 @@ pub fn loiter_configuration(
     }
 }
 
-/// 3005: nothing is armed for termination as long as no 2005 has done so.
+/// 3005: the state of the termination, which has no modes.
 #[must_use]
-pub fn termination(stamp: TimeStamp) -> FlightTerminationModeReport {
+pub fn termination(state: FtState, stamp: TimeStamp) -> FlightTerminationModeReport {
     FlightTerminationModeReport {
         time_stamp: Some(stamp),
-        reported_flight_termination_state: Some(FtState::Reset),
+        reported_flight_termination_state: Some(state),
         reported_flight_termination_mode: Some(FtMode::NotSpecified),
     }
 }

@@ -153,12 +153,12 @@ fn refused_values_unused_fields_and_unsupported_messages_are_reported() {
             })
     };
     let single = ConfigRequestType::SingleParameter;
-    // Terrain avoidance; thrust; the whole of flight termination.
+    // Terrain avoidance; thrust; the whole configuration of the vehicle.
     assert!(reported(single, 2016, 2, Some(16)));
     assert!(!reported(single, 2016, 2, Some(11)));
     assert!(reported(single, 2016, 22, None));
     assert!(!reported(single, 2016, 13, None));
-    assert!(reported(single, 2005, 0, None));
+    assert!(reported(single, 2000, 0, None));
 }
 
 #[test]

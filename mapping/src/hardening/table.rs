@@ -482,7 +482,7 @@ pub const SETTINGS: &[Setting] = &[
         rules: &[Rule {
             when: When::Is(&[121212]),
             verdict: Decide,
-            why: "a failure that the vehicle itself detects in flight (attitude, altitude) is only warned of (PX4's default; 0 ends the flight, as with a parachute)",
+            why: "a failure that the vehicle itself detects in flight (attitude, altitude) is only warned of (PX4's default; 0 ends the flight, as with a parachute); a commanded termination (2005) ends it with either value",
         }],
         better: 0.0,
         needs: None,

@@ -69,10 +69,6 @@ static REFUSED: &[(&[u16], &str)] = &[
     ),
     (&[44], "PX4 reports no lights, so none could be confirmed"),
     (
-        &[46],
-        "PX4 confirms no armed termination: land, or disarm by #45 at LOI 5",
-    ),
-    (
         &[47],
         "a route is flown at the places that its waypoints name, and is not moved",
     ),

@@ -194,7 +194,7 @@ mod tests {
         assert!(of(13002, "Turn Type").sent.is_some());
         assert_eq!(of(13002, "Activity ID").received, Received::Ignored);
         assert_eq!(
-            of(2005, "Flight Termination Mode").received,
+            of(2000, "Initial Propulsion Energy").received,
             Received::Refused
         );
         assert_eq!(of(4000, "Latitude").received, Received::Never);

@@ -333,6 +333,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.landing.radius_m", "-80.0"),
     ("vehicle.landing.place", "[47.0, 8.0]"),
     ("vehicle.terrain", "\"terrain/\""),
+    ("vehicle.termination.action", "\"land\""),
     ("vehicle.area.keep", "\"in\""),
     (
         "vehicle.area.vertices",

@@ -5,7 +5,8 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `terrain` reads elevation files; `explain` puts what is wrong into words;
+//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `terrain` reads elevation files; `termination` is what a
+//! commanded flight termination does; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
 //!
@@ -35,6 +36,7 @@ mod key;
 mod payload;
 pub mod reference;
 mod station;
+mod termination;
 mod terrain;
 mod value;
 mod vehicle;
@@ -46,6 +48,7 @@ pub use error::ConfigError;
 pub use forward::{Commands, Forward, ForwardLink, Relay};
 pub use payload::Payload;
 pub use station::{Checksum, Cucs, Delivery, Edition, Presence};
+pub use termination::{Termination, TerminationAction};
 pub use terrain::{TerrainFault, TerrainFolder};
 pub use value::{
     Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing, owner_name,

@@ -102,6 +102,9 @@ signing = { key_file = \"k\"#signing }
 [vehicle.landing]
 course_deg = 90.0
 #vehicle.landing
+[vehicle.termination]
+action = \"land\"
+#vehicle.termination
 [[vehicle.area]]
 keep = \"out\"
 centre = [47.0, 8.0]

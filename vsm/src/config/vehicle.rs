@@ -8,6 +8,7 @@ use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
 use super::payload::{self, Payload};
+use super::termination::Termination;
 use super::terrain::TerrainFolder;
 use super::value::{self, LinkAddress, Signing, SigningTable, id, logical_id};
 
@@ -60,6 +61,8 @@ table! {
         pub limits: Limits => Table(Limits::KEYS),
         /// Where a fixed wing or VTOL lands while no approach route is loaded; without it a route without one is refused.
         pub landing: Option<Landing> => Table(Landing::KEYS),
+        /// What a commanded flight termination does; without this table it is refused.
+        pub termination: Option<Termination> => Table(Termination::KEYS),
         /// Areas of its geofence, which no CUCS can take away.
         #[serde(default)]
         pub area: Vec<Area> => Table(Area::KEYS),
@@ -338,6 +341,9 @@ impl Vehicle {
         }
         if let Some(landing) = &self.landing {
             landing.check(at)?;
+        }
+        if let Some(termination) = &self.termination {
+            termination.check(at)?;
         }
         self.limits.check(at)
     }

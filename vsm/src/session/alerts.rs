@@ -43,6 +43,8 @@ pub(crate) enum Cause {
     KeyExchange,
     /// The geofence aboard is not what it should be.
     Fence,
+    /// A flight termination is armed, commanded or done.
+    Termination,
     /// Something that the vehicle itself reports as wrong.
     HealthFault(HealthFault),
     /// Something that does not work, distinguished from others of its code by a number.

@@ -18,7 +18,7 @@ use mapping::report::Commanded;
 use mapping::route::{Curving, FixedWing, Pattern, Policy, Vertices, Wings};
 use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
-use stanag_msgs::enums::{CommandedEngineState, FlightPathControlMode, RouteType};
+use stanag_msgs::enums::{CommandedEngineState, FlightPathControlMode, FtState, RouteType};
 use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
 use stanag_msgs::{Id, Text, TimeStamp};
 
@@ -43,6 +43,8 @@ pub(crate) struct Context<'a> {
     pub(crate) controller: Option<Id>,
     /// As the vehicle last showed it, never as commanded.
     pub(crate) vehicle: &'a VehicleState,
+    /// How far a flight termination has gone.
+    pub(crate) termination: TerminationView,
 }
 
 /// What the configuration sets that is the same for every vehicle.
@@ -130,6 +132,16 @@ pub(crate) struct FlightView<'a> {
     pub(crate) engine_command: Option<CommandedEngineState>,
     /// The last 2010.
     pub(crate) sticks: Option<&'a UaStickCommand>,
+}
+
+/// What the other machines may know of a flight termination.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct TerminationView {
+    /// Reported Flight Termination State of 3005; `None` where nothing was received of the vehicle: it may have ended its
+    /// flight by itself.
+    pub(crate) reported: Option<FtState>,
+    /// Nothing else is flown.
+    pub(crate) holds: bool,
 }
 
 /// The vehicle's parameters, as far as they have been read.

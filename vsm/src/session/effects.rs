@@ -105,7 +105,17 @@ pub(crate) enum Request {
         answer: AckType,
         why: Option<String>,
     },
-    /// Of reports: the station has begun or ceased to hold LOI 2.
+    /// Of flight and mission: a flight termination is commanded, end what is flown and uploaded for it.
+    YieldToTermination,
+    /// Of authority: write this about a flight termination into the audit log; answered to the termination.
+    Audit {
+        what: &'static str,
+        by: Option<Id>,
+        why: String,
+    },
+    /// Of the termination: its entry is written, up to this change of the disk, or cannot be.
+    Audited(Result<Changes, String>),
+    /// Of reports and the termination: the station has begun or ceased to hold LOI 2.
     ListenerChanged { station: usize },
     /// Of reports: these configuration values have changed; `by` knows already.
     Configured {

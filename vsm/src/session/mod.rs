@@ -93,6 +93,7 @@ mod reports;
 mod station;
 mod station_profile;
 pub(crate) mod store;
+mod termination;
 #[cfg(test)]
 mod testing;
 pub(crate) mod trace;

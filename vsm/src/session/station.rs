@@ -9,6 +9,7 @@ use stanag_msgs::ed25::Version;
 use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, Silence};
 use super::clock_offset::ClockOffset;
+use super::duplicates::Delay;
 use super::editions::Translator;
 use super::station_profile::{Shown, StationProfile};
 use crate::config::{Cucs, Dli, Edition};
@@ -29,6 +30,8 @@ pub(crate) struct GroundStation {
     pub(crate) received: Option<Duration>,
     /// Its clock against this computer's.
     pub(crate) clock: ClockOffset,
+    /// How long its latest message was on its way.
+    pub(crate) delay: Delay,
     /// It has sent 16002 from a proven address: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
     /// What it may still send.
@@ -49,6 +52,7 @@ impl GroundStation {
             proven: false,
             received: None,
             clock: ClockOffset::default(),
+            delay: Delay::Unknown,
             sends_heartbeats: false,
             allowance: StationAllowance::default(),
             spoken: None,

@@ -23,7 +23,8 @@ use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::alerts::Alerts;
 use super::context::{
-    Bounds, Context, FlightView, MissionView, Origin, ParameterView, Settings, Transfer,
+    Bounds, Context, FlightView, MissionView, Origin, ParameterView, Settings, TerminationView,
+    Transfer,
 };
 use super::counters::Counters;
 use super::duplicates::Remembered;
@@ -65,6 +66,7 @@ pub(crate) struct World {
     pub(crate) plan: Plan,
     pub(crate) transfer: Transfer,
     pub(crate) areas: Areas,
+    pub(crate) termination: TerminationView,
     progress: RouteProgress,
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
@@ -136,6 +138,7 @@ impl World {
             plan: Plan::default(),
             transfer: Transfer::None,
             areas: Areas::default(),
+            termination: TerminationView::default(),
             progress: RouteProgress::default(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             vsm_alerts: Alerts::new(0),
@@ -246,6 +249,7 @@ impl World {
             stations: &self.stations,
             controller: self.controller,
             vehicle: &self.vehicle,
+            termination: self.termination,
         };
         let flight = FlightView {
             maneuver: self.maneuver,

@@ -63,6 +63,7 @@ mod routes_by_type;
 mod shared_link;
 mod station_profiles;
 mod status;
+mod termination;
 mod time_of_validity;
 mod vehicle_services;
 mod whole_route;

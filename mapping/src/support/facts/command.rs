@@ -71,6 +71,11 @@ facts! {
         "Presence Vector Support": "partial vectors";
         "Controlled Station 17-32 Authorized": "stations that are handed over";
     }
+    2005 taken "two orders of the CUCS that holds LOI 5, to arm and then to execute what vehicle.termination plans: DO_FLIGHTTERMINATION, or DO_SET_MODE AUTO.LAND or AUTO.RTL, done once HEARTBEAT shows that mode; refused without that table, and to a station of Edition 4 unless provisional is all" {
+        "Time Stamp": "fresh by the station's own clock: at most 2 s behind its fastest messages";
+        "Commanded Flight Termination State": "1 arms for vehicle.termination.armed_s, 2 executes what is armed, 0 disarms, withdraws or releases; a termination that PX4 shows is final";
+        "Flight Termination Mode": "0; others are refused: the configuration plans what is done";
+    }
     2008 taken "arms and disarms, which all motors do together: COMPONENT_ARM_DISARM, after DO_SET_MODE AUTO.LOITER, done once HEARTBEAT.base_mode shows it; needs LOI 5" {
         "Time Stamp": RECEIVED_STAMP;
         "Engine Number": "refused above the number that there are";

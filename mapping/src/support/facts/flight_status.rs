@@ -44,9 +44,9 @@ facts! {
         "Loiter Duration": "of 2017";
         "Loiter Duration Units": "of 2017";
     }
-    3005 sends "by 17001, on 17002" {
+    3005 sends "by 17001, on 17002; where vehicle.termination is set to whoever begins to listen and on every change, twice a second while armed, commanded or shown; never of a silent vehicle that nothing is armed for" {
         "Time Stamp": STAMP;
-        "Reported Flight Termination State": "0: nothing arms it";
+        "Reported Flight Termination State": "1 armed, or commanded and not shown yet; 2 once HEARTBEAT shows it, whoever has commanded it; else 0";
         "Reported Flight Termination Mode": "0";
     }
     3006 sends "by 17001, on 17002; without lights: PX4 does not report them" {

@@ -18,5 +18,6 @@ pub(crate) mod rights;
 pub(crate) mod run;
 pub(crate) mod script;
 pub(crate) mod services;
+pub(crate) mod termination;
 pub(crate) mod until;
 pub(crate) mod verb;

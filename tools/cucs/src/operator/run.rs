@@ -136,6 +136,7 @@ impl<W: Write> Operator<W> {
                 let outcome = self.station.land(vehicle).await?;
                 self.finish(vehicle, "lands", outcome)
             }
+            Verb::Terminate { step } => self.terminate(*step).await,
             Verb::Wait { condition, within } => self.wait(condition, seconds(*within)?).await,
             Verb::Watch {
                 seconds: span,

@@ -101,6 +101,12 @@ pub enum Verb {
     },
     /// Land here (mode 19).
     Land,
+    /// End the flight in two steps, such as `terminate arm`, then `terminate execute` (2005).
+    Terminate {
+        /// Which step.
+        #[command(subcommand)]
+        step: TerminationStep,
+    },
     /// Wait until the vehicle reports a condition, such as `wait waypoint 20 --within 60`.
     Wait {
         /// Condition to wait for.
@@ -225,6 +231,17 @@ pub enum HandoverVerb {
     },
     /// Decline an offer, or withdraw a request.
     Decline,
+}
+
+/// A step of a flight termination.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Subcommand)]
+pub enum TerminationStep {
+    /// Arm it; the VSM disarms it again unless it is executed in time.
+    Arm,
+    /// Execute what is armed, and wait until the vehicle shows it. Final where the VSM is configured to terminate.
+    Execute,
+    /// Disarm it, or withdraw or release what was executed, where that is possible.
+    Cancel,
 }
 
 /// What `wait` waits for.

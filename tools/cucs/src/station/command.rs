@@ -1,9 +1,9 @@
-//! Mode commands (2016): launch, fly a route, loiter, land.
+//! Commands of flight: modes (2016: launch, fly a route, loiter, land) and flight termination (2005).
 
 use stanag_msgs::enums::{
-    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, SpeedType,
+    AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, FtMode, FtState, SpeedType,
 };
-use stanag_msgs::messages::VehicleOperatingModeCommand;
+use stanag_msgs::messages::{FlightTerminationCommand, VehicleOperatingModeCommand};
 use stanag_msgs::{Bam32, Id, Scaled};
 
 use super::endpoint::Station;
@@ -93,6 +93,25 @@ impl Station {
     /// As [`Station::operate`].
     pub async fn land(&mut self, vehicle: Id) -> Result<Outcome, StationError> {
         self.operate(vehicle, mode(Mode::AutolandEngage)).await
+    }
+
+    /// 2005: resets, arms or executes a flight termination. Executed is what the vehicle has shown.
+    ///
+    /// # Errors
+    /// As [`Station::operate`].
+    pub async fn terminate(
+        &mut self,
+        vehicle: Id,
+        state: FtState,
+    ) -> Result<Outcome, StationError> {
+        let command = FlightTerminationCommand {
+            commanded_flight_termination_state: Some(state),
+            flight_termination_mode: Some(FtMode::NotSpecified),
+            ..FlightTerminationCommand::default()
+        };
+        let what = format!("flight termination state {} (2005)", state.raw());
+        let within = self.timeouts.command;
+        self.command(vehicle, command, what, within).await
     }
 
     /// Another speed over ground in the mode that the vehicle is in.

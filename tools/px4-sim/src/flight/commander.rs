@@ -171,6 +171,10 @@ impl Commander {
         if self.armed && !force && !self.can_run(mode, facts) {
             return false;
         }
+        // Nothing leads out of it but a restart: no command, no pilot, no end of the failsafe that led into it.
+        if self.mode() == Mode::Termination {
+            return false;
+        }
         if let Some(failsafe) = self.failsafe.take() {
             self.overridden[failsafe.cause as usize] = true;
         }
@@ -196,6 +200,9 @@ impl Commander {
 
     /// The navigator has finished a mode, and another one follows.
     pub(crate) fn follow_with(&mut self, mode: Mode) {
+        if self.mode() == Mode::Termination {
+            return;
+        }
         match &mut self.failsafe {
             Some(failsafe) => failsafe.mode = mode,
             None => self.intend(mode),
@@ -239,6 +246,9 @@ impl Commander {
             return false;
         }
         self.armed = false;
+        if self.mode() == Mode::Termination {
+            self.after_disarming = Mode::Termination;
+        }
         self.failsafe = None;
         self.intended = self.after_disarming;
         notes.push(Note::Info(format!("Disarmed by {reason}\t")));

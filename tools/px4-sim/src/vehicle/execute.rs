@@ -532,8 +532,13 @@ impl Vehicle {
     }
 
     pub(crate) fn terminate(&mut self, c: &Command) -> Answer {
-        let may = c.param(1) > 0.5 && self.commander.is_armed();
-        Answer::accepted_or(Answer::Denied, may && self.request(Mode::Termination, true))
+        // CBRK_FLIGHTTERM is not asked: it is about PX4's own failure detector alone. Nor is there a way back by param1 0.
+        if c.param(1) <= 0.5 || !self.commander.is_armed() {
+            return Answer::Denied;
+        }
+        // Once terminated, a repetition is rejected: a ground station must look at HEARTBEAT.
+        let done = self.request(Mode::Termination, false);
+        Answer::accepted_or(Answer::TemporarilyRejected, done)
     }
 }
 

@@ -95,6 +95,11 @@ impl Vehicle {
             (false, _) => mav::MavState::MAV_STATE_UNINIT,
         };
         let mode = self.commander.mode();
+        // Armed or not: PX4 overrides all others with it.
+        let system_status = match mode {
+            Mode::Termination => mav::MavState::MAV_STATE_FLIGHT_TERMINATION,
+            _ => system_status,
+        };
         mav::HEARTBEAT_DATA {
             custom_mode: mode.custom_mode(),
             mavtype: match self.config.airframe {

@@ -10,7 +10,7 @@ use crate::config::{self, Provisional};
 use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
 use crate::session::station::GroundStation;
-use crate::session::{authority, flight, held, mission, payload, reports};
+use crate::session::{authority, flight, held, mission, payload, reports, termination};
 
 /// Whether a station is sent messages whose layout is derived from Edition 2.
 fn has_provisional(dli: &DliEffects<'_>, station: usize) -> bool {
@@ -86,6 +86,10 @@ impl Aircraft {
         message: &Message,
         contingency: bool,
     ) {
+        // Neither by its own time nor by that of its station would it be fresh.
+        if is_termination(message) {
+            return self.effects(dli).refuse(Some(origin), NEVER_HELD);
+        }
         let rights = self.authority.rights();
         let cucs = dli.stations.get(origin.station).map(GroundStation::id);
         let held = |right| cucs.is_some_and(|cucs| rights.holds(cucs, right));
@@ -120,6 +124,24 @@ impl Aircraft {
                 message,
             },
         );
+        let right = self.right_for(message);
+        if let Message::FlightTerminationCommand(command) = message {
+            let handover = self.authority.is_handed_over();
+            let input = termination::Input::Command {
+                origin,
+                command,
+                handover,
+            };
+            return self.terminate(dli, input);
+        }
+        if held::inner(message).is_some_and(|inner| is_termination(&inner)) {
+            return self.effects(dli).refuse(Some(origin), NEVER_HELD);
+        }
+        // Payload stations are still commanded: what they see of it is wanted.
+        let flies = |right: LoiBitmap| right.intersects(LoiBitmap::LOI4 | LoiBitmap::LOI5);
+        if self.termination.view(true).holds && right.is_some_and(flies) {
+            return self.effects(dli).refuse(Some(origin), TERMINATING);
+        }
         match message {
             Message::VehicleOperatingModeCommand(_)
             | Message::LoiterConfiguration(_)
@@ -163,6 +185,8 @@ impl Aircraft {
             self.mission.set_areas(areas, dli.now.mono);
             self.run_until_idle(dli);
         }
+        self.terminate(dli, termination::Input::Reconfigured);
+        self.run_until_idle(dli);
     }
 
     /// What this vehicle's machines may do, for what concerns no machine.
@@ -176,4 +200,12 @@ impl Aircraft {
             requests: &mut self.requests,
         }
     }
+}
+
+/// Why nothing else is commanded.
+const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0) where it can be";
+const NEVER_HELD: &str = "a flight termination is never held: two orders of the moment command it";
+
+fn is_termination(message: &Message) -> bool {
+    matches!(message, Message::FlightTerminationCommand(_))
 }

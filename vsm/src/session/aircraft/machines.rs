@@ -1,15 +1,17 @@
-//! The six machines, each lent what it reads and what it may do for one input.
+//! The eight machines, each lent what it reads and what it may do for one input.
 
 use stanag_msgs::enums::AckType;
 
 use super::{Aircraft, Context, Effects};
 use crate::session::effects::DliEffects;
-use crate::session::{authority, flight, held, mission, payload, reports};
+use crate::session::{authority, flight, held, mission, payload, reports, termination};
 
 impl Aircraft {
     /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
     pub(super) fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
-        let wanted = self.authority.controller().is_some() || self.flight.view().loss_action;
+        let wanted = self.authority.controller().is_some()
+            || self.flight.view().loss_action
+            || self.termination.view(true).holds;
         self.link
             .operator_control
             .hold(wanted, &self.vehicle, effects!(self, dli));
@@ -63,6 +65,12 @@ impl Aircraft {
             altimeter: self.flight.view().altimeter,
         };
         self.payload.handle(&context, input, effects!(self, dli));
+    }
+
+    pub(super) fn terminate(&mut self, dli: &mut DliEffects<'_>, input: termination::Input<'_>) {
+        let context = context!(self, dli);
+        self.termination
+            .handle(&context, input, effects!(self, dli));
     }
 
     pub(super) fn reports(

@@ -1,4 +1,4 @@
-//! One vehicle: the router between its six machines.
+//! One vehicle: the router between its eight machines.
 //!
 //! A machine has the form `handle(&mut self, &Context, Input, &mut Effects)` and `poll_timeout(&self)`. It knows no
 //! sibling: it reads their state through [`Context`](super::context::Context), and what it needs of one is a
@@ -10,6 +10,7 @@
 //! | [`mission`] | the stored plan, its upload, read-back and progress; the geofence |
 //! | [`flight`] | what a 2016 becomes: modes, maneuvers, sticks, set points, the loss action |
 //! | [`held`] | which commands are held until a condition, and when they are carried out |
+//! | [`termination`] | flight termination (2005): two orders, and what the vehicle then shows |
 //! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
 //! | [`payload`] | what is done for a payload command on a station: gimbals, cameras |
 //! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
@@ -41,6 +42,7 @@ use super::mission::{self, Mission};
 use super::payload::{self, Payload};
 use super::reports::{self, Reports, VehicleSettings};
 use super::station::GroundStation;
+use super::termination::{self, Termination};
 use crate::config;
 
 /// The router.
@@ -64,6 +66,7 @@ pub(crate) struct Aircraft {
     pub(super) held: Held,
     pub(super) reports: Reports,
     pub(super) payload: Payload,
+    pub(super) termination: Termination,
     pub(super) link: VehicleLink,
     files: FileAccess,
 }
@@ -80,6 +83,7 @@ macro_rules! context {
             stations: $dli.stations,
             controller: $self.authority.controller(),
             vehicle: &$self.vehicle,
+            termination: $self.termination.view($self.vehicle.live()),
         }
     };
 }
@@ -134,6 +138,7 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_datagram(from, bytes, vehicle, effects!(self, dli), tap);
         self.run_until_idle(dli);
+        self.terminate(dli, termination::Input::Watch);
         // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
         self.mission(dli, mission::Input::WatchProgress);
         self.held(dli, held::Input::Watch);
@@ -148,6 +153,8 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_timeout(vehicle, effects!(self, dli));
         self.watch_file();
+        // Before anything else is flown.
+        self.terminate(dli, termination::Input::Watch);
         self.authority(dli, authority::Input::WatchSilence);
         // At once: the loss of the controller is flown in this call, not at the next timeout.
         self.deliver_requests(dli);
@@ -187,6 +194,7 @@ impl Aircraft {
             None => effects.clear(Cause::Disk, "the disk of the VSM keeps what is written again"),
         }
         self.authority(dli, authority::Input::Stored);
+        self.terminate(dli, termination::Input::Watch);
         self.run_until_idle(dli);
     }
 
@@ -220,6 +228,7 @@ impl Aircraft {
             self.mission.poll_timeout(),
             self.flight.poll_timeout(),
             self.held.poll_timeout(),
+            self.termination.poll_timeout(),
             self.reports.poll_timeout(&self.alerts),
             self.payload.poll_timeout(),
         ]
@@ -267,7 +276,20 @@ impl Aircraft {
                     self.flight(dli, input);
                 }
                 Request::Hold => self.flight(dli, flight::Input::Hold),
+                Request::YieldToTermination => {
+                    self.mission(dli, mission::Input::YieldToTermination);
+                    self.flight(dli, flight::Input::YieldToTermination);
+                    self.hold_operator_control(dli);
+                }
+                Request::Audit { what, by, why } => {
+                    let why = &why;
+                    self.authority(dli, authority::Input::Audit { what, by, why });
+                }
+                Request::Audited(written) => {
+                    self.terminate(dli, termination::Input::Audited(written));
+                }
                 Request::ControlChanged => {
+                    self.terminate(dli, termination::Input::ControlChanged);
                     self.flight(dli, flight::Input::ControlChanged);
                     control_changed = true;
                 }
@@ -308,6 +330,7 @@ impl Aircraft {
                 Request::ListenerChanged { station } => {
                     self.observe(dli, reports::Input::ListenerChanged { station });
                     self.payload(dli, payload::Input::ListenerChanged { station });
+                    self.terminate(dli, termination::Input::ListenerChanged { station });
                 }
                 Request::Configured { changed, by } => {
                     self.observe(dli, reports::Input::Configured { changed, by });

@@ -24,6 +24,7 @@ use crate::session::mission::Mission;
 use crate::session::payload::Payload;
 use crate::session::reports::Reports;
 use crate::session::station::GroundStation;
+use crate::session::termination::Termination;
 
 impl Aircraft {
     /// `number` keeps the alert ids of the vehicles of one bridge apart.
@@ -51,6 +52,7 @@ impl Aircraft {
             mission: Mission::new(areas),
             flight: Flight::default(),
             held: Held::default(),
+            termination: Termination::default(),
             reports: Reports::default(),
             payload: Payload::default(),
             link,

@@ -128,6 +128,15 @@ pub enum Entry {
     Keyed,
     /// A start has found this wrong with the logs: without this line the next start would find them whole again.
     Fault(String),
+    /// What has become of a flight termination.
+    Termination {
+        /// In two or three words.
+        what: &'static str,
+        /// Who has ordered it.
+        by: Option<Id>,
+        /// In words.
+        why: String,
+    },
     /// A station has taken and given up rights that command no aircraft so often since the line before about it.
     Repeated {
         /// The station.
@@ -300,6 +309,11 @@ impl Chain {
             }
             Entry::Fault(why) => {
                 line.what = FAULT;
+                line.why = Some(why.clone());
+            }
+            Entry::Termination { what, by, why } => {
+                line.what = what;
+                line.from = by.map(|id| id.to_string());
                 line.why = Some(why.clone());
             }
             Entry::Repeated {

@@ -42,7 +42,7 @@ use self::rules::{Authority, Circumstances, Decision, Silence};
 use super::alerts::Raised;
 use super::allowance::Allowance;
 use super::context::{self, MissionView, Origin, WATCH_SLACK};
-use super::effects::Effects;
+use super::effects::{Effects, Request};
 use super::station::GroundStation;
 use crate::config;
 
@@ -157,6 +157,12 @@ pub(crate) enum Input<'a> {
     Reconfigured,
     /// The configuration has this vehicle no more: nobody holds anything of it.
     Removed,
+    /// Something about a flight termination belongs into the audit log.
+    Audit {
+        what: &'static str,
+        by: Option<Id>,
+        why: &'a str,
+    },
     /// Time has passed: how long is each holder silent?
     WatchSilence,
     /// A load may have ended, or the vehicle flies otherwise: what waited for that is decided.
@@ -172,7 +178,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
             Some(Mode::Launch | Mode::AutolandEngage | Mode::AutolandWaveOff) => LoiBitmap::LOI5,
             _ => LoiBitmap::LOI4,
         }),
-        Message::EngineCommand(_) => Some(LoiBitmap::LOI5),
+        Message::EngineCommand(_) | Message::FlightTerminationCommand(_) => Some(LoiBitmap::LOI5),
         Message::LoiterConfiguration(_)
         | Message::UaStickCommand(_)
         | Message::UnmannedAircraftLights(_)
@@ -275,6 +281,14 @@ impl AuthorityMachine {
         self.rights.controller()
     }
 
+    /// Whether control is on its way to another CUCS: requested and not decided, or decided and not on the disk.
+    pub(crate) fn is_handed_over(&self) -> bool {
+        let control = |handover: &rules::Handover| !handover.rights.control().is_empty();
+        self.decided.controller() != self.rights.controller()
+            || self.rights.pending().iter().any(control)
+            || self.decided.pending().iter().any(control)
+    }
+
     /// Since when, on the clock since 1970, a CUCS has held what it holds.
     pub(crate) fn since(&self, id: Id) -> Option<Duration> {
         self.record.since(id)
@@ -329,6 +343,12 @@ impl AuthorityMachine {
                 while let Some(one) = self.unstored.pop_front() {
                     self.take_effect(context, one, effects);
                 }
+            }
+            Input::Audit { what, by, why } => {
+                let written = self
+                    .record
+                    .write_termination(what, by, why, context, effects);
+                effects.request(Request::Audited(written.map_err(|fault| fault.to_string())));
             }
             Input::WatchSilence => self.watch_silence(context, effects),
             Input::Settle => self.settle(context, effects),

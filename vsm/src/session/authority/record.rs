@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use mavlink_link::store::{Disk, Durability, Store as _, StoreError};
+use mavlink_link::store::{Changes, Disk, Durability, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use stanag_msgs::ed25::Version;
@@ -282,6 +282,26 @@ impl AuthorityRecord {
                 return self.repetitions.failed(&entry);
             }
         }
+    }
+
+    /// Writes what has become of a flight termination; the change of the disk up to which it is on its way.
+    ///
+    /// # Errors
+    /// It is not in the log.
+    pub(super) fn write_termination(
+        &mut self,
+        what: &'static str,
+        by: Option<Id>,
+        why: &str,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Result<Changes, StoreError> {
+        let after = effects.disk().queued();
+        let why = why.to_owned();
+        let entry = Entry::Termination { what, by, why };
+        self.write_audit(Kind::Control, &entry, Durability::Power, context, effects)?;
+        let until = effects.disk().queued();
+        Ok(Changes { after, until })
     }
 
     /// When [`AuthorityRecord::write_repetitions`] is next needed.

@@ -206,7 +206,9 @@ impl Bridge {
         let seen = Seen::new(frame, &message, made_of, stamp, ack_requested, now.mono);
         // A release needs no stamp. One that has a stamp is no recording of a release made when nothing was held.
         let releases = matches!(&message, Message::CucsAuthorisationRequest(request) if authority::releases(request));
-        match self.remembered[index].judge(&seen, commands || releases, now.mono) {
+        let verdict = self.remembered[index].judge(&seen, commands || releases, now.mono);
+        self.stations[index].delay = self.remembered[index].delay(stamp, now.mono);
+        match verdict {
             Verdict::New => {}
             Verdict::Again(answer) => {
                 self.counters.count("duplicate");

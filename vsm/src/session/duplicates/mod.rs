@@ -6,7 +6,8 @@
 //! 1. `recent`: the latest messages, each with its answer and with what it orders about. A repetition is answered from
 //!    here; an order that a later one has overtaken is refused.
 //! 2. `stamps`: the Time Stamps that commands have used ([`UsedStamps`]), and the clock of the station as its traffic
-//!    shows it ([`StationClock`]). `stick_stamps`: the same for sticks ([`StickStamps`]).
+//!    shows it ([`StationClock`]); `delay`: how fresh a message is by it. `stick_stamps`: the same for sticks
+//!    ([`StickStamps`]).
 //! 3. `refusals`: the reasons that a station is sent.
 //! 4. `command_log`: the lines of the log on disk, for the time after a restart.
 //!
@@ -25,6 +26,7 @@
 //! carried out all the same, and an alert reports it: a vehicle in the air must be commanded with a full disk too.
 
 mod command_log;
+mod delay;
 mod recent;
 mod refusals;
 mod stamps;
@@ -42,6 +44,7 @@ use stanag_msgs::{Id, TimeStamp};
 use self::command_log::{
     STICKS_LINE, USED_LINE, log_file, parse_line, parse_span, write_line, write_span,
 };
+pub(crate) use self::delay::Delay;
 pub(crate) use self::recent::{Digest, Seen, commands_values, is_command};
 use self::recent::{MAX_COMMANDS, Recent, is_final};
 use self::refusals::{FLOWN, OLDER, OVERTAKEN, REPEATED, TOO_MANY_AHEAD, USED, late_text};
@@ -138,6 +141,11 @@ impl Remembered {
             None if overtaken => Verdict::Refused("overtaken", OVERTAKEN.into()),
             None => Verdict::New,
         }
+    }
+
+    /// How long a message that was judged just now has been on its way.
+    pub(crate) fn delay(&self, stamp: TimeStamp, now: Duration) -> Delay {
+        self.clock.delay(stamp, now)
     }
 
     /// How much was used of what is later than the station's clock shows.

@@ -22,6 +22,9 @@ use std::time::Duration;
 
 use stanag_msgs::TimeStamp;
 
+use super::delay::{Delay, FastestWay};
+pub(crate) use super::delay::{NEAR_MS, stamps_apart_ms};
+
 /// Stamps that must not command again: closed spans, apart by more than [`MERGED_MS`], in rising order.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub(crate) struct UsedStamps {
@@ -118,6 +121,8 @@ pub(crate) struct StationClock {
     /// Traffic that does not fit the reference, by what it would show. Several, so that single messages of any time, as
     /// anybody may forge them, do not take the place of what the station itself sends.
     candidates: [Option<Candidate>; MAX_CANDIDATES],
+    /// What is fresh by it.
+    fastest: FastestWay,
 }
 
 /// The newest stamp, and when it was received.
@@ -264,21 +269,30 @@ impl StationClock {
         })
     }
 
+    /// How long a message with this stamp, which was noted just now, has been on its way.
+    pub(crate) fn delay(&self, stamp: TimeStamp, now: Duration) -> Delay {
+        self.fastest.delay(stamp, now)
+    }
+
     /// Notes the stamp of a message that was received for the first time.
     pub(crate) fn note(&mut self, stamp: TimeStamp, now: Duration) {
         let new = Reference { stamp, at: now };
         let Some(reference) = self.reference else {
+            self.fastest.note(stamp, now);
             return self.follow(new, now);
         };
         let in_time = self.lateness(stamp, now).is_none();
         let ahead = self.is_ahead(stamp, now);
         if ahead && !self.is_settled(now) {
             // What was received first may have been old. Honest traffic is ahead of that, and need not wait.
+            self.fastest.forget();
+            self.fastest.note(stamp, now);
             self.candidates = [None; MAX_CANDIDATES];
             return self.follow(new, now);
         }
         let newer_ms = stamps_apart_ms(stamp, reference.stamp);
         if in_time && !ahead {
+            self.fastest.note(stamp, now);
             // What was overtaken on its way brings nothing new.
             if newer_ms > 0 {
                 self.follow(new, self.since.unwrap_or(now));
@@ -300,6 +314,8 @@ impl StationClock {
             if candidate.goes_on(new) {
                 let began = candidate.began;
                 let is_it = |one: &Candidate| one.newest.stamp == stamp;
+                self.fastest.forget();
+                self.fastest.note(stamp, now);
                 for slot in self.candidates.iter_mut() {
                     *slot = slot.filter(|one| !is_it(one));
                 }
@@ -337,18 +353,6 @@ impl StationClock {
     }
 }
 
-/// How much later `one` is than `other`, ms. The counter has 40 bits and rolls over on 2034-11-03: of the two ways round
-/// the shorter counts.
-pub(crate) fn stamps_apart_ms(one: TimeStamp, other: TimeStamp) -> i64 {
-    let forward = one.0.wrapping_sub(other.0) % TimeStamp::PERIOD_MS;
-    let signed = i64::try_from(forward).unwrap_or_default();
-    if forward < TimeStamp::PERIOD_MS / 2 {
-        signed
-    } else {
-        signed - TimeStamp::PERIOD_MS as i64
-    }
-}
-
 /// A command that arrives later than this after it was sent, by its station's own clock, is refused. Stations repeat for
 /// up to 40 s over the networks that the tests have.
 pub(crate) const MAX_LATE: Duration = Duration::from_secs(60);
@@ -361,8 +365,6 @@ const CONTESTED: Duration = Duration::from_secs(30);
 const MAX_CANDIDATES: usize = 8;
 /// One that has not shown itself for longer makes room, and begins again.
 const IDLE: Duration = Duration::from_secs(10);
-/// Traffic that is ahead by no more fits the clock: its first message may have been on its way for longer.
-pub(crate) const NEAR_MS: i64 = 2_000;
 /// Two used stamps that are nearer than this make one span.
 const MERGED_MS: u64 = 1_000;
 /// Spans kept of what has passed: 16 KiB a station and kind.

@@ -116,6 +116,8 @@ pub(crate) enum Input<'a> {
     ControlChanged,
     /// The controlling CUCS was lost, and nobody has control.
     ControllerLost,
+    /// A flight termination is commanded: nothing else is flown.
+    YieldToTermination,
     /// A command to the vehicle ended.
     CommandEnded(&'a command::Event),
     /// An operation of the mission service ended or progressed.
@@ -224,6 +226,18 @@ impl Flight {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
+        if context.termination.holds {
+            match input {
+                Input::Fly { origin, .. } => return effects.refuse(origin, TERMINATING),
+                // The watchdog stops a mission, and the loss action flies one: both are over. Streams would only starve later.
+                Input::Hold
+                | Input::Advance
+                | Input::WatchLossAction
+                | Input::EndCutOffLaunch
+                | Input::ControllerLost => return,
+                _ => {}
+            }
+        }
         match input {
             Input::Command { origin, message } => self.command(context, origin, message, effects),
             Input::Fly {
@@ -244,6 +258,11 @@ impl Flight {
                     self.steers(&context.vehicle.telemetry) || self.loss_action.is_active();
                 self.loss_action.begin(on_loss, steered, context.mono());
                 self.fly_loss_action(context, effects);
+            }
+            Input::YieldToTermination => {
+                self.end_running(context, TERMINATING, |_| true, effects);
+                self.sticks.forget();
+                self.steering.release();
             }
             Input::CommandEnded(event) => {
                 let (now, vehicle) = (context.mono(), context.vehicle);
@@ -757,4 +776,5 @@ fn select(mode: Mode) -> VehicleOperatingModeCommand {
     }
 }
 
+const TERMINATING: &str = "a flight termination is commanded";
 const SILENT: &str = "no data from the vehicle: no command can be confirmed";

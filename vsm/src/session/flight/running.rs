@@ -88,7 +88,7 @@ impl Flight {
             });
         }
         self.sticks.forget();
-        if controller.is_none() && steered {
+        if controller.is_none() && steered && !context.termination.holds {
             // Steered by nobody it would fly straight on for ever.
             if context.vehicle.telemetry.airborne() {
                 self.operate(context, None, &select(Mode::Loiter), false, effects);
@@ -101,7 +101,7 @@ impl Flight {
         }
     }
 
-    fn end_running(
+    pub(super) fn end_running(
         &mut self,
         context: &Context<'_>,
         why: &str,

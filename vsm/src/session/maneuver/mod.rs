@@ -12,8 +12,8 @@ mod step;
 pub(crate) use confirmation::Confirmation;
 pub(crate) use step::{
     Step, arm, change_altitude, change_speed, climbed, course, disarm, enter, figure_eight,
-    go_around, launch, launch_vtol, launch_wing, mode_after, orbit, reposition, shows_speed,
-    transition,
+    go_around, launch, launch_vtol, launch_wing, mode_after, orbit, reposition, set_mode,
+    shows_speed, transition,
 };
 
 use std::collections::VecDeque;

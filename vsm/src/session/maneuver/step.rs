@@ -52,23 +52,20 @@ impl Step {
     }
 }
 
+/// The parameters of MAV_CMD_DO_SET_MODE for a mode of PX4.
+pub(crate) fn set_mode(mode: Px4Mode) -> [f32; 7] {
+    // PX4 v1.18 refuses the packed custom_mode in param2, and unused parameters that are neither 0 nor NaN.
+    let (main, sub) = (f32::from(mode.main()), f32::from(mode.sub()));
+    [CUSTOM_MODE_ENABLED, main, sub, 0.0, 0.0, 0.0, 0.0]
+}
+
 /// MAV_CMD_DO_SET_MODE to a mode of PX4, and the confirmation of it.
 ///
 /// A take-off that ends in that very moment puts PX4 into AUTO.LOITER, whatever it has just accepted: then, and in no
 /// other mode, which might be a pilot's, it is commanded again.
 pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
     let mode = modes.first().copied().unwrap_or(Px4Mode::LOITER);
-    // PX4 v1.18 refuses the packed custom_mode in param2, and unused parameters that are neither 0 nor NaN.
-    let params = [
-        CUSTOM_MODE_ENABLED,
-        f32::from(mode.main()),
-        f32::from(mode.sub()),
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    ];
-    let command = long(MavCmd::MAV_CMD_DO_SET_MODE, params);
+    let command = long(MavCmd::MAV_CMD_DO_SET_MODE, set_mode(mode));
     [
         Step::Command {
             command,

@@ -42,6 +42,8 @@ pub(crate) enum Input<'a> {
     /// The mode command that waits for its route must not be carried out any more; with `without_right` only where its
     /// sender does not control the vehicle.
     DropWaitingCommand { why: String, without_right: bool },
+    /// A flight termination is commanded: a load must not take the vehicle out of it.
+    YieldToTermination,
     /// A command to the vehicle ended.
     CommandEnded(&'a command::Event),
     /// An operation of the mission service ended or progressed.

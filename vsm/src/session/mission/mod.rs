@@ -142,7 +142,10 @@ impl Mission {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
-        let free = self.may_change(context.vehicle, effects.vehicle);
+        let free = match context.termination.holds {
+            true => Err("a flight termination is commanded"),
+            false => self.may_change(context.vehicle, effects.vehicle),
+        };
         let telemetry = &context.vehicle.telemetry;
         let Mission {
             store,
@@ -167,6 +170,10 @@ impl Mission {
             }
             Input::DropWaitingCommand { why, without_right } => {
                 transfers.drop_waiting_command(context, &why, without_right, effects);
+            }
+            Input::YieldToTermination => {
+                let why = "a flight termination is commanded";
+                transfers.end_load(context, why, store, effects);
             }
             Input::CommandEnded(event) => {
                 transfers.handle_command(context, event, store, progress, effects);

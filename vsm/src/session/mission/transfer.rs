@@ -237,17 +237,7 @@ impl Transfers {
         // What was sent of an upload, loaded or not, is dropped with it: else the next 13000 would load it.
         let sender = (cucs_of(context, &origin), origin.stamp);
         let dropped = store.cancel_upload(context.mono(), sender, effects);
-        if let Some(mut load) = self.load.take() {
-            match &mut load.work {
-                Work::Load(upload) => {
-                    if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
-                        store.forget_uploaded(effects);
-                    }
-                }
-                Work::Clear { upload, .. } => upload.cancel(effects.vehicle),
-            }
-            load.end(None, "cancelled".to_owned(), effects);
-        }
+        self.end_load(context, "cancelled", store, effects);
         if let Some(download) = self.download.take() {
             download.cancel(effects);
         }
@@ -256,6 +246,28 @@ impl Transfers {
             Ok(()) => status::complete(effects, &origin, name, Mode::Cancel),
             Err(why) => status::reject(effects, origin, name, Mode::Cancel, None, why),
         }
+    }
+
+    /// Ends a load or a clearing, whoever asked for it.
+    pub(super) fn end_load(
+        &mut self,
+        context: &Context<'_>,
+        why: &str,
+        store: &mut MissionStore,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(mut load) = self.load.take() else {
+            return;
+        };
+        match &mut load.work {
+            Work::Load(upload) => {
+                if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
+                    store.forget_uploaded(effects);
+                }
+            }
+            Work::Clear { upload, .. } => upload.cancel(effects.vehicle),
+        }
+        load.end(None, why.to_owned(), effects);
     }
 
     /// A mode command that needs another route uploaded first: the latest of a type, or what 13000 has loaded.

@@ -134,7 +134,11 @@ fn details(
                     .into(),
             ]
         }
-        3005 => vec![status::termination(effects.stamp()).into()],
+        3005 => {
+            let state = context.termination.reported;
+            let report = state.map(|state| status::termination(state, effects.stamp()).into());
+            report.into_iter().collect()
+        }
         3006 => vec![status::lights(effects.stamp()).into()],
         3007 if live => {
             // A command that the vehicle refused is not one that its engines follow.

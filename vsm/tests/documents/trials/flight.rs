@@ -1,21 +1,37 @@
 //! Messages that fly the vehicle: engine, sticks, modes and loiters.
 
 use stanag_msgs::enums::{
-    AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, HeadingCommandType,
+    AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, FtState, HeadingCommandType,
     LoiterDirection, LoiterType, SpeedType,
 };
-use stanag_msgs::messages::{EngineCommand, LoiterConfiguration, VehicleOperatingModeCommand};
+use stanag_msgs::messages::{
+    EngineCommand, FlightTerminationCommand, LoiterConfiguration, VehicleOperatingModeCommand,
+};
 use stanag_msgs::{Bam16, Scaled};
 
 use super::messages::{loiter_there, steering, sticks};
 use super::scenes::{
-    airborne, airborne_with_route, control, one, plane, stream, then_5_s, then_20_s, then_loiter,
+    airborne, airborne_and_beating, airborne_with_route, control, one, plane, stream, termination,
+    then_5_s, then_20_s, then_loiter,
 };
 use crate::scene::Trial;
 use kit::bridge::orders;
 
 pub(super) fn flight() -> Vec<Trial> {
     vec![
+        trial!(
+            termination,
+            airborne_and_beating,
+            then_5_s,
+            FlightTerminationCommand {
+                commanded_flight_termination_state: Some(FtState::Arm),
+                ..FlightTerminationCommand::default()
+            },
+            [
+                "Commanded Flight Termination State" = "0",
+                "Flight Termination Mode" = "1" refused "others are refused",
+            ]
+        ),
         trial!(
             one,
             control,

@@ -31,6 +31,14 @@ pub(super) fn transitions() -> Setup {
     }
 }
 
+pub(super) fn termination() -> Setup {
+    Setup {
+        dli_keys: "provisional = \"all\"",
+        vehicle_keys: "termination = { action = \"land\" }",
+        ..Setup::default()
+    }
+}
+
 pub(super) fn plane() -> Setup {
     Setup {
         vehicles: vec![px4_sim::Config {
@@ -86,6 +94,12 @@ pub(super) fn airborne(rig: &mut Rig) {
     control(rig);
     rig.take_off(20.0);
     rig.run(2.0);
+}
+
+/// Its clock is measured.
+pub(super) fn airborne_and_beating(rig: &mut Rig) {
+    rig.stations[0].heartbeats = true;
+    airborne(rig);
 }
 
 pub(super) fn airborne_with_route(rig: &mut Rig) {

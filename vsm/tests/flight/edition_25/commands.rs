@@ -383,3 +383,42 @@ fn a_demand_right_after_its_mode_is_one_command_with_it() {
         assert!(of(42) >= 1 && of(43) >= 3, "{answers:?}");
     }
 }
+
+#[test]
+fn flight_termination_takes_46_to_arm_and_46_to_execute_and_108_reports_it() {
+    let mut rig = Rig::new(Setup {
+        tables: TABLES,
+        vehicle_keys: "termination = { action = \"terminate\" }",
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    let mut station = StationEd25::new(CUCS, ([127, 0, 0, 2], 41_000).into());
+    request(&mut rig, &mut station, 0x0f, 1);
+    rig.run(1.0);
+    take_off(&mut rig, &mut station, 20.0);
+    let order = |rig: &mut Rig, station: &mut StationEd25, state: u8| {
+        let fields = json!({ "Commanded Flight Termination State": state });
+        station.send(rig, vehicle_id(0), 46, &fields);
+        rig.run(1.0);
+        let reports = station.take(rig, 108);
+        reports
+            .last()
+            .map(|one| one["Reported Flight Termination State"].clone())
+    };
+    // Its clock is measured by what it sends anyway.
+    for _ in 0..5 {
+        let fields = json!({ "Message Type": 108 });
+        station.send(&mut rig, vehicle_id(0), 1403, &fields);
+        rig.run(1.0);
+    }
+    station.take(&rig, 108);
+    assert_eq!(order(&mut rig, &mut station, 2), None, "it is not armed");
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    assert_eq!(order(&mut rig, &mut station, 1), Some(json!(1)));
+    assert_eq!(order(&mut rig, &mut station, 0), Some(json!(0)));
+    assert_eq!(order(&mut rig, &mut station, 1), Some(json!(1)));
+    assert_eq!(order(&mut rig, &mut station, 2), Some(json!(2)));
+    assert_eq!(rig.truth().mode, Px4::Termination);
+    let alerts = station.alerts(&rig).join("|");
+    assert!(alerts.contains("FLIGHT TERMINATION EXECUTED"), "{alerts}");
+}

@@ -163,3 +163,39 @@ fn motors_stopped_by_force_in_the_air_bring_it_down() {
         flight.vehicle.truth()
     );
 }
+
+#[test]
+fn a_flight_termination_is_final_and_its_repetition_is_rejected() {
+    const TERMINATE: u16 = 185;
+    let mut flight = Flight::ready();
+    let [on, off] = [[1.0], [0.0]];
+    assert_eq!(flight.command(TERMINATE, &on), Some(2), "denied: disarmed");
+    let mut flight = airborne();
+    assert_eq!(
+        flight.command(TERMINATE, &off),
+        Some(2),
+        "denied: there is no way back"
+    );
+    assert_eq!(flight.command(TERMINATE, &on), Some(0));
+    assert_eq!(
+        flight.command(TERMINATE, &on),
+        Some(1),
+        "what it is in already"
+    );
+    flight.run(1.2);
+    let beat = flight.heartbeat();
+    assert_eq!(beat.system_status, MavState::MAV_STATE_FLIGHT_TERMINATION);
+    assert_eq!(beat.custom_mode, Mode::Termination.custom_mode());
+    // No mode, and no failsafe, leads out of it, on the ground and disarmed neither.
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(1));
+    assert_eq!(flight.set_mode(Mode::Land), Some(1));
+    flight.heartbeats = false;
+    flight.run(60.0);
+    let truth = flight.vehicle.truth();
+    assert!(truth.landed && !truth.armed && truth.mode == Mode::Termination);
+    assert_eq!(
+        flight.heartbeat().system_status,
+        MavState::MAV_STATE_FLIGHT_TERMINATION
+    );
+    assert_ne!(flight.command(400, &[1.0]), Some(0), "nothing arms it");
+}

@@ -1,0 +1,444 @@
+//! Flight termination (2005, 3005; #46 and #108 of Edition 2.5): two orders of a CUCS that holds LOI 5, and nothing else.
+//!
+//! [`rules`] decides, without messages, clock or vehicle; its promises stand there. Here an order becomes what it decides by,
+//! and what it decides becomes messages: an entry of the audit log first, the command to the vehicle only once that is on
+//! the disk; an alert to every station; 3005 on every change, and twice a second while anything is armed.
+//!
+//! The command does not go the way of all others (`mavlink_link::service::command`): there it would wait behind a command
+//! that the vehicle does not answer. It is sent by itself, again every second, until the vehicle shows it: PX4 executes it
+//! once, and answers its repetitions with TEMPORARILY_REJECTED, so that COMMAND_ACK says nothing. It is sent also to a
+//! vehicle of which nothing is received: a link whose way down has failed is a reason to end a flight.
+//!
+//! While it is commanded, and while the vehicle lands or returns by it, nothing else is flown: maneuvers and streams end,
+//! uploads are dropped, and every other command is refused until a reset.
+
+mod rules;
+mod text;
+
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mapping::status;
+use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::store::{Changes, Progress};
+use stanag_msgs::Message;
+use stanag_msgs::enums::{AckType, AlertPriority, FtMode, FtState, SubsystemId};
+use stanag_msgs::messages::FlightTerminationCommand;
+
+use self::rules::{Circumstances, Order, Outcome, Plan, Refusal, Rules, Shows, Stage};
+use super::alerts::Cause;
+use super::context::{Context, Origin, TerminationView};
+use super::effects::{Effects, Request};
+use super::log::LogLevel;
+use super::maneuver::set_mode;
+use crate::config::{Provisional, TerminationAction as Action};
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct Termination {
+    rules: Rules,
+    /// The order to execute, which is answered by what becomes of it.
+    commanded: Option<Origin>,
+    /// The order to arm, which is answered once its entry of the audit log is on its way.
+    armed: Option<Origin>,
+    /// The entry that the command waits for, and until when at the latest.
+    audit: Option<(Option<Changes>, Duration)>,
+    /// When the command is sent next.
+    send_at: Option<Duration>,
+    /// When 3005 is sent next.
+    report_at: Option<Duration>,
+    /// What 3005 has reported last to all who listen; nothing after a start.
+    published: Option<FtState>,
+}
+
+/// What happens to it.
+#[derive(Debug)]
+pub(crate) enum Input<'a> {
+    /// 2005 of a CUCS that holds the right. `handover`: another CUCS is taking control over.
+    Command {
+        origin: Origin,
+        command: &'a FlightTerminationCommand,
+        handover: bool,
+    },
+    /// The entry of the audit log is written, up to this change of the disk, or cannot be.
+    Audited(Result<Changes, String>),
+    /// Control has passed to another CUCS, or to nobody.
+    ControlChanged,
+    /// The configuration was read again.
+    Reconfigured,
+    /// A station has begun to listen.
+    ListenerChanged { station: usize },
+    /// Time has passed, the vehicle has shown something, or the disk has stored something.
+    Watch,
+}
+
+impl Termination {
+    /// What the other machines may know.
+    pub(crate) fn view(&self, live: bool) -> TerminationView {
+        let known = live || self.rules.stage() != Stage::Safe;
+        TerminationView {
+            reported: known.then(|| self.rules.reported()),
+            holds: self.rules.holds(),
+        }
+    }
+
+    /// When [`Input::Watch`] is next due.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        let audit = self.audit.map(|(_, until)| until);
+        [
+            self.rules.poll_timeout(),
+            audit,
+            self.send_at,
+            self.report_at,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// Takes an input.
+    pub(crate) fn handle(
+        &mut self,
+        context: &Context<'_>,
+        input: Input<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        match input {
+            Input::Command {
+                origin,
+                command,
+                handover,
+            } => self.command(context, origin, command, handover, effects),
+            Input::Audited(written) => self.audited(context, written, effects),
+            Input::ControlChanged => {
+                let outcome = self.rules.control_passed(context.controller);
+                self.conclude(context, outcome, effects);
+            }
+            Input::Reconfigured => {
+                let outcome = self.rules.replanned(plan(context));
+                self.conclude(context, outcome, effects);
+            }
+            Input::ListenerChanged { station } => {
+                let offered = context.config.termination.is_some();
+                if (offered || self.rules.stage() != Stage::Safe)
+                    && effects.listeners.contains(&station)
+                    && let Some(report) = self.report(context, effects)
+                {
+                    effects.publish(station, &report);
+                }
+            }
+            Input::Watch => self.watch(context, effects),
+        }
+    }
+}
+
+/// Orders.
+impl Termination {
+    fn command(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        command: &FlightTerminationCommand,
+        handover: bool,
+        effects: &mut Effects<'_>,
+    ) {
+        let order = match order(command) {
+            Ok(order) => order,
+            Err(why) => return effects.refuse(Some(origin), why),
+        };
+        let Some(at) = circumstances(context, &origin, handover) else {
+            return effects.refuse(Some(origin), "it needs its Time Stamp (field 1)");
+        };
+        match self.rules.order(order, &at) {
+            Ok(outcome) => {
+                match order {
+                    Order::Arm => {
+                        if let Some(before) = self.armed.replace(origin) {
+                            effects.acknowledge(&before, AckType::CarriedOut);
+                        }
+                    }
+                    Order::Execute => {
+                        // 17000 type 1 at once; type 2 or 3 follows when the vehicle has shown the outcome.
+                        effects.acknowledge(&origin, AckType::Received);
+                        self.commanded = Some(origin);
+                        self.audit = Some((None, context.mono() + AUDITED_WITHIN));
+                        effects.request(Request::YieldToTermination);
+                    }
+                    Order::Reset => effects.acknowledge(&origin, AckType::CarriedOut),
+                }
+                self.conclude(context, Some(outcome), effects);
+            }
+            Err(refusal) => {
+                let armed_s = armed_s(context);
+                let why = text::refusal(refusal, armed_s);
+                if refusal != Refusal::NotPlanned {
+                    // Who tries to end a flight is known to all.
+                    let id = context.asker(origin.station).map(|asker| asker.id);
+                    let by = id.map_or_else(String::new, |id| format!(" of {id}"));
+                    let others: Vec<usize> = effects.listeners.clone();
+                    let others = others.into_iter().filter(|one| *one != origin.station);
+                    let others: Vec<usize> = others.collect();
+                    let text = format!("flight termination{by} refused: {why}");
+                    effects.answer_sometimes(&others, text);
+                }
+                effects.refuse(Some(origin), why);
+            }
+        }
+    }
+
+    /// The entry of the audit log is on its way to the disk, or there.
+    fn audited(
+        &mut self,
+        context: &Context<'_>,
+        written: Result<Changes, String>,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some(origin) = self.armed.take() {
+            effects.acknowledge(&origin, AckType::CarriedOut);
+        }
+        match (&mut self.audit, written) {
+            (Some((stored, _)), Ok(changes)) if stored.is_none() => *stored = Some(changes),
+            (Some((_, until)), Err(_)) => *until = context.mono(),
+            _ => {}
+        }
+        self.send_when_audited(context, effects);
+    }
+
+    /// Sends the command once its entry of the audit log is on the disk. A disk that fails does not keep an aircraft that must
+    /// be ended in the air: then it is sent all the same, and an alert reports it.
+    fn send_when_audited(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let Some((stored, until)) = self.audit else {
+            return;
+        };
+        let durable =
+            stored.is_some_and(|changes| effects.disk().progress(changes) == Progress::Durable);
+        if !durable && context.mono() < until {
+            return;
+        }
+        self.audit = None;
+        if !durable {
+            effects.notify(
+                AlertPriority::Warning,
+                SubsystemId::VsmStatus,
+                "the audit log has no entry of this flight termination: the disk of the VSM does not keep it; commanded \
+                 all the same",
+            );
+        }
+        self.send_at = Some(context.mono());
+    }
+}
+
+/// What becomes of it.
+impl Termination {
+    fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        self.send_when_audited(context, effects);
+        self.send(context, effects);
+        let outcome = self.rules.watch(context.mono(), shows(context));
+        self.conclude(context, outcome, effects);
+        let due = self.report_at.is_some_and(|at| at <= context.mono());
+        // After a restart, who was armed before it must learn that nothing is.
+        let reported = self.view(context.vehicle.live()).reported;
+        let news = context.config.termination.is_some() && reported != self.published;
+        if due || news {
+            self.publish(context, effects);
+        }
+    }
+
+    fn send(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let Stage::Commanded { action, .. } = self.rules.stage() else {
+            self.send_at = None;
+            return;
+        };
+        if self.send_at.is_some_and(|at| at <= context.mono()) {
+            effects
+                .vehicle
+                .post(command_of(action, context.config.system_id));
+            self.rules.sent();
+            self.send_at = Some(context.mono() + AGAIN);
+        }
+    }
+
+    fn conclude(
+        &mut self,
+        context: &Context<'_>,
+        outcome: Option<Outcome>,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(outcome) = outcome else {
+            return;
+        };
+        let plan = context.config.termination.as_ref();
+        let confirm_s = plan.map_or(0.0, |plan| plan.confirm_s);
+        let words = text::outcome(outcome, armed_s(context), confirm_s);
+        let (what, by) = text::audit(outcome);
+        if outcome != Outcome::Reset(by.unwrap_or_default(), false) {
+            effects.request(Request::Audit {
+                what,
+                by,
+                why: words.clone(),
+            });
+        }
+        self.answer(outcome, &words, effects);
+        if self.audit.is_some() && !matches!(self.rules.stage(), Stage::Commanded { .. }) {
+            self.audit = None;
+        }
+        self.alert(outcome, words, effects);
+        self.publish(context, effects);
+    }
+
+    /// Answers the order to execute, once its outcome is known.
+    fn answer(&mut self, outcome: Outcome, words: &str, effects: &mut Effects<'_>) {
+        match outcome {
+            Outcome::Armed(..) | Outcome::Commanded(..) | Outcome::Reset(..) => {}
+            Outcome::Confirmed(..) | Outcome::ByItself => {
+                if let Some(origin) = self.commanded.take() {
+                    effects.acknowledge(&origin, AckType::CarriedOut);
+                }
+            }
+            _ => {
+                if let Some(origin) = self.commanded.take() {
+                    effects.refuse(Some(origin), words);
+                }
+            }
+        }
+    }
+
+    /// One alert stands as long as anything is armed, commanded or done, and changes with it.
+    fn alert(&self, outcome: Outcome, words: String, effects: &mut Effects<'_>) {
+        let priority = match (self.rules.stage(), outcome) {
+            (Stage::Safe, Outcome::Reset(_, false)) => {
+                return effects.note(LogLevel::Info, words);
+            }
+            (Stage::Safe, Outcome::Unconfirmed(..) | Outcome::Left(..)) => {
+                effects.clear(Cause::Termination, "flight termination is not armed");
+                return effects.notify(AlertPriority::Emergency, SUBSYSTEM, words);
+            }
+            (Stage::Safe, _) => {
+                effects.clear(Cause::Termination, "flight termination is not armed");
+                return effects.notify(AlertPriority::Warning, SUBSYSTEM, words);
+            }
+            (Stage::Armed { .. }, _) => AlertPriority::Warning,
+            (Stage::Commanded { .. } | Stage::Executing { .. }, _) => AlertPriority::Emergency,
+        };
+        effects.raise(Cause::Termination, priority, SUBSYSTEM, words);
+    }
+
+    /// 3005 to all who listen, and again in half a second while there is anything to report.
+    fn publish(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let standing = self.rules.stage() != Stage::Safe;
+        self.report_at = standing.then(|| context.mono() + REPORT_EVERY);
+        self.published = self.view(context.vehicle.live()).reported;
+        if let Some(report) = self.report(context, effects) {
+            effects.publish_to_listeners(&report);
+        }
+    }
+
+    fn report(&self, context: &Context<'_>, effects: &mut Effects<'_>) -> Option<Message> {
+        let state = self.view(context.vehicle.live()).reported?;
+        Some(status::termination(state, effects.stamp()).into())
+    }
+}
+
+/// What a 2005 orders.
+fn order(command: &FlightTerminationCommand) -> Result<Order, String> {
+    if let Some(mode) = command.flight_termination_mode
+        && mode != FtMode::NotSpecified
+    {
+        return Err(format!(
+            "Flight Termination Mode {}, expected 0: the configuration plans what is done",
+            mode.raw()
+        ));
+    }
+    match command.commanded_flight_termination_state {
+        Some(FtState::Reset) => Ok(Order::Reset),
+        Some(FtState::Arm) => Ok(Order::Arm),
+        Some(FtState::Execute) => Ok(Order::Execute),
+        Some(other) => Err(format!(
+            "Commanded Flight Termination State {}, expected 0 to 2",
+            other.raw()
+        )),
+        None => Err("Commanded Flight Termination State is missing".to_owned()),
+    }
+}
+
+fn circumstances(context: &Context<'_>, origin: &Origin, handover: bool) -> Option<Circumstances> {
+    let station = context.stations.get(origin.station)?;
+    Some(Circumstances {
+        now: context.mono(),
+        by: station.id(),
+        stamp: origin.stamp?,
+        controls: context.controller == Some(station.id()),
+        handover,
+        proven: station.proven,
+        delay: station.delay,
+        layout: context.provisional(origin.station) == Provisional::All,
+        plan: plan(context),
+        vehicle: shows(context),
+    })
+}
+
+fn plan(context: &Context<'_>) -> Option<Plan> {
+    let planned = context.config.termination.as_ref()?;
+    Some(Plan {
+        action: planned.action,
+        armed: planned.armed(),
+        confirm: planned.confirm(),
+    })
+}
+
+fn armed_s(context: &Context<'_>) -> f64 {
+    let planned = context.config.termination.as_ref();
+    planned.map_or(0.0, |planned| planned.armed_s)
+}
+
+fn shows(context: &Context<'_>) -> Shows {
+    let telemetry = &context.vehicle.telemetry;
+    if !context.vehicle.live() {
+        return Shows::Nothing;
+    }
+    match (telemetry.mode, telemetry.armed) {
+        // Also disarmed: PX4 stays in it. The mode, not HEARTBEAT.system_status: that shows MAV_STATE_FLIGHT_TERMINATION for
+        // the kill switch and before a throw launch, too, which a pilot undoes.
+        (Some(Px4Mode::TERMINATION), _) => Shows::Terminated,
+        (_, Some(false)) => Shows::Disarmed,
+        (Some(Px4Mode::LAND), _) => Shows::Landing,
+        (Some(Px4Mode::RTL), _) => Shows::Returning,
+        _ => Shows::Flying,
+    }
+}
+
+/// The command, whatever else waits for an answer of the vehicle.
+fn command_of(action: Action, system: u8) -> MavMessage {
+    let params = match action {
+        Action::Terminate => (
+            MavCmd::MAV_CMD_DO_FLIGHTTERMINATION,
+            [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        ),
+        Action::Land => (MavCmd::MAV_CMD_DO_SET_MODE, set_mode(Px4Mode::LAND)),
+        Action::Return => (MavCmd::MAV_CMD_DO_SET_MODE, set_mode(Px4Mode::RTL)),
+    };
+    let (command, [param1, param2, param3, param4, param5, param6, param7]) = params;
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command,
+        target_system: system,
+        target_component: AUTOPILOT,
+        confirmation: 0,
+        param1,
+        param2,
+        param3,
+        param4,
+        param5,
+        param6,
+        param7,
+    })
+}
+
+/// Between two commands, until the vehicle shows it.
+const AGAIN: Duration = Duration::from_secs(1);
+/// The command waits so long for its entry of the audit log.
+const AUDITED_WITHIN: Duration = Duration::from_secs(1);
+/// 3005, while anything is armed, commanded or done.
+const REPORT_EVERY: Duration = Duration::from_millis(500);
+const SUBSYSTEM: SubsystemId = SubsystemId::RecoverySystem;
+/// MAV_COMP_ID_AUTOPILOT1.
+const AUTOPILOT: u8 = 1;

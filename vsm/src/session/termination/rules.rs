@@ -1,0 +1,440 @@
+//! What may be done towards a flight termination, and when: a machine without messages, clock, disk or vehicle.
+//!
+//! Promised, and checked by `every_state` over every state that can be reached:
+//! - It is commanded only by two orders, to arm and then to execute, the second later than the first by the station's own
+//!   stamps, of one CUCS that holds LOI 5 in control at an address that it has proven, each fresh, with no handover in
+//!   progress, within [`Plan::armed`] of each other.
+//! - What is armed and not commanded in time, changes hands, or is planned otherwise by a configuration that was read
+//!   again, is not armed any more. A restart arms nothing: nothing of this is stored.
+//! - [`Stage::Executing`] is what the vehicle shows, never what was commanded.
+//! - PX4 does not leave a flight termination: then no reset is granted.
+
+#[cfg(test)]
+mod every_state;
+
+use std::time::Duration;
+
+use stanag_msgs::enums::FtState;
+use stanag_msgs::{Id, TimeStamp};
+
+use crate::config::TerminationAction as Action;
+use crate::session::duplicates::{Delay, stamps_apart_ms};
+
+/// How far a termination has gone.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub(crate) enum Stage {
+    /// Nothing is armed.
+    #[default]
+    Safe,
+    /// A CUCS has armed it.
+    Armed {
+        /// Which.
+        by: Id,
+        /// What will be done.
+        action: Action,
+        /// Until it is disarmed.
+        until: Duration,
+    },
+    /// It is commanded, and the vehicle does not show it.
+    Commanded {
+        /// By whom.
+        by: Id,
+        /// What is commanded.
+        action: Action,
+        /// Until it is given up.
+        until: Duration,
+        /// The vehicle has been sent it.
+        sent: bool,
+    },
+    /// The vehicle shows it.
+    Executing {
+        /// By whose command; `None`: by the vehicle itself, its pilot or another station.
+        by: Option<Id>,
+        /// What it does.
+        action: Action,
+        /// Since when it has shown something else: a report of its mode may be newer than that of its motors.
+        left: Option<Duration>,
+    },
+}
+
+/// Commanded Flight Termination State of a 2005.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Order {
+    Reset,
+    Arm,
+    Execute,
+}
+
+/// What the configuration plans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Plan {
+    pub(crate) action: Action,
+    /// How long it stays armed.
+    pub(crate) armed: Duration,
+    /// How long it is commanded until the vehicle shows it.
+    pub(crate) confirm: Duration,
+}
+
+/// What is known when an order comes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Circumstances {
+    pub(crate) now: Duration,
+    pub(crate) by: Id,
+    pub(crate) stamp: TimeStamp,
+    /// It holds LOI 5, in control.
+    pub(crate) controls: bool,
+    /// Another CUCS is taking control over.
+    pub(crate) handover: bool,
+    /// The station is where the order came from.
+    pub(crate) proven: bool,
+    pub(crate) delay: Delay,
+    /// The layout of 2005 may be used with this station.
+    pub(crate) layout: bool,
+    pub(crate) plan: Option<Plan>,
+    pub(crate) vehicle: Shows,
+}
+
+/// What the vehicle shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Shows {
+    /// Nothing: no data of it.
+    Nothing,
+    /// Motors disarmed.
+    Disarmed,
+    /// Motors armed, in another mode than those below.
+    Flying,
+    /// TERMINATION, which PX4 does not leave but by a restart.
+    Terminated,
+    /// AUTO.LAND.
+    Landing,
+    /// AUTO.RTL.
+    Returning,
+}
+
+impl Shows {
+    /// Whether it does this.
+    pub(crate) fn does(self, action: Action) -> bool {
+        matches!(
+            (self, action),
+            (Shows::Terminated, Action::Terminate)
+                | (Shows::Landing, Action::Land)
+                | (Shows::Returning, Action::Return)
+        )
+    }
+}
+
+/// Why an order is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Refusal {
+    NotPlanned,
+    Layout,
+    NoRight,
+    Unproven,
+    Handover,
+    /// By the station's own clock.
+    Late(Duration),
+    Ahead,
+    Unmeasured,
+    /// No order to execute is taken before one to arm.
+    NotArmed,
+    /// It was made before the latest order of its CUCS that was taken.
+    Reversed,
+    /// Another CUCS has armed it.
+    ArmedByAnother(Id),
+    Disarmed,
+    AlreadyCommanded,
+    AlreadyExecuting,
+    Final,
+}
+
+/// What has become of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Outcome {
+    Armed(Id, Action),
+    Commanded(Id, Action),
+    /// Reset before it was commanded, or where nothing was armed (`false`).
+    Reset(Id, bool),
+    /// Reset while it was commanded: the vehicle may have received it.
+    Withdrawn(Id, Action),
+    /// Reset while the vehicle lands or returns: other commands are taken again.
+    Released(Id, Action),
+    ArmedTooLong(Id),
+    ControlPassed(Id),
+    Replanned(Id),
+    Confirmed(Id, Action),
+    /// The vehicle shows it, and nobody here has commanded it.
+    ByItself,
+    Unconfirmed(Id, Action),
+    /// The vehicle was disarmed before it showed it.
+    DisarmedFirst(Id, Action),
+    /// It landed, or returned, and is disarmed.
+    Done(Action),
+    /// It has left what it was commanded.
+    Left(Action),
+    /// It shows no termination any more: PX4 has restarted.
+    Restarted,
+}
+
+/// The machine.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Rules {
+    stage: Stage,
+    /// The latest order to arm or to execute that was taken: whose, and its Time Stamp.
+    ordered: Option<(Id, TimeStamp)>,
+}
+
+impl Rules {
+    pub(crate) fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// Reported Flight Termination State of 3005.
+    pub(crate) fn reported(&self) -> FtState {
+        match self.stage {
+            Stage::Safe => FtState::Reset,
+            // Commanded is not yet done: a range officer must not read that a vehicle falls which still flies.
+            Stage::Armed { .. } | Stage::Commanded { .. } => FtState::Arm,
+            Stage::Executing { .. } => FtState::Execute,
+        }
+    }
+
+    /// Whether nothing else is flown: it is commanded, or the vehicle does what it was commanded.
+    pub(crate) fn holds(&self) -> bool {
+        matches!(
+            self.stage,
+            Stage::Commanded { .. } | Stage::Executing { by: Some(_), .. }
+        )
+    }
+
+    /// A 2005.
+    pub(crate) fn order(&mut self, order: Order, at: &Circumstances) -> Result<Outcome, Refusal> {
+        let plan = may_order(order, at)?;
+        let (stage, outcome) = match order {
+            Order::Reset => self.reset(at)?,
+            Order::Arm => self.arm(plan.ok_or(Refusal::NotPlanned)?, at)?,
+            Order::Execute => self.execute(plan.ok_or(Refusal::NotPlanned)?, at)?,
+        };
+        self.ordered = Some((at.by, at.stamp));
+        self.stage = stage;
+        Ok(outcome)
+    }
+
+    /// Whether an order was made after the latest that was taken, by the clock of its station. Of another station, which has
+    /// taken control over since, nothing can be compared.
+    fn follows(&self, at: &Circumstances) -> bool {
+        self.ordered
+            .is_none_or(|(by, stamp)| by != at.by || stamps_apart_ms(at.stamp, stamp) > 0)
+    }
+
+    fn reset(&self, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
+        let outcome = match self.stage {
+            Stage::Safe => Outcome::Reset(at.by, false),
+            // One that was made before, and was long on its way, must not undo what was ordered since.
+            _ if !self.follows(at) => return Err(Refusal::Reversed),
+            Stage::Armed { .. } => Outcome::Reset(at.by, true),
+            Stage::Commanded { action, .. } => Outcome::Withdrawn(at.by, action),
+            Stage::Executing {
+                action: Action::Terminate,
+                ..
+            } => return Err(Refusal::Final),
+            Stage::Executing { action, .. } => Outcome::Released(at.by, action),
+        };
+        Ok((Stage::Safe, outcome))
+    }
+
+    fn arm(&self, plan: Plan, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
+        match self.stage {
+            Stage::Armed { by, .. } if by != at.by => return Err(Refusal::ArmedByAnother(by)),
+            Stage::Safe | Stage::Armed { .. } => {}
+            Stage::Commanded { .. } => return Err(Refusal::AlreadyCommanded),
+            Stage::Executing { .. } => return Err(Refusal::AlreadyExecuting),
+        }
+        if !self.follows(at) {
+            return Err(Refusal::Reversed);
+        }
+        if at.vehicle == Shows::Disarmed {
+            return Err(Refusal::Disarmed);
+        }
+        let stage = Stage::Armed {
+            by: at.by,
+            action: plan.action,
+            until: at.now + plan.armed,
+        };
+        Ok((stage, Outcome::Armed(at.by, plan.action)))
+    }
+
+    fn execute(&self, plan: Plan, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
+        let (by, action, until) = match self.stage {
+            Stage::Armed { by, action, until } => (by, action, until),
+            Stage::Safe => return Err(Refusal::NotArmed),
+            Stage::Commanded { .. } => return Err(Refusal::AlreadyCommanded),
+            Stage::Executing { .. } => return Err(Refusal::AlreadyExecuting),
+        };
+        if by != at.by {
+            return Err(Refusal::ArmedByAnother(by));
+        }
+        if at.now >= until || action != plan.action {
+            return Err(Refusal::NotArmed);
+        }
+        if !self.follows(at) {
+            return Err(Refusal::Reversed);
+        }
+        if at.vehicle == Shows::Disarmed {
+            return Err(Refusal::Disarmed);
+        }
+        let stage = Stage::Commanded {
+            by,
+            action,
+            until: at.now + plan.confirm,
+            sent: false,
+        };
+        Ok((stage, Outcome::Commanded(by, action)))
+    }
+
+    /// The vehicle is sent the command.
+    pub(crate) fn sent(&mut self) {
+        if let Stage::Commanded { sent, .. } = &mut self.stage {
+            *sent = true;
+        }
+    }
+
+    /// Control has passed to `controller`, or to nobody. What was commanded goes on: it was lawful when it was.
+    pub(crate) fn control_passed(&mut self, controller: Option<Id>) -> Option<Outcome> {
+        match self.stage {
+            Stage::Armed { by, .. } if controller != Some(by) => {
+                self.stage = Stage::Safe;
+                Some(Outcome::ControlPassed(by))
+            }
+            _ => None,
+        }
+    }
+
+    /// The configuration was read again.
+    pub(crate) fn replanned(&mut self, plan: Option<Plan>) -> Option<Outcome> {
+        match self.stage {
+            Stage::Armed { by, action, .. } if plan.map(|plan| plan.action) != Some(action) => {
+                self.stage = Stage::Safe;
+                Some(Outcome::Replanned(by))
+            }
+            _ => None,
+        }
+    }
+
+    /// Time has passed, or the vehicle shows something else.
+    pub(crate) fn watch(&mut self, now: Duration, vehicle: Shows) -> Option<Outcome> {
+        let by_itself = Stage::Executing {
+            by: None,
+            action: Action::Terminate,
+            left: None,
+        };
+        let (stage, outcome) = match (self.stage, vehicle) {
+            (
+                Stage::Commanded {
+                    by,
+                    action,
+                    sent: true,
+                    ..
+                },
+                vehicle,
+            ) if vehicle.does(action) => {
+                let by = Some(by);
+                let left = None;
+                let stage = Stage::Executing { by, action, left };
+                (stage, Outcome::Confirmed(by?, action))
+            }
+            (Stage::Safe | Stage::Armed { .. } | Stage::Commanded { .. }, Shows::Terminated) => {
+                (by_itself, Outcome::ByItself)
+            }
+            (Stage::Armed { by, until, .. }, _) if now >= until => {
+                (Stage::Safe, Outcome::ArmedTooLong(by))
+            }
+            // Sent on, it would end the next flight as soon as somebody arms the vehicle again.
+            (Stage::Commanded { by, action, .. }, Shows::Disarmed) => {
+                (Stage::Safe, Outcome::DisarmedFirst(by, action))
+            }
+            (
+                Stage::Commanded {
+                    by, action, until, ..
+                },
+                _,
+            ) if now >= until => (Stage::Safe, Outcome::Unconfirmed(by, action)),
+            (Stage::Executing { .. }, Shows::Nothing) => return None,
+            (Stage::Executing { by, action, .. }, vehicle) if vehicle.does(action) => {
+                let left = None;
+                self.stage = Stage::Executing { by, action, left };
+                return None;
+            }
+            (Stage::Executing { .. }, Shows::Terminated) => (by_itself, Outcome::ByItself),
+            (
+                Stage::Executing {
+                    action: Action::Terminate,
+                    ..
+                },
+                _,
+            ) => (Stage::Safe, Outcome::Restarted),
+            (Stage::Executing { action, .. }, Shows::Disarmed) => {
+                (Stage::Safe, Outcome::Done(action))
+            }
+            // PX4 returns and then lands by itself.
+            (
+                Stage::Executing {
+                    action: Action::Return,
+                    ..
+                },
+                Shows::Landing,
+            ) => return None,
+            (Stage::Executing { by, action, left }, _) => match left {
+                Some(since) if now >= since + LEFT_FOR => (Stage::Safe, Outcome::Left(action)),
+                _ => {
+                    let left = left.or(Some(now));
+                    self.stage = Stage::Executing { by, action, left };
+                    return None;
+                }
+            },
+            _ => return None,
+        };
+        self.stage = stage;
+        Some(outcome)
+    }
+
+    /// When [`Rules::watch`] is next needed, if the vehicle shows nothing new.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        match self.stage {
+            Stage::Armed { until, .. } | Stage::Commanded { until, .. } => Some(until),
+            Stage::Executing { left, .. } => left.map(|since| since + LEFT_FOR),
+            Stage::Safe => None,
+        }
+    }
+}
+
+/// What every order needs, whatever the stage; a reset less: it is the safe direction, and is judged by its stamp.
+fn may_order(order: Order, at: &Circumstances) -> Result<Option<Plan>, Refusal> {
+    if !at.layout {
+        return Err(Refusal::Layout);
+    }
+    if !at.controls {
+        return Err(Refusal::NoRight);
+    }
+    if !at.proven {
+        return Err(Refusal::Unproven);
+    }
+    if order == Order::Reset {
+        return Ok(at.plan);
+    }
+    let plan = at.plan.ok_or(Refusal::NotPlanned)?;
+    if at.handover {
+        return Err(Refusal::Handover);
+    }
+    match at.delay {
+        Delay::Behind(by) if by <= MAX_DELAY => Ok(Some(plan)),
+        Delay::Behind(by) => Err(Refusal::Late(by)),
+        Delay::Ahead(_) => Err(Refusal::Ahead),
+        Delay::Unknown => Err(Refusal::Unmeasured),
+    }
+}
+
+/// A vehicle that has landed may show its next mode before it shows that it is disarmed: HEARTBEAT comes once a second, and
+/// some are lost.
+const LEFT_FOR: Duration = Duration::from_secs(3);
+/// An order to arm or to execute that was longer on its way is refused.
+pub(crate) const MAX_DELAY: Duration = Duration::from_secs(2);

@@ -1,0 +1,143 @@
+//! What operators, the log and the audit log are sent of a termination.
+
+use stanag_msgs::Id;
+
+use super::rules::{MAX_DELAY, Outcome, Refusal};
+use crate::config::TerminationAction as Action;
+
+/// What the vehicle is commanded, in words.
+pub(super) fn action(action: Action) -> &'static str {
+    match action {
+        Action::Terminate => "end the flight (MAV_CMD_DO_FLIGHTTERMINATION)",
+        Action::Land => "land now (AUTO.LAND)",
+        Action::Return => "return (AUTO.RTL)",
+    }
+}
+
+/// Why an order is refused.
+pub(super) fn refusal(refusal: Refusal, armed_s: f64) -> String {
+    match refusal {
+        Refusal::NotPlanned => {
+            "flight termination is off: set [vehicle.termination] in the configuration of the VSM".into()
+        }
+        Refusal::Layout => {
+            "the layout of 2005 is derived from Edition 2: set provisional = \"all\" in [dli] or for this CUCS".into()
+        }
+        Refusal::NoRight => "it needs LOI 5 in control of the vehicle".into(),
+        Refusal::Unproven => {
+            "the address that it came from is not proven: acknowledge the heartbeats (16002) of the VSM, or set \
+             cucs.address"
+                .into()
+        }
+        Refusal::Handover => "another CUCS is taking over control: wait for the end of the handover".into(),
+        Refusal::Late(by) => format!(
+            "it was {:.1} s on its way by this station's own clock, expected at most {} s: send it again",
+            by.as_secs_f64(),
+            MAX_DELAY.as_secs()
+        ),
+        Refusal::Ahead => {
+            "its Time Stamp is ahead of this station's clock: send it again once the clock is steady".into()
+        }
+        Refusal::Unmeasured => {
+            "this station's clock is not measured yet: send messages (16002 once a second) for 4 s, then send it again"
+                .into()
+        }
+        Refusal::NotArmed => format!(
+            "it is not armed: arm it (state 1), then execute it (state 2) within {armed_s} s"
+        ),
+        Refusal::Reversed => "its Time Stamp is not later than that of the order before it".into(),
+        Refusal::ArmedByAnother(id) => format!("{id} has armed it"),
+        Refusal::Disarmed => "the vehicle is disarmed: there is no flight to end".into(),
+        Refusal::AlreadyCommanded => {
+            "it is commanded already, and commanded again until the vehicle shows it".into()
+        }
+        Refusal::AlreadyExecuting => "the vehicle shows it already".into(),
+        Refusal::Final => {
+            "a flight termination is final in PX4: it ends with a restart of the autopilot on the ground".into()
+        }
+    }
+}
+
+/// How a record of it is named in the audit log, and by whom it came about.
+pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
+    match outcome {
+        Outcome::Armed(by, _) => ("termination armed", Some(by)),
+        Outcome::Commanded(by, _) => ("termination commanded", Some(by)),
+        Outcome::Reset(by, _) => ("termination reset", Some(by)),
+        Outcome::Withdrawn(by, _) => ("termination withdrawn", Some(by)),
+        Outcome::Released(by, _) => ("termination released", Some(by)),
+        Outcome::ArmedTooLong(by) | Outcome::ControlPassed(by) | Outcome::Replanned(by) => {
+            ("termination disarmed", Some(by))
+        }
+        Outcome::Confirmed(by, _) => ("termination confirmed", Some(by)),
+        Outcome::ByItself => ("termination shown", None),
+        Outcome::Unconfirmed(by, _) | Outcome::DisarmedFirst(by, _) => {
+            ("termination not confirmed", Some(by))
+        }
+        Outcome::Done(_) | Outcome::Left(_) | Outcome::Restarted => ("termination ended", None),
+    }
+}
+
+/// What has become of it.
+pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String {
+    match outcome {
+        Outcome::Armed(by, what) => format!(
+            "FLIGHT TERMINATION ARMED by {by}: {}, once it is executed (2005 state 2) within {armed_s} s",
+            action(what)
+        ),
+        Outcome::Commanded(by, what) => format!(
+            "FLIGHT TERMINATION COMMANDED by {by}: {}; not confirmed by the vehicle yet",
+            action(what)
+        ),
+        Outcome::Reset(by, true) => format!("flight termination disarmed by {by}"),
+        Outcome::Reset(by, false) => format!("flight termination reset by {by}: it was not armed"),
+        Outcome::Withdrawn(by, what) => format!(
+            "flight termination withdrawn by {by} before the vehicle has shown it: it may have received the command to {}",
+            action(what)
+        ),
+        Outcome::Released(by, what) => format!(
+            "flight termination released by {by}: the vehicle goes on to {}, other commands are taken again",
+            action(what)
+        ),
+        Outcome::ArmedTooLong(by) => format!(
+            "flight termination disarmed: {by} did not execute it within {armed_s} s"
+        ),
+        Outcome::ControlPassed(by) => {
+            format!("flight termination disarmed: {by}, which armed it, no longer controls the vehicle")
+        }
+        Outcome::Replanned(by) => format!(
+            "flight termination disarmed: the configuration plans it otherwise than when {by} armed it"
+        ),
+        Outcome::Confirmed(by, Action::Terminate) => format!(
+            "FLIGHT TERMINATION EXECUTED by {by}: the vehicle shows TERMINATION, which is final until PX4 restarts"
+        ),
+        Outcome::Confirmed(by, what) => format!(
+            "FLIGHT TERMINATION EXECUTED by {by}: the vehicle shows that it is to {}; other commands are refused until it \
+             is reset (2005 state 0)",
+            action(what)
+        ),
+        Outcome::ByItself => {
+            "the vehicle shows TERMINATION, commanded by itself, its pilot or another station: final until PX4 restarts"
+                .into()
+        }
+        Outcome::Unconfirmed(by, what) => format!(
+            "FLIGHT TERMINATION NOT CONFIRMED: commanded by {by}, the vehicle did not show that it is to {} within \
+             {confirm_s} s; arm and execute it again",
+            action(what)
+        ),
+        Outcome::DisarmedFirst(by, what) => format!(
+            "flight termination of {by} ended: the vehicle is disarmed and did not show that it is to {}",
+            action(what)
+        ),
+        Outcome::Done(what) => {
+            format!("flight termination ended: commanded to {}, the vehicle is disarmed", action(what))
+        }
+        Outcome::Left(what) => format!(
+            "FLIGHT TERMINATION LEFT: the vehicle no longer shows that it is to {}, a pilot or a failsafe has taken it",
+            action(what)
+        ),
+        Outcome::Restarted => {
+            "the vehicle no longer shows TERMINATION: its autopilot has restarted".into()
+        }
+    }
+}
