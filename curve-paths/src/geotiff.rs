@@ -2,7 +2,8 @@
 //!
 //! The samples are read by the `tiff` library, packed by deflate or LZW or not at all. Where they are is taken from three tags
 //! of the GeoTIFF standard: the scale of a pixel, one tie point, and whether that is the corner of a pixel or its middle. A file
-//! in another projection than degrees, or turned, is refused: a height at the wrong place is worse than none.
+//! in another projection than degrees, or turned, is refused: a height at the wrong place is worse than none. So are heights in
+//! another unit than metres, and above an ellipsoid; where the keys name neither, they are metres above mean sea level.
 
 use std::io::Cursor;
 
@@ -109,7 +110,7 @@ fn numbers(decoder: &mut Decoder<Cursor<Vec<u8>>>, tag: Tag) -> Result<Vec<f64>,
 /// Whether a sample is the height of a point, and not of its pixel.
 ///
 /// # Errors
-/// The keys say that it is not in degrees.
+/// The keys say that it is not in degrees, or its heights not metres above mean sea level.
 fn is_point(decoder: &mut Decoder<Cursor<Vec<u8>>>) -> Result<bool, String> {
     let keys = match decoder.find_tag(Tag::GeoKeyDirectoryTag) {
         Ok(Some(value)) => value.into_u16_vec().map_err(|cause| cause.to_string())?,
@@ -121,6 +122,17 @@ fn is_point(decoder: &mut Decoder<Cursor<Vec<u8>>>) -> Result<bool, String> {
         let found = entries.find(|entry| entry[0] == wanted && entry[1] == 0);
         found.map(|entry| entry[3])
     };
+    if let Some(other) = key(VERTICAL_UNITS).filter(|unit| *unit != METRE) {
+        return Err(format!(
+            "VerticalUnits {other}, expected {METRE}: heights in metres"
+        ));
+    }
+    if let Some(other) = key(VERTICAL_TYPE).filter(|kind| !SEA_LEVEL.contains(kind)) {
+        return Err(format!(
+            "VerticalCSType {other}, expected heights above mean sea level, as 3855 (EGM2008) or 5773 (EGM96): heights above an \
+             ellipsoid are up to 110 m off"
+        ));
+    }
     match key(MODEL_TYPE) {
         None | Some(GEOGRAPHIC) => Ok(key(RASTER_TYPE) == Some(POINT)),
         Some(other) => Err(format!(
@@ -137,6 +149,16 @@ const GEOGRAPHIC: u16 = 2;
 /// GTRasterTypeGeoKey, and its value for samples that are points.
 const RASTER_TYPE: u16 = 1025;
 const POINT: u16 = 2;
+/// VerticalUnitsGeoKey, and its value for metres.
+const VERTICAL_UNITS: u16 = 4099;
+const METRE: u16 = 9001;
+/// VerticalCSTypeGeoKey, and what it calls heights in metres above mean sea level: EGM2008, EGM96, EGM84, mean sea level, then
+/// what national elevation models have (NAVD88, AHD, NGF-IGN69, LN02, LHN95, EVRF2000, EVRF2007, DHHN92, DHHN2016, ODN). They
+/// differ by less than 2 m.
+const VERTICAL_TYPE: u16 = 4096;
+const SEA_LEVEL: [u16; 14] = [
+    3855, 5773, 5798, 5714, 5703, 5711, 5720, 5728, 5729, 5730, 5621, 5783, 7837, 5701,
+];
 /// A tile of 1 arc second has 13 million.
 const MAX_SAMPLES: usize = 64_000_000;
 
@@ -150,6 +172,8 @@ mod tests {
     struct Made {
         point: bool,
         model: u16,
+        /// Keys beside: of heights.
+        vertical: &'static [(u16, u16)],
         scale: [f64; 3],
         packed: Compression,
     }
@@ -157,6 +181,7 @@ mod tests {
     const TILE: Made = Made {
         point: true,
         model: GEOGRAPHIC,
+        vertical: &[],
         scale: [0.1, 0.05, 0.0],
         packed: Compression::Deflate(DeflateLevel::Balanced),
     };
@@ -171,20 +196,10 @@ mod tests {
             .expect("an image");
         let tags = image.encoder();
         let raster = if made.point { POINT } else { 1 };
-        let keys = [
-            1,
-            1,
-            0,
-            2,
-            MODEL_TYPE,
-            0,
-            1,
-            made.model,
-            RASTER_TYPE,
-            0,
-            1,
-            raster,
-        ];
+        let mut all = vec![(MODEL_TYPE, made.model), (RASTER_TYPE, raster)];
+        all.extend(made.vertical);
+        let mut keys = vec![1, 1, 0, all.len() as u16];
+        keys.extend(all.iter().flat_map(|(key, value)| [*key, 0, 1, *value]));
         let tie = [0.0, 0.0, 0.0, 8.0, 47.05, 0.0];
         tags.write_tag(Tag::ModelPixelScaleTag, &made.scale[..])
             .expect("a tag");
@@ -234,6 +249,21 @@ mod tests {
         assert_eq!(height_m(&TILE, 47.0, 7.951), Some(0.0));
         assert_eq!(height_m(&TILE, 46.974, 8.1), None);
         assert_eq!(height_m(&TILE, 47.0, 7.949), None);
+    }
+
+    #[test]
+    fn heights_in_feet_or_above_an_ellipsoid_are_refused() {
+        let with = |vertical| made(&Made { vertical, ..TILE });
+        for known in [3855, 5773, 5703] {
+            let vertical: &[_] = vec![(VERTICAL_TYPE, known), (VERTICAL_UNITS, METRE)].leak();
+            assert!(read(with(vertical)).is_ok(), "{known}");
+        }
+        let fault = |vertical| read(with(vertical)).map(|_| ()).expect_err("refused");
+        assert!(fault(&[(VERTICAL_UNITS, 9002)]).contains("VerticalUnits 9002, expected 9001"));
+        for other in [4979, 5030, 32_767] {
+            let vertical: &[_] = vec![(VERTICAL_TYPE, other)].leak();
+            assert!(fault(vertical).contains(&format!("VerticalCSType {other}")));
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What Tag/Data of a 13006 asks for at its waypoint, beside flying there: camera, camera trigger, outputs, a delay, and the
+//! What Tag/Data of a 13006 asks for at its waypoint, beside flying there: camera, camera trigger, a delay, and the
 //! transition of a VTOL.
 //!
 //! What is no such action is refused when it is sent; nothing of it is stored. Several are divided by `;`, up to 18
@@ -34,8 +34,6 @@ pub enum Action {
     TriggerSeconds(f64),
     /// `TRIGGER OFF`.
     TriggerOff,
-    /// `SERVO 1 0.5`: an output, 1 to 4, from -1 to 1.
-    Servo(u8, f64),
     /// `ROI OFF`: no place is looked at any more.
     RoiOff,
     /// `DELAY 10`: it hovers for so many seconds.
@@ -56,6 +54,12 @@ pub fn tagged(specific: &VehicleSpecificWaypoint) -> Result<Vec<Action>, String>
         ));
     }
     let texts = text.split(';').map(str::trim).filter(|one| !one.is_empty());
+    if texts
+        .clone()
+        .any(|one| one.split_whitespace().next() == Some("SERVO"))
+    {
+        return Err(format!("13006 Tag/Data \"{text}\": {NO_SERVO}"));
+    }
     let actions: Option<Vec<Action>> = texts.map(named).collect();
     match actions.filter(|_| tag_type == 0 || text.is_empty()) {
         Some(actions) if tag_type == 0 => Ok(actions),
@@ -84,13 +88,6 @@ fn named(text: &str) -> Option<Action> {
         ["TRIGGER", every, "M"] => Action::TriggerMetres(number(every, 0.5, 10_000.0)?),
         ["TRIGGER", every, "S"] => Action::TriggerSeconds(seconds(every)?),
         ["TRIGGER", "OFF"] => Action::TriggerOff,
-        ["SERVO", output, value] => {
-            let output = output
-                .parse()
-                .ok()
-                .filter(|output| (1..=OUTPUTS).contains(output))?;
-            Action::Servo(output, number(value, -1.0, 1.0)?)
-        }
         ["ROI", "OFF"] => Action::RoiOff,
         ["DELAY", time] => Action::Delay(seconds(time)?),
         _ => return None,
@@ -98,12 +95,14 @@ fn named(text: &str) -> Option<Action> {
 }
 
 /// What Tag/Data may say.
-const TAGS: &str = "PHOTO, PHOTO EVERY s, PHOTO STOP, VIDEO START, VIDEO STOP, TRIGGER m M, TRIGGER s S, TRIGGER OFF, SERVO 1..4 \
-                    -1..1, ROI OFF, DELAY s, TRANSITION HOVER or TRANSITION WINGS";
+const TAGS: &str = "PHOTO, PHOTO EVERY s, PHOTO STOP, VIDEO START, VIDEO STOP, TRIGGER m M, TRIGGER s S, TRIGGER OFF, ROI OFF, \
+                    DELAY s, TRANSITION HOVER or TRANSITION WINGS";
 /// Characters of Tag/Data.
 const LONGEST: usize = 18;
-/// Outputs that an item can set: param1 to param4. 5 and 6 are numbers without a fraction there.
-const OUTPUTS: u8 = 4;
+/// PX4 reads the outputs 5 and 6 of a mission's DO_SET_ACTUATOR from param5 and param6, which MISSION_ITEM_INT has as whole
+/// numbers: none of them leaves an output as it is, so every item would move both.
+const NO_SERVO: &str = "SERVO is not supported: PX4 would set the actuator outputs 5 and 6 to their middle with it, whatever is on \
+                        them, since its mission items cannot leave them as they are";
 
 #[cfg(test)]
 mod tests {
@@ -126,20 +125,14 @@ mod tests {
             Ok(vec![Action::Photo, Action::Delay(2.5)])
         );
         assert_eq!(of("TRIGGER 25 M"), Ok(vec![Action::TriggerMetres(25.0)]));
-        assert_eq!(of("SERVO 4 -0.5"), Ok(vec![Action::Servo(4, -0.5)]));
+        // An item of a mission would set outputs 5 and 6 too.
+        let servo = of("PHOTO;SERVO 4 -0.5").expect_err("it moves others");
+        assert!(servo.contains("outputs 5 and 6"), "{servo}");
         assert_eq!(
             of("TRANSITION HOVER"),
             Ok(vec![Action::Transition(Transition::Hover)])
         );
-        for wrong in [
-            "SERVO 5 1",
-            "SERVO 1 2",
-            "DELAY",
-            "DELAY nan",
-            "PHOTO EVERY 0",
-            "FLY HOME",
-            "PHOTO;X",
-        ] {
+        for wrong in ["DELAY", "DELAY nan", "PHOTO EVERY 0", "FLY HOME", "PHOTO;X"] {
             let why = of(wrong).expect_err("it means nothing");
             assert!(why.contains(wrong) && why.contains("TRIGGER OFF"), "{why}");
         }

@@ -1,8 +1,13 @@
 //! What a vehicle has reported of its equipment: receivers, electrical buses, motors, the air around it, its radio.
 //!
-//! Latest values in SI units; [`equipment_reports`](crate::equipment_reports) makes the messages of the DLI of them.
+//! Latest values in SI units, each for [`FRESH`]: a source that has fallen silent is absent ([`Equipment::forget`]); [`equipment_reports`](crate::equipment_reports) makes the messages of the DLI of them.
+
+use core::time::Duration;
 
 use mavlink_link::dialect::{GpsFixType, HighresImuUpdatedFlags, MavMessage};
+
+/// How long a value counts: PX4 sends each of them every 2 s at least, of which a radio may lose several.
+pub const FRESH: Duration = Duration::from_secs(10);
 
 /// A satellite receiver (GPS_RAW_INT).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,16 +72,29 @@ pub struct Equipment {
     pub air: Air,
     /// The radio.
     pub radio: Option<Radio>,
+    at: Times,
+}
+
+/// When each was last reported.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Times {
+    gps: Duration,
+    buses: [Duration; BUSES],
+    rpm: [Duration; MOTORS],
+    kelvin: Duration,
+    barometer_kelvin: Duration,
+    radio: Duration,
 }
 
 impl Equipment {
-    /// Takes in one message. True where it held something that is kept here.
-    pub fn update(&mut self, message: &MavMessage) -> bool {
+    /// Takes in one message that arrived at `now`. True where it held something that is kept here.
+    pub fn update(&mut self, now: Duration, message: &MavMessage) -> bool {
         match message {
             MavMessage::GPS_RAW_INT(m) => {
                 let dilution = |hundredths: u16| {
                     (hundredths != u16::MAX).then(|| f64::from(hundredths) / 100.0)
                 };
+                self.at.gps = now;
                 self.gps = Some(Gps {
                     fix: m.fix_type as u8,
                     satellites: (m.satellites_visible != u8::MAX).then_some(m.satellites_visible),
@@ -86,13 +104,11 @@ impl Equipment {
                 });
             }
             MavMessage::BATTERY_STATUS(m) => {
-                let Some(bus) = self
-                    .buses
-                    .get_mut(usize::from(m.id))
-                    .filter(|_| m.id < BATTERIES)
-                else {
+                let id = usize::from(m.id);
+                let (Some(bus), true) = (self.buses.get_mut(id), m.id < BATTERIES) else {
                     return false;
                 };
+                self.at.buses[id] = now;
                 let cells = m.voltages.iter().filter(|cell| **cell != u16::MAX);
                 let millivolts: u32 = cells.map(|cell| u32::from(*cell)).sum();
                 *bus = Some(Bus {
@@ -104,6 +120,7 @@ impl Equipment {
             }
             MavMessage::GENERATOR_STATUS(m) => {
                 let known = |value: f32| value.is_finite().then_some(f64::from(value));
+                self.at.buses[usize::from(BATTERIES)] = now;
                 self.buses[usize::from(BATTERIES)] = Some(Bus {
                     volts: known(m.bus_voltage),
                     amperes: known(m.load_current),
@@ -111,23 +128,26 @@ impl Equipment {
                 });
             }
             MavMessage::ESC_STATUS(m) => {
-                let motors = self.rpm.iter_mut().skip(usize::from(m.index));
-                for (motor, rpm) in motors.zip(m.rpm) {
-                    *motor = Some(f64::from(rpm));
+                let motors = self.rpm.iter_mut().zip(&mut self.at.rpm);
+                for ((motor, at), rpm) in motors.skip(usize::from(m.index)).zip(m.rpm) {
+                    (*motor, *at) = (Some(f64::from(rpm)), now);
                 }
             }
             MavMessage::HIGHRES_IMU(m) => {
                 let measured = HighresImuUpdatedFlags::HIGHRES_IMU_UPDATED_TEMPERATURE;
                 if m.fields_updated.contains(measured) && m.temperature.is_finite() {
+                    self.at.kelvin = now;
                     self.air.kelvin = Some(f64::from(m.temperature) + FREEZING_K);
                 }
             }
             MavMessage::SCALED_PRESSURE(m) => {
                 // The barometer's own, some degrees above that of the air.
+                self.at.barometer_kelvin = now;
                 self.air.barometer_kelvin = Some(f64::from(m.temperature) / 100.0 + FREEZING_K);
             }
             MavMessage::RADIO_STATUS(m) => {
                 let known = |level: u8| (level != u8::MAX).then_some(level);
+                self.at.radio = now;
                 self.radio = Some(Radio {
                     signal: known(m.rssi),
                     noise: known(m.noise),
@@ -139,6 +159,24 @@ impl Equipment {
             _ => return false,
         }
         true
+    }
+
+    /// Forgets what has not been reported for [`FRESH`].
+    pub fn forget(&mut self, now: Duration) {
+        fn drop_old<T>(value: &mut Option<T>, now: Duration, at: Duration) {
+            value.take_if(|_| now.saturating_sub(at) >= FRESH);
+        }
+        let at = &self.at;
+        drop_old(&mut self.gps, now, at.gps);
+        for (bus, at) in self.buses.iter_mut().zip(at.buses) {
+            drop_old(bus, now, at);
+        }
+        for (rpm, at) in self.rpm.iter_mut().zip(at.rpm) {
+            drop_old(rpm, now, at);
+        }
+        drop_old(&mut self.air.kelvin, now, at.kelvin);
+        drop_old(&mut self.air.barometer_kelvin, now, at.barometer_kelvin);
+        drop_old(&mut self.radio, now, at.radio);
     }
 }
 

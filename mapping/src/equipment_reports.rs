@@ -126,18 +126,23 @@ fn whole(value: Option<f64>, step: f64) -> Option<i64> {
 mod tests {
     use mavlink_link::dialect::{
         BATTERY_STATUS_DATA, ESC_STATUS_DATA, GENERATOR_STATUS_DATA, GPS_RAW_INT_DATA, GpsFixType,
-        MavMessage,
+        MavMessage, RADIO_STATUS_DATA, SCALED_PRESSURE_DATA,
     };
 
+    use core::time::Duration;
+
     use super::*;
+    use crate::equipment::{Air, FRESH};
     use crate::telemetry::Place;
 
     const STAMP: TimeStamp = TimeStamp(5);
+    const NOW: Duration = Duration::from_secs(100);
 
     fn told(messages: impl IntoIterator<Item = MavMessage>) -> Telemetry {
         let mut vehicle = Telemetry::default();
         for message in messages {
-            assert!(vehicle.update(&message));
+            vehicle.update(&message);
+            assert!(vehicle.equipment.update(NOW, &message));
         }
         vehicle
     }
@@ -228,8 +233,27 @@ mod tests {
         assert!(
             !Telemetry::default()
                 .equipment
-                .update(&MavMessage::BATTERY_STATUS(other))
+                .update(NOW, &MavMessage::BATTERY_STATUS(other))
         );
+    }
+
+    #[test]
+    fn what_has_fallen_silent_is_absent() {
+        let gps = MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA::default());
+        let radio = MavMessage::RADIO_STATUS(RADIO_STATUS_DATA::default());
+        let bus = MavMessage::GENERATOR_STATUS(GENERATOR_STATUS_DATA::default());
+        let motors = MavMessage::ESC_STATUS(ESC_STATUS_DATA::default());
+        let air = MavMessage::SCALED_PRESSURE(SCALED_PRESSURE_DATA::default());
+        let mut equipment = told([gps, radio, bus.clone(), motors, air]).equipment;
+        let all = equipment.clone();
+        equipment.forget(NOW + FRESH - Duration::from_millis(1));
+        assert_eq!(equipment, all);
+        equipment.update(NOW + FRESH, &bus);
+        equipment.forget(NOW + FRESH);
+        assert!(equipment.gps.is_none() && equipment.radio.is_none());
+        assert_eq!(equipment.rpm.iter().flatten().count(), 0);
+        assert_eq!(equipment.air, Air::default());
+        assert_eq!(equipment.buses.iter().flatten().count(), 1, "it is new");
     }
 
     #[test]

@@ -117,7 +117,7 @@ pub struct Telemetry {
     pub reached: Option<u16>,
     /// What its sensors have reported beyond that.
     pub sensed: Sensed,
-    /// What it has reported of its equipment.
+    /// What it has reported of its equipment: taken in beside, with its time ([`Equipment::update`]).
     pub equipment: Equipment,
     /// AUTOPILOT_VERSION, once it was asked for.
     pub software: Option<Software>,
@@ -126,7 +126,7 @@ pub struct Telemetry {
 impl Telemetry {
     /// Takes in one message of the vehicle's autopilot. True where it held something that is kept here.
     pub fn update(&mut self, message: &MavMessage) -> bool {
-        let sensed = self.sensed.update(message) | self.equipment.update(message);
+        let sensed = self.sensed.update(message);
         match message {
             MavMessage::HEARTBEAT(m) => {
                 self.mode = Some(Px4Mode(m.custom_mode));

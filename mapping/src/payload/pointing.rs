@@ -92,6 +92,14 @@ pub fn sight_to(from: Place, to: Place) -> LineOfSight {
     [north / length, east / length, down / length]
 }
 
+/// The attitude, w first, of a gimbal with a level horizon that looks along this, from north.
+#[must_use]
+pub fn looking_along([north, east, down]: LineOfSight) -> [f64; 4] {
+    let (pitch, yaw) = ((-down).clamp(-1.0, 1.0).asin(), east.atan2(north));
+    let ((sp, cp), (sy, cy)) = ((pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
+    [cp * cy, -sp * sy, sp * cy, cp * sy]
+}
+
 /// The angle between two lines of sight, rad.
 #[must_use]
 pub fn between(one: LineOfSight, other: LineOfSight) -> f64 {
@@ -322,6 +330,8 @@ mod tests {
             "{north_m} {east_m}"
         );
         assert!((print.range_m - 141.42).abs() < 0.01);
+        let along = forward(looking_along(east));
+        assert!(between(along, east) < 1e-7, "{along:?}");
         // And it is where one would look to see that place.
         assert!(between(sight_to(HERE, print.place), east).to_degrees() < 0.2);
     }

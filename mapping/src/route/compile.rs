@@ -236,12 +236,6 @@ impl<'a> Draft<'a> {
             if matches!(action, Action::Delay(_)) && !self.site().hovers() {
                 return Err(Reason::DelayOnWings);
             }
-            if matches!(action, Action::Servo(..)) {
-                let note = item::SERVO_NOTE.to_owned();
-                if !self.compiled.notes.contains(&note) {
-                    self.compiled.notes.push(note);
-                }
-            }
             for item in item::action(action) {
                 self.compiled.push(leg.number, item);
             }

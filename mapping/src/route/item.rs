@@ -90,22 +90,11 @@ pub(super) fn action(action: &Action) -> Vec<Item> {
             plain(DO_TRIGGER_CONTROL, [1.0, 0.0, 0.0, 0.0]),
         ],
         Action::TriggerOff => one(DO_TRIGGER_CONTROL, [0.0; 4]),
-        Action::Servo(output, value) => {
-            let mut params = [f64::NAN; 4];
-            if let Some(param) = params.get_mut(usize::from(output.saturating_sub(1))) {
-                *param = value;
-            }
-            one(DO_SET_ACTUATOR, params)
-        }
         Action::RoiOff => one(DO_SET_ROI_NONE, [0.0; 4]),
         // Hour, minute and second of a time of the day: none.
         Action::Delay(seconds) => one(NAV_DELAY, [seconds, -1.0, -1.0, -1.0]),
     }
 }
-
-/// MISSION_ITEM_INT has whole numbers for param5 and param6, and so none that says "as it is".
-pub(super) const SERVO_NOTE: &str = "PX4 sets the actuator outputs 5 and 6 to their middle with each SERVO of a route (13006): its \
-                                     items cannot leave them as they are";
 
 /// MISSION_ITEM_INT's unit of latitude and longitude.
 pub(crate) fn degrees_e7(degrees: f64) -> i32 {
@@ -125,7 +114,6 @@ pub(super) const NAV_VTOL_LAND: u16 = 85;
 /// MAV_CMD_DO_LAND_START.
 pub(super) const DO_LAND_START: u16 = 189;
 const NAV_DELAY: u16 = 93;
-const DO_SET_ACTUATOR: u16 = 187;
 const DO_SET_ROI_NONE: u16 = 197;
 const DO_SET_CAM_TRIGG_DIST: u16 = 206;
 const DO_SET_CAM_TRIGG_INTERVAL: u16 = 214;

@@ -127,6 +127,8 @@ impl Client {
     }
 
     fn take(&mut self, sample: Sample) {
+        // At once, as it will be needed.
+        self.samples.reserve_exact(SAMPLES - self.samples.len().min(SAMPLES));
         if self.samples.len() >= SAMPLES {
             self.samples.pop_front();
         }
@@ -148,14 +150,14 @@ impl Client {
     fn estimate(&self) -> Option<i64> {
         let shortest = self.samples.iter().map(|one| one.round_trip).min()?;
         let quick = |one: &&Sample| one.round_trip <= 2 * shortest + SHORT;
-        let mut offsets: Vec<i64> = self
-            .samples
-            .iter()
-            .filter(quick)
-            .map(|one| one.offset_us)
-            .collect();
+        // On the way of every frame, so without memory of its own.
+        let (mut offsets, mut count) = ([0; SAMPLES], 0);
+        for (place, sample) in offsets.iter_mut().zip(self.samples.iter().filter(quick)) {
+            (*place, count) = (sample.offset_us, count + 1);
+        }
+        let offsets = offsets.get_mut(..count)?;
         offsets.sort_unstable();
-        let median = *offsets.get(offsets.len() / 2)?;
+        let median = *offsets.get(count / 2)?;
         let agree = self.samples.iter().filter(|one| one.allows(median)).count();
         (agree >= MIN_SAMPLES && 2 * agree > self.samples.len()).then_some(median)
     }
@@ -168,6 +170,7 @@ impl Client {
         self.asked
             .retain(|(_, sent)| now.saturating_sub(*sent) <= MAX_ROUND_TRIP);
         if self.asked.len() < MAX_ASKED {
+            self.asked.reserve_exact(MAX_ASKED - self.asked.len());
             // Never 0, and another one each time: the answer is known by it.
             let ts1 = i64::try_from(now.as_nanos()).unwrap_or(i64::MAX).max(1);
             self.asked.push_back((ts1, now));

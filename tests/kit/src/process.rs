@@ -9,7 +9,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -270,11 +270,14 @@ pub fn free_tcp_port() -> u16 {
 /// the program that is given it has opened it.
 fn free_port(is_free: impl Fn(u16) -> bool) -> u16 {
     static NEXT: AtomicU32 = AtomicU32::new(0);
+    static BEGIN: OnceLock<u32> = OnceLock::new();
     const FIRST: u32 = 12_000;
     const PORTS: u32 = 20_000;
-    // Tests are processes, so each begins elsewhere.
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    let begin = now.map_or(0, |now| now.subsec_micros()) ^ std::process::id().wrapping_mul(7_919);
+    // Tests are processes, so each begins elsewhere, and gives no port twice.
+    let begin = *BEGIN.get_or_init(|| {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        now.map_or(0, |now| now.subsec_micros()) ^ std::process::id().wrapping_mul(7_919)
+    });
     for _ in 0..PORTS {
         let number = begin.wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed));
         let port = u16::try_from(FIRST + number % PORTS).unwrap_or(0);

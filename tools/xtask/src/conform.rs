@@ -39,6 +39,13 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     write_key(&folder.join("uav2.key"))?;
     let configuration = folder.join("vsm.toml");
     let text = fs::read_to_string(&configuration).context("vsm.toml")?;
+    // What is off as it comes: layouts of which the source is weak, and termination (a landing, should it ever be executed here).
+    let text = text
+        .replace("[dli]", "[dli]\nprovisional = \"all\"")
+        .replace(
+            "tail_number =",
+            "termination = { action = \"land\" }\ntail_number =",
+        );
     let second = SECOND_VEHICLE.replace("MAVLINK", &mavlink);
     fs::write(&configuration, text + FURTHER + &second).context("vsm.toml")?;
 
@@ -48,6 +55,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
             let mut vehicle = program("px4-sim", &folder);
             vehicle.args(["--link", &format!("udpout:{mavlink}"), "--speed", "10"]);
             vehicle.args(["--system-id", &number.to_string()]);
+            vehicle.args(["--payloads", if number == 1 { "2" } else { "0" }]);
             vehicle.args(["--key-file", &format!("uav{number}.key")]);
             Started::begin(&mut vehicle)
         })

@@ -16,7 +16,7 @@ table! {
         /// What a termination that a CUCS with LOI 5 has armed and then commanded (2005) does: `"terminate"` ends the flight
         /// (MAV_CMD_DO_FLIGHTTERMINATION: failsafe values at all outputs, a parachute, final until PX4 restarts), `"land"` lands
         /// where the vehicle is (AUTO.LAND), `"return"` returns (AUTO.RTL)
-        /// ([zeroize-and-termination.md](../guide/zeroize-and-termination.md))
+        /// ([termination.md](../guide/termination.md))
         pub action: TerminationAction => Required,
         /// How long it stays armed without being commanded, 5 to 120 s
         #[serde(default = "Termination::default_armed_s")]

@@ -67,9 +67,10 @@ mod tests {
     #[test]
     fn every_subcommand_with_config_takes_the_file_as_its_argument_too() {
         fn check(name: &str, command: &clap::Command, seen: &mut usize) {
-            if command
-                .get_arguments()
-                .any(|one| one.get_long() == Some("config"))
+            if name != "vsm files"
+                && command
+                    .get_arguments()
+                    .any(|one| one.get_long() == Some("config"))
             {
                 let file = command.get_positionals().next();
                 let default = file.map(|file| file.get_default_values().to_owned());
@@ -81,7 +82,9 @@ mod tests {
                 assert_eq!(default, Some(vec![expected.into()]), "{name}");
                 *seen += 1;
             }
-            for sub in command.get_subcommands() {
+            // What `vsm files` takes are the paths of the vehicle.
+            let subs = command.get_subcommands();
+            for sub in subs.filter(|_| name != "vsm files") {
                 check(&format!("{name} {}", sub.get_name()), sub, seen);
             }
         }

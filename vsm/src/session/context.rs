@@ -79,7 +79,8 @@ pub(crate) struct Origin {
     /// It was held until now, with this serial number: what it is answered goes to the machine that held it.
     pub(crate) held: Option<u32>,
     /// It continues the command before it, of the same station: Edition 2.5 commands a mode (#42) and its values (#43) by two messages.
-    pub(crate) continues: bool,
+    /// What it commands, as a number: another demand of the same number commands the same.
+    pub(crate) continues: Option<u64>,
 }
 
 /// What the other machines may know of the mission.

@@ -55,6 +55,8 @@ pub enum FileEvent {
 #[derive(Debug, Default)]
 pub(super) struct FileAccess {
     pub(super) writes: bool,
+    /// Bytes of the file that is read, once it is open.
+    pub(super) reads: u32,
     /// Why it was withdrawn.
     pub(super) stopped: Option<FileRefusal>,
 }

@@ -334,7 +334,7 @@ pub(crate) fn origin(message: &Message) -> Origin {
         stamp: Some(TimeStamp(1)),
         ack_requested: true,
         held: None,
-        continues: false,
+        continues: None,
     }
 }
 

@@ -128,10 +128,11 @@ impl Model {
             }
             self.dropped = false;
         }
-        // Waypoints without a 13001 are a flight where they are one chain with one start.
-        let starts = plan.waypoints.keys();
-        let chain = starts.filter(|number| !plan.waypoints.contains_key(&(*number - 1)));
-        if !plan.route && chain.count() == 1 {
+        // Waypoints without a 13001 are a flight where they are one chain from waypoint 1.
+        let numbers = plan.waypoints.keys();
+        let mut starts = numbers.filter(|number| !plan.waypoints.contains_key(&(*number - 1)));
+        let is_chain = starts.next() == Some(&ROUTE[0]) && starts.next().is_none();
+        if !plan.route && is_chain {
             if plan.waypoints.contains_key(&ROUTE[3]) {
                 return Load::Done;
             }

@@ -2,6 +2,7 @@
 //! flight that asks for everything, is held against it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use mapping::status;
 use mapping::support::{self, rows};
@@ -330,6 +331,7 @@ fn of_other_sensors() -> Vec<Message> {
     ];
     for message in &reported {
         assert!(vehicle.update(message));
+        vehicle.equipment.update(Duration::ZERO, message);
     }
     let stamp = TimeStamp(1);
     let mut electrical = mapping::equipment_reports::electrical(&vehicle, || stamp);

@@ -143,6 +143,24 @@ fn a_vehicle_that_is_armed_meanwhile_ends_what_changes_its_files() {
     );
 }
 
+#[test]
+fn a_vehicle_that_is_armed_meanwhile_ends_the_reading_of_a_large_file() {
+    let mut rig = Rig::ready();
+    with_log(&mut rig, 2_000_000);
+    start(&mut rig, read(LOG)).expect("begun");
+    rig.run(0.5);
+    let bridge = rig.bridge.as_mut().expect("a bridge");
+    let opened = bridge.poll_file(vehicle_id(0));
+    assert_eq!(opened, Some(FileEvent::Opened(2_000_000)));
+    rig.take_off(20.0);
+    let (ended, delivered) = finish(&mut rig);
+    assert_eq!(
+        ended,
+        Err(FileRefusal::TooLargeInFlight(2_000_000, "is armed"))
+    );
+    assert!(delivered.len() < 2_000_000, "it was read in flight");
+}
+
 /// The heartbeats that reach the vehicle in 10 s, and the time of 20 commands, with and without a file on its way.
 #[test]
 fn heartbeats_and_commands_do_not_wait_for_a_file() {

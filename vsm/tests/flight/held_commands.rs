@@ -4,12 +4,12 @@
 use kit::bridge::{Rig, Setup, Ticket, cucs, orders, vehicle_id};
 use px4_sim::{HealthFaults, Mode as Px4, Param};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, HeldState, HoldCondition, HoldKind, LoiBitmap,
+    AckType, FlightPathControlMode as Mode, FtState, HeldState, HoldCondition, HoldKind, LoiBitmap,
     RequestedAccess,
 };
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, GenericInformationRequestMessage, HeldCommandCancel,
-    HeldCommandState, HoldCommand, UaStickCommand,
+    CucsAuthorisationRequest, FlightTerminationCommand, GenericInformationRequestMessage,
+    HeldCommandCancel, HeldCommandState, HoldCommand, UaStickCommand,
 };
 use stanag_msgs::{Bam32, MAX_DATAGRAM, Message, Text, TimeStamp};
 
@@ -130,6 +130,33 @@ fn a_landing_is_carried_out_at_its_time_and_answered_when_the_vehicle_shows_it()
         HeldState::CarriedOut,
     ];
     assert_eq!(states(&rig, 0, 1), expected);
+}
+
+/// Two orders of the moment command it: one that was held would be neither fresh nor meant.
+#[test]
+fn an_order_of_a_flight_termination_is_never_held() {
+    let mut rig = flying_with(Setup {
+        dli_keys: "provisional = \"all\"",
+        vehicle_keys: "termination = { action = \"land\" }",
+        ..Setup::default()
+    });
+    for state in [FtState::Arm, FtState::Execute, FtState::Reset] {
+        let order = FlightTerminationCommand {
+            commanded_flight_termination_state: Some(state),
+            ..FlightTerminationCommand::default()
+        };
+        let order = at_time(&rig, 1.0, hold(1, HoldCondition::Time, order));
+        assert_eq!(rig.carry_out(order), REFUSED, "{state:?}");
+    }
+    assert!(
+        rig.station()
+            .has_alert("a flight termination is never held")
+    );
+    rig.run(3.0);
+    assert_eq!(
+        (rig.truth().mode, states(&rig, 0, 1)),
+        (Px4::Loiter, vec![])
+    );
 }
 
 #[test]

@@ -135,9 +135,9 @@ fn a_vehicle_without_payload_offers_no_station() {
     assert_eq!(take(&mut rig, OPERATOR, 0x02, 0), REFUSED);
     assert!(rig.stations[OPERATOR].has_alert("the vehicle has no such payload station"));
     assert_eq!(shown(&rig, OPERATOR), (0, 0));
-    // Beside other levels it means the stations that there are: none.
+    // Beside other levels it is granted, for no station.
     assert_eq!(take(&mut rig, PILOT, 0x0f, 0), DONE);
-    assert_eq!(shown(&rig, PILOT), (0x0d, 0));
+    assert_eq!(shown(&rig, PILOT), (0x0f, 0));
     assert_eq!(order(&mut rig, PILOT, angles(1, 0.0, 0.0)), REFUSED);
     // Nothing is asked of devices that are not there.
     let before = rig.vehicles[0].vehicle().counters().commands_ignored;

@@ -42,7 +42,7 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
         (7, "TRIGGER 20 M"),
         (8, "TRIGGER OFF"),
         (9, "PHOTO;DELAY 40"),
-        (10, "SERVO 2 1"),
+        (10, "ROI OFF"),
         (11, "VIDEO START"),
     ];
     plan.extend(tags.map(|(number, tag)| at(number, tag)));
@@ -54,13 +54,11 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
         "{:?}",
         rig.station().alerts()
     );
-    // Of the outputs it is said what PX4 does to the others.
-    assert!(rig.station().has_alert("actuator outputs 5 and 6"));
     // They follow the item of their waypoint, and precede the next.
-    let [trigger, off, delay, servo] = [206, 2003, 93, 187].map(|id| seq_of(&rig, id));
+    let [trigger, off, delay, roi] = [206, 2003, 93, 197].map(|id| seq_of(&rig, id));
     assert!(
-        trigger < off && off < delay && delay < servo,
-        "{trigger:?} {off:?} {delay:?} {servo:?}"
+        trigger < off && off < delay && delay < roi,
+        "{trigger:?} {off:?} {delay:?} {roi:?}"
     );
     rig.take_off(20.0);
     assert_eq!(
@@ -92,7 +90,8 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
     assert_eq!(actions(&rig).triggers, triggers, "the trigger is off");
     assert!(!actions(&rig).films);
     assert!(rig.until(90.0, |rig| actions(rig).films), "the last one");
-    assert_eq!(actions(&rig).outputs[..4], [None, Some(1.0), None, None]);
+    // No output is moved by them.
+    assert_eq!(actions(&rig).outputs, [None; 6]);
     assert!(
         !rig.station().has_alert("no progress"),
         "{:?}",
@@ -148,6 +147,9 @@ fn what_px4_would_never_come_to_is_refused_with_its_waypoint() {
             .has_alert("waypoint 8: an action (13006) after its loiter")
     );
     assert_eq!(rig.carry_out(at(8, "FLAPS 1")), Some(AckType::Refused));
+    // It would set outputs 5 and 6 too.
+    assert_eq!(rig.carry_out(at(8, "SERVO 2 1")), Some(AckType::Refused));
+    assert!(rig.station().has_alert("outputs 5 and 6"));
     // On wings nothing stands still.
     let mut rig = Rig::ready_with(Setup {
         vehicles: vec![px4_sim::Config {

@@ -3,11 +3,14 @@
 
 use std::time::Duration;
 
-use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use kit::bridge::{Rig, Setup, cucs, orders, vehicle_id};
 use px4_sim::Mode as Px4;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, FtMode, FtState, LoiBitmap};
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, FtMode, FtState, LoiBitmap, RequestedAccess,
+};
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, FlightTerminationCommand, PositiveHandoverAuthorisationRequest,
+    UaStickCommand,
 };
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, TimeStamp};
 
@@ -27,7 +30,11 @@ fn setup(keys: &'static str) -> Setup {
 
 /// Airborne, by stations that send heartbeats.
 fn airborne(keys: &'static str) -> Rig {
-    let mut rig = Rig::ready_with(setup(keys));
+    airborne_with(setup(keys))
+}
+
+fn airborne_with(setup: Setup) -> Rig {
+    let mut rig = Rig::ready_with(setup);
     for station in &mut rig.stations {
         station.heartbeats = true;
     }
@@ -290,18 +297,13 @@ fn another_cucs_and_a_handover_end_no_flight() {
     let ticket = rig.send_as(1, 0, order(FtState::Execute));
     assert_eq!(rig.end_as(1, ticket), NO);
     flies_on(&mut rig);
-    // While it is being handed over, neither of the two commands it.
-    let wish = |rig: &Rig| PositiveHandoverAuthorisationRequest {
-        requested_handover_loi: Some(LoiBitmap::LOI4.union(LoiBitmap::LOI5)),
-        requesting_cucs_id: Some(rig.stations[1].id),
-        ..PositiveHandoverAuthorisationRequest::default()
-    };
-    let ticket = rig.send_as(1, 0, wish(&rig));
+    // While its holder hands control over, neither of the two commands it.
+    let offer = rig.send(handover(LoiBitmap::LOI4.union(LoiBitmap::LOI5)));
     rig.run(0.5);
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
     assert!(
         rig.station()
-            .has_alert("another CUCS is taking over control")
+            .has_alert("control is being handed over to another CUCS")
     );
     flies_on(&mut rig);
     assert_eq!(
@@ -310,8 +312,8 @@ fn another_cucs_and_a_handover_end_no_flight() {
         "its time is not over"
     );
     // Handed over, it is armed for neither of them.
-    let consent = rig.send(wish(&rig));
-    assert_eq!((rig.end(consent), rig.end_as(1, ticket)), (DONE, DONE));
+    let ticket = rig.send_as(1, 0, handover(LoiBitmap::LOI4.union(LoiBitmap::LOI5)));
+    assert_eq!((rig.end(offer), rig.end_as(1, ticket)), (DONE, DONE));
     rig.run(1.0);
     assert!(rig.stations[1].has_alert("no longer controls the vehicle"));
     assert_eq!(reported(&rig, 1), Some(FtState::Reset));
@@ -320,6 +322,132 @@ fn another_cucs_and_a_handover_end_no_flight() {
     assert_eq!(rig.end_as(1, ticket), NO);
     flies_on(&mut rig);
     assert!(!audited(&rig).contains("termination commanded"));
+}
+
+/// Message 4 about control for station 1.
+fn handover(levels: LoiBitmap) -> PositiveHandoverAuthorisationRequest {
+    PositiveHandoverAuthorisationRequest {
+        requested_handover_loi: Some(levels),
+        requesting_cucs_id: Some(cucs(1)),
+        ..PositiveHandoverAuthorisationRequest::default()
+    }
+}
+
+#[test]
+fn who_only_asks_for_control_keeps_its_holder_from_nothing() {
+    let mut rig = airborne(TERMINATE);
+    rig.send_as(1, 0, handover(LoiBitmap::LOI4.union(LoiBitmap::LOI5)));
+    rig.run(0.5);
+    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    assert_eq!(rig.carry_out(order(FtState::Execute)), DONE);
+    assert_eq!(rig.truth().mode, Px4::Termination);
+}
+
+/// The loss is reported once: it is not forgotten because nothing else was flown then.
+#[test]
+fn a_controller_that_is_lost_meanwhile_is_made_up_for_once_nothing_is_commanded_any_more() {
+    let mut rig = airborne_with(Setup {
+        tables: "[authority]\non_loss = \"rtl\"\n",
+        ..setup("termination = { action = \"land\", confirm_s = 60.0 }")
+    });
+    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.mav.faults.loss = 1.0;
+    rig.send_once(order(FtState::Execute));
+    rig.run(0.5);
+    // Nothing comes of it: no repetition, and no acknowledgement.
+    let station = &mut rig.stations[0];
+    (station.heartbeats, station.acknowledges) = (false, false);
+    let controls = |rig: &Rig| {
+        let bridge = rig.bridge.as_ref().expect("it runs");
+        let status = bridge.status(String::new(), rig.now().mono);
+        status.vehicles[0].controller.is_some()
+    };
+    assert!(
+        rig.until(40.0, |rig| !controls(rig)),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig.run(61.0);
+    assert!(audited(&rig).contains("termination not confirmed"));
+    rig.mav.faults.loss = 0.0;
+    assert!(
+        rig.until(20.0, |rig| rig.truth().mode == Px4::Rtl),
+        "{:?}",
+        rig.truth().mode
+    );
+}
+
+#[test]
+fn it_takes_over_from_sticks_and_nothing_is_polled_in_vain() {
+    let mut rig = airborne(LAND);
+    let sticks = UaStickCommand {
+        longitudinal_stick: Some(0),
+        throttle_stick_engine_1: Some(50),
+        ..UaStickCommand::default()
+    };
+    let fly = |rig: &mut Rig, seconds: f64| {
+        for _ in 0..(seconds * 10.0) as u32 {
+            rig.send_once(sticks.clone());
+            rig.run(0.1);
+        }
+    };
+    fly(&mut rig, 0.5);
+    rig.send(orders::mode(Mode::FlightDirector));
+    fly(&mut rig, 3.0);
+    assert_eq!(rig.truth().mode, Px4::PosCtl);
+    rig.send(order(FtState::Arm));
+    fly(&mut rig, 1.0);
+    let overdue = |rig: &mut Rig| {
+        let mut overdue = 0;
+        for _ in 0..100 {
+            rig.run(0.01);
+            let bridge = rig.bridge.as_ref().expect("it runs");
+            let now = rig.now().mono;
+            overdue += u32::from(bridge.poll_timeout(now) <= now);
+        }
+        overdue
+    };
+    // Commanded, and not shown; then executing.
+    rig.mav.faults.loss = 1.0;
+    rig.send(order(FtState::Execute));
+    rig.run(0.5);
+    assert_eq!(reported(&rig, 0), Some(FtState::Arm));
+    assert_eq!(overdue(&mut rig), 0, "commanded");
+    rig.mav.faults.loss = 0.0;
+    assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Land));
+    rig.run(1.0);
+    assert_eq!(reported(&rig, 0), Some(FtState::Execute));
+    assert_eq!(overdue(&mut rig), 0, "executing");
+    assert_eq!(rig.truth().mode, Px4::Land);
+}
+
+/// It could neither reset it nor command anything else before the vehicle has landed.
+#[test]
+fn a_successor_that_may_not_use_the_layout_is_obeyed() {
+    let mut rig = airborne("termination = { action = \"return\" }");
+    let id = format!("id = \"{}\"\n", cucs(1));
+    let text = rig
+        .text
+        .replacen(&id, &format!("{id}provisional = \"status\"\n"), 1);
+    assert!(text.len() > rig.text.len());
+    rig.reload(&text).expect("a good configuration");
+    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    assert_eq!(rig.carry_out(order(FtState::Execute)), DONE);
+    assert_eq!(rig.truth().mode, Px4::Rtl);
+    let release = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::NONE),
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        ..CucsAuthorisationRequest::default()
+    };
+    assert_eq!(rig.carry_out(release), DONE);
+    let ticket = rig.send_as(1, 0, orders::request_control());
+    assert_eq!(rig.end_as(1, ticket), DONE);
+    rig.run(1.0);
+    assert!(rig.stations[1].has_alert("flight termination released"));
+    let ticket = rig.send_as(1, 0, orders::mode(Mode::Loiter));
+    assert_eq!(rig.end_as(1, ticket), DONE);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
 }
 
 #[test]

@@ -449,7 +449,7 @@ fn elevation_files_are_checked_before_anything_is_served() {
     std::fs::create_dir(&tiles).unwrap();
     let fault = read(GOOD).expect_err("it is empty");
     assert!(
-        fault.contains("no .hgt and no .asc in it, expected"),
+        fault.contains("no .hgt, .tif or .asc in it, expected"),
         "{fault}"
     );
     std::fs::write(tiles.join("N47E008.hgt"), [0; 7]).unwrap();

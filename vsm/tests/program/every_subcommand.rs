@@ -79,7 +79,7 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("successor 1b:00:00:b0", Either),
     ("accept --loi 4", Either),
     ("decline", Either),
-    ("terminate cancel", Refused("derived from Edition 2")),
+    ("terminate cancel", Either),
     ("terminate arm", Refused("derived from Edition 2")),
     ("terminate execute", Refused("derived from Edition 2")),
     ("land", Done),

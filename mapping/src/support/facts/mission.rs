@@ -89,7 +89,7 @@ facts! {
         "Time Stamp": RECEIVED_STAMP;
         "Waypoint Number": "1 to 65534; 0, mission generic data, is refused";
         "Tag Type": "0; others are refused";
-        "Tag/Data": "PHOTO, VIDEO, TRIGGER, SERVO, ROI OFF, DELAY, TRANSITION (mapping.md), divided by semicolons; empty takes an earlier one back, others are refused";
+        "Tag/Data": "PHOTO, VIDEO, TRIGGER, ROI OFF, DELAY, TRANSITION (mapping.md), divided by semicolons; empty takes an earlier one back, others are refused, SERVO too (PX4 would move outputs 5 and 6)";
     } sends "on download" {
         "Time Stamp": STAMP;
         "Waypoint Number": AS_RECEIVED;

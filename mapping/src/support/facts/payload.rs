@@ -12,8 +12,8 @@ facts! {
         "Set Horizontal Field of View": "with zoom 0 or none: as a focal length, shown by CAMERA_FOV_STATUS";
         "Horizontal Slew Rate": "pointing modes 2 and 3: GIMBAL_MANAGER_SET_ATTITUDE each second";
         "Vertical Slew Rate": "pointing modes 2 and 3: GIMBAL_MANAGER_SET_ATTITUDE each second";
-        "Latitude": "pointing mode 4: DO_SET_ROI_LOCATION";
-        "Longitude": "pointing mode 4: DO_SET_ROI_LOCATION";
+        "Latitude": "pointing mode 4: GIMBAL_MANAGER_SET_ATTITUDE towards it";
+        "Longitude": "pointing mode 4: GIMBAL_MANAGER_SET_ATTITUDE towards it";
         "Altitude": "pointing mode 4: of the point that is looked at; needed";
         "Altitude Type": "pointing mode 4: 0 to 3; others are refused";
         "Set Focus": "SET_CAMERA_FOCUS by a step, shown by CAMERA_SETTINGS.focusLevel";

@@ -42,7 +42,11 @@ impl Aircraft {
         self.set_file_rate();
         self.services.files.start(dli.now.mono, operation)?;
         let stopped = None;
-        self.files = FileAccess { writes, stopped };
+        self.files = FileAccess {
+            writes,
+            reads: 0,
+            stopped,
+        };
         let effects = effects!(self, dli);
         effects.note(
             LogLevel::Info,
@@ -56,9 +60,8 @@ impl Aircraft {
     pub(in crate::session) fn poll_file(&mut self) -> Option<FileEvent> {
         Some(match self.services.files.poll_event()? {
             Event::Opened { size } => {
-                if let Some(state) = self.may_fly().filter(|_| size > MAX_IN_FLIGHT) {
-                    self.stop_file(FileRefusal::TooLargeInFlight(size, state));
-                }
+                self.files.reads = size;
+                self.watch_file();
                 FileEvent::Opened(size)
             }
             Event::Data(bytes) => FileEvent::Data(bytes),
@@ -76,14 +79,21 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// Whoever arms the vehicle ends what changes its files, and slows what reads them.
+    /// Whoever arms the vehicle ends what changes its files or reads a large one, and slows what reads others. Before anything
+    /// is sent: the checksum of a large file may be next.
     pub(super) fn watch_file(&mut self) {
         if !self.services.files.is_active() {
             return;
         }
         self.set_file_rate();
-        if let Some(state) = self.may_fly().filter(|_| self.files.writes) {
+        let Some(state) = self.may_fly() else {
+            return;
+        };
+        let size = self.files.reads;
+        if self.files.writes {
             self.stop_file(FileRefusal::InFlight(state));
+        } else if size > MAX_IN_FLIGHT {
+            self.stop_file(FileRefusal::TooLargeInFlight(size, state));
         }
     }
 

@@ -137,6 +137,7 @@ impl Aircraft {
     ) {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_datagram(from, bytes, vehicle, effects!(self, dli), tap);
+        self.watch_file();
         self.run_until_idle(dli);
         self.terminate(dli, termination::Input::Watch);
         // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
@@ -153,6 +154,7 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_timeout(vehicle, effects!(self, dli));
         self.watch_file();
+        self.vehicle.telemetry.equipment.forget(dli.now.mono);
         // Before anything else is flown.
         self.terminate(dli, termination::Input::Watch);
         self.authority(dli, authority::Input::WatchSilence);
@@ -195,6 +197,7 @@ impl Aircraft {
         }
         self.authority(dli, authority::Input::Stored);
         self.terminate(dli, termination::Input::Watch);
+        self.held(dli, held::Input::Watch);
         self.run_until_idle(dli);
     }
 
@@ -379,9 +382,6 @@ impl Aircraft {
                 self.link.operator_control.answered(&event);
                 self.flight(dli, flight::Input::CommandEnded(&event));
                 self.mission(dli, mission::Input::CommandEnded(&event));
-                let component = self.link.autopilot().component;
-                let event = &event;
-                self.payload(dli, payload::Input::CommandEnded { component, event });
             }
             VehicleEvent::ComponentCommand(component, event) => {
                 let event = &event;

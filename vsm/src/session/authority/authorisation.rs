@@ -201,7 +201,8 @@ impl AuthorityMachine {
 }
 
 /// Of rights that are requested what there can be, and what is refused because the vehicle has no such payload station. LOI 3
-/// that names no station means those that there are: beside other levels it may mean none, and LOI Granted shows that.
+/// that names no station means those that there are; beside other levels of a vehicle without any it means those that may come, and
+/// the bitmaps of stations show none.
 pub(super) fn with_stations(
     context: &Context<'_>,
     wanted: Rights,
@@ -212,6 +213,8 @@ pub(super) fn with_stations(
     let possible = wanted.without(absent);
     if by_number || possible.is_empty() {
         (possible, absent)
+    } else if present.is_empty() {
+        (wanted, Rights::NONE)
     } else {
         (possible, Rights::NONE)
     }

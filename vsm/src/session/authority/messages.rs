@@ -21,17 +21,16 @@ pub(super) fn response(
     request: Option<&CucsAuthorisationRequest>,
     stamp: TimeStamp,
 ) -> Message {
-    // A station that is not there is nobody's: one that was held before a restart returns with its device.
-    let gone = Rights::of_stations(held.stations())
-        .without(Rights::of_stations(context.payload_stations()));
-    let held = held.without(gone);
-    // Nor is LOI 3 on offer where there is nothing that it would be for.
-    let authorised = if context.payload_stations().is_empty() {
-        asker.authorised.without(LoiBitmap::LOI3)
+    // A station that is not there is named in no bitmap: one that was held before a restart returns with its device.
+    let present = context.payload_stations();
+    let gone = Rights::of_stations(held.stations()).without(Rights::of_stations(present));
+    let named = held.without(gone);
+    // Ground stations request LOI 2 to 5 at once and wait for all of them: without a payload LOI 3 is granted, for no station.
+    let granted = if present.is_empty() {
+        held.levels()
     } else {
-        asker.authorised
+        named.levels()
     };
-    let granted = held.levels();
     let in_control = granted.intersects(LoiBitmap::LOI3.union(CONTROL));
     Message::from(VsmAuthorisationResponse {
         time_stamp: Some(stamp),
@@ -43,10 +42,10 @@ pub(super) fn response(
         } else {
             AccessGranted::NotInControl
         }),
-        loi_authorized: Some(authorised),
+        loi_authorized: Some(asker.authorised),
         loi_granted: Some(granted),
-        controlled_station_1_16: Some(held.stations().low()),
-        controlled_station_17_32: Some(held.stations().high()),
+        controlled_station_1_16: Some(named.stations().low()),
+        controlled_station_17_32: Some(named.stations().high()),
         access_requested: request
             .and_then(|request| request.requested_handover_access)
             .map(RequestedAccess::raw),

@@ -281,9 +281,13 @@ impl AuthorityMachine {
         self.rights.controller()
     }
 
-    /// Whether control is on its way to another CUCS: requested and not decided, or decided and not on the disk.
+    /// Whether control is on its way to another CUCS: offered to it, or decided and not in effect yet. What another merely
+    /// asks for is not: it can ask for as long as it likes, and its holder has agreed to nothing.
     pub(crate) fn is_handed_over(&self) -> bool {
-        let control = |handover: &rules::Handover| !handover.rights.control().is_empty();
+        let control = |handover: &rules::Handover| {
+            let agreed = !matches!(handover.stage, rules::Stage::Consent(_));
+            agreed && !handover.rights.control().is_empty()
+        };
         self.decided.controller() != self.rights.controller()
             || self.rights.pending().iter().any(control)
             || self.decided.pending().iter().any(control)

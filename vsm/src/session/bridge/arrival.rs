@@ -4,6 +4,7 @@
 //! [`QUESTIONS`]) loses its own messages, unread and unanswered: an answer to each would be a flood as well. What a
 //! listed station asks an answer for is refused with the reason where it cannot be read, or is not for a VSM.
 
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
@@ -13,7 +14,7 @@ use stanag_msgs::enums::{AckType, LoiBitmap};
 use stanag_msgs::messages::UaStickCommand;
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
-use stanag_msgs::{Id, Message, TimeStamp, ed25};
+use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp, ed25};
 
 use super::reach::Arriving;
 use super::{Bridge, destination_as_source};
@@ -146,14 +147,14 @@ impl Bridge {
         frame.header.destination = self.meant_by(frame.header.destination);
         let frame = &frame;
         let header = frame.header;
-        let origin = Origin {
+        let mut origin = Origin {
             station: index,
             message_type: header.message_type,
             stamp: stamp_of(frame),
             // An acknowledgement is never acknowledged: two peers would answer each other without end.
             ack_requested: header.ack_requested && header.message_type != ACKNOWLEDGEMENT,
             held: None,
-            continues: made_of == Some(DEMAND),
+            continues: None,
         };
         let profile = &mut self.stations[index].profile;
         profile.note(&header);
@@ -171,6 +172,7 @@ impl Bridge {
                 return false;
             }
         };
+        origin.continues = (made_of == Some(DEMAND)).then(|| values_of(&message));
         let partial = table::is_partial(message.info(), frame.data);
         self.stations[index].profile.note_message(&message, partial);
         if table::message(header.message_type)
@@ -413,6 +415,19 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
         .iter()
         .fold(0, |stamp, byte| stamp << 8 | u64::from(*byte));
     Some(TimeStamp(stamp))
+}
+
+/// What a demand commands, as a number: its values without its stamp. Within one process only.
+fn values_of(message: &Message) -> u64 {
+    let mut message = message.clone();
+    if let Message::VehicleOperatingModeCommand(command) = &mut message {
+        command.time_stamp = None;
+    }
+    let mut data = [0; MAX_DATAGRAM];
+    let length = message.encode_data(&mut data).unwrap_or_default();
+    let mut hash = DefaultHasher::new();
+    data[..length].hash(&mut hash);
+    hash.finish()
 }
 
 pub(super) fn drop_name(fault: &WrapperError) -> &'static str {

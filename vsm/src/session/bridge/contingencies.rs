@@ -49,7 +49,11 @@ impl Bridge {
     ) {
         let station = &mut self.stations[index];
         let name = file(vehicle, station.id());
-        let written = match station.translator.stored(vehicle, waypoint) {
+        let cucs = station.id();
+        let mut aircraft = self.aircraft.iter();
+        let of_it = aircraft.find(|one| one.id() == vehicle);
+        let holds = |number| of_it.is_some_and(|one| one.mission.holds(cucs, number));
+        let written = match station.translator.stored(vehicle, waypoint, holds) {
             None => return,
             Some(Kept::Line(line)) => disk.append(&name, line.as_bytes(), Durability::Process),
             Some(Kept::All(all)) => disk.replace(&name, all.as_bytes(), Durability::Process),

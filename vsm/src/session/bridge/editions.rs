@@ -159,7 +159,7 @@ impl Bridge {
                     stamp: editions::stamp(frame),
                     ack_requested: false,
                     held: None,
-                    continues: false,
+                    continues: None,
                 };
                 if at.info.is_some() {
                     self.refuse_command(now, &origin, at.vehicle, refusal.why, disk);

@@ -110,7 +110,7 @@ impl Seen {
             stamp: Some(self.stamp),
             ack_requested: self.ack_requested,
             held: None,
-            continues: false,
+            continues: None,
         }
     }
 

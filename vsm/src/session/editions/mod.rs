@@ -258,8 +258,13 @@ impl Translator {
     }
 
     /// The plan of a vehicle holds this waypoint. What is to be written of it.
-    pub(crate) fn stored(&mut self, vehicle: Id, waypoint: Contingencies) -> Option<Kept> {
-        self.plans.entry(vehicle).or_default().stored(waypoint)
+    pub(crate) fn stored(
+        &mut self,
+        vehicle: Id,
+        waypoint: Contingencies,
+        holds: impl Fn(u16) -> bool,
+    ) -> Option<Kept> {
+        self.plans.entry(vehicle).or_default().stored(waypoint, holds)
     }
 
     /// What an earlier run has written of the contingencies of a vehicle's waypoints.

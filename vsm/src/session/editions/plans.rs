@@ -146,8 +146,13 @@ impl Plans {
         }
     }
 
-    /// The plan holds this waypoint. What is to be written of it, where it is not written yet.
-    pub(super) fn stored(&mut self, waypoint: Contingencies) -> Option<Kept> {
+    /// The plan holds this waypoint. What is to be written of it, where it is not written yet. `holds`: whether a plan has a
+    /// waypoint of this number; what no plan has is dropped where all is written again.
+    pub(super) fn stored(
+        &mut self,
+        waypoint: Contingencies,
+        holds: impl Fn(u16) -> bool,
+    ) -> Option<Kept> {
         if self.waypoints.insert(waypoint.number, waypoint) == Some(waypoint) {
             return None;
         }
@@ -155,6 +160,8 @@ impl Plans {
             self.lines += 1;
             return Some(Kept::Line(waypoint.line()));
         }
+        self.waypoints
+            .retain(|number, _| *number == waypoint.number || holds(*number));
         self.lines = self.waypoints.len();
         let lines = self.waypoints.values().map(Contingencies::line);
         Some(Kept::All(lines.collect()))
@@ -368,3 +375,29 @@ const KINDS: [RouteType; 2] = [RouteType::ContingencyA, RouteType::ContingencyB]
 const ROUTES: [&str; 2] = ["CONTINGENCY A", "CONTINGENCY B"];
 const CONTINGENCY_A: u32 = 3;
 const ARRIVAL_TIME: u32 = 3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_plan_has_is_dropped_when_all_is_written_again() {
+        let mut plans = Plans::default();
+        let waypoint = |number, stamp| Contingencies {
+            number,
+            stamp: TimeStamp(stamp),
+            links: [1, 2],
+        };
+        for number in 1..=300 {
+            plans.stored(waypoint(number, 5), |_| true);
+        }
+        let holds = |number| number <= 10;
+        let written =
+            (0..5_000).find_map(|stamp| match plans.stored(waypoint(3, stamp), holds)? {
+                Kept::Line(_) => None,
+                Kept::All(all) => Some(all),
+            });
+        let written = written.expect("it is written again");
+        assert_eq!(written.lines().count(), 10, "{written}");
+    }
+}

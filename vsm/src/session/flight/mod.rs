@@ -51,6 +51,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;
 use super::maneuver::{self, Maneuver, Progress, Step};
+use crate::config::OnLoss;
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -78,6 +79,11 @@ pub(crate) struct Flight {
     landing_from_m: Option<f64>,
     /// A restart of the VSM cut off a launch, and what became of it is not known yet.
     launch_cut_off: bool,
+    /// A flight termination holds: nothing is flown, and nothing that depends on the time is due.
+    held: bool,
+    /// Control went to nobody while it held, and this is what must be flown should it end with the vehicle in the air: the
+    /// loss is reported once only.
+    lost_while_held: Option<OnLoss>,
 }
 
 /// What it reads.
@@ -226,17 +232,27 @@ impl Flight {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
-        if context.termination.holds {
+        self.held = context.termination.holds;
+        if self.held {
             match input {
                 Input::Fly { origin, .. } => return effects.refuse(origin, TERMINATING),
                 // The watchdog stops a mission, and the loss action flies one: both are over. Streams would only starve later.
-                Input::Hold
-                | Input::Advance
-                | Input::WatchLossAction
-                | Input::EndCutOffLaunch
-                | Input::ControllerLost => return,
+                Input::Hold | Input::Advance | Input::WatchLossAction | Input::EndCutOffLaunch => {
+                    return;
+                }
+                Input::ControllerLost => {
+                    self.lost_while_held = Some(context.settings.authority.on_loss);
+                    return;
+                }
+                // Released: what was steered is not left to fly straight on, as without a termination.
+                Input::ControlChanged if context.controller.is_none() => {
+                    self.lost_while_held = Some(OnLoss::Continue);
+                }
+                Input::ControlChanged => self.lost_while_held = None,
                 _ => {}
             }
+        } else if let Some(on_loss) = self.lost_while_held.take() {
+            self.take_up_loss(context, on_loss, effects);
         }
         match input {
             Input::Command { origin, message } => self.command(context, origin, message, effects),
@@ -261,7 +277,9 @@ impl Flight {
             }
             Input::YieldToTermination => {
                 self.end_running(context, TERMINATING, |_| true, effects);
+                // The stream too, not its sticks alone: those that still come would take the vehicle out of what is commanded.
                 self.sticks.forget();
+                self.sticks.release();
                 self.steering.release();
             }
             Input::CommandEnded(event) => {
@@ -309,6 +327,10 @@ impl Flight {
 
     /// When an input that depends on the time is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        // What is not done then is never past, either: the machine would be asked again at once, for as long as it holds.
+        if self.held {
+            return None;
+        }
         let maneuver = self.maneuver.as_ref();
         [
             maneuver.and_then(|(_, maneuver)| maneuver.poll_timeout()),
@@ -645,6 +667,20 @@ impl Flight {
         if let Some(message) = due {
             effects.vehicle.post(message);
         }
+    }
+
+    /// Control went to nobody while a flight termination held, and it holds no more: the vehicle did not do what was
+    /// commanded, or has left it.
+    fn take_up_loss(&mut self, context: &Context<'_>, on_loss: OnLoss, effects: &mut Effects<'_>) {
+        let telemetry = &context.vehicle.telemetry;
+        let gone = telemetry.mode == Some(Px4Mode::TERMINATION) || telemetry.armed == Some(false);
+        if context.controller.is_some() || gone || !telemetry.airborne() {
+            return;
+        }
+        // Set points have ended with the termination, whatever mode they are for is still shown.
+        let steered = self.steers(telemetry) || telemetry.mode == Some(Px4Mode::OFFBOARD);
+        self.loss_action.begin(on_loss, steered, context.mono());
+        self.fly_loss_action(context, effects);
     }
 
     fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {

@@ -3,6 +3,8 @@
 //! There is one at a time. Its end is seen in what the vehicle shows ([`maneuver`]), and answered to the CUCS that commanded
 //! it. Beside it runs only what commands nothing: a look for motors that a 2008 wants and the vehicle has shown already.
 
+use std::mem;
+
 use mapping::mode::Px4Mode;
 use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
@@ -28,17 +30,37 @@ impl Flight {
     /// Whether a command continues the one that is being carried out: it is answered with it, and supersedes nothing.
     pub(super) fn is_continued_by(&self, origin: Option<Origin>) -> bool {
         let running = self.maneuver.as_ref().and_then(|(origin, _)| *origin);
-        let both = running.zip(origin.filter(|origin| origin.continues));
+        let both = running.zip(origin.filter(|origin| origin.continues.is_some()));
         both.is_some_and(|(running, later)| running.station == later.station)
     }
 
-    /// A command whose end is that of the maneuver in progress, too.
+    /// A command whose end is that of the maneuver in progress, too. Demands of other values are superseded by it.
     pub(super) fn join(&mut self, origin: Origin, effects: &mut Effects<'_>) {
+        if let Some((Some(running), _)) = &mut self.maneuver
+            && is_outdated(running, origin)
+        {
+            let before = mem::replace(running, origin);
+            self.drop_outdated(origin, effects);
+            return effects.refuse(Some(before), SUPERSEDED);
+        }
+        self.drop_outdated(origin, effects);
+        self.answer_together(origin, effects);
+    }
+
+    fn answer_together(&mut self, origin: Origin, effects: &mut Effects<'_>) {
         // A station that repeats its demand ten times a second, and a mode that is entered within six.
         if self.joined.len() == MAX_JOINED {
             effects.acknowledge(&self.joined.remove(0), AckType::Refused);
         }
         self.joined.push(origin);
+    }
+
+    /// Refuses demands whose values are not flown any more. A command of the mode (#42) stays: that is entered.
+    fn drop_outdated(&mut self, by: Origin, effects: &mut Effects<'_>) {
+        let is_old = |one: &mut Origin| is_outdated(one, by);
+        for old in self.joined.extract_if(.., is_old).collect::<Vec<_>>() {
+            effects.refuse(Some(old), SUPERSEDED);
+        }
     }
 
     /// Ends what runs, for a later command `by` this station.
@@ -54,7 +76,10 @@ impl Flight {
         {
             running.abandon(context.mono(), context.vehicle, effects.vehicle);
             self.give_up_streams(context);
-            self.join(before, effects);
+            self.answer_together(before, effects);
+            if let Some(by) = by {
+                self.drop_outdated(by, effects);
+            }
         }
         self.end_running(context, why, |_| true, effects);
         // A command that waits for its route to be uploaded has not begun, and must not begin later.
@@ -241,6 +266,12 @@ impl Flight {
         }
         self.commanded_in = mode;
     }
+}
+
+/// Whether a demand (#43) commands other values than a later one: what it commanded is not carried out.
+fn is_outdated(demand: &Origin, later: Origin) -> bool {
+    let both = demand.continues.zip(later.continues);
+    both.is_some_and(|(before, after)| before != after)
 }
 
 /// Commands that are answered with one maneuver at most.

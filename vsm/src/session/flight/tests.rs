@@ -35,6 +35,19 @@ fn command(world: &mut World, flight: &mut Flight, message: impl Into<Message>) 
     acknowledgements(&world.sent_to(0))
 }
 
+/// The same of a #43 of these values, of Edition 2.5.
+fn demand(world: &mut World, flight: &mut Flight, values: u64, heading: f64) -> Vec<AckType> {
+    let message = turn_to(heading).into();
+    let origin = Origin {
+        continues: Some(values),
+        ..origin(&message)
+    };
+    let message = &message;
+    handle(world, flight, Input::Command { origin, message });
+    handle(world, flight, Input::Advance);
+    acknowledgements(&world.sent_to(0))
+}
+
 /// The vehicle answers a change of mode.
 fn answer_mode(world: &mut World, flight: &mut Flight, result: MavResult) -> Vec<AckType> {
     for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, result) {
@@ -434,6 +447,31 @@ fn a_start_of_a_running_engine_leaves_a_mode_that_is_being_entered() {
     let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
     assert_eq!(answers, [AckType::CarriedOut; 2]);
     assert!(steers(&world, &flight) && !flight.view().maneuver);
+}
+
+#[test]
+fn a_demand_of_other_values_supersedes_demands_and_not_the_mode() {
+    let started = |by_mode: bool| {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        if by_mode {
+            command(&mut world, &mut flight, turn_to(0.0));
+        }
+        (world, flight)
+    };
+    for by_mode in [true, false] {
+        let (mut world, mut flight) = started(by_mode);
+        for _ in 0..2 {
+            let answers = demand(&mut world, &mut flight, 120, 1.0);
+            assert!(!answers.contains(&AckType::Refused), "{answers:?}");
+        }
+        let answers = demand(&mut world, &mut flight, 150, 1.5);
+        let refused = answers.iter().filter(|one| **one == AckType::Refused);
+        assert_eq!(refused.count(), 2, "{answers:?}");
+        world.show_mode(Px4Mode::OFFBOARD);
+        let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+        let expected = [AckType::CarriedOut; 2];
+        assert_eq!(answers, expected[..1 + usize::from(by_mode)]);
+    }
 }
 
 #[test]

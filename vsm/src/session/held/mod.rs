@@ -3,8 +3,8 @@
 //! A held command is carried out once at most, by the CUCS that gave it, in the same way as one that arrives then: the
 //! router checks the right again and hands it to the machine that it is for. Promised:
 //!
-//! - It is on disk before it is acknowledged, and that it is being carried out is on disk before it is: what a restart
-//!   finds so is not carried out again.
+//! - It is on disk before it is acknowledged, and that it is being carried out is on disk before it is: what a restart, or a
+//!   power cut, finds so is not carried out again. A disk that does not keep it within [`STORED_WITHIN`] has it refused.
 //! - Never after its expiry or its cancellation, over restarts too. A VSM whose clock went back over a restart cancels all.
 //! - Never while the vehicle is silent, and never against its pilot or its failsafe: a command that would take the
 //!   vehicle from them is refused.
@@ -29,7 +29,7 @@ use std::time::Duration;
 
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavState;
-use mavlink_link::store::{Store as _, StoreError};
+use mavlink_link::store::{Changes, Progress, Store as _, StoreError};
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, HoldCondition, HoldKind, LoiBitmap,
 };
@@ -56,6 +56,17 @@ pub(crate) struct Held {
     serial: u32,
     /// The record could not be written, and is written again then.
     unsaved: Option<Duration>,
+    /// What is carried out once the disk has it.
+    storing: Vec<Storing>,
+}
+
+/// A command that is due, and is on its way to the disk as such.
+#[derive(Debug)]
+struct Storing {
+    serial: u32,
+    stored: Changes,
+    until: Duration,
+    message: Message,
 }
 
 /// The command in a 50020; none where it cannot be read.
@@ -119,7 +130,8 @@ impl Held {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let waiting = self.waiting();
         let due = waiting.flat_map(|entry| [Some(entry.until), entry.condition.poll_timeout()]);
-        due.flatten().chain(self.unsaved).min()
+        let storing = self.storing.iter().map(|one| one.until);
+        due.flatten().chain(self.unsaved).chain(storing).min()
     }
 
     /// Takes an input.
@@ -346,6 +358,7 @@ impl Held {
         if self.unsaved.is_some_and(|at| at <= context.mono()) {
             self.save_or_warn(context, effects);
         }
+        self.carry_out_stored(context, effects);
         let mut nearer = false;
         // One that ends may end others, which come after it.
         for index in 0..self.entries.len() {
@@ -448,6 +461,56 @@ impl Held {
         let Some(entry) = self.entries.get(index) else {
             return;
         };
+        report(entry, context, effects);
+        self.storing.push(Storing {
+            serial: entry.serial,
+            stored: Changes {
+                after: effects.dli.mark,
+                until: effects.disk().queued(),
+            },
+            until: entry.until.min(context.mono() + STORED_WITHIN),
+            message,
+        });
+        self.carry_out_stored(context, effects);
+    }
+
+    /// Carries out what the disk has as being carried out.
+    fn carry_out_stored(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        for one in std::mem::take(&mut self.storing) {
+            let durable = effects.disk().progress(one.stored) == Progress::Durable;
+            if !durable && context.mono() < one.until {
+                self.storing.push(one);
+                continue;
+            }
+            let is_it = |entry: &Entry| entry.serial == one.serial;
+            let Some(index) = self.entries.iter().position(is_it) else {
+                continue;
+            };
+            let result = match (durable, context.vehicle.live()) {
+                (false, _) => Err("that it is carried out is not on the disk in time".to_owned()),
+                (true, false) => Err("the vehicle is silent".to_owned()),
+                (true, true) if self.entries[index].until <= context.mono() => {
+                    Err("its time is over".to_owned())
+                }
+                (true, true) => flown_from_here(context, &one.message),
+            };
+            match result {
+                Ok(()) => self.request(context, index, one.message, effects),
+                Err(why) => self.end(context, index, State::Refused, &why, effects),
+            }
+        }
+    }
+
+    fn request(
+        &self,
+        context: &Context<'_>,
+        index: usize,
+        message: Message,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(entry) = self.entries.get(index) else {
+            return;
+        };
         let Some(station) = context.station_of(Id(entry.owner)) else {
             return;
         };
@@ -457,7 +520,6 @@ impl Held {
             Id(entry.owner),
             table::named(entry.message_type)
         );
-        report(entry, context, effects);
         effects.advise(text);
         effects.request(Request::CarryOut {
             origin: Origin {
@@ -677,8 +739,13 @@ fn undisturbed(context: &Context<'_>, message: &Message) -> Result<(), String> {
     if context.flight.loss_action {
         return Err("the vehicle flies the loss action".to_owned());
     }
+    flown_from_here(context, message)
+}
+
+/// The same without the loss action, which may begin with what is due when the CUCS is lost.
+fn flown_from_here(context: &Context<'_>, message: &Message) -> Result<(), String> {
     let telemetry = &context.vehicle.telemetry;
-    if !telemetry.airborne() {
+    if !moves(message) || !telemetry.airborne() {
         return Ok(());
     }
     let mode = telemetry
@@ -722,6 +789,8 @@ const MAX_HELD: usize = 16;
 const MAX_ENDED: usize = 16;
 /// A day.
 const MAX_VALID_S: u32 = 86_400;
+/// What is due waits no longer for the disk.
+const STORED_WITHIN: Duration = Duration::from_secs(2);
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
 /// A clock that is set by less counts as the same.
 const CLOCK_SLACK_MS: u64 = 1_000;

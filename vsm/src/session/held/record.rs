@@ -76,7 +76,7 @@ pub(super) struct Record {
     pub(super) written_ms: u64,
 }
 
-vehicle_record!(Record, "held", Process);
+vehicle_record!(Record, "held", Power);
 
 impl Entry {
     /// The 50020, as the origin of its answer.
@@ -87,7 +87,7 @@ impl Entry {
             stamp: Some(TimeStamp(self.stamp)),
             ack_requested: self.ack_requested,
             held: None,
-            continues: false,
+            continues: None,
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mavlink_link::store::MemoryDisk;
 use proptest::prelude::*;
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, HoldCondition, HoldKind, LoiBitmap,
@@ -319,4 +320,35 @@ fn a_clock_that_went_back_over_a_restart_cancels_what_waits() {
     scene.play(&Step::Restart(0));
     scene.play(&Step::Pass(5_000));
     assert_eq!(scene.given.values().next().expect("given").carried_out, 0);
+}
+
+#[test]
+fn nothing_is_carried_out_before_a_power_cut_would_leave_it_so() {
+    let disk = |durable| {
+        Box::new(MemoryDisk {
+            queues: true,
+            queued: durable,
+            durable,
+            ..MemoryDisk::default()
+        })
+    };
+    // The disk keeps it after so long.
+    for (ms, carried_out) in [(500, 1), (3_000, 0)] {
+        let mut scene = Scene::new();
+        scene.play(&Step::Give {
+            number: 1,
+            after_s: Some(2),
+            valid_s: 20,
+            contingency: false,
+        });
+        scene.world.disk = disk(0);
+        scene.play(&Step::Pass(2_100));
+        let count = |scene: &Scene| scene.given.values().next().expect("given").carried_out;
+        assert_eq!(count(&scene), 0, "it is not on the disk");
+        scene.play(&Step::Pass(ms));
+        assert_eq!(count(&scene), 0);
+        scene.world.disk = disk(100);
+        scene.play(&Step::Pass(1));
+        assert_eq!(count(&scene), carried_out, "after {ms} ms");
+    }
 }

@@ -2,7 +2,6 @@
 
 use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavType};
 use mavlink_link::frame::{FrameView, Header};
-use mavlink_link::receiver::AUTOPILOT;
 use mavlink_link::service::{Node, param};
 
 use super::event::VehicleEvent;
@@ -58,10 +57,8 @@ impl VehicleLink {
                 }
                 let fresh = Fresh {
                     mission: delivery.can_answer(asked.mission),
-                    command: delivery.can_answer(match delivery.header.component_id {
-                        AUTOPILOT => asked.command,
-                        component => components.get(&component).copied(),
-                    }),
+                    command: delivery.can_answer(asked.command),
+                    payload: delivery.can_answer(components.get(&header.component_id).copied()),
                     parameter: delivery.can_answer(asked.parameter),
                     file: delivery.can_answer(asked.file),
                     state: delivery.can_answer(asked.last),
@@ -110,14 +107,14 @@ impl VehicleLink {
         if let MavMessage::RADIO_STATUS(_) = message
             && node.system == self.vehicle.system
         {
-            vehicle.telemetry.equipment.update(message);
+            vehicle.telemetry.equipment.update(now, message);
+        }
+        if node.system == self.vehicle.system
+            && let Some(commands) = effects.vehicle.components.get_mut(&node.component)
+        {
+            commands.handle_message(now, node, message, fresh.payload);
         }
         if node != self.vehicle {
-            if node.system == self.vehicle.system
-                && let Some(commands) = effects.vehicle.components.get_mut(&node.component)
-            {
-                commands.handle_message(now, node, message, fresh.command);
-            }
             return;
         }
         self.watch_control(node, message, effects);
@@ -133,6 +130,7 @@ impl VehicleLink {
         }
         let mode = vehicle.telemetry.mode;
         vehicle.telemetry.update(message);
+        vehicle.telemetry.equipment.update(now, message);
         if matches!(
             message,
             MavMessage::HEARTBEAT(_) | MavMessage::CURRENT_MODE(_)

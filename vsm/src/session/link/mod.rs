@@ -116,6 +116,8 @@ struct Asked {
 struct Fresh {
     mission: bool,
     command: bool,
+    /// To a command for the payload.
+    payload: bool,
     parameter: bool,
     file: bool,
     state: bool,

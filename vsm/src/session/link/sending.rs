@@ -3,7 +3,7 @@
 
 use mavlink::Message as _;
 use mavlink_link::Now;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::frame::{
     FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw,
 };
@@ -91,7 +91,7 @@ impl VehicleLink {
                 vehicle.state_is_newer = false;
             }
         }
-        // Like the autopilot's, for each component by itself.
+        // Like the autopilot's, for each component by itself; none of these changes the mode, nor arms.
         for (component, commands) in &mut services.components {
             loop {
                 while let Some(event) = commands.poll_event() {
@@ -208,17 +208,19 @@ impl VehicleLink {
 /// values change within a mode (PX4 rejects an altitude or a course outside the modes that take one): a mode that was
 /// reported before is no less fresh for them.
 fn may_change_state(command: &MavMessage) -> bool {
+    let command = match command {
+        MavMessage::COMMAND_LONG(command) => command.command,
+        MavMessage::COMMAND_INT(command) => command.command,
+        _ => return true,
+    };
     !matches!(
         command,
-        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL
-                | MavCmd::MAV_CMD_REQUEST_MESSAGE
-                | MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL
-                | MavCmd::MAV_CMD_DO_CHANGE_SPEED
-                | MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE
-                | MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING,
-            ..
-        })
+        MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL
+            | MavCmd::MAV_CMD_REQUEST_MESSAGE
+            | MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL
+            | MavCmd::MAV_CMD_DO_CHANGE_SPEED
+            | MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE
+            | MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING
     )
 }
 

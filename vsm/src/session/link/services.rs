@@ -23,7 +23,8 @@ pub(crate) struct Services {
     pub(crate) ground: GroundService,
     /// Its events are taken by who asked, not by a machine.
     pub(crate) files: ftp::Client,
-    /// For components other than the autopilot, each with a client of its own: an answer names the command, not the component.
+    /// For the payload, by component, each with a client of its own: an answer names the command, not the component. The
+    /// autopilot as the manager of a gimbal is among them: a mode does not wait behind a gimbal that does not answer.
     pub(super) components: BTreeMap<u8, command::Client>,
     pub(super) intervals: Intervals,
     pub(super) posts: VecDeque<MavMessage>,
@@ -65,11 +66,9 @@ impl Services {
         self.intervals.request(message, Rate::Hz(hertz));
     }
 
-    /// Commands to a component of the vehicle: its autopilot, a gimbal or a camera.
+    /// Commands for the payload to a component of the vehicle: a gimbal, a camera, or the autopilot as a gimbal's manager. No
+    /// command that flies the vehicle goes or waits here.
     pub(crate) fn commands_to(&mut self, component: u8) -> &mut command::Client {
-        if component == self.vehicle.component {
-            return &mut self.commands;
-        }
         let (own, node) = (self.own, Node::new(self.vehicle.system, component));
         (self.components)
             .entry(component)

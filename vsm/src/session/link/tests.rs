@@ -232,3 +232,30 @@ fn the_next_key_runs_by_the_clock_of_the_one_in_force_however_old_the_build_is()
     deliver(&mut world, &mut link, &proof);
     assert_eq!(link.key().map(KeyState::id), Some(key(2).id()));
 }
+
+#[test]
+fn a_command_for_the_payload_makes_no_mode_unseen_and_its_answer_finds_it() {
+    use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd};
+    use mavlink_link::service::command::{Command, Event, Payload, Repetition};
+    let (mut world, mut link) = start();
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(0));
+    let command = MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE;
+    let configure = Command {
+        command,
+        payload: Payload::Long([0.0; 7]),
+        repetition: Repetition::Safe,
+    };
+    let to_manager = world.services.commands_to(AUTOPILOT);
+    let ticket = to_manager.submit(world.now.mono, configure).unwrap();
+    wait(&mut world, &mut link, Duration::ZERO);
+    assert!(world.vehicle.state_is_newer_than_command());
+    let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+        command,
+        target_system: 245,
+        target_component: 190,
+        ..COMMAND_ACK_DATA::default()
+    });
+    let events = receive(&mut world, &mut link, VEHICLE, &ack);
+    let answers = |event: &VehicleEvent| matches!(event, VehicleEvent::ComponentCommand(AUTOPILOT, Event::Done { ticket: of, .. }) if *of == ticket);
+    assert!(events.iter().any(answers), "{events:?}");
+}

@@ -107,6 +107,13 @@ impl Mission {
         self.store.upload_of(cucs)
     }
 
+    /// Whether a waypoint is in what is stored, or in what a CUCS is sending.
+    pub(crate) fn holds(&self, cucs: Id, number: u16) -> bool {
+        let (offered, _) = self.upload_of(cucs);
+        let mut plans = [self.store.plan(), offered].into_iter();
+        plans.any(|plan| plan.waypoint(number).is_some())
+    }
+
     /// What the other machines may know.
     pub(crate) fn view(&self, vehicle: &VehicleState, services: &Services) -> MissionView<'_> {
         MissionView {

@@ -4,65 +4,11 @@
 use std::time::Duration;
 
 use stanag_msgs::ed25;
-use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
 
 use super::proof::question_bytes;
+use super::rate::{Kind, Limits};
 use super::{Path, Paths, Station};
-use crate::config::Dli;
 use crate::session::outbox::{Datagram, Destination};
-
-/// What the configuration allows.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Limits {
-    /// How long status goes to an address from which nothing comes.
-    pub(crate) lease: Duration,
-    /// Bytes a second to one station.
-    pub(crate) bytes_s: u32,
-    /// Messages a second to one station.
-    pub(crate) messages_s: u32,
-}
-
-impl Limits {
-    /// What a configuration sets.
-    pub(crate) fn of(dli: &Dli) -> Limits {
-        Limits {
-            lease: Duration::from_secs_f64(dli.lease_s),
-            bytes_s: dli.max_bytes_s,
-            messages_s: dli.max_messages_s,
-        }
-    }
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Limits {
-            lease: Duration::from_secs(60),
-            bytes_s: 65_536,
-            messages_s: 1_000,
-        }
-    }
-}
-
-/// What is sent, and how much it matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    /// 17000 and 2: what a command or a request was sent for. Others' alerts leave credit for it.
-    Acknowledgement,
-    /// Another answer, or an alert: waits where it has no credit.
-    Answer,
-    /// A report of this type: the next one replaces it.
-    Report(u16),
-}
-
-impl Kind {
-    /// Of a datagram that is no report.
-    pub(crate) fn of_answer(datagram: &Datagram) -> Kind {
-        match datagram.message_type() {
-            MessageAcknowledgement::ID | VsmAuthorisationResponse::ID => Kind::Acknowledgement,
-            _ => Kind::Answer,
-        }
-    }
-}
 
 /// What becomes of a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -331,40 +277,6 @@ impl Path {
     }
 }
 
-/// A rate with a burst: the time at which everything sent so far would have been paid for.
-#[derive(Debug, Default)]
-pub(super) struct Rate {
-    bytes: Duration,
-    messages: Duration,
-}
-
-impl Rate {
-    /// Whether it may be sent now. Reports leave the last of the burst to answers.
-    fn take(&mut self, now: Duration, bytes: usize, kind: Kind, limits: &Limits) -> bool {
-        let burst = match kind {
-            Kind::Report(_) => BURST / 2,
-            _ => BURST,
-        };
-        let paid = |at: Duration| at.saturating_sub(now) <= burst;
-        if !paid(self.bytes) || !paid(self.messages) {
-            return false;
-        }
-        let nanos = |count: u64, a_second: u32| {
-            Duration::from_nanos(count * 1_000_000_000 / u64::from(a_second.max(1)))
-        };
-        self.bytes = self.bytes.max(now) + nanos(bytes as u64, limits.bytes_s);
-        self.messages = self.messages.max(now) + nanos(1, limits.messages_s);
-        true
-    }
-
-    /// What was taken as so many bytes has become so many.
-    fn settle(&mut self, taken: usize, bytes: usize, limits: &Limits) {
-        let a_second = u64::from(limits.bytes_s.max(1));
-        let nanos = |bytes: usize| Duration::from_nanos(bytes as u64 * 1_000_000_000 / a_second);
-        self.bytes = (self.bytes + nanos(bytes)).saturating_sub(nanos(taken));
-    }
-}
-
 /// 17000 with its wrapper: a command is acknowledged as received, and as carried out.
 const ACKNOWLEDGEMENT_BYTES: usize = 34;
 /// Answers that wait for credit, and for how long.
@@ -374,8 +286,6 @@ const LONGEST_WAIT: Duration = Duration::from_secs(2);
 const MAX_CREDIT: usize = 32_768;
 /// Status and alerts in the group for a station that has proved nothing: some vehicles at their usual rates, and no flood.
 const UNPROVEN_GROUP_BYTES_S: u32 = 8_192;
-/// What may be sent at once, in seconds of the rate.
-const BURST: Duration = Duration::from_secs(4);
 /// Reports to an address without proof, in this order: position and state most often. `OTHER`: what 17001 has scheduled.
 const TURNS: [u16; 6] = [4000, 3001, 4000, 3002, 4001, OTHER];
 const OTHER: u16 = 0;

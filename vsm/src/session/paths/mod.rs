@@ -1,6 +1,6 @@
 //! Where each CUCS is, and what may be sent there before it has proved that it is there. This file is the table of addresses:
 //! where a station is sent to, where it claims to be too, and when it moves; `proof` asks an address whether the station is
-//! there; `credit` says how much may be sent.
+//! there; `credit` says how much may be sent, by a `rate` where it has.
 //!
 //! Anyone can write any source address into a datagram. Without proof the VSM would be a reflector (23 bytes of 40000
 //! are answered by 21 kB), and one datagram in the controller's name would take its status, and its aircraft, elsewhere.
@@ -25,15 +25,16 @@
 
 mod credit;
 mod proof;
+mod rate;
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-use self::credit::Rate;
-pub(crate) use self::credit::{Kind, Limits, Verdict};
-use self::proof::FIRST_PAUSE;
+pub(crate) use self::credit::Verdict;
 pub(crate) use self::proof::{Proof, question_bytes};
+use self::rate::Rate;
+pub(crate) use self::rate::{Kind, Limits};
 use super::outbox::Datagram;
 
 /// The paths of all stations, by their index.
@@ -418,6 +419,8 @@ impl Path {
 
 /// Of a station that never proves anything the old address must have been silent for this long before it moves.
 const QUIET: Duration = Duration::from_secs(3);
+/// Between two questions to an address, at first.
+const FIRST_PAUSE: Duration = Duration::from_millis(500);
 /// Addresses beside the current one, and messages held back of each.
 const MAX_CANDIDATES: usize = 8;
 const MAX_HELD: usize = 16;

@@ -7,8 +7,8 @@ use mavlink_link::Now;
 use sha2::{Digest as _, Sha256};
 use stanag_msgs::TimeStamp;
 
-use super::credit::Limits;
-use super::{Path, Paths, Station};
+use super::rate::Limits;
+use super::{FIRST_PAUSE, Path, Paths, Station};
 
 /// What a 17000 of a heartbeat of ours is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -214,6 +214,5 @@ const MAX_WRONG: u8 = 8;
 const QUESTION_BYTES: usize = 26;
 /// The same of Edition 2.5: #1401, and #1403, which that makes subject to an acknowledgement.
 const QUESTION_ED25_BYTES: usize = 128;
-pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(500);
 /// A CUCS that never answers is asked as seldom as this.
 const LONGEST_PAUSE: Duration = Duration::from_secs(64);

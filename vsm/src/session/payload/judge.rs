@@ -26,8 +26,9 @@ pub(super) struct Situation<'a> {
     pub(super) ground: Option<Ground<'a>>,
     /// How the altitude of a place is read.
     pub(super) datum: Datum<'a>,
-    /// The pointing mode that was commanded last.
+    /// The pointing mode that was commanded last, and the one that has been shown.
     pub(super) mode: Pointing,
+    pub(super) shown: Pointing,
     /// It was commanded to zoom, and not yet to stop.
     pub(super) zooming: bool,
     /// Its focus was set by hand.
@@ -134,6 +135,9 @@ fn angles(
 fn stare(command: &PayloadSteeringCommand, at: &Situation<'_>) -> Result<Option<Place>, String> {
     let (latitude, longitude) = match (command.latitude, command.longitude) {
         (None, None) => return Ok(None),
+        _ if at.telemetry.position.is_none() => {
+            return Err("the vehicle's position is not known yet".to_owned());
+        }
         (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
         _ => return Err("Latitude or Longitude is missing".to_owned()),
     };
@@ -250,12 +254,21 @@ pub(super) fn sensor(
     }
     let mut steps = Vec::new();
     steps.extend(image_output(command.image_output, at)?);
-    if let Some(system) = command.system_operating_mode {
+    let system = command.system_operating_mode;
+    if let Some(system) = system {
         steps.extend(system_mode(system, at)?);
     }
-    let mode = command.set_eo_ir_pointing_mode;
+    // 0 is no mode: a station that sends every field fills its place so.
+    let mode = (command.set_eo_ir_pointing_mode).filter(|mode| *mode != Pointing::NoValue);
     if let Some(mode) = mode {
-        steps.extend(pointing_mode(mode, at)?);
+        let points = pointing_mode(mode, at)?;
+        if !points.is_empty() && matches!(system, Some(System::Stow | System::Cage)) {
+            return Err(
+                "stow or cage, and another pointing mode, which would end it: command one of them"
+                    .to_owned(),
+            );
+        }
+        steps.extend(points);
     }
     Ok(Judged { steps, mode })
 }
@@ -410,11 +423,10 @@ fn has_room(camera: &Camera) -> Result<(), String> {
 }
 
 fn pointing_mode(mode: Pointing, at: &Situation<'_>) -> Result<Vec<Step>, String> {
-    if mode == at.mode {
+    if mode == at.mode && mode == at.shown {
         return Ok(Vec::new());
     }
     let step = match mode {
-        Pointing::NoValue => return Ok(Vec::new()),
         // It stays where it looks until 19001 names angles.
         Pointing::AngleToUa => {
             gimbal(at)?;
@@ -466,6 +478,15 @@ fn gimbal(at: &Situation<'_>) -> Result<(), String> {
     }
     if at.station.attitude().is_none() {
         return Err(format!("no data from the gimbal of station {number}"));
+    }
+    if at
+        .station
+        .gimbal
+        .is_none_or(|gimbal| gimbal.manager.is_none())
+    {
+        return Err(format!(
+            "no manager of the gimbal of station {number} has reported (GIMBAL_MANAGER_INFORMATION, GIMBAL_MANAGER_STATUS)"
+        ));
     }
     Ok(())
 }

@@ -4,11 +4,11 @@
 //! ([`step`]); then the command is acknowledged as carried out. LOI 3 is by station: a command for a station that its sender
 //! does not hold is refused, whatever else it holds. Devices are asked what they are, and what they do ([`discovery`]).
 //!
-//! Several commands of one station run beside each other, since zooming does not wait for turning. A newer steering command replaces
-//! an older one that still turns: an operator who moves a stick sends many.
+//! Several commands of one station run beside each other, since zooming does not wait for turning. A newer command that turns, zooms or
+//! focuses replaces an older one that still does: an operator who moves a stick sends many.
 //!
-//! Rates end: PX4 stops a gimbal 2 s after its rates were set, so they are set again each second, for as long as who commanded
-//! them holds the station.
+//! Rates end: PX4 stops a gimbal 2 s after its rates were set, so they are set again each second. To look at a place the gimbal is
+//! sent its direction again and again. Both end, and a zoom stops, once who commanded them no longer holds the station.
 
 mod discovery;
 mod judge;
@@ -24,7 +24,6 @@ use mapping::altitude::{Altimeter, Datum};
 use mapping::payload::Equipment;
 use mapping::payload::report::{self, Ground, Station};
 use mavlink_link::dialect::MavResult;
-use mavlink_link::service::Node;
 use mavlink_link::service::command::{Event, Outcome, Ticket};
 use stanag_msgs::enums::{
     AckType, EoirPointingMode, FocusType, SetFocus, SetZoom, StationBitmap1To16,
@@ -33,7 +32,7 @@ use stanag_msgs::{Id, Message};
 
 use self::discovery::Discovery;
 use self::judge::{Judged, Situation};
-use self::step::{Before, Order, Slew, Step, Zoom, request};
+use self::step::{Before, Drive, Motion, Order, Slew, Step, Zoom, request};
 use super::authority::rules::{Authority, Stations};
 use super::context::{self, Origin};
 use super::effects::Effects;
@@ -55,7 +54,9 @@ struct State {
     /// The pointing mode that was commanded last, and the one that has been shown.
     commanded: EoirPointingMode,
     shown: EoirPointingMode,
-    slewing: Option<Slewing>,
+    /// Who commanded it last.
+    by: Option<Id>,
+    moving: Option<Moving>,
     zooming: bool,
     by_hand: bool,
 }
@@ -65,18 +66,18 @@ impl Default for State {
         State {
             commanded: EoirPointingMode::NoValue,
             shown: EoirPointingMode::NoValue,
-            slewing: None,
+            by: None,
+            moving: None,
             zooming: false,
             by_hand: false,
         }
     }
 }
 
-/// Rates that stand.
+/// A motion that goes on.
 #[derive(Debug, Clone, Copy)]
-struct Slewing {
-    by: Id,
-    slew: Slew,
+struct Moving {
+    motion: Motion,
     next: Duration,
 }
 
@@ -86,9 +87,9 @@ struct Task {
     origin: Origin,
     by: Id,
     station: u8,
-    /// A 19001.
-    steers: bool,
     mode: Option<EoirPointingMode>,
+    /// A newer command has replaced steps of it.
+    lost: bool,
     steps: VecDeque<Step>,
     running: Option<Running>,
 }
@@ -173,6 +174,7 @@ impl Payload {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
+        self.end_with_holder(context, effects);
         match input {
             Input::Command { origin, message } => self.command(context, origin, message, effects),
             Input::CommandEnded { component, event } => {
@@ -188,7 +190,7 @@ impl Payload {
             Input::Poll => {}
         }
         self.advance(context, effects);
-        self.keep_slewing(context, effects);
+        self.keep_moving(context, effects);
         self.discovery.advance(&context.common, effects);
         self.watch_stations(context, effects);
     }
@@ -203,12 +205,12 @@ impl Payload {
                 .is_none()
                 .then(|| running.until.min(running.ask_at))
         });
-        let slews = self
+        let motions = self
             .states
             .values()
-            .filter_map(|state| Some(state.slewing?.next));
+            .filter_map(|state| Some(state.moving?.next));
         tasks
-            .chain(slews)
+            .chain(motions)
             .chain(self.discovery.poll_timeout())
             .min()
     }
@@ -255,9 +257,6 @@ impl Payload {
         if !context.vehicle.live() {
             return Err("no data from the vehicle".to_owned());
         }
-        if self.tasks.len() >= MAX_TASKS {
-            return Err(format!("{MAX_TASKS} payload commands are in progress"));
-        }
         let state = self.states.entry(equipment.number).or_default();
         let situation = Situation {
             station: Station::of(equipment, &context.vehicle.payloads, context.mono()),
@@ -270,6 +269,7 @@ impl Payload {
                 terrain: context.bounds.terrain.as_deref(),
             },
             mode: state.commanded,
+            shown: state.shown,
             zooming: state.zooming,
             by_hand: state.by_hand,
         };
@@ -279,6 +279,17 @@ impl Payload {
             Message::EoIrLaserPayloadCommand(m) => judge::sensor(m, &situation)?,
             _ => Judged::default(),
         };
+        let stays = |task: &&Task| {
+            let mut steps_of = task.steps.iter();
+            task.station == equipment.number && steps_of.any(|step| !is_replaced(step, &steps))
+        };
+        if !steps.is_empty() && self.tasks.iter().filter(stays).count() >= MAX_TASKS {
+            return Err(format!(
+                "{MAX_TASKS} commands for payload station {} are in progress, expected fewer",
+                equipment.number
+            ));
+        }
+        state.by = Some(by);
         if let Message::PayloadSteeringCommand(m) = message {
             state.zooming = match m.set_zoom {
                 Some(SetZoom::ZoomIn | SetZoom::ZoomOut) => true,
@@ -294,23 +305,30 @@ impl Payload {
         if let Some(mode) = mode {
             state.commanded = mode;
         }
-        if steps.iter().any(|step| step.points()) {
+        if (steps.iter()).any(|step| step.drive() == Some(Drive::Gimbal)) {
             // What it turned by before ends with the new command.
-            state.slewing = None;
-            self.replace(equipment.number, effects);
+            state.moving = None;
         }
         if steps.is_empty() {
-            if let (Some(mode), Some(state)) = (mode, self.states.get_mut(&equipment.number)) {
-                state.shown = mode;
-            }
             return Ok(None);
         }
+        let replaced = self.replace(equipment.number, &steps, effects);
+        let state = self.states.entry(equipment.number).or_default();
+        let mode = match replaced.filter(|mode| *mode == state.commanded) {
+            // What steers in a mode that is not shown yet shows it in its stead.
+            Some(before) if steers => Some(before),
+            Some(_) if mode.is_none() => {
+                state.commanded = state.shown;
+                None
+            }
+            _ => mode,
+        };
         Ok(Some(Task {
             origin,
             by,
             station: equipment.number,
-            steers,
             mode,
+            lost: false,
             steps: steps.into(),
             running: None,
         }))
@@ -343,31 +361,41 @@ impl Payload {
             .ok_or_else(|| format!("the vehicle has no payload station {number}"))
     }
 
-    /// A newer command turns the gimbal: what older ones still wanted of it ends.
-    fn replace(&mut self, station: u8, effects: &mut Effects<'_>) {
+    /// A newer command moves what older ones still move: their steps of it end, and so do they, refused once what else they
+    /// commanded is done. Returns the pointing mode that one of them was to show.
+    fn replace(
+        &mut self,
+        station: u8,
+        steps: &[Step],
+        effects: &mut Effects<'_>,
+    ) -> Option<EoirPointingMode> {
         let now = effects.dli.now.mono;
+        let mut mode = None;
         self.tasks.retain_mut(|task| {
-            if task.station != station || !task.steps.iter().any(|step| step.points()) {
+            let ends = |step: &Step| is_replaced(step, steps);
+            if task.station != station || !task.steps.iter().any(ends) {
                 return true;
             }
             if let Some((component, ticket)) = task
                 .running
-                .take_if(|_| task.steps.front().is_some_and(|step| step.points()))
+                .take_if(|_| task.steps.front().is_some_and(ends))
                 .and_then(|running| running.ticket)
             {
                 effects.vehicle.commands_to(component).withdraw(now, ticket);
             }
-            task.steps.retain(|step| !step.points());
-            // A 19100 sets the mode that the newer command is in; a 19001 was to look elsewhere.
-            if !task.steers || !task.steps.is_empty() {
+            let turned = |step: &Step| step.drive() == Some(Drive::Gimbal);
+            if task.steps.iter().any(|step| ends(step) && turned(step)) {
+                mode = task.mode.take().or(mode);
+            }
+            task.steps.retain(|step| !ends(step));
+            task.lost = true;
+            if !task.steps.is_empty() {
                 return true;
             }
-            effects.refuse(
-                Some(task.origin),
-                "replaced by a newer command for the same gimbal",
-            );
+            effects.refuse(Some(task.origin), REPLACED);
             false
         });
+        mode
     }
 
     /// Carries out what can be done now.
@@ -381,7 +409,8 @@ impl Payload {
             let ended = match equipment {
                 Some(equipment) => {
                     let station = Station::of(equipment, &context.vehicle.payloads, context.mono());
-                    task.advance(context, &station, effects)
+                    let state = self.states.entry(task.station).or_default();
+                    task.advance(context, &station, state, effects)
                 }
                 None => Some(Err(format!(
                     "the vehicle has no payload station {} any more",
@@ -390,35 +419,24 @@ impl Payload {
             };
             match ended {
                 None => self.tasks.push(task),
-                Some(end) => self.end(&task, end, context.mono(), effects),
+                Some(end) => self.end(&task, end, effects),
             }
         }
     }
 
-    fn end(
-        &mut self,
-        task: &Task,
-        end: Result<Option<Slew>, String>,
-        now: Duration,
-        effects: &mut Effects<'_>,
-    ) {
+    fn end(&mut self, task: &Task, end: Result<(), String>, effects: &mut Effects<'_>) {
         let state = self.states.entry(task.station).or_default();
+        let governs = task.mode == Some(state.commanded);
         match end {
-            Ok(slew) => {
-                if let Some(mode) = task.mode {
-                    state.shown = mode;
-                }
-                if let Some(slew) = slew.filter(|slew| !slew.is_still()) {
-                    state.slewing = Some(Slewing {
-                        by: task.by,
-                        slew,
-                        next: now + SLEW_AGAIN,
-                    });
+            Ok(()) if task.lost => effects.refuse(Some(task.origin), REPLACED),
+            Ok(()) => {
+                if governs {
+                    state.shown = state.commanded;
                 }
                 effects.acknowledge(&task.origin, AckType::CarriedOut);
             }
             Err(why) => {
-                if task.mode.is_some() {
+                if governs {
                     state.commanded = state.shown;
                 }
                 effects.refuse(Some(task.origin), why);
@@ -474,33 +492,86 @@ impl Payload {
             Outcome::Withdrawn => format!("{command:?} was withdrawn"),
         };
         let task = self.tasks.swap_remove(place);
-        self.end(&task, Err(why), context.mono(), effects);
+        self.end(&task, Err(why), effects);
     }
 
-    /// Sets rates again, or ends them with the rights of who commanded them.
-    fn keep_slewing(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+    /// Ends what goes on in the name of a CUCS that no longer holds the station: rates, a place, a zoom. Whoever holds it next
+    /// begins with no pointing mode.
+    fn end_with_holder(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
-        let autopilot = effects.vehicle.autopilot();
         for (number, state) in &mut self.states {
-            let Some(slewing) = &mut state.slewing else {
+            let lost = |by: &Id| !context.rights.holds_station(*by, *number);
+            if !state.by.as_ref().is_some_and(lost) {
+                continue;
+            }
+            let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
+            let all = context.equipment();
+            if let Some(equipment) = all.into_iter().find(|one| one.number == *number) {
+                let station = Station::of(equipment, &context.vehicle.payloads, now);
+                let turns = |task: &Task| {
+                    let sent = task.running.as_ref().and(task.steps.front());
+                    task.station == *number && sent.is_some_and(|step| step.motion().is_some())
+                };
+                if state.moving.is_some() || self.tasks.iter().any(turns) {
+                    let still = Motion::Rates(Slew::STILL);
+                    let telemetry = &context.vehicle.telemetry;
+                    let message = still.message(&station, telemetry, vehicle);
+                    message
+                        .into_iter()
+                        .for_each(|one| effects.vehicle.post(one));
+                }
+                state.moving = None;
+                if state.zooming
+                    && let Some(Order::Command(camera, stop)) =
+                        Step::Zoom(Zoom::Stop).order(&station, own)
+                    // A queue that is full empties within seconds: then again.
+                    && effects.vehicle.commands_to(camera).submit(now, stop).is_err()
+                {
+                    continue;
+                }
+            }
+            *state = State {
+                by_hand: state.by_hand,
+                ..State::default()
+            };
+        }
+    }
+
+    /// Sends again what keeps a gimbal moving, until another takes it.
+    fn keep_moving(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let now = context.mono();
+        let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
+        for (number, state) in &mut self.states {
+            let Some(moving) = &mut state.moving else {
                 continue;
             };
-            let holds = context.rights.holds_station(slewing.by, *number);
-            if holds && now < slewing.next {
+            if now < moving.next {
                 continue;
             }
             let all = context.equipment();
             let Some(equipment) = all.into_iter().find(|one| one.number == *number) else {
-                state.slewing = None;
+                state.moving = None;
                 continue;
             };
             let station = Station::of(equipment, &context.vehicle.payloads, now);
-            let slew = if holds { slewing.slew } else { Slew::STILL };
-            effects.vehicle.post(slew.message(&station, autopilot));
-            slewing.next = now + SLEW_AGAIN;
-            if !holds {
-                state.slewing = None;
+            let holder = step::holder(&station);
+            if let Some([system, component]) = holder
+                && [system, component] != [own.system, own.component]
+            {
+                state.moving = None;
+                state.commanded = EoirPointingMode::NoValue;
+                state.shown = EoirPointingMode::NoValue;
+                effects.warn_of_link(format!(
+                    "the gimbal of payload station {number} is steered by system {system} component {component} now \
+                     (GIMBAL_MANAGER_STATUS), no longer by this VSM: command a pointing mode (19100) to take it back"
+                ));
+                continue;
             }
+            let telemetry = &context.vehicle.telemetry;
+            if let Some(message) = moving.motion.message(&station, telemetry, vehicle) {
+                effects.vehicle.post(message);
+            }
+            moving.next = now + moving.motion.again();
         }
     }
 
@@ -517,18 +588,21 @@ impl Payload {
 }
 
 impl Task {
-    /// Carries out what can be done of it now. At its end: the rates that stand, or why it failed.
+    /// Carries out what can be done of it now. At its end: whether it failed, and why.
     fn advance(
         &mut self,
         context: &Context<'_>,
         station: &Station<'_>,
+        state: &mut State,
         effects: &mut Effects<'_>,
-    ) -> Option<Result<Option<Slew>, String>> {
+    ) -> Option<Result<(), String>> {
         let now = context.mono();
         let own = effects.vehicle.own();
-        let mut slew = None;
         // A right that was lost commands nothing more.
         if !context.rights.holds_station(self.by, self.station) {
+            if let Some((component, ticket)) = self.running.take().and_then(|sent| sent.ticket) {
+                effects.vehicle.commands_to(component).withdraw(now, ticket);
+            }
             return Some(Err(format!(
                 "LOI 3 (payload) of station {} is no longer held",
                 self.station
@@ -536,14 +610,14 @@ impl Task {
         }
         loop {
             let Some(step) = self.steps.front().copied() else {
-                return Some(Ok(slew));
+                return Some(Ok(()));
             };
             let Some(running) = &mut self.running else {
                 if step.is_so(station, own) {
                     self.steps.pop_front();
                     continue;
                 }
-                match start(step, station, own, now, effects) {
+                match start(step, station, context, effects) {
                     Ok(running) => self.running = Some(running),
                     Err(why) => return Some(Err(why)),
                 }
@@ -554,8 +628,10 @@ impl Task {
             }
             let telemetry = &context.vehicle.telemetry;
             if step.is_shown(station, telemetry, own, &running.before, running.since) {
-                if let Step::Slew(rates) = step {
-                    slew = Some(rates);
+                if let Some(motion) = step.motion() {
+                    // Now, not at the command's end: a zoom after it may outlast what PX4 turns by one message.
+                    let next = running.ask_at;
+                    state.moving = Some(Moving { motion, next });
                 }
                 self.steps.pop_front();
                 self.running = None;
@@ -572,7 +648,14 @@ impl Task {
                 running.before.last_zoom = Some((at, zoom));
             }
             if now >= running.ask_at {
-                running.ask_at = now + ASK_AGAIN;
+                running.ask_at = now + step.motion().map_or(ASK_AGAIN, Motion::again);
+                if let Some(motion) = step.motion() {
+                    let vehicle = effects.vehicle.autopilot();
+                    let message = motion.message(station, telemetry, vehicle);
+                    message
+                        .into_iter()
+                        .for_each(|one| effects.vehicle.post(one));
+                }
                 if let (Some(message), Some(camera)) = (step.evidence(), station.equipment.camera) {
                     ask(camera, message, now, effects);
                 }
@@ -586,15 +669,20 @@ impl Task {
 fn start(
     step: Step,
     station: &Station<'_>,
-    own: Node,
-    now: Duration,
+    context: &Context<'_>,
     effects: &mut Effects<'_>,
 ) -> Result<Running, String> {
-    let autopilot = effects.vehicle.autopilot();
-    let order = step.order(station, own, autopilot);
-    let ticket = match order.ok_or("the station lacks the device for it")? {
-        Order::Rates(slew) => {
-            effects.vehicle.post(slew.message(station, autopilot));
+    let now = context.mono();
+    let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
+    let mut ask_at = now;
+    let order = step.order(station, own);
+    let ticket = match order.ok_or("the station lacks the device for it, or its manager")? {
+        Order::Post(motion) => {
+            let telemetry = &context.vehicle.telemetry;
+            let message = motion.message(station, telemetry, vehicle);
+            let missing = "the gimbal has no manager, or the vehicle's position is not known";
+            effects.vehicle.post(message.ok_or(missing)?);
+            ask_at += motion.again();
             None
         }
         Order::Command(component, command) => {
@@ -610,7 +698,7 @@ fn start(
         since: now,
         until: now + step.limit(),
         before: Before::of(station),
-        ask_at: now,
+        ask_at,
     })
 }
 
@@ -650,8 +738,14 @@ fn announce(context: &Context<'_>, to: &[usize], all: &[Equipment], effects: &mu
     }
 }
 
-/// Rates are set again before PX4 ends them, 2 s after they were set.
-const SLEW_AGAIN: Duration = Duration::from_secs(1);
+/// Whether a newer command of these steps moves what this step moves.
+fn is_replaced(step: &Step, by: &[Step]) -> bool {
+    let drive = step.drive();
+    drive.is_some() && by.iter().any(|newer| newer.drive() == drive)
+}
+
+const REPLACED: &str = "replaced by a newer command for the same gimbal, zoom or focus";
 /// What shows a step is requested again after this.
 const ASK_AGAIN: Duration = Duration::from_millis(400);
-const MAX_TASKS: usize = 32;
+/// Of one station: who holds another is not kept waiting. A newer one replaces what it moves, and so four are many.
+const MAX_TASKS: usize = 4;

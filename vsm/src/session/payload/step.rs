@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use mapping::payload::Direction;
 use mapping::payload::pointing::{
-    GimbalAttitude, between, direction, euler, line_of_sight, sight_of, sight_to,
+    GimbalAttitude, between, direction, euler, line_of_sight, looking_along, sight_of, sight_to,
 };
 use mapping::payload::report::Station;
 use mapping::telemetry::{Place, Telemetry};
 use mavlink_link::dialect::{
     CameraMode, CameraSource, CameraZoomType, GIMBAL_MANAGER_SET_ATTITUDE_DATA, GimbalManagerFlags,
-    MavCmd, MavFrame, MavMessage, SetFocusType,
+    MavCmd, MavMessage, SetFocusType,
 };
 use mavlink_link::service::Node;
 use mavlink_link::service::command::{Command, Payload, Repetition};
@@ -50,6 +50,23 @@ pub(super) struct Slew {
     pub(super) inertial: bool,
 }
 
+/// What a gimbal is sent again and again, so that it goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Motion {
+    Rates(Slew),
+    /// It keeps looking at a place. Steered from here: PX4's navigator takes DO_SET_ROI_LOCATION too, and with MIS_MNT_YAW_CTL 0
+    /// turns a rotary wing towards the place, in a mission of whoever flies it; LOI 3 must not turn the vehicle.
+    Stare(Place),
+}
+
+/// What a step moves: a newer command replaces what an older one still wants of the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Drive {
+    Gimbal,
+    Zoom,
+    Focus,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Zoom {
     Stop,
@@ -74,8 +91,8 @@ pub(super) enum Focus {
 pub(super) enum Order {
     /// To this component, which answers.
     Command(u8, Command),
-    /// Rates, which nothing answers.
-    Rates(Slew),
+    /// What nothing answers.
+    Post(Motion),
 }
 
 /// What was so before the step, where the step is a change.
@@ -106,17 +123,28 @@ impl Before {
 }
 
 impl Step {
-    /// Whether it moves the gimbal.
-    pub(super) fn points(self) -> bool {
-        matches!(
-            self,
+    /// What it moves, where that is one thing that goes one way at a time.
+    pub(super) fn drive(self) -> Option<Drive> {
+        match self {
             Step::Control
-                | Step::Point(_)
-                | Step::Slew(_)
-                | Step::StareAt(_)
-                | Step::Neutral
-                | Step::Retract
-        )
+            | Step::Point(_)
+            | Step::Slew(_)
+            | Step::StareAt(_)
+            | Step::Neutral
+            | Step::Retract => Some(Drive::Gimbal),
+            Step::Zoom(_) => Some(Drive::Zoom),
+            Step::Focus(_) => Some(Drive::Focus),
+            _ => None,
+        }
+    }
+
+    /// What goes on after it.
+    pub(super) fn motion(self) -> Option<Motion> {
+        match self {
+            Step::Slew(slew) if !slew.is_still() => Some(Motion::Rates(slew)),
+            Step::StareAt(place) => Some(Motion::Stare(place)),
+            _ => None,
+        }
     }
 
     /// Whether there is nothing to send: it is so already.
@@ -132,7 +160,7 @@ impl Step {
     }
 
     /// What is sent for it; `None` where the station lacks the device.
-    pub(super) fn order(self, station: &Station<'_>, own: Node, autopilot: Node) -> Option<Order> {
+    pub(super) fn order(self, station: &Station<'_>, own: Node) -> Option<Order> {
         let camera = || station.equipment.camera;
         let to_camera = |command, params, repetition| {
             let payload = Payload::Long(params);
@@ -148,7 +176,7 @@ impl Step {
             })
         };
         let device = station.equipment.gimbal.unwrap_or(0);
-        let manager = manager(station, autopilot);
+        let manager = manager(station);
         let id = f32::from(device);
         let long = |command, params| {
             let command = Command {
@@ -156,7 +184,7 @@ impl Step {
                 payload: Payload::Long(params),
                 repetition: Repetition::Safe,
             };
-            Some(Order::Command(manager, command))
+            manager.map(|manager| Order::Command(manager, command))
         };
         let angles = |flags: GimbalManagerFlags, pitch: f64, yaw: f64| {
             let (pitch, yaw) = (pitch.to_degrees() as f32, yaw.to_degrees() as f32);
@@ -185,21 +213,8 @@ impl Step {
             }
             Step::Neutral => angles(GimbalManagerFlags::GIMBAL_MANAGER_FLAGS_NEUTRAL, 0.0, 0.0),
             Step::Retract => angles(GimbalManagerFlags::GIMBAL_MANAGER_FLAGS_RETRACT, 0.0, 0.0),
-            Step::Slew(slew) => Some(Order::Rates(slew)),
-            Step::StareAt(place) => Some(Order::Command(
-                manager,
-                Command {
-                    command: MavCmd::MAV_CMD_DO_SET_ROI_LOCATION,
-                    payload: Payload::Int {
-                        frame: MavFrame::MAV_FRAME_GLOBAL,
-                        params: [id, 0.0, 0.0, 0.0],
-                        x: (place.latitude * 1e7).round() as i32,
-                        y: (place.longitude * 1e7).round() as i32,
-                        z: place.amsl_m as f32,
-                    },
-                    repetition: Repetition::Safe,
-                },
-            )),
+            Step::Slew(slew) => Some(Order::Post(Motion::Rates(slew))),
+            Step::StareAt(place) => Some(Order::Post(Motion::Stare(place))),
             Step::Zoom(zoom) => {
                 let (kind, value) = match zoom {
                     Zoom::Stop => (CameraZoomType::ZOOM_TYPE_CONTINUOUS, 0.0),
@@ -394,29 +409,6 @@ impl Slew {
         self.up == 0.0 && self.right == 0.0
     }
 
-    /// By GIMBAL_MANAGER_SET_ATTITUDE: PX4 makes 0 of angles that DO_GIMBAL_MANAGER_PITCHYAW leaves out, so that rates alone
-    /// have no effect by it.
-    pub(super) fn message(self, station: &Station<'_>, autopilot: Node) -> MavMessage {
-        use GimbalManagerFlags as F;
-        let flags = if self.inertial {
-            F::GIMBAL_MANAGER_FLAGS_ROLL_LOCK
-                | F::GIMBAL_MANAGER_FLAGS_PITCH_LOCK
-                | F::GIMBAL_MANAGER_FLAGS_YAW_LOCK
-        } else {
-            F::empty()
-        };
-        MavMessage::GIMBAL_MANAGER_SET_ATTITUDE(GIMBAL_MANAGER_SET_ATTITUDE_DATA {
-            flags,
-            q: [f32::NAN; 4],
-            angular_velocity_x: 0.0,
-            angular_velocity_y: self.up as f32,
-            angular_velocity_z: self.right as f32,
-            target_system: autopilot.system,
-            target_component: manager(station, autopilot),
-            gimbal_device_id: station.equipment.gimbal.unwrap_or(0),
-        })
-    }
-
     /// A drive may be slower than commanded, and still turns the right way.
     fn is_shown(self, gimbal: &GimbalAttitude) -> bool {
         let Some([up, right]) = gimbal.rates else {
@@ -431,6 +423,54 @@ impl Slew {
                     shown * commanded.signum() > 0.5 * commanded.abs()
                 }
             })
+    }
+}
+
+impl Motion {
+    /// When it is due again: PX4 ends rates 2 s after they were set; a place moves past with the vehicle, whose position comes at
+    /// 5 Hz.
+    pub(super) fn again(self) -> Duration {
+        match self {
+            Motion::Rates(_) => Duration::from_secs(1),
+            Motion::Stare(_) => Duration::from_millis(200),
+        }
+    }
+
+    /// By GIMBAL_MANAGER_SET_ATTITUDE: PX4 makes 0 of angles that DO_GIMBAL_MANAGER_PITCHYAW leaves out, so that rates alone
+    /// have no effect by it. `None` before the gimbal has a manager, and for a place before the vehicle's position is known.
+    pub(super) fn message(
+        self,
+        station: &Station<'_>,
+        telemetry: &Telemetry,
+        vehicle: Node,
+    ) -> Option<MavMessage> {
+        use GimbalManagerFlags as F;
+        let locked = F::GIMBAL_MANAGER_FLAGS_ROLL_LOCK
+            | F::GIMBAL_MANAGER_FLAGS_PITCH_LOCK
+            | F::GIMBAL_MANAGER_FLAGS_YAW_LOCK;
+        let (flags, q, [x, y, z]) = match self {
+            Motion::Rates(slew) => {
+                let flags = if slew.inertial { locked } else { F::empty() };
+                let rates = [0.0, slew.up as f32, slew.right as f32];
+                (flags, [f32::NAN; 4], rates)
+            }
+            Motion::Stare(place) => {
+                let q = looking_along(sight_to(telemetry.position?, place));
+                (locked, q.map(|part| part as f32), [f32::NAN; 3])
+            }
+        };
+        Some(MavMessage::GIMBAL_MANAGER_SET_ATTITUDE(
+            GIMBAL_MANAGER_SET_ATTITUDE_DATA {
+                flags,
+                q,
+                angular_velocity_x: x,
+                angular_velocity_y: y,
+                angular_velocity_z: z,
+                target_system: vehicle.system,
+                target_component: manager(station)?,
+                gimbal_device_id: station.equipment.gimbal.unwrap_or(0),
+            },
+        ))
     }
 }
 
@@ -449,19 +489,19 @@ pub(super) fn request(message: u16) -> Command {
     }
 }
 
-/// The component that takes the commands of a gimbal: the autopilot, until another reports as its manager.
-pub(super) fn manager(station: &Station<'_>, autopilot: Node) -> u8 {
-    station
-        .gimbal
-        .and_then(|gimbal| gimbal.manager)
-        .unwrap_or(autopilot.component)
+/// The component that takes the commands of a gimbal; none before it has reported: an autopilot without a gimbal module answers none
+/// of them.
+fn manager(station: &Station<'_>) -> Option<u8> {
+    station.gimbal?.manager
 }
 
 fn controls(station: &Station<'_>, own: Node) -> bool {
-    station
-        .gimbal
-        .and_then(|gimbal| station.fresh(gimbal.control))
-        == Some([own.system, own.component])
+    holder(station) == Some([own.system, own.component])
+}
+
+/// System and component in primary control of the gimbal, 0 and 0 where nobody is, as reported lately.
+pub(super) fn holder(station: &Station<'_>) -> Option<[u8; 2]> {
+    station.fresh(station.gimbal?.control)
 }
 
 /// Whether a gimbal looks there. As it reports it too: one that leaves out the locks, and stabilises all the same, reports pitch

@@ -4,9 +4,12 @@ use mapping::telemetry::{Attitude, Place};
 use mavlink_link::dialect::{
     CAMERA_CAPTURE_STATUS_DATA, CAMERA_INFORMATION_DATA, CAMERA_SETTINGS_DATA, COMMAND_ACK_DATA,
     CameraCapFlags, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_INFORMATION_DATA,
-    GIMBAL_MANAGER_STATUS_DATA, GimbalDeviceFlags, GimbalManagerCapFlags, HEARTBEAT_DATA, MavCmd,
-    MavMessage, MavType, STORAGE_INFORMATION_DATA, StorageStatus,
+    GIMBAL_MANAGER_SET_ATTITUDE_DATA, GIMBAL_MANAGER_STATUS_DATA, GimbalDeviceFlags,
+    GimbalManagerCapFlags, GimbalManagerFlags, HEARTBEAT_DATA, MavCmd, MavMessage, MavType,
+    STORAGE_INFORMATION_DATA, StorageStatus,
 };
+use mavlink_link::service::Node;
+use mavlink_link::service::command::Command;
 use stanag_msgs::enums::{EoirSystemMode, LaserRfCmd, LoiBitmap};
 use stanag_msgs::messages::{EoIrLaserPayloadCommand, PayloadSteeringCommand};
 use stanag_msgs::{Bam16, Bam32, Scaled};
@@ -451,4 +454,279 @@ fn every_refusal_names_its_reason() {
             .refusal(steer(-10.0))
             .contains("no data from the vehicle")
     );
+}
+
+/// The attitudes and rates that were sent to the gimbal beside commands.
+fn attitudes(scene: &mut Scene) -> Vec<GIMBAL_MANAGER_SET_ATTITUDE_DATA> {
+    let set = |message| match message {
+        MavMessage::GIMBAL_MANAGER_SET_ATTITUDE(m) => Some(m),
+        _ => None,
+    };
+    let posts = scene.world.services.take_posts();
+    posts.into_iter().filter_map(set).collect()
+}
+
+fn pointing(mode: EoirPointingMode) -> EoIrLaserPayloadCommand {
+    EoIrLaserPayloadCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        set_eo_ir_pointing_mode: Some(mode),
+        ..EoIrLaserPayloadCommand::default()
+    }
+}
+
+fn turn(rate: f64) -> PayloadSteeringCommand {
+    PayloadSteeringCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        horizontal_slew_rate: Some(Scaled::saturating_from_si(rate)),
+        ..PayloadSteeringCommand::default()
+    }
+}
+
+fn zoom(zoom: SetZoom) -> PayloadSteeringCommand {
+    PayloadSteeringCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        set_zoom: Some(zoom),
+        ..PayloadSteeringCommand::default()
+    }
+}
+
+/// It turns right, and shows it.
+fn turning(scene: &mut Scene) {
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::SlewRateToUa);
+    scene.command(turn(0.2));
+    scene.later(0.2);
+    let mut shown = looking(0.0);
+    if let MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(m) = &mut shown {
+        m.angular_velocity_z = 0.2;
+    }
+    scene.report(GIMBAL, shown);
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    scene.world.services.take_posts();
+}
+
+#[test]
+fn a_place_is_looked_at_without_a_command_that_turns_the_vehicle() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::LatLongSlaved);
+    // 100 m north, 100 m below: half a right angle down.
+    let stare = PayloadSteeringCommand {
+        latitude: Some(Bam32::from_degrees(47.4 + 100.0 / 111_195.0)),
+        longitude: Some(Bam32::from_degrees(8.5)),
+        altitude: Some(Scaled::saturating_from_si(0.0)),
+        altitude_type: Some(stanag_msgs::enums::AltitudeType::Agl),
+        ..steer(0.0)
+    };
+    assert_eq!(scene.command(stare), [AckType::Received]);
+    assert_eq!(scene.accept(1), [], "PX4's navigator would take a ROI too");
+    let pitch = |of: &[GIMBAL_MANAGER_SET_ATTITUDE_DATA]| -> Vec<f32> {
+        let pitch = |m: &GIMBAL_MANAGER_SET_ATTITUDE_DATA| 2.0 * m.q[2].asin().to_degrees();
+        of.iter().map(|m| pitch(m).round()).collect()
+    };
+    let sent = attitudes(&mut scene);
+    assert_eq!(pitch(&sent), [-45.0]);
+    let lock = GimbalManagerFlags::GIMBAL_MANAGER_FLAGS_YAW_LOCK;
+    assert!(sent[0].flags.contains(lock));
+    scene.later(0.3);
+    scene.report(GIMBAL, looking(45.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    // The vehicle flies on, and the direction follows.
+    attitudes(&mut scene);
+    let from = scene.world.vehicle.telemetry.position.as_mut();
+    from.expect("a position").amsl_m += 73.2;
+    scene.later(0.25);
+    scene.handle(Input::Poll);
+    assert_eq!(pitch(&attitudes(&mut scene)), [-60.0]);
+    scene.rights = Authority::default();
+    scene.handle(Input::Poll);
+    attitudes(&mut scene);
+    scene.later(1.0);
+    scene.handle(Input::Poll);
+    assert_eq!(attitudes(&mut scene), [], "nobody holds it");
+}
+
+#[test]
+fn what_flies_the_vehicle_does_not_wait_for_a_gimbal_that_does_not_answer() {
+    let mut scene = Scene::new();
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    scene.command(steer(-30.0));
+    let sent = scene.world.services.commands_to(1).poll_transmit();
+    let Some(MavMessage::COMMAND_LONG(sent)) = sent else {
+        panic!("{sent:?}");
+    };
+    assert_eq!(sent.command, MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE);
+    let mode = Command {
+        command: MavCmd::MAV_CMD_DO_SET_MODE,
+        payload: mavlink_link::service::command::Payload::Long([0.0; 7]),
+        repetition: mavlink_link::service::command::Repetition::Safe,
+    };
+    let now = scene.world.now.mono;
+    let flight = &mut scene.world.services.commands;
+    flight.submit(now, mode).expect("room");
+    assert!(flight.poll_transmit().is_some(), "at once");
+}
+
+#[test]
+fn no_gimbal_is_steered_before_its_manager_has_reported() {
+    let mut scene = Scene::new();
+    scene.world.vehicle.payloads = mapping::payload::state::Payloads::default();
+    scene.report(GIMBAL, looking(0.0));
+    scene.mode(EoirPointingMode::AngleToUa);
+    assert!(scene.refusal(steer(-30.0)).contains("no manager"));
+}
+
+#[test]
+fn a_command_that_a_newer_one_replaces_is_not_carried_out() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    assert_eq!(
+        scene.command(system(EoirSystemMode::Cage)),
+        [AckType::Received]
+    );
+    assert_eq!(
+        scene.command(steer(-60.0)),
+        [AckType::Refused, AckType::Received]
+    );
+    // One mode by another: the older is not shown by what the newer does.
+    assert_eq!(
+        scene.command(pointing(EoirPointingMode::SlewRateToUa)),
+        [AckType::Refused, AckType::Received]
+    );
+    assert_eq!(
+        scene.command(pointing(EoirPointingMode::SlewRateInertial)),
+        [AckType::Refused, AckType::Received]
+    );
+    for _ in 0..7 {
+        scene.later(1.0);
+        let mut drifting = looking(0.0);
+        if let MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(m) = &mut drifting {
+            m.angular_velocity_z = 0.5;
+        }
+        scene.report(GIMBAL, drifting);
+    }
+    assert_eq!(scene.answers(), [AckType::Refused]);
+    let state = &scene.machine.states[&1];
+    let modes = (state.commanded, state.shown);
+    let before = EoirPointingMode::AngleToUa;
+    assert_eq!(modes, (before, before), "what was shown last");
+    // What is not shown yet is shown by the steering that it was for.
+    scene.report(1, manager([245, 190]));
+    scene.command(pointing(EoirPointingMode::SlewRateToUa));
+    assert_eq!(
+        scene.command(turn(0.2)),
+        [AckType::Refused, AckType::Received]
+    );
+    let state = &scene.machine.states[&1];
+    assert_eq!(state.commanded, EoirPointingMode::SlewRateToUa);
+    scene.later(0.2);
+    let mut turning = looking(0.0);
+    if let MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(m) = &mut turning {
+        m.angular_velocity_z = 0.2;
+    }
+    scene.report(GIMBAL, turning);
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    let shown = scene.machine.states[&1].shown;
+    assert_eq!(shown, EoirPointingMode::SlewRateToUa);
+}
+
+#[test]
+fn no_pointing_mode_is_no_command_and_none_ends_a_stow_of_its_own_message() {
+    let mut scene = Scene::new();
+    turning(&mut scene);
+    assert_eq!(
+        scene.command(pointing(EoirPointingMode::NoValue)),
+        [AckType::CarriedOut]
+    );
+    let state = &scene.machine.states[&1];
+    assert_eq!(state.commanded, EoirPointingMode::SlewRateToUa);
+    assert!(state.moving.is_some());
+    let both = EoIrLaserPayloadCommand {
+        set_eo_ir_pointing_mode: Some(EoirPointingMode::AngleToUa),
+        ..system(EoirSystemMode::Cage)
+    };
+    assert!(scene.refusal(both).contains("stow or cage"));
+    let same = EoIrLaserPayloadCommand {
+        set_eo_ir_pointing_mode: Some(EoirPointingMode::SlewRateToUa),
+        ..system(EoirSystemMode::Cage)
+    };
+    assert_eq!(scene.command(same), [AckType::Received]);
+}
+
+#[test]
+fn a_station_has_few_commands_in_progress_and_a_newer_zoom_replaces_the_older() {
+    let mut scene = Scene::new();
+    scene.accept(CAMERA);
+    assert_eq!(scene.command(zoom(SetZoom::ZoomIn)), [AckType::Received]);
+    for _ in 0..6 {
+        assert_eq!(
+            scene.command(zoom(SetZoom::ZoomOut)),
+            [AckType::Refused, AckType::Received]
+        );
+    }
+    for _ in 0..3 {
+        let photograph = system(report::PHOTOGRAPH);
+        assert_eq!(scene.command(photograph), [AckType::Received]);
+    }
+    let why = scene.refusal(system(report::PHOTOGRAPH));
+    assert!(
+        why.contains("4 commands for payload station 1 are in progress"),
+        "{why}"
+    );
+    // What replaces one takes no place.
+    assert_eq!(
+        scene.command(zoom(SetZoom::ZoomIn)),
+        [AckType::Refused, AckType::Received]
+    );
+}
+
+#[test]
+fn a_zoom_and_a_turn_end_with_the_right_of_who_commanded_them() {
+    let mut scene = Scene::new();
+    turning(&mut scene);
+    scene.accept(CAMERA);
+    scene.command(zoom(SetZoom::ZoomIn));
+    scene.accept(CAMERA);
+    scene.later(0.5);
+    scene.report(CAMERA, settings(30.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    scene.accept(CAMERA);
+    scene.rights = Authority::default();
+    scene.handle(Input::Poll);
+    assert_eq!(scene.accept(CAMERA), [MavCmd::MAV_CMD_SET_CAMERA_ZOOM]);
+    let rates: Vec<f32> = attitudes(&mut scene)
+        .iter()
+        .map(|m| m.angular_velocity_z)
+        .collect();
+    assert_eq!(rates, [0.0]);
+    let state = &scene.machine.states[&1];
+    assert_eq!(state.commanded, EoirPointingMode::NoValue);
+    assert!(!state.zooming);
+}
+
+#[test]
+fn rates_end_once_another_steers_the_gimbal() {
+    let mut scene = Scene::new();
+    turning(&mut scene);
+    scene.report(1, manager([255, 190]));
+    scene.later(1.1);
+    scene.handle(Input::Poll);
+    assert_eq!(attitudes(&mut scene), []);
+    let sent = scene.world.sent_to(0);
+    let says = |message: &Message| match message {
+        Message::SubsystemStatusAlert(alert) => alert
+            .text
+            .as_ref()
+            .is_some_and(|text| text.as_str().contains("system 255")),
+        _ => false,
+    };
+    assert!(sent.iter().any(says), "{sent:?}");
+    let state = &scene.machine.states[&1];
+    assert_eq!(state.commanded, EoirPointingMode::NoValue);
+    assert!(state.moving.is_none());
 }

@@ -7,12 +7,17 @@
 //! The command does not go the way of all others (`mavlink_link::service::command`): there it would wait behind a command
 //! that the vehicle does not answer. It is sent by itself, again every second, until the vehicle shows it: PX4 executes it
 //! once, and answers its repetitions with TEMPORARILY_REJECTED, so that COMMAND_ACK says nothing. It is sent also to a
-//! vehicle of which nothing is received: a link whose way down has failed is a reason to end a flight.
+//! vehicle of which nothing is received: a link whose way down has failed is a reason to end a flight. A mode that a pilot can
+//! leave is not commanded for ever without sight of the vehicle, though: five times.
+//!
+//! Only what the vehicle has reported after the last command counts as its answer: it may have landed, or returned, before.
 //!
 //! While it is commanded, and while the vehicle lands or returns by it, nothing else is flown: maneuvers and streams end,
 //! uploads are dropped, and every other command is refused until a reset.
 
 mod rules;
+#[cfg(test)]
+mod tests;
 mod text;
 
 use std::time::Duration;
@@ -38,13 +43,17 @@ use crate::config::{Provisional, TerminationAction as Action};
 pub(crate) struct Termination {
     rules: Rules,
     /// The order to execute, which is answered by what becomes of it.
-    commanded: Option<Origin>,
+    commanded: Option<(Origin, Action)>,
     /// The order to arm, which is answered once its entry of the audit log is on its way.
     armed: Option<Origin>,
     /// The entry that the command waits for, and until when at the latest.
     audit: Option<(Option<Changes>, Duration)>,
     /// When the command is sent next.
     send_at: Option<Duration>,
+    /// When it was sent last; nothing before the first of an order.
+    sent_at: Option<Duration>,
+    /// How often it was sent since the vehicle has reported its mode.
+    unseen: u32,
     /// When 3005 is sent next.
     report_at: Option<Duration>,
     /// What 3005 has reported last to all who listen; nothing after a start.
@@ -54,7 +63,7 @@ pub(crate) struct Termination {
 /// What happens to it.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
-    /// 2005 of a CUCS that holds the right. `handover`: another CUCS is taking control over.
+    /// 2005 of a CUCS that holds the right. `handover`: its holder hands control over to another CUCS.
     Command {
         origin: Origin,
         command: &'a FlightTerminationCommand,
@@ -113,10 +122,12 @@ impl Termination {
             Input::ControlChanged => {
                 let outcome = self.rules.control_passed(context.controller);
                 self.conclude(context, outcome, effects);
+                self.release_where_no_reset_can_come(context, effects);
             }
             Input::Reconfigured => {
                 let outcome = self.rules.replanned(plan(context));
                 self.conclude(context, outcome, effects);
+                self.release_where_no_reset_can_come(context, effects);
             }
             Input::ListenerChanged { station } => {
                 let offered = context.config.termination.is_some();
@@ -146,7 +157,8 @@ impl Termination {
             Ok(order) => order,
             Err(why) => return effects.refuse(Some(origin), why),
         };
-        let Some(at) = circumstances(context, &origin, handover) else {
+        let vehicle = self.shows(context);
+        let Some(at) = circumstances(context, &origin, handover, vehicle) else {
             return effects.refuse(Some(origin), "it needs its Time Stamp (field 1)");
         };
         match self.rules.order(order, &at) {
@@ -160,7 +172,8 @@ impl Termination {
                     Order::Execute => {
                         // 17000 type 1 at once; type 2 or 3 follows when the vehicle has shown the outcome.
                         effects.acknowledge(&origin, AckType::Received);
-                        self.commanded = Some(origin);
+                        self.commanded = planned_action(context).map(|action| (origin, action));
+                        (self.sent_at, self.unseen) = (None, 0);
                         self.audit = Some((None, context.mono() + AUDITED_WITHIN));
                         effects.request(Request::YieldToTermination);
                     }
@@ -232,9 +245,12 @@ impl Termination {
 impl Termination {
     fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.send_when_audited(context, effects);
-        self.send(context, effects);
-        let outcome = self.rules.watch(context.mono(), shows(context));
+        // First what has been shown since the command was sent last: then it is not sent again.
+        let shown = self.shows(context);
+        let outcome = self.rules.watch(context.mono(), shown);
         self.conclude(context, outcome, effects);
+        self.send(context, effects);
+        self.release_where_no_reset_can_come(context, effects);
         let due = self.report_at.is_some_and(|at| at <= context.mono());
         // After a restart, who was armed before it must learn that nothing is.
         let reported = self.view(context.vehicle.live()).reported;
@@ -249,12 +265,64 @@ impl Termination {
             self.send_at = None;
             return;
         };
-        if self.send_at.is_some_and(|at| at <= context.mono()) {
-            effects
-                .vehicle
-                .post(command_of(action, context.config.system_id));
-            self.rules.sent();
-            self.send_at = Some(context.mono() + AGAIN);
+        if self.send_at.is_none_or(|at| at > context.mono()) {
+            return;
+        }
+        self.send_at = Some(context.mono() + AGAIN);
+        if self.has_reported_since(context) {
+            self.unseen = 0;
+        }
+        // The pilot that takes it over meanwhile is not seen, and each of these would take the vehicle from them again. Once
+        // it reports its mode again it is known what it does, and it goes on.
+        if action != Action::Terminate && self.unseen >= UNSEEN {
+            return;
+        }
+        effects
+            .vehicle
+            .post(command_of(action, context.config.system_id));
+        self.rules.sent();
+        self.unseen += 1;
+        self.sent_at = Some(context.mono());
+    }
+
+    /// Whether the vehicle has reported its mode since the command was sent last, where it was.
+    fn has_reported_since(&self, context: &Context<'_>) -> bool {
+        self.sent_at
+            .is_none_or(|sent| context.vehicle.mode_at().is_some_and(|at| at > sent))
+    }
+
+    /// What the vehicle shows; what it did before it was sent the command is no answer to it.
+    fn shows(&self, context: &Context<'_>) -> Shows {
+        let telemetry = &context.vehicle.telemetry;
+        if !context.vehicle.live() || !self.has_reported_since(context) {
+            return Shows::Nothing;
+        }
+        match (telemetry.mode, telemetry.armed) {
+            // Also disarmed: PX4 stays in it. The mode, not HEARTBEAT.system_status: that shows MAV_STATE_FLIGHT_TERMINATION
+            // for the kill switch and before a throw launch, too, which a pilot undoes.
+            (Some(Px4Mode::TERMINATION), _) => Shows::Terminated,
+            (_, Some(false)) => Shows::Disarmed,
+            (Some(Px4Mode::LAND), _) => Shows::Landing,
+            (Some(Px4Mode::RTL), _) => Shows::Returning,
+            _ => Shows::Flying,
+        }
+    }
+
+    /// A CUCS in control that cannot reset must not be refused everything else.
+    fn release_where_no_reset_can_come(
+        &mut self,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        let controller = context.controller.and_then(|id| {
+            let station = context.stations.iter().position(|one| one.id() == id)?;
+            Some((id, station))
+        });
+        if let Some((id, station)) = controller
+            && context.provisional(station) != Provisional::All
+        {
+            let outcome = self.rules.controlled_without_layout(id);
+            self.conclude(context, outcome, effects);
         }
     }
 
@@ -290,14 +358,17 @@ impl Termination {
     fn answer(&mut self, outcome: Outcome, words: &str, effects: &mut Effects<'_>) {
         match outcome {
             Outcome::Armed(..) | Outcome::Commanded(..) | Outcome::Reset(..) => {}
-            Outcome::Confirmed(..) | Outcome::ByItself => {
-                if let Some(origin) = self.commanded.take() {
-                    effects.acknowledge(&origin, AckType::CarriedOut);
-                }
-            }
             _ => {
-                if let Some(origin) = self.commanded.take() {
-                    effects.refuse(Some(origin), words);
+                let Some((origin, action)) = self.commanded.take() else {
+                    return;
+                };
+                match outcome {
+                    Outcome::Confirmed(..) => effects.acknowledge(&origin, AckType::CarriedOut),
+                    // A vehicle that falls by itself neither lands nor returns as it was ordered to.
+                    Outcome::ByItself if action == Action::Terminate => {
+                        effects.acknowledge(&origin, AckType::CarriedOut);
+                    }
+                    _ => effects.refuse(Some(origin), words),
                 }
             }
         }
@@ -361,7 +432,12 @@ fn order(command: &FlightTerminationCommand) -> Result<Order, String> {
     }
 }
 
-fn circumstances(context: &Context<'_>, origin: &Origin, handover: bool) -> Option<Circumstances> {
+fn circumstances(
+    context: &Context<'_>,
+    origin: &Origin,
+    handover: bool,
+    vehicle: Shows,
+) -> Option<Circumstances> {
     let station = context.stations.get(origin.station)?;
     Some(Circumstances {
         now: context.mono(),
@@ -373,7 +449,7 @@ fn circumstances(context: &Context<'_>, origin: &Origin, handover: bool) -> Opti
         delay: station.delay,
         layout: context.provisional(origin.station) == Provisional::All,
         plan: plan(context),
-        vehicle: shows(context),
+        vehicle,
     })
 }
 
@@ -386,25 +462,13 @@ fn plan(context: &Context<'_>) -> Option<Plan> {
     })
 }
 
+fn planned_action(context: &Context<'_>) -> Option<Action> {
+    context.config.termination.as_ref().map(|plan| plan.action)
+}
+
 fn armed_s(context: &Context<'_>) -> f64 {
     let planned = context.config.termination.as_ref();
     planned.map_or(0.0, |planned| planned.armed_s)
-}
-
-fn shows(context: &Context<'_>) -> Shows {
-    let telemetry = &context.vehicle.telemetry;
-    if !context.vehicle.live() {
-        return Shows::Nothing;
-    }
-    match (telemetry.mode, telemetry.armed) {
-        // Also disarmed: PX4 stays in it. The mode, not HEARTBEAT.system_status: that shows MAV_STATE_FLIGHT_TERMINATION for
-        // the kill switch and before a throw launch, too, which a pilot undoes.
-        (Some(Px4Mode::TERMINATION), _) => Shows::Terminated,
-        (_, Some(false)) => Shows::Disarmed,
-        (Some(Px4Mode::LAND), _) => Shows::Landing,
-        (Some(Px4Mode::RTL), _) => Shows::Returning,
-        _ => Shows::Flying,
-    }
 }
 
 /// The command, whatever else waits for an answer of the vehicle.
@@ -435,6 +499,8 @@ fn command_of(action: Action, system: u8) -> MavMessage {
 
 /// Between two commands, until the vehicle shows it.
 const AGAIN: Duration = Duration::from_secs(1);
+/// A landing or a return is commanded so often in succession without a report of the vehicle's mode.
+const UNSEEN: u32 = 5;
 /// The command waits so long for its entry of the audit log.
 const AUDITED_WITHIN: Duration = Duration::from_secs(1);
 /// 3005, while anything is armed, commanded or done.

@@ -83,7 +83,7 @@ pub(crate) struct Circumstances {
     pub(crate) stamp: TimeStamp,
     /// It holds LOI 5, in control.
     pub(crate) controls: bool,
-    /// Another CUCS is taking control over.
+    /// Its holder hands control over to another CUCS, which is not in control yet.
     pub(crate) handover: bool,
     /// The station is where the order came from.
     pub(crate) proven: bool,
@@ -169,6 +169,8 @@ pub(crate) enum Outcome {
     DisarmedFirst(Id, Action),
     /// It landed, or returned, and is disarmed.
     Done(Action),
+    /// The CUCS in control cannot send the order to reset: other commands are taken again.
+    ReleasedTo(Id, Action),
     /// It has left what it was commanded.
     Left(Action),
     /// It shows no termination any more: PX4 has restarted.
@@ -309,6 +311,22 @@ impl Rules {
         }
     }
 
+    /// The CUCS in control has no layout of 2005: it could neither reset a landing or a return nor command anything else, and
+    /// the vehicle would obey nobody until it has landed. What is not shown yet goes on: that ends by itself.
+    pub(crate) fn controlled_without_layout(&mut self, controller: Id) -> Option<Outcome> {
+        match self.stage {
+            Stage::Executing {
+                by: Some(_),
+                action: action @ (Action::Land | Action::Return),
+                ..
+            } => {
+                self.stage = Stage::Safe;
+                Some(Outcome::ReleasedTo(controller, action))
+            }
+            _ => None,
+        }
+    }
+
     /// The configuration was read again.
     pub(crate) fn replanned(&mut self, plan: Option<Plan>) -> Option<Outcome> {
         match self.stage {
@@ -358,7 +376,13 @@ impl Rules {
                 },
                 _,
             ) if now >= until => (Stage::Safe, Outcome::Unconfirmed(by, action)),
-            (Stage::Executing { .. }, Shows::Nothing) => return None,
+            // How long it has shown something else is counted anew with what it shows next: the time would be past for as long
+            // as nothing is received.
+            (Stage::Executing { by, action, .. }, Shows::Nothing) => {
+                let left = None;
+                self.stage = Stage::Executing { by, action, left };
+                return None;
+            }
             (Stage::Executing { by, action, .. }, vehicle) if vehicle.does(action) => {
                 let left = None;
                 self.stage = Stage::Executing { by, action, left };
@@ -378,11 +402,16 @@ impl Rules {
             // PX4 returns and then lands by itself.
             (
                 Stage::Executing {
-                    action: Action::Return,
+                    by,
+                    action: action @ Action::Return,
                     ..
                 },
                 Shows::Landing,
-            ) => return None,
+            ) => {
+                let left = None;
+                self.stage = Stage::Executing { by, action, left };
+                return None;
+            }
             (Stage::Executing { by, action, left }, _) => match left {
                 Some(since) if now >= since + LEFT_FOR => (Stage::Safe, Outcome::Left(action)),
                 _ => {
@@ -407,9 +436,10 @@ impl Rules {
     }
 }
 
-/// What every order needs, whatever the stage; a reset less: it is the safe direction, and is judged by its stamp.
+/// What every order needs, whatever the stage; a reset less: it is the safe direction, is judged by its stamp, and comes
+/// also of a CUCS whose layout of 2005 is not agreed on, which could command nothing else before it.
 fn may_order(order: Order, at: &Circumstances) -> Result<Option<Plan>, Refusal> {
-    if !at.layout {
+    if !at.layout && order != Order::Reset {
         return Err(Refusal::Layout);
     }
     if !at.controls {

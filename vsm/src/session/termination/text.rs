@@ -29,7 +29,7 @@ pub(super) fn refusal(refusal: Refusal, armed_s: f64) -> String {
              cucs.address"
                 .into()
         }
-        Refusal::Handover => "another CUCS is taking over control: wait for the end of the handover".into(),
+        Refusal::Handover => "control is being handed over to another CUCS: wait for the end of the handover".into(),
         Refusal::Late(by) => format!(
             "it was {:.1} s on its way by this station's own clock, expected at most {} s: send it again",
             by.as_secs_f64(),
@@ -65,7 +65,7 @@ pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
         Outcome::Commanded(by, _) => ("termination commanded", Some(by)),
         Outcome::Reset(by, _) => ("termination reset", Some(by)),
         Outcome::Withdrawn(by, _) => ("termination withdrawn", Some(by)),
-        Outcome::Released(by, _) => ("termination released", Some(by)),
+        Outcome::Released(by, _) | Outcome::ReleasedTo(by, _) => ("termination released", Some(by)),
         Outcome::ArmedTooLong(by) | Outcome::ControlPassed(by) | Outcome::Replanned(by) => {
             ("termination disarmed", Some(by))
         }
@@ -97,6 +97,11 @@ pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String 
         ),
         Outcome::Released(by, what) => format!(
             "flight termination released by {by}: the vehicle goes on to {}, other commands are taken again",
+            action(what)
+        ),
+        Outcome::ReleasedTo(by, what) => format!(
+            "flight termination released: {by} controls the vehicle, whose layout of 2005 is not agreed on (provisional); the \
+             vehicle goes on to {}, other commands are taken again",
             action(what)
         ),
         Outcome::ArmedTooLong(by) => format!(

@@ -139,8 +139,13 @@ impl Reading {
         path: &Path,
         resolver: Resolver,
     ) -> Result<Reread, String> {
-        let earlier = self.0.as_mut().map(oneshot::Receiver::try_recv);
-        if let Some(Err(TryRecvError::Empty)) = earlier {
+        // What an earlier one has read too late is dropped here: it holds locks on the files of vehicles, which this one would be
+        // refused.
+        let waits = matches!(
+            self.0.as_mut().map(oneshot::Receiver::try_recv),
+            Some(Err(TryRecvError::Empty))
+        );
+        if waits {
             return Err(
                 "an earlier reload still waits for a file or a name server: reload again once it has answered"
                     .to_owned(),

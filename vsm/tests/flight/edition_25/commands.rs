@@ -21,7 +21,7 @@ fn a_broadcast_shows_what_can_be_had_and_grants_nothing() {
     assert_eq!(offer["VSM ID"], VSM.0);
     assert_eq!(
         (&offer["LOI Authorized"], &offer["LOI Granted"]),
-        (&json!(0x0d), &json!(0))
+        (&json!(0x0f), &json!(0))
     );
     assert_eq!(offer["Controlled Station Mode"], 0);
     assert!(

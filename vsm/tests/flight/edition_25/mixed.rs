@@ -29,7 +29,7 @@ fn each_sees_the_other_hold_the_vehicle_and_hands_it_over() {
     station.send(&mut rig, Id::BROADCAST, 1, &json!({ "VSM ID": -1 }));
     rig.run(0.5);
     let lines = shown(&rig, &mut station);
-    assert!(lines.contains(&(cucs(0).0.into(), 0x0d)), "{lines:?}");
+    assert!(lines.contains(&(cucs(0).0.into(), 0x0f)), "{lines:?}");
     // It is refused what another holds, and asks for a handover: the holder is sent its wish, and consents.
     let refused = request(&mut rig, &mut station, LOI_4_AND_5, 1);
     assert_eq!(refused[0]["LOI Granted"].as_u64().unwrap() & 0x0c, 0);

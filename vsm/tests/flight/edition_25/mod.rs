@@ -36,7 +36,7 @@ fn rig() -> (Rig, StationEd25) {
 fn ready() -> (Rig, StationEd25) {
     let (mut rig, mut station) = rig();
     let granted = request(&mut rig, &mut station, 0x0f, 1);
-    assert_eq!(granted[0]["LOI Granted"], 0x0d, "{granted:?}");
+    assert_eq!(granted[0]["LOI Granted"], 0x0f, "{granted:?}");
     rig.run(1.0);
     (rig, station)
 }

@@ -12,7 +12,7 @@ fn a_holder_is_sent_its_edition_after_a_restart_before_it_has_spoken() {
     // As Amendment 1 calls the edition: that is kept too.
     station.version = "9";
     let granted = request(&mut rig, &mut station, 0x0f, 1);
-    assert_eq!(granted[0]["LOI Granted"], 0x0d, "{granted:?}");
+    assert_eq!(granted[0]["LOI Granted"], 0x0f, "{granted:?}");
     rig.run(1.0);
     rig.restart_bridge();
     let first = rig.others.len();
@@ -65,7 +65,7 @@ fn a_logical_id_becomes_the_real_one_by_message_20() {
     assert!(
         granted
             .iter()
-            .any(|one| one["LOI Granted"] == 0x0d && one["Vehicle ID"] == LOGICAL.0),
+            .any(|one| one["LOI Granted"] == 0x0f && one["Vehicle ID"] == LOGICAL.0),
         "{granted:?}"
     );
     rig.run(12.0);

@@ -36,6 +36,8 @@ enum Input {
     Order(Order, Circumstances),
     Sent,
     Control(Option<Id>),
+    /// This one is in control, and has no layout of 2005.
+    WithoutLayout(Id),
     Replanned(Option<Plan>),
     /// So much later, with this shown.
     Watch(Duration, Shows),
@@ -107,6 +109,7 @@ fn inputs() -> Vec<Input> {
         }
     }
     all.extend([None, Some(US), Some(OTHER)].map(Input::Control));
+    all.push(Input::WithoutLayout(OTHER));
     all.extend(PLANS.map(Input::Replanned));
     for later in [0, 1, 3] {
         let later = Duration::from_secs(later);
@@ -123,6 +126,7 @@ fn apply(rules: &mut Rules, input: Input) -> Result<Option<Outcome>, Refusal> {
             Ok(None)
         }
         Input::Control(controller) => Ok(rules.control_passed(controller)),
+        Input::WithoutLayout(id) => Ok(rules.controlled_without_layout(id)),
         Input::Replanned(plan) => Ok(rules.replanned(plan)),
         Input::Watch(later, shown) => Ok(rules.watch(NOW + later, shown)),
     }
@@ -213,6 +217,18 @@ fn check(before: Rules, input: Input, after: Rules, done: Result<Option<Outcome>
         let sent = matches!(before.stage, Stage::Commanded { sent: true, .. });
         assert!(by.is_none() || sent, "{}", about());
     }
+    // Whoever controls can command again: by a reset in whatever layout, or at once.
+    if let Input::WithoutLayout(_) = input {
+        let lands = |action| matches!(action, Action::Land | Action::Return);
+        let held =
+            matches!(after.stage, Stage::Executing { by: Some(_), action, .. } if lands(action));
+        assert!(!held, "{}", about());
+    }
+    // A time that is past would be polled again and again.
+    if let Input::Watch(later, _) = input {
+        let due = after.poll_timeout();
+        assert!(due.is_none_or(|due| due > NOW + later), "{}", about());
+    }
     // PX4 leaves a termination by a restart alone.
     if let (
         Stage::Executing {
@@ -280,6 +296,27 @@ fn nothing_is_commanded_but_by_two_good_orders_in_any_reachable_state() {
         known.len() >= 60 && steps > 100_000,
         "{}, {steps}",
         known.len()
+    );
+}
+
+#[test]
+fn a_reset_needs_no_layout_and_everything_else_does() {
+    let at = |stamp| good(US, stamp, PLANS[2], Shows::Flying);
+    let mut rules = Rules::default();
+    let without = |stamp| Circumstances {
+        layout: false,
+        ..at(stamp)
+    };
+    assert_eq!(rules.order(Order::Arm, &without(1)), Err(Refusal::Layout));
+    assert!(rules.order(Order::Arm, &at(1)).is_ok());
+    assert_eq!(
+        rules.order(Order::Execute, &without(2)),
+        Err(Refusal::Layout)
+    );
+    assert!(rules.order(Order::Execute, &at(2)).is_ok());
+    assert_eq!(
+        rules.order(Order::Reset, &without(3)),
+        Ok(Outcome::Withdrawn(US, Action::Land))
     );
 }
 

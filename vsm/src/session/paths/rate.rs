@@ -1,0 +1,104 @@
+//! A rate of bytes and messages, and what is sent at it: what the configuration allows, and how much each kind matters.
+
+use std::time::Duration;
+
+use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
+
+use crate::config::Dli;
+use crate::session::outbox::Datagram;
+
+/// What the configuration allows.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    /// How long status goes to an address from which nothing comes.
+    pub(crate) lease: Duration,
+    /// Bytes a second to one station.
+    pub(crate) bytes_s: u32,
+    /// Messages a second to one station.
+    pub(crate) messages_s: u32,
+}
+
+impl Limits {
+    /// What a configuration sets.
+    pub(crate) fn of(dli: &Dli) -> Limits {
+        Limits {
+            lease: Duration::from_secs_f64(dli.lease_s),
+            bytes_s: dli.max_bytes_s,
+            messages_s: dli.max_messages_s,
+        }
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits {
+            lease: Duration::from_secs(60),
+            bytes_s: 65_536,
+            messages_s: 1_000,
+        }
+    }
+}
+
+/// What is sent, and how much it matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// 17000 and 2: what a command or a request was sent for. Others' alerts leave credit for it.
+    Acknowledgement,
+    /// Another answer, or an alert: waits where it has no credit.
+    Answer,
+    /// A report of this type: the next one replaces it.
+    Report(u16),
+}
+
+impl Kind {
+    /// Of a datagram that is no report.
+    pub(crate) fn of_answer(datagram: &Datagram) -> Kind {
+        match datagram.message_type() {
+            MessageAcknowledgement::ID | VsmAuthorisationResponse::ID => Kind::Acknowledgement,
+            _ => Kind::Answer,
+        }
+    }
+}
+
+/// A rate with a burst: the time at which everything sent so far would have been paid for.
+#[derive(Debug, Default)]
+pub(super) struct Rate {
+    bytes: Duration,
+    messages: Duration,
+}
+
+impl Rate {
+    /// Whether it may be sent now. Reports leave the last of the burst to answers.
+    pub(super) fn take(
+        &mut self,
+        now: Duration,
+        bytes: usize,
+        kind: Kind,
+        limits: &Limits,
+    ) -> bool {
+        let burst = match kind {
+            Kind::Report(_) => BURST / 2,
+            _ => BURST,
+        };
+        let paid = |at: Duration| at.saturating_sub(now) <= burst;
+        if !paid(self.bytes) || !paid(self.messages) {
+            return false;
+        }
+        let nanos = |count: u64, a_second: u32| {
+            Duration::from_nanos(count * 1_000_000_000 / u64::from(a_second.max(1)))
+        };
+        self.bytes = self.bytes.max(now) + nanos(bytes as u64, limits.bytes_s);
+        self.messages = self.messages.max(now) + nanos(1, limits.messages_s);
+        true
+    }
+
+    /// What was taken as so many bytes has become so many.
+    pub(super) fn settle(&mut self, taken: usize, bytes: usize, limits: &Limits) {
+        let a_second = u64::from(limits.bytes_s.max(1));
+        let nanos = |bytes: usize| Duration::from_nanos(bytes as u64 * 1_000_000_000 / a_second);
+        self.bytes = (self.bytes + nanos(bytes)).saturating_sub(nanos(taken));
+    }
+}
+
+/// What may be sent at once, in seconds of the rate.
+const BURST: Duration = Duration::from_secs(4);
