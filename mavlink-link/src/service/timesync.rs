@@ -128,7 +128,8 @@ impl Client {
 
     fn take(&mut self, sample: Sample) {
         // At once, as it will be needed.
-        self.samples.reserve_exact(SAMPLES - self.samples.len().min(SAMPLES));
+        self.samples
+            .reserve_exact(SAMPLES - self.samples.len().min(SAMPLES));
         if self.samples.len() >= SAMPLES {
             self.samples.pop_front();
         }

@@ -26,6 +26,8 @@
 mod credit;
 mod proof;
 mod rate;
+#[cfg(test)]
+mod tests;
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
