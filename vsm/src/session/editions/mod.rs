@@ -264,7 +264,10 @@ impl Translator {
         waypoint: Contingencies,
         holds: impl Fn(u16) -> bool,
     ) -> Option<Kept> {
-        self.plans.entry(vehicle).or_default().stored(waypoint, holds)
+        self.plans
+            .entry(vehicle)
+            .or_default()
+            .stored(waypoint, holds)
     }
 
     /// What an earlier run has written of the contingencies of a vehicle's waypoints.
