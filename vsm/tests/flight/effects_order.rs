@@ -468,7 +468,7 @@ fn levels_that_command_nothing_need_not_outlive_a_power_cut() {
             "disk append commands-1b0000a0.log Process",
             "A 3",
             "A 16000 Nominal Comms 4 new",
-            "A 2 granted 0x03",
+            "A 2 granted 0x01",
             "A 17000 1 CarriedOut",
         ],
     );
@@ -732,7 +732,7 @@ fn one_timeout_after_the_controller_is_lost() {
             // 13: the answer to the download.
             "disk append commands-1b0000a0.log Process",
             // 2: what it still holds, that it is lost, and how the handover ended.
-            "A 2 granted 0x03",
+            "A 2 granted 0x01",
             "A 16000 Emergency Comms 10 new",
             "B 16000 Emergency Comms 10 new",
             "A 35000 Failed",
