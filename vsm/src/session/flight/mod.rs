@@ -677,6 +677,18 @@ impl Flight {
         if context.controller.is_some() || gone || !telemetry.airborne() {
             return;
         }
+        // Whoever ended it by another mode has the vehicle: a pilot, or PX4's failsafe.
+        let ours =
+            |mode| is_commanded_from_here(mode) || [Px4Mode::LAND, Px4Mode::RTL].contains(&mode);
+        if let Some(mode) = telemetry
+            .mode
+            .filter(|mode| context.vehicle.live() && !ours(*mode))
+        {
+            return effects.warn_of_link(format!(
+                "nobody controls the vehicle, and it flies {} by its pilot or a failsafe: no loss action is flown",
+                mode.name()
+            ));
+        }
         // Set points have ended with the termination, whatever mode they are for is still shown.
         let steered = self.steers(telemetry) || telemetry.mode == Some(Px4Mode::OFFBOARD);
         self.loss_action.begin(on_loss, steered, context.mono());

@@ -365,6 +365,24 @@ fn the_loss_of_the_controller_is_flown_home_where_the_hold_is_refused_twice() {
 }
 
 #[test]
+fn who_has_taken_the_vehicle_from_a_termination_keeps_it_though_nobody_controls() {
+    for (mode, acts) in [(Px4Mode::POSCTL, false), (Px4Mode::LOITER, true)] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LAND), Flight::default());
+        world.settings.authority.on_loss = OnLoss::Rtl;
+        world.termination.holds = true;
+        world.controller = None;
+        handle(&mut world, &mut flight, Input::ControllerLost);
+        assert!(!flight.view().loss_action, "the termination holds");
+        world.show_mode(mode);
+        world.termination.holds = false;
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(flight.view().loss_action, acts, "{mode:?}");
+        handle(&mut world, &mut flight, Input::WatchLossAction);
+        assert_eq!(flight.view().loss_action, acts, "{mode:?}");
+    }
+}
+
+#[test]
 fn a_launch_that_a_restart_cut_off_leaves_no_running_motors_on_the_ground() {
     for airborne in [false, true] {
         let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());

@@ -492,7 +492,11 @@ impl Held {
                 (true, true) if self.entries[index].until <= context.mono() => {
                     Err("its time is over".to_owned())
                 }
-                (true, true) => flown_from_here(context, &one.message),
+                // What waits for the loss of the CUCS begins with the loss action, all else gives way to it.
+                (true, true) if self.entries[index].condition == Condition::LinkLost => {
+                    flown_from_here(context, &one.message)
+                }
+                (true, true) => undisturbed(context, &one.message),
             };
             match result {
                 Ok(()) => self.request(context, index, one.message, effects),

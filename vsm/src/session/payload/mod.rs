@@ -428,12 +428,16 @@ impl Payload {
         let state = self.states.entry(task.station).or_default();
         let governs = task.mode == Some(state.commanded);
         match end {
-            Ok(()) if task.lost => effects.refuse(Some(task.origin), REPLACED),
             Ok(()) => {
+                // Also of one that has lost another step: its mode is what the gimbal shows.
                 if governs {
                     state.shown = state.commanded;
                 }
-                effects.acknowledge(&task.origin, AckType::CarriedOut);
+                if task.lost {
+                    effects.refuse(Some(task.origin), REPLACED);
+                } else {
+                    effects.acknowledge(&task.origin, AckType::CarriedOut);
+                }
             }
             Err(why) => {
                 if governs {
