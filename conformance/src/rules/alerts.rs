@@ -49,12 +49,13 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     let station = t.monitor()?;
     let mark = t.bench.net.mark();
     let raised = cut_and_restored(t, || {
-        let raised = station.wait(mark, Duration::from_secs(9), |seen| {
+        t.pause(Duration::from_secs(9))?;
+        let raised = station.received(mark, |seen| {
             seen.kind() == 16000
                 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
                 && seen.raw("Type") == Some(1)
         });
-        raised.ok_or_else(|| {
+        raised.first().cloned().ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")
         })
     })?;
@@ -172,10 +173,11 @@ fn standing_alerts_reach_the_newcomer(t: &Trial) -> Judged {
     let a = t.monitor()?;
     let mark = t.bench.net.mark();
     cut_and_restored(t, || {
-        let raised = a.wait(mark, Duration::from_secs(9), |seen| {
+        t.pause(Duration::from_secs(9))?;
+        let raised = a.received(mark, |seen| {
             seen.kind() == 16000 && seen.raw("Type") == Some(1)
         });
-        let raised = raised.ok_or_else(|| {
+        let raised = raised.first().cloned().ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")
         })?;
         let id = raised.raw("Alert (Warning) ID").unwrap_or_default().abs();
