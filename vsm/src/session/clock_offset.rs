@@ -61,7 +61,7 @@ impl ClockOffset {
 const OFF_MS: u64 = 1_000;
 /// Until it is nearer than this.
 const RIGHT_MS: u64 = 700;
-/// The least change that is reported anew.
+/// The least change that is reported again.
 const STEP_MS: u64 = 1_000;
 /// A window: several heartbeats, of which one is not delayed.
 const WINDOW: Duration = Duration::from_secs(10);

@@ -71,7 +71,7 @@ pub enum Reply {
         /// CRC32.
         crc: u32,
     },
-    /// Not done: why; and whether a transfer of it must begin anew.
+    /// Not done: why; and whether a transfer of it must start again.
     Refused {
         /// Why.
         why: String,

@@ -6,7 +6,7 @@
 //! the machine has not accepted ([`TcpWriter::accept`]) within `ACCEPTED_WITHIN` is closed, and before that it gives its place
 //! to whoever connects when all are taken: first the oldest of the host that has the most of them, so that one host takes
 //! no place of another. Who is accepted gives way to nobody. What is left: strangers on the ground station's own host, or on
-//! many, who connect anew `MAX_CONNECTIONS` times between its connecting and its first signed frame, each time that it
+//! many, who reconnect `MAX_CONNECTIONS` times between its connecting and its first signed frame, each time that it
 //! tries. One whose other end is gone is found by the system's probes.
 
 use std::cmp::Reverse;

@@ -178,7 +178,7 @@ impl Gimbal {
         }
     }
 
-    /// Whether its angles follow the body, and so are told in its frame.
+    /// Whether its angles follow the body, and so are reported in its frame.
     fn follows(&self) -> bool {
         matches!(self.setpoint, Setpoint::Angles(_, lock) | Setpoint::Rates(_, lock, _) if !lock.pitch)
     }

@@ -116,7 +116,7 @@ pub(crate) fn stamps_apart_ms(one: TimeStamp, other: TimeStamp) -> i64 {
 
 /// Traffic that is ahead by no more fits the clock: its first message may have been on its way for longer.
 pub(crate) const NEAR_MS: i64 = 2_000;
-/// Half of what is looked back over: a station whose clock was set back by seconds is measured anew within a minute.
+/// Half of what is looked back over: a station whose clock was set back by seconds is measured again within a minute.
 const SPAN: Duration = Duration::from_secs(30);
 /// Messages that were held back come all at once: only those of a longer time show a clock that runs.
 const MEASURED: Duration = Duration::from_secs(3);
@@ -163,7 +163,7 @@ mod tests {
     fn a_link_that_holds_everything_back_makes_nothing_fresh() {
         let mut way = FastestWay::default();
         beats(&mut way, 0, 60, 0.1);
-        // For 20 s everything waits, and is delivered at once; then goes on so late.
+        // For 20 s everything waits, and is delivered at once; then continues so late.
         for n in 60..80 {
             way.note(stamp(f64::from(n)), s(80.1));
         }

@@ -74,7 +74,7 @@ impl Default for State {
     }
 }
 
-/// A motion that goes on.
+/// A motion that continues.
 #[derive(Debug, Clone, Copy)]
 struct Moving {
     motion: Motion,
@@ -499,7 +499,7 @@ impl Payload {
         self.end(&task, Err(why), effects);
     }
 
-    /// Ends what goes on in the name of a CUCS that no longer holds the station: rates, a place, a zoom. Whoever holds it next
+    /// Ends what continues in the name of a CUCS that no longer holds the station: rates, a place, a zoom. Whoever holds it next
     /// begins with no pointing mode.
     fn end_with_holder(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();

@@ -50,7 +50,7 @@ pub(super) struct Slew {
     pub(super) inertial: bool,
 }
 
-/// What a gimbal is sent again and again, so that it goes on.
+/// What a gimbal is sent again and again, so that it continues.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Motion {
     Rates(Slew),
@@ -138,7 +138,7 @@ impl Step {
         }
     }
 
-    /// What goes on after it.
+    /// What continues after it.
     pub(super) fn motion(self) -> Option<Motion> {
         match self {
             Step::Slew(slew) if !slew.is_still() => Some(Motion::Rates(slew)),

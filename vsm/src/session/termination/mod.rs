@@ -273,7 +273,7 @@ impl Termination {
             self.unseen = 0;
         }
         // The pilot that takes it over meanwhile is not seen, and each of these would take the vehicle from them again. Once
-        // it reports its mode again it is known what it does, and it goes on.
+        // it reports its mode again it is known what it does, and it continues.
         if action != Action::Terminate && self.unseen >= UNSEEN {
             return;
         }

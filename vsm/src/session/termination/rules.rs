@@ -300,7 +300,7 @@ impl Rules {
         }
     }
 
-    /// Control has passed to `controller`, or to nobody. What was commanded goes on: it was lawful when it was.
+    /// Control has passed to `controller`, or to nobody. What was commanded continues: it was lawful when it was.
     pub(crate) fn control_passed(&mut self, controller: Option<Id>) -> Option<Outcome> {
         match self.stage {
             Stage::Armed { by, .. } if controller != Some(by) => {
@@ -312,7 +312,7 @@ impl Rules {
     }
 
     /// The CUCS in control has no layout of 2005: it could neither reset a landing or a return nor command anything else, and
-    /// the vehicle would obey nobody until it has landed. What is not shown yet goes on: that ends by itself.
+    /// the vehicle would obey nobody until it has landed. What is not shown yet continues: that ends by itself.
     pub(crate) fn controlled_without_layout(&mut self, controller: Id) -> Option<Outcome> {
         match self.stage {
             Stage::Executing {
@@ -376,7 +376,7 @@ impl Rules {
                 },
                 _,
             ) if now >= until => (Stage::Safe, Outcome::Unconfirmed(by, action)),
-            // How long it has shown something else is counted anew with what it shows next: the time would be past for as long
+            // How long it has shown something else is counted again with what it shows next: the time would be past for as long
             // as nothing is received.
             (Stage::Executing { by, action, .. }, Shows::Nothing) => {
                 let left = None;

@@ -96,12 +96,12 @@ pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String 
             action(what)
         ),
         Outcome::Released(by, what) => format!(
-            "flight termination released by {by}: the vehicle goes on to {}, other commands are taken again",
+            "flight termination released by {by}: the vehicle continues to {}, other commands are taken again",
             action(what)
         ),
         Outcome::ReleasedTo(by, what) => format!(
             "flight termination released: {by} controls the vehicle, whose layout of 2005 is not agreed on (provisional); the \
-             vehicle goes on to {}, other commands are taken again",
+             vehicle continues to {}, other commands are taken again",
             action(what)
         ),
         Outcome::ArmedTooLong(by) => format!(
