@@ -14,6 +14,7 @@
 //! | [`ed25`] | the wrapper and the table of Edition 2.5 |
 //! | [`packer`] | several messages in one datagram |
 //! | [`disputed`], [`profile`] | what sources disagree about, and a peer's reading of it |
+//! | `guard` (a feature) | the trailer that authenticates a datagram between two guards |
 //! | [`json`], [`pcapng`] | messages as JSON; datagrams as a capture file |
 //!
 //! Everything is a pure function of bytes: no clock, no I/O, and no allocation in the codec.
@@ -26,6 +27,8 @@ pub mod ed25;
 pub mod enums;
 pub mod error;
 pub mod field;
+#[cfg(feature = "guard")]
+pub mod guard;
 pub mod id;
 #[cfg(feature = "json")]
 pub mod json;

@@ -2,6 +2,8 @@
 
 mod ed25;
 mod every_input;
+#[cfg(feature = "guard")]
+mod guard;
 mod json;
 mod malformed;
 mod round_trip;

@@ -1,0 +1,270 @@
+//! The trailer of the DLI guard: 52 bytes behind a datagram, by which the receiver knows who sent it.
+//!
+//! The standard has no authentication: the wrapper's source is whatever a sender writes. Two guards, one beside the CUCS and
+//! one in the VSM, put this behind each datagram between them (numbers have their highest byte first, as all of the DLI):
+//!
+//! | offset | field | meaning |
+//! |---|---|---|
+//! | 0 | 2 bytes | `GD` |
+//! | 2 | u8 | version 1 |
+//! | 3 | u8 | direction: 1 CUCS to VSM, 2 VSM to CUCS |
+//! | 4 | u32 | sender: the CUCS ID, or the VSM ID |
+//! | 8 | u16 | key id: the first two bytes of HMAC-SHA256(key, "vsm/1 key id") |
+//! | 10 | u16 | 0 |
+//! | 12 | u64 | stamp, us since 1970: no two of one sender under one key are equal |
+//! | 20 | 32 bytes | HMAC-SHA256(key of the direction, "vsm-guard-1", receiver ID, datagram, the 20 bytes before) |
+//!
+//! The key of a direction is HKDF-SHA256(key, info "c2v" or "v2c"): a datagram that is sent back to its sender does not
+//! verify. The receiver is not in the trailer: a datagram for one VSM does not verify at another that has the same key.
+//!
+//! A correct trailer does not make a datagram fresh: which stamps are accepted is the receiver's to decide.
+//!
+//! ```
+//! use stanag_msgs::Id;
+//! use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, Trailer};
+//!
+//! let key = GuardKey::new(&[7; 32]);
+//! let (cucs, vsm) = (Id(0x1b00_00a0), Id(0x1b00_0001));
+//! let trailer = Trailer { direction: Direction::ToVsm, sender: cucs, key_id: key.id(), stamp_us: 1 };
+//! let mut out = [0; MAX_GUARDED];
+//! let length = key.seal(&trailer, vsm, b"datagram", &mut out).unwrap();
+//!
+//! let guarded = Guarded::parse(&out[..length]).unwrap();
+//! assert_eq!((guarded.trailer, guarded.datagram), (trailer, &b"datagram"[..]));
+//! assert!(key.verifies(&guarded, vsm));
+//! assert!(!key.verifies(&guarded, cucs));
+//! ```
+
+use core::fmt;
+
+use hkdf::Hkdf;
+use hmac::{Hmac, KeyInit as _, Mac as _};
+use sha2::Sha256;
+use zeroize::Zeroize as _;
+
+use crate::{Id, MAX_DATAGRAM};
+
+/// How long a trailer is.
+pub const TRAILER_BYTES: usize = HEAD_BYTES + MAC_BYTES;
+/// The longest datagram between two guards: what is inside keeps the standard's 548 bytes.
+pub const MAX_GUARDED: usize = MAX_DATAGRAM + TRAILER_BYTES;
+
+/// Which way a datagram goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// From a CUCS to a VSM.
+    ToVsm,
+    /// From a VSM to a CUCS.
+    ToCucs,
+}
+
+impl Direction {
+    /// The other way.
+    #[must_use]
+    pub const fn back(self) -> Direction {
+        match self {
+            Direction::ToVsm => Direction::ToCucs,
+            Direction::ToCucs => Direction::ToVsm,
+        }
+    }
+
+    const fn code(self) -> u8 {
+        match self {
+            Direction::ToVsm => 1,
+            Direction::ToCucs => 2,
+        }
+    }
+
+    const fn of_code(code: u8) -> Option<Direction> {
+        match code {
+            1 => Some(Direction::ToVsm),
+            2 => Some(Direction::ToCucs),
+            _ => None,
+        }
+    }
+}
+
+/// What a trailer says, beside its MAC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Trailer {
+    /// Which way it goes.
+    pub direction: Direction,
+    /// CUCS ID or VSM ID.
+    pub sender: Id,
+    /// By which the receiver finds the key.
+    pub key_id: u16,
+    /// Microseconds since 1970.
+    pub stamp_us: u64,
+}
+
+impl Trailer {
+    fn head(&self) -> [u8; HEAD_BYTES] {
+        let mut head = [0; HEAD_BYTES];
+        head[..2].copy_from_slice(MAGIC);
+        head[2] = VERSION;
+        head[3] = self.direction.code();
+        head[4..8].copy_from_slice(&self.sender.0.to_be_bytes());
+        head[8..10].copy_from_slice(&self.key_id.to_be_bytes());
+        head[12..].copy_from_slice(&self.stamp_us.to_be_bytes());
+        head
+    }
+}
+
+/// A datagram with a trailer that can be read. Nothing of it is to be believed before it verifies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Guarded<'a> {
+    /// What the trailer says.
+    pub trailer: Trailer,
+    /// What it is about.
+    pub datagram: &'a [u8],
+    mac: &'a [u8; MAC_BYTES],
+}
+
+impl<'a> Guarded<'a> {
+    /// Reads the trailer; `None` where there is none: another version, a direction that is not known and reserved bits are no
+    /// trailer either, and neither is what is longer than [`MAX_GUARDED`].
+    #[must_use]
+    pub fn parse(bytes: &'a [u8]) -> Option<Guarded<'a>> {
+        if bytes.len() > MAX_GUARDED {
+            return None;
+        }
+        let (rest, mac) = bytes.split_last_chunk::<MAC_BYTES>()?;
+        let (datagram, head) = rest.split_last_chunk::<HEAD_BYTES>()?;
+        let [b'G', b'D', VERSION, direction, fields @ ..] = head else {
+            return None;
+        };
+        let (sender, fields) = fields.split_first_chunk()?;
+        let (key_id, fields) = fields.split_first_chunk()?;
+        let ([0, 0], stamp) = fields.split_first_chunk()? else {
+            return None;
+        };
+        let trailer = Trailer {
+            direction: Direction::of_code(*direction)?,
+            sender: Id(u32::from_be_bytes(*sender)),
+            key_id: u16::from_be_bytes(*key_id),
+            stamp_us: u64::from_be_bytes(*stamp.first_chunk()?),
+        };
+        Some(Guarded {
+            trailer,
+            datagram,
+            mac,
+        })
+    }
+}
+
+/// A key of 32 bytes that one CUCS shares with one VSM, ready for both directions.
+///
+/// It holds the state of both HMACs instead of the key, on the heap: a value that is moved would leave copies on stacks, which
+/// nothing wipes. It is wiped when dropped, and `Debug` shows nothing of it.
+pub struct GuardKey {
+    id: u16,
+    to_vsm: Box<Hmac<Sha256>>,
+    to_cucs: Box<Hmac<Sha256>>,
+}
+
+impl GuardKey {
+    /// Derives both directions of a key.
+    #[must_use]
+    pub fn new(key: &[u8; 32]) -> GuardKey {
+        let id = keyed(key).chain_update(KEY_ID).finalize().into_bytes();
+        GuardKey {
+            id: u16::from_be_bytes([id[0], id[1]]),
+            to_vsm: derived(key, b"c2v"),
+            to_cucs: derived(key, b"v2c"),
+        }
+    }
+
+    /// By which a trailer names it: not unique, so that it only selects what is tried.
+    #[must_use]
+    pub const fn id(&self) -> u16 {
+        self.id
+    }
+
+    /// Writes a datagram and its trailer; returns the length.
+    ///
+    /// # Errors
+    /// The datagram is longer than 548 bytes, or `out` has no room.
+    pub fn seal(
+        &self,
+        trailer: &Trailer,
+        receiver: Id,
+        datagram: &[u8],
+        out: &mut [u8],
+    ) -> Result<usize, TooLong> {
+        let length = datagram.len() + TRAILER_BYTES;
+        let too_long = TooLong(datagram.len());
+        if datagram.len() > MAX_DATAGRAM {
+            return Err(too_long);
+        }
+        let out = out.get_mut(..length).ok_or(too_long)?;
+        let head = trailer.head();
+        let mac = self.mac(trailer.direction, receiver, datagram, &head);
+        let (body, tail) = out.split_at_mut(datagram.len());
+        body.copy_from_slice(datagram);
+        tail[..HEAD_BYTES].copy_from_slice(&head);
+        tail[HEAD_BYTES..].copy_from_slice(&mac.finalize().into_bytes());
+        Ok(length)
+    }
+
+    /// Whether a holder of this key has sealed it for this receiver, in constant time.
+    #[must_use]
+    pub fn verifies(&self, guarded: &Guarded<'_>, receiver: Id) -> bool {
+        let Guarded {
+            trailer,
+            datagram,
+            mac,
+        } = guarded;
+        let expected = self.mac(trailer.direction, receiver, datagram, &trailer.head());
+        trailer.key_id == self.id && expected.verify_slice(*mac).is_ok()
+    }
+
+    fn mac(
+        &self,
+        direction: Direction,
+        receiver: Id,
+        datagram: &[u8],
+        head: &[u8; HEAD_BYTES],
+    ) -> Hmac<Sha256> {
+        let keyed = match direction {
+            Direction::ToVsm => &self.to_vsm,
+            Direction::ToCucs => &self.to_cucs,
+        };
+        Hmac::clone(keyed)
+            .chain_update(CONTEXT)
+            .chain_update(receiver.0.to_be_bytes())
+            .chain_update(datagram)
+            .chain_update(head)
+    }
+}
+
+impl fmt::Debug for GuardKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "GuardKey({:04x})", self.id)
+    }
+}
+
+fn keyed(key: &[u8; 32]) -> Hmac<Sha256> {
+    Hmac::new_from_slice(key).expect("HMAC takes a key of any length")
+}
+
+fn derived(key: &[u8; 32], info: &[u8]) -> Box<Hmac<Sha256>> {
+    let mut bytes = [0; 32];
+    Hkdf::<Sha256>::new(None, key)
+        .expand(info, &mut bytes)
+        .expect("32 bytes are one block of its output");
+    let derived = Box::new(keyed(&bytes));
+    bytes.zeroize();
+    derived
+}
+
+/// A datagram that cannot be guarded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a datagram of {0} bytes, expected 0 to 548, and room for 52 more")]
+pub struct TooLong(usize);
+
+const HEAD_BYTES: usize = 20;
+const MAC_BYTES: usize = 32;
+const MAGIC: &[u8; 2] = b"GD";
+const VERSION: u8 = 1;
+const CONTEXT: &[u8] = b"vsm-guard-1";
+const KEY_ID: &[u8] = b"vsm/1 key id";
