@@ -39,7 +39,12 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     tests::build(steps)?;
     // Built with everything else: started by `cargo run` it would be built again, with other features of dependencies.
     steps.run(built("generate")?.args(["files", "--check"]))?;
+    let early = fuzz::build_early()?;
     tests::run(steps)?;
+    steps.step("end of the early build of the fuzz targets", || {
+        early.finish();
+        Ok(())
+    })?;
     fuzz::run(steps, fuzz::A_MINUTE)
 }
 

@@ -5,7 +5,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context as _, Result, bail};
 
@@ -22,6 +22,55 @@ pub(crate) fn seconds() -> Result<u32> {
     let text = given.to_string_lossy();
     text.parse()
         .with_context(|| format!("--seconds {text}: expected a whole number"))
+}
+
+/// A build of the targets that runs beside something else; ended when it is dropped.
+pub(crate) struct EarlyBuild(Option<Child>);
+
+/// Begins to build the targets, on what the tests leave of the processor: they mostly wait, and the build takes minutes.
+///
+/// It prints nothing, because [`run`] builds again: that takes no time after this, and reports what is wrong.
+pub(crate) fn build_early() -> Result<EarlyBuild> {
+    let build = build(&host()?);
+    let mut gently = Command::new("nice");
+    gently
+        .args(["-n", "19"])
+        .arg(build.get_program())
+        .args(build.get_args())
+        .args(["--quiet", "--jobs", "1"])
+        .env("RUSTFLAGS", FLAGS.join(" "))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    // Without `nice` nothing is lost but time.
+    Ok(EarlyBuild(gently.spawn().ok()))
+}
+
+impl EarlyBuild {
+    /// Waits for its end, whether it built everything or not.
+    pub(crate) fn finish(mut self) {
+        if let Some(mut child) = self.0.take() {
+            let _ = child.wait();
+        }
+    }
+}
+
+impl Drop for EarlyBuild {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn build(host: &str) -> Command {
+    let mut build = cargo(["build", "--release", "--locked", "--bins", "--target", host]);
+    build
+        .arg("--manifest-path")
+        .arg(root().join("tests/fuzz/Cargo.toml"))
+        .env("RUSTFLAGS", FLAGS.join(" "));
+    build
 }
 
 /// Builds the targets and runs each for its share of the time.
@@ -44,20 +93,7 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
         "seeds",
     ];
     steps.run(cargo(seeds).env("VSM_CORPUS", &corpus))?;
-    let manifest = fuzz.join("Cargo.toml");
-    let mut build = cargo([
-        "build",
-        "--release",
-        "--locked",
-        "--bins",
-        "--target",
-        &host,
-    ]);
-    build
-        .arg("--manifest-path")
-        .arg(&manifest)
-        .env("RUSTFLAGS", FLAGS.join(" "));
-    steps.run(&mut build)?;
+    steps.run(&mut build(&host))?;
     let programs = fuzz.join("target").join(&host).join("release");
     let each = seconds / u32::try_from(TARGETS.len())?;
     let at_once = std::thread::available_parallelism().map_or(1, usize::from);
