@@ -22,6 +22,7 @@ use super::value::{
     messages_a_second, silence,
 };
 use super::vehicle::Vehicle;
+use super::zeroize::Zeroize;
 
 table! {
     /// The whole of a `vsm.toml`.
@@ -51,6 +52,9 @@ table! {
         pub mavlink: Mavlink => Table(Mavlink::KEYS),
         /// Recordings; without it none are made.
         pub record: Option<Record> => Table(Record::KEYS),
+        /// Erasing keys, plans, recordings and logs on order.
+        #[serde(default)]
+        pub zeroize: Zeroize => Table(Zeroize::KEYS),
     }
 }
 

@@ -6,7 +6,7 @@
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
 //! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `terrain` reads elevation files; `termination` is what a
-//! commanded flight termination does; `explain` puts what is wrong into words;
+//! commanded flight termination does, `zeroize` what a zeroize erases; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
 //!
@@ -40,6 +40,7 @@ mod termination;
 mod terrain;
 mod value;
 mod vehicle;
+mod zeroize;
 
 pub use bridge::{Authority, Config, Dli, Http, Mavlink, Record, Store};
 pub use changes::{Changes, Report};
@@ -54,3 +55,4 @@ pub use value::{
     Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing, owner_name,
 };
 pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Vehicle};
+pub use zeroize::Zeroize;

@@ -13,6 +13,7 @@ use serde_json::Value;
 use super::config_arg::AgentConfigArg;
 use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, stop_signal};
 use super::status;
+use super::zeroize;
 
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
@@ -62,6 +63,8 @@ fn load(path: &Path) -> Result<AirsideConfig, Failure> {
 fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = load(path)?;
     let _log = log(format)?;
+    // Before any key is read, and before a link is open.
+    zeroize::finish_before_start(&config.store.dir)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let server = AirsideServer::open(&config).map_err(|fault| match fault {

@@ -1,4 +1,5 @@
-//! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration.
+//! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration, 3 zeroized: what it would have
+//! served is erased.
 
 mod airside;
 mod audit;
@@ -17,6 +18,7 @@ mod process;
 mod reload;
 mod run;
 mod status;
+mod zeroize;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -108,6 +110,8 @@ enum Command {
         #[command(subcommand)]
         action: audit::Action,
     },
+    /// Erase keys, identities, plans, recordings and logs of a bridge, or of an agent (with its airside.toml): for good
+    Zeroize(zeroize::Arguments),
     /// Pair this VSM with a vehicle's air-side agent by a code
     Pair(pair::Pair),
     /// Decode DLI datagrams from standard input, one a line in hex, to one line of JSON for each message
@@ -172,6 +176,7 @@ pub fn main() -> ExitCode {
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
         Command::Audit { action } => audit::run(action),
+        Command::Zeroize(arguments) => zeroize::run(&arguments),
         Command::Pair(arguments) => pair::run(arguments),
         Command::Decode { raw } => dli_lines::decode(raw),
         Command::Encode { raw } => dli_lines::encode(raw),
@@ -180,6 +185,7 @@ pub fn main() -> ExitCode {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Failed(error)) => (1, error),
         Err(Failure::Bad(error)) => (2, error),
+        Err(Failure::Zeroized(error)) => (3, error),
     };
     announce("ERROR", &in_one_line(&error));
     ExitCode::from(status)

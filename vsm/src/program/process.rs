@@ -19,6 +19,8 @@ pub(crate) enum Failure {
     Failed(anyhow::Error),
     /// Status 2: arguments or configuration.
     Bad(anyhow::Error),
+    /// Status 3: what it would serve is erased.
+    Zeroized(anyhow::Error),
 }
 
 pub(crate) fn failed(fault: impl Into<anyhow::Error>) -> Failure {

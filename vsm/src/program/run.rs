@@ -7,10 +7,13 @@ use crate::shell::server::{Server, StartError};
 use crate::shell::service;
 
 use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, stop_signal};
+use super::zeroize;
 
 pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let _log = log(format)?;
+    // Before any key is read, and before a socket is open.
+    zeroize::finish_before_start(&config.store.dir)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let mut server = Server::open(&config).map_err(|fault| match fault {

@@ -64,6 +64,12 @@ pub enum OpenError {
     /// It is somebody else's.
     #[error("[store] dir: {0}")]
     Ownership(#[from] OwnershipError),
+    /// What is in it is to be erased, and has not been yet: nothing is served from it.
+    #[error("[store] dir {folder} is being zeroized: start `vsm run`, `vsm airside` or `vsm zeroize` on it, each of which finishes that first", folder = folder.display())]
+    Zeroizing {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// Another process has it.
     #[error("[store] dir {folder} is in use by another vsm, such as `vsm run`: two must not share one signing clock. Stop that one first (a service: `systemctl stop vsm`), and start it again afterwards", folder = folder.display())]
     Locked {
@@ -86,6 +92,19 @@ impl FileDisk {
     /// # Errors
     /// As [`FileDisk::open`].
     pub fn open_on(folder: &Path, system: Box<dyn FileSystem>) -> Result<FileDisk, OpenError> {
+        let disk = FileDisk::open_to_erase(folder, system)?;
+        if is_to_be_erased(folder) {
+            let folder = folder.to_owned();
+            return Err(OpenError::Zeroizing { folder });
+        }
+        Ok(disk)
+    }
+
+    /// As [`FileDisk::open_on`], also where an order to erase it stands.
+    pub(super) fn open_to_erase(
+        folder: &Path,
+        system: Box<dyn FileSystem>,
+    ) -> Result<FileDisk, OpenError> {
         let fault = |cause| OpenError::Folder {
             folder: folder.to_owned(),
             cause,
@@ -371,6 +390,14 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
         Ok(Some(file))
     }
 
+    /// Overwrites a file in its place, whole, and brings that to the disk. A link is not followed.
+    ///
+    /// # Errors
+    /// It is not this user's or no file, or the system's; part of it may have been overwritten.
+    fn overwrite(&self, path: &Path) -> io::Result<()> {
+        overwrite(path)
+    }
+
     /// Deletes a file; one that is not there is deleted already.
     ///
     /// # Errors
@@ -482,6 +509,38 @@ pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
     made.and(removed)
         .and_then(|()| system.sync(folder_of(path)))
 }
+
+/// Whether an order to erase what belongs to a store stands in it. Also one that cannot be looked at: what it orders must
+/// not be served.
+pub(super) fn is_to_be_erased(store: &Path) -> bool {
+    let found = fs::symlink_metadata(store.join(ERASE_ORDER));
+    !matches!(found, Err(cause) if cause.kind() == io::ErrorKind::NotFound)
+}
+
+/// As [`FileSystem::overwrite`], with zeros: what was there is gone from a medium that writes in place.
+fn overwrite(path: &Path) -> io::Result<()> {
+    let open = || ownership::open_no_link(OpenOptions::new().write(true), path);
+    let mut file = match open() {
+        // Its owner may have made it read-only.
+        Err(cause) if cause.kind() == io::ErrorKind::PermissionDenied => {
+            fs::set_permissions(path, fs::Permissions::from_mode(0o600))?;
+            open()?
+        }
+        opened => opened?,
+    };
+    ownership::check_file(&file, path)?;
+    let mut left = file.metadata()?.len();
+    let zeros = [0; 4_096];
+    while left > 0 {
+        let now = zeros.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+        file.write_all(zeros.get(..now).unwrap_or_default())?;
+        left -= now as u64;
+    }
+    file.sync_all()
+}
+
+/// The order to erase what belongs to a store, in its folder: nothing is served from a store that has one.
+pub(super) const ERASE_ORDER: &str = "zeroize.order";
 
 /// `uav1.key` while it is being written: `uav1.key.new`.
 fn beside(path: &Path) -> PathBuf {

@@ -180,9 +180,7 @@ impl KeyStore {
 
     /// All files of these keys, whether they are there or not.
     pub(super) fn files(&self) -> Vec<PathBuf> {
-        let beside = ["next", "previous", "revoked", "dead"];
-        let beside = beside.map(|what| with(&self.path, what));
-        beside.into_iter().chain([self.path.clone()]).collect()
+        files_of(&self.path)
     }
 
     /// Deletes the signing clocks of keys that are in none of the files any more. Without it every change of a key
@@ -433,6 +431,13 @@ impl Keyring for KeyStore {
 
 fn fault(cause: KeyStoreError) -> StoreError {
     StoreError::new("key", cause)
+}
+
+/// All files of the keys whose current one really is at `path`, whether they are there or not.
+pub(super) fn files_of(path: &Path) -> Vec<PathBuf> {
+    let beside = ["next", "previous", "revoked", "dead"];
+    let beside = beside.map(|what| with(path, what));
+    beside.into_iter().chain([path.to_owned()]).collect()
 }
 
 /// Where a key file really is, or will be: the other files are beside it.

@@ -7,13 +7,14 @@
 //! `http` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
 //! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `pairing` (`vsm pair`),
 //! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`). `self_check` is what `vsm doctor` looks at
-//! without a bridge.
+//! without a bridge, `erase` what `vsm zeroize` and an order to zeroize do with what these have written.
 
 pub mod airside;
 pub mod airside_disk;
 pub mod clock;
 pub mod disk;
 pub mod dli_recording;
+pub mod erase;
 pub mod files_socket;
 pub mod http;
 pub mod interfaces;

@@ -20,3 +20,4 @@ mod reload_on_a_slow_disk;
 mod serial_line;
 mod small_disk;
 mod under_attack;
+mod zeroize;

@@ -1,0 +1,155 @@
+//! `vsm zeroize`: erases keys, identities, plans, recordings and logs of a bridge or of an agent; and what a start does that
+//! finds an order to do so.
+
+use std::io::{self, BufRead as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, anyhow};
+use clap::Args;
+
+use super::config_arg::ConfigArg;
+use super::process::{Failure, bad, failed, print_line};
+use crate::config::Config;
+use crate::config::airside::AirsideConfig;
+use crate::shell::disk::{FileDisk, OpenError};
+use crate::shell::erase::{self, Erased, Order};
+
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    config: ConfigArg,
+    /// Erase without asking for a confirmation
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Whose store it is, where that is, and what is to be erased.
+struct Target {
+    id: String,
+    store: PathBuf,
+    order: Order,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let path = arguments.config.path();
+    let Target { id, store, order } = load(path)?;
+    // One that was cut off is finished first: it may name other files than this configuration.
+    if let Some(erased) = erase::finish_before_start(&store).map_err(failed)? {
+        print_line("finished an earlier zeroize:");
+        report(&erased);
+    }
+    let mut disk = FileDisk::open(&store).map_err(|fault| match fault {
+        OpenError::Locked { .. } => failed(fault),
+        fault => bad(fault),
+    })?;
+    list(&order, &store);
+    if !arguments.yes && !confirmed(&id).map_err(failed)? {
+        return Err(bad(anyhow!(
+            "nothing is erased: expected {id} to be typed, or --yes"
+        )));
+    }
+    erase::begin(&mut disk, &order).map_err(failed)?;
+    drop(disk);
+    let erased = erase::finish_before_start(&store).map_err(failed)?;
+    report(&erased.unwrap_or_default());
+    Ok(())
+}
+
+fn load(path: &Path) -> Result<Target, Failure> {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    if AirsideConfig::is_meant_by(&text) {
+        let config = AirsideConfig::load(path).map_err(bad)?;
+        return Ok(Target {
+            id: config.agent.get_ref().vehicle_id.to_string(),
+            order: Order::of_agent(&config),
+            store: config.store.dir,
+        });
+    }
+    // Also where there is no such file: the error says how to make one.
+    let config = Config::load(path).map_err(bad)?;
+    Ok(Target {
+        id: config.dli.vsm_id.to_string(),
+        order: Order::of_bridge(&config),
+        store: config.store.dir,
+    })
+}
+
+/// What will be erased, before anything is.
+fn list(order: &Order, store: &Path) {
+    let mut erased = Erased::default();
+    let files = order.files(store, &mut erased);
+    print_line(&format!("to be erased, for good ({} files):", files.len()));
+    for file in &files {
+        print_line(&format!("  {}", file.display()));
+    }
+    for (path, why) in erased.left.iter().chain(&erased.failed) {
+        print_line(&format!("  not {}: {why}", path.display()));
+    }
+}
+
+fn confirmed(id: &str) -> anyhow::Result<bool> {
+    let mut out = io::stdout();
+    write!(out, "type {id} to erase them: ")?;
+    out.flush()?;
+    let mut line = String::new();
+    io::stdin()
+        .lock()
+        .read_line(&mut line)
+        .context("standard input")?;
+    Ok(line.trim().eq_ignore_ascii_case(id))
+}
+
+fn report(erased: &Erased) {
+    for line in lines(erased) {
+        print_line(&line);
+    }
+}
+
+/// What became of it, and what no program can promise.
+fn lines(erased: &Erased) -> Vec<String> {
+    let mut lines = vec![format!("erased {} files", erased.files.len())];
+    for (path, why) in &erased.left {
+        lines.push(format!("not erased: {}: {why}", path.display()));
+    }
+    let mut folders: Vec<&Path> = erased
+        .files
+        .iter()
+        .filter_map(|file| file.parent())
+        .collect();
+    folders.sort();
+    folders.dedup();
+    for folder in folders {
+        if let Some(medium) = erase::medium(folder) {
+            lines.push(format!(
+                "not erased: what {} still has of them: it is on {medium}",
+                folder.display()
+            ));
+        }
+    }
+    lines.extend(NOT_ERASED.map(str::to_owned));
+    lines
+}
+
+/// A start that finds an order finishes it, and ends: what it would have served is gone.
+pub(super) fn finish_before_start(store: &Path) -> Result<(), Failure> {
+    let Some(erased) = erase::finish_before_start(store).map_err(failed)? else {
+        return Ok(());
+    };
+    for line in lines(&erased) {
+        tracing::warn!("{line}");
+    }
+    Err(Failure::Zeroized(anyhow!(
+        "zeroized: an order stood in {}, and is carried out; nothing is served. A later start begins anew, with new keys",
+        store.display()
+    )))
+}
+
+/// What no program can promise.
+const NOT_ERASED: [&str; 4] = [
+    "not erased: copies that the medium keeps (wear levelling of flash and memory cards, journals, snapshots, swap): destroy the \
+     key of an encrypted disk, or the medium",
+    "not erased: copies elsewhere: backups, collected logs, /etc/vsm/*.key of a service, key files carried by hand, the other end \
+     of each key (PX4, agent, other stations)",
+    "not erased: PX4's key (mavlink/mavlink-signing-key.bin on its memory card) and its flight logs",
+    "not erased: the configuration file, and what other programs have recorded",
+];

@@ -1,0 +1,318 @@
+//! Erasing what must not fall into other hands: keys, identities, plans, recordings, logs; of a bridge, or of an agent.
+//!
+//! [`Order`] names what is to be erased. [`begin`] writes it into the store's folder, durably, before the first file is
+//! touched: from then on nothing is served from that store, and each start finishes it first ([`finish_before_start`]),
+//! however often power fails in between. A file is overwritten, synchronised, then deleted, keys first; one that is gone is
+//! done. The folders are synchronised, and only then the order goes.
+//!
+//! Symbolic links are not followed: the link is deleted, and what it leads to is reported. A file of another user is refused by
+//! name. What could not be erased keeps the order standing, but for recordings: others may write where they lie.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use mavlink_link::store::{Disk as _, Durability, StoreError};
+use serde::{Deserialize, Serialize};
+
+use super::disk::{ERASE_ORDER, FileDisk, FileSystem, NativeFileSystem, OpenError};
+use super::disk::{folder_of, is_to_be_erased};
+use super::key_store;
+use crate::config::airside::AirsideConfig;
+use crate::config::{Config, Signing};
+
+/// What is to be erased beside the store.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Order {
+    /// Key files in force, where they really are: what belongs to each lies beside it.
+    keys: Vec<PathBuf>,
+    /// The folder of recordings.
+    recordings: Option<PathBuf>,
+    /// The audit logs and their key stay.
+    keep_audit: bool,
+}
+
+/// What has become of an order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Erased {
+    /// Files that were overwritten and deleted.
+    pub files: Vec<PathBuf>,
+    /// What is left, on purpose or since it is not ours, without standing in the way: what, and why.
+    pub left: Vec<(PathBuf, String)>,
+    /// What could not be erased, and why: the order stands.
+    pub failed: Vec<(PathBuf, String)>,
+}
+
+/// It could not be begun, or not be read again.
+#[derive(Debug, thiserror::Error)]
+pub enum EraseError {
+    /// The store cannot be used.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The order is not durable: nothing has been erased.
+    #[error("the order to zeroize cannot be stored, and nothing is erased: {0}")]
+    Begin(StoreError),
+    /// The order cannot be read.
+    #[error("{path}: {cause}; nothing is served from this store while it is there", path = path.display())]
+    Order {
+        /// Its file.
+        path: PathBuf,
+        /// The system's reason.
+        cause: io::Error,
+    },
+    /// Something is left.
+    #[error("the zeroize of {store} is not finished: {path}: {why}; nothing is served from this store until it is: mend that, then start this again", store = store.display(), path = path.display())]
+    Unfinished {
+        /// The store.
+        store: PathBuf,
+        /// The first of what is left.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
+}
+
+impl Order {
+    /// Everything of a bridge.
+    #[must_use]
+    pub fn of_bridge(config: &Config) -> Order {
+        let vehicles = config.vehicles().filter_map(|one| match &one.signing {
+            Signing::KeyFile(path, _) => Some(path.as_path()),
+            Signing::Off => None,
+        });
+        let forwards = config.forwards().filter_map(|one| one.key_file.as_deref());
+        Order {
+            keys: vehicles.chain(forwards).map(real).collect(),
+            recordings: config.record.as_ref().map(|record| absolute(&record.dir)),
+            keep_audit: config.zeroize.keep_audit,
+        }
+    }
+
+    /// Everything of an agent beside PX4.
+    #[must_use]
+    pub fn of_agent(config: &AirsideConfig) -> Order {
+        Order {
+            keys: vec![real(&config.agent.get_ref().key_file)],
+            recordings: None,
+            keep_audit: false,
+        }
+    }
+
+    /// What it would erase now, keys first: they are what makes everything else worth something. What is left, and what cannot
+    /// be looked at, is added to `erased`.
+    #[must_use]
+    pub fn files(&self, store: &Path, erased: &mut Erased) -> Vec<PathBuf> {
+        let mut files = Vec::new();
+        for key in &self.keys {
+            for file in key_store::files_of(key) {
+                // What a write that was cut off has left beside it is a key too.
+                let mut beside = file.clone().into_os_string();
+                beside.push(".new");
+                files.extend([file, beside.into()]);
+            }
+        }
+        files.retain(|file| fs::symlink_metadata(file).is_ok_and(|found| !found.is_dir()));
+        let mut stored = entries(store, erased);
+        let is_identity = |path: &Path| named(path, |name| name.starts_with("exchange"));
+        stored.sort_by_key(|path| (!is_identity(path), path.clone()));
+        for path in stored {
+            let kept = named(&path, |name| name == LOCK || name == ERASE_ORDER);
+            if kept || files.contains(&path) {
+                continue;
+            }
+            if self.keep_audit && named(&path, |name| name.starts_with("audit")) {
+                let why = "zeroize.keep_audit is set".to_owned();
+                erased.left.push((path, why));
+                continue;
+            }
+            files.push(path);
+        }
+        if let Some(folder) = &self.recordings {
+            let recorded = entries(folder, erased).into_iter();
+            files.extend(recorded.filter(|path| named(path, is_recording)));
+        }
+        files
+    }
+
+    /// Whether a file that cannot be erased keeps the order standing. Whoever may write into the folder of recordings could keep
+    /// it standing for ever.
+    fn needs(&self, path: &Path) -> bool {
+        let within = |folder: &PathBuf| folder_of(path) == folder;
+        !self.recordings.as_ref().is_some_and(within)
+    }
+}
+
+/// Writes the order into the store, which nobody else holds: from here on nothing is served from it.
+///
+/// # Errors
+/// It is not durable; nothing has been erased.
+pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<(), EraseError> {
+    let fault = |cause: serde_json::Error| EraseError::Begin(StoreError::new(ERASE_ORDER, cause));
+    let text = serde_json::to_vec(order).map_err(fault)?;
+    disk.replace(ERASE_ORDER, &text, Durability::Power)
+        .map_err(EraseError::Begin)
+}
+
+/// Finishes what is ordered of a store, before anything of it is read or served; the store is locked meanwhile. `None` where
+/// nothing is ordered.
+///
+/// # Errors
+/// Another process has the store, or it is not finished: nothing may be served.
+pub fn finish_before_start(store: &Path) -> Result<Option<Erased>, EraseError> {
+    finish_on(store, Box::new(NativeFileSystem))
+}
+
+/// As [`finish_before_start`], with all writing by `system`.
+///
+/// # Errors
+/// As [`finish_before_start`].
+pub fn finish_on(store: &Path, system: Box<dyn FileSystem>) -> Result<Option<Erased>, EraseError> {
+    if !is_to_be_erased(store) {
+        return Ok(None);
+    }
+    let disk = FileDisk::open_to_erase(store, system)?;
+    let Some(erased) = finish(store, &*disk.system())? else {
+        return Ok(None);
+    };
+    if let Some((path, why)) = erased.failed.first() {
+        return Err(EraseError::Unfinished {
+            store: store.to_owned(),
+            path: path.clone(),
+            why: why.clone(),
+        });
+    }
+    Ok(Some(erased))
+}
+
+/// Carries out the order that stands in a store.
+fn finish(store: &Path, system: &dyn FileSystem) -> Result<Option<Erased>, EraseError> {
+    let path = store.join(ERASE_ORDER);
+    let fault = |cause| EraseError::Order {
+        path: path.clone(),
+        cause,
+    };
+    let Some(text) = system.read(&path, MAX_ORDER_BYTES).map_err(fault)? else {
+        return Ok(None);
+    };
+    let order: Order = serde_json::from_slice(&text).map_err(|cause| fault(cause.into()))?;
+    let mut erased = Erased::default();
+    // Also where nothing is left in them: the names may still be on the disk.
+    let mut folders: Vec<PathBuf> = vec![store.to_owned()];
+    folders.extend(order.keys.iter().map(|key| folder_of(key).to_owned()));
+    folders.extend(order.recordings.clone());
+    for file in order.files(store, &mut erased) {
+        match erase(&file, system) {
+            Ok(None) => erased.files.push(file),
+            Ok(Some(why)) => erased.left.push((file, why)),
+            Err(cause) if order.needs(&file) => erased.failed.push((file, cause.to_string())),
+            Err(cause) => erased.left.push((file, cause.to_string())),
+        }
+    }
+    folders.sort();
+    folders.dedup();
+    for folder in folders.into_iter().filter(|folder| folder.exists()) {
+        if let Err(cause) = system.sync(&folder) {
+            erased.failed.push((folder, cause.to_string()));
+        }
+    }
+    if erased.failed.is_empty() {
+        // Only now: a start that finds no order serves.
+        let removed = system.remove(&path).and_then(|()| system.sync(store));
+        if let Err(cause) = removed {
+            erased.failed.push((path, cause.to_string()));
+        }
+    }
+    Ok(Some(erased))
+}
+
+/// Erases one file; why it is left where it is none of ours.
+fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
+    let found = match fs::symlink_metadata(path) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
+        found => found?,
+    };
+    if found.is_symlink() {
+        let to = fs::read_link(path);
+        let to = to.map_or_else(|_| "its target".into(), |to| to.display().to_string());
+        system.remove(path)?;
+        let why = format!("it was a symbolic link, and is deleted; {to} is not erased");
+        return Ok(Some(why));
+    }
+    if found.is_dir() {
+        return Ok(Some("it is a folder, which is none of ours".into()));
+    }
+    if found.is_file() {
+        system.overwrite(path)?;
+    }
+    // A socket holds nothing.
+    system.remove(path)?;
+    Ok(None)
+}
+
+/// What is in a folder.
+fn entries(folder: &Path, erased: &mut Erased) -> Vec<PathBuf> {
+    let listed = fs::read_dir(folder).and_then(|listed| {
+        let each = listed.map(|entry| Ok(entry?.path()));
+        each.collect::<io::Result<Vec<PathBuf>>>()
+    });
+    match listed {
+        Ok(mut paths) => {
+            paths.sort();
+            paths
+        }
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => Vec::new(),
+        Err(cause) => {
+            erased.failed.push((folder.to_owned(), cause.to_string()));
+            Vec::new()
+        }
+    }
+}
+
+fn named(path: &Path, is: impl Fn(&str) -> bool) -> bool {
+    let name = path.file_name();
+    name.is_some_and(|name| is(&name.to_string_lossy()))
+}
+
+/// Whether a bridge has written a file of this name, in this run or before, for a vehicle that is configured no more too.
+fn is_recording(name: &str) -> bool {
+    let of_vehicle = || {
+        let id = name.split_once('-').map(|(id, _)| id);
+        let is_id = |id: &str| id.len() == 8 && id.bytes().all(|byte| byte.is_ascii_hexdigit());
+        name.ends_with(".tlog") && id.is_some_and(is_id)
+    };
+    (name.starts_with("dli-") && name.ends_with(".pcapng")) || of_vehicle()
+}
+
+/// A start may come in another working folder, and the files of a key lie where a link that a person has configured leads.
+fn real(path: &Path) -> PathBuf {
+    key_store::real_path(path).unwrap_or_else(|_| absolute(path))
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// What no program can erase: how the medium of a folder keeps what was overwritten, where the system says so.
+#[must_use]
+pub fn medium(folder: &Path) -> Option<&'static str> {
+    let kind = rustix::fs::statfs(folder).ok()?.f_type;
+    // linux/magic.h, and OpenZFS's own.
+    Some(match u64::try_from(kind).ok()? {
+        0x9123_683e => "btrfs, which writes elsewhere what is overwritten (copy on write)",
+        0x2fc1_2fc1 => "ZFS, which writes elsewhere what is overwritten (copy on write)",
+        0xca45_1a4e => "bcachefs, which writes elsewhere what is overwritten (copy on write)",
+        0x794c_7630 => "an overlay, whose lower layers keep what they had",
+        0xf2f5_2010 => "F2FS, a log, which writes elsewhere what is overwritten",
+        0x6969 => "NFS: what its server keeps is not known",
+        _ => return None,
+    })
+}
+
+/// The store's lock, which holds nothing and is never removed.
+const LOCK: &str = "lock";
+/// A path for each vehicle and station.
+const MAX_ORDER_BYTES: u64 = 1 << 20;
+
+#[cfg(test)]
+mod tests;
