@@ -22,6 +22,7 @@ mod station;
 pub use operator::configuration::ConfigurationTable;
 pub use operator::console::{Operator, Style};
 pub use operator::error::OperatorError;
+pub use operator::payload::{FocusTo, PayloadAction, PayloadArguments, Sensor, Switch, ZoomTo};
 pub use operator::script::{Line, ScriptError, parse_line};
 pub use operator::verb::{Condition, HandoverVerb, LoiList, ModeArguments, Verb};
 pub use route::model::{

@@ -72,6 +72,7 @@ impl Command {
         let nowhere = Path::new("");
         if !held.contains(LoiBitmap::LOI4) || self.depose {
             let take = Verb::Take {
+                stations: None,
                 loi: Some(LoiList(LoiBitmap::LOI4)),
                 override_holder: self.depose,
             };

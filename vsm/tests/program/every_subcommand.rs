@@ -48,6 +48,20 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("launch 30", Done),
     ("wait airborne", Done),
     ("wait mode loiter --within 60", Done),
+    ("payload point 30 -40", Done),
+    ("payload state", Done),
+    ("payload rate 4 0", Done),
+    ("payload at 47.3990,8.5472", Done),
+    ("payload zoom 20", Done),
+    ("payload zoom stop", Done),
+    ("payload focus closer", Done),
+    ("payload image ir", Done),
+    ("payload photo", Done),
+    ("payload record on", Done),
+    ("payload record off", Done),
+    ("payload cage", Done),
+    ("payload stow", Refused("it can retract")),
+    ("payload --station 2 photo", Refused("station 2")),
     ("mode loiter --altitude 40", Done),
     ("hold 1 --until battery=5 loiter", Done),
     ("held", Done),
@@ -80,8 +94,8 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("accept --loi 4", Either),
     ("decline", Either),
     ("terminate cancel", Either),
-    ("terminate arm", Refused("derived from Edition 2")),
-    ("terminate execute", Refused("derived from Edition 2")),
+    ("terminate arm", Refused("[vehicle.termination]")),
+    ("terminate execute", Refused("[vehicle.termination]")),
     ("land", Done),
     ("wait landed --within 120", Done),
     ("cancel", Either),
@@ -148,6 +162,11 @@ impl Scene {
             ),
         );
         assert!(output.status.success(), "{}", text(&output));
+        // What is derived from Edition 2 is refused by default.
+        let file = scene.path("vsm.toml");
+        let config = fs::read_to_string(&file).expect("the configuration");
+        let config = config.replace("[dli]", "[dli]\nprovisional = \"all\"");
+        fs::write(file, config).expect("the configuration");
         scene
     }
 
@@ -169,7 +188,7 @@ impl Scene {
         let mut scene = Scene::new();
         scene.start("vsm", "run").wait_for("ready", LIMIT);
         let words = format!(
-            "--link udpout:{} --key-file uav1.key --speed 10",
+            "--link udpout:{} --key-file uav1.key --speed 10 --payloads 1",
             scene.link
         );
         scene.start("px4-sim", &words).wait_for("ready", LIMIT);

@@ -8,6 +8,7 @@ mod config_mistakes;
 mod configuration;
 mod demo_attack;
 mod demo_curves;
+mod demo_payload;
 mod demo_wings;
 mod doctor;
 mod every_subcommand;

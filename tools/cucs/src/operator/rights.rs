@@ -4,7 +4,7 @@ use std::io::Write;
 
 use serde_json::json;
 use stanag_msgs::Id;
-use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess, StationBitmap1To16};
 
 use super::console::{Done, Operator};
 use super::error::OperatorError;
@@ -40,7 +40,12 @@ impl<W: Write> Operator<W> {
     }
 
     /// Message 1: requests these levels, or all that this CUCS may have.
-    pub(super) async fn take(&mut self, loi: Option<LoiList>, override_holder: bool) -> Done {
+    pub(super) async fn take(
+        &mut self,
+        loi: Option<LoiList>,
+        stations: Option<StationBitmap1To16>,
+        override_holder: bool,
+    ) -> Done {
         let vehicle = self.find_vehicle().await?;
         let authorised = self
             .state(vehicle)
@@ -51,7 +56,11 @@ impl<W: Write> Operator<W> {
         } else {
             RequestedAccess::Request
         };
-        let granted = self.station.request(vehicle, requested, access).await?;
+        let stations = stations.unwrap_or(StationBitmap1To16::NONE);
+        let granted = self
+            .station
+            .request_stations(vehicle, requested, stations, access)
+            .await?;
         self.print(
             &format!("{vehicle}: LOI {} granted", levels(granted)),
             json!({"granted": loi_numbers(granted)}),

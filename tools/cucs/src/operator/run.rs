@@ -57,8 +57,9 @@ impl<W: Write> Operator<W> {
             Verb::Discover => self.discover().await,
             Verb::Take {
                 loi,
+                stations,
                 override_holder,
-            } => self.take(*loi, *override_holder).await,
+            } => self.take(*loi, *stations, *override_holder).await,
             Verb::Handover(verb) => self.hand_over(verb).await,
             Verb::Release => self.release().await,
             Verb::Send {
@@ -137,6 +138,7 @@ impl<W: Write> Operator<W> {
                 self.finish(vehicle, "lands", outcome)
             }
             Verb::Terminate { step } => self.terminate(*step).await,
+            Verb::Payload(arguments) => self.payload(arguments).await,
             Verb::Wait { condition, within } => self.wait(condition, seconds(*within)?).await,
             Verb::Watch {
                 seconds: span,

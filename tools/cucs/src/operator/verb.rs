@@ -5,11 +5,12 @@ use std::str::FromStr;
 
 use clap::{Args, Subcommand};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap};
+use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap, StationBitmap1To16};
 
+use super::argument::{Expected, altitude_type, degrees};
+use super::payload::PayloadArguments;
 use super::until::Until;
 use crate::formats::Import;
-use crate::route::form::altitude_type_named;
 
 /// One thing to do.
 #[derive(Clone, Debug, Subcommand)]
@@ -21,6 +22,9 @@ pub enum Verb {
         /// Levels of interoperability, such as 2,4,5 (default: all that this CUCS may hold).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
+        /// Payload stations to control by LOI 3, such as 1,2 (default: all that there are).
+        #[arg(long, value_name = "NUMBERS", value_parser = stations)]
+        stations: Option<StationBitmap1To16>,
         /// Take them even where another CUCS holds them.
         #[arg(long = "override")]
         override_holder: bool,
@@ -107,6 +111,8 @@ pub enum Verb {
         #[command(subcommand)]
         step: TerminationStep,
     },
+    /// Operate a payload station, such as `payload point 30 -45` (19001, 19100).
+    Payload(PayloadArguments),
     /// Wait until the vehicle reports a condition, such as `wait waypoint 20 --within 60`.
     Wait {
         /// Condition to wait for.
@@ -346,11 +352,6 @@ pub struct HoldArguments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoiList(pub LoiBitmap);
 
-/// An argument that is none of those expected.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {0}")]
-pub struct Expected(&'static str);
-
 impl FromStr for LoiList {
     type Err = Expected;
 
@@ -369,9 +370,20 @@ impl FromStr for LoiList {
     }
 }
 
-/// The datum of an altitude by name.
-fn altitude_type(text: &str) -> Result<AltitudeType, Expected> {
-    altitude_type_named(text).ok_or(Expected("agl, wgs84, amsl or pressure"))
+/// Numbers of payload stations: `1,2`.
+fn stations(text: &str) -> Result<StationBitmap1To16, Expected> {
+    let mut bits = 0_u16;
+    for number in text.split(',') {
+        match number.trim().parse() {
+            Ok(number @ 1..=16_u16) => bits |= 1 << (number - 1),
+            _ => {
+                return Err(Expected(
+                    "payload stations of 1 to 16 with commas between them",
+                ));
+            }
+        }
+    }
+    Ok(StationBitmap1To16::from_raw(bits))
 }
 
 /// A mode by name or number.
@@ -384,22 +396,6 @@ fn mode(text: &str) -> Result<FlightPathControlMode, Expected> {
         "a number of 0 to 255, or manual, waypoint, loiter, autopilot, land, wave-off, launch, contingency-a or \
          contingency-b",
     ))
-}
-
-/// `LAT,LON` in degrees.
-fn degrees(text: &str) -> Result<(f64, f64), Expected> {
-    let expected = Expected("LAT,LON: -90 to 90 and -180 to 180 degrees");
-    let Some((latitude, longitude)) = text.split_once(',') else {
-        return Err(expected);
-    };
-    match (latitude.trim().parse(), longitude.trim().parse()) {
-        (Ok(latitude), Ok(longitude))
-            if (-90.0..=90.0).contains(&latitude) && (-180.0..=180.0).contains(&longitude) =>
-        {
-            Ok((latitude, longitude))
-        }
-        _ => Err(expected),
-    }
 }
 
 const MODES: &[(&str, FlightPathControlMode)] = &[

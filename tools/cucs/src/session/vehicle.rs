@@ -1,12 +1,13 @@
 //! What one vehicle last reported. Messages are kept whole; accessors give the fields in common units.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use stanag_msgs::enums::{
     AltitudeType, FlightPathControlMode, HandoverStatus, LoiBitmap, MissionTransferStatus, UaState,
 };
 use stanag_msgs::messages::{
-    FromToNextWaypointStates, InertialStates, MissionUploadDownloadStatus,
+    EoIrLaserOperatingState, FromToNextWaypointStates, InertialStates, MissionUploadDownloadStatus,
     PositiveHandoverAuthorisationGranted, PositiveHandoverAuthorisationRequest, VehicleId,
     VehicleOperatingModeReport, VehicleOperatingStates, VsmAuthorisationResponse,
 };
@@ -34,6 +35,8 @@ pub struct Vehicle {
     pub waypoints: Option<FromToNextWaypointStates>,
     /// Message 14000: the state of a mission transfer.
     pub transfer: Option<MissionUploadDownloadStatus>,
+    /// Message 21101 of each payload station, by its number.
+    payloads: BTreeMap<u8, EoIrLaserOperatingState>,
     /// Message 4: what another CUCS requests; `None` once it is decided.
     handover_request: Option<PositiveHandoverAuthorisationRequest>,
     /// Message 5: what the holder offers; `None` once it is decided.
@@ -115,6 +118,19 @@ impl Vehicle {
                 let change = latest!(transfer, new);
                 self.transfers += 1;
                 change
+            }
+            Message::EoIrLaserOperatingState(new) => {
+                let bits = new.station_number_1_16.unwrap_or(0);
+                if !bits.is_power_of_two() {
+                    return Change::Unused;
+                }
+                let number = bits.trailing_zeros() as u8 + 1;
+                let before = self.payloads.get(&number).and_then(|old| old.time_stamp);
+                if is_late(before, new.time_stamp) {
+                    return Change::Late;
+                }
+                self.payloads.insert(number, new.clone());
+                Change::Taken
             }
             Message::PositiveHandoverAuthorisationRequest(new) => {
                 let before = self.handover_request();
@@ -240,6 +256,26 @@ impl Vehicle {
             longitude_deg: states.longitude?.degrees(),
             altitude_m: states.altitude?.si(),
             altitude_type: states.altitude_type?,
+        })
+    }
+
+    /// What a payload station does and where it looks (21101).
+    #[must_use]
+    pub fn payload(&self, station: u8) -> Option<&EoIrLaserOperatingState> {
+        self.payloads.get(&station)
+    }
+
+    /// The centre of a payload station's image on the ground (21101); `None` where the vehicle reports none.
+    #[must_use]
+    pub fn image_center(&self, station: u8) -> Option<Position> {
+        let state = self.payload(station)?;
+        // Image Position: the three are valid.
+        (state.image_position == Some(1)).then_some(())?;
+        Some(Position {
+            latitude_deg: state.latitude_of_image_centre?.degrees(),
+            longitude_deg: state.longitude_of_image_centre?.degrees(),
+            altitude_m: state.altitude?.si(),
+            altitude_type: AltitudeType::Wgs84,
         })
     }
 

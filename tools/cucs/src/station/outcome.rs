@@ -65,8 +65,9 @@ impl fmt::Display for Refused {
         } else {
             write!(f, ": {}", self.reasons.join("; "))?;
         }
-        // What commands needs LOI 4 or 5: whoever has neither is refused for that, as a rule.
-        if self.held.intersects(LoiBitmap::LOI4 | LoiBitmap::LOI5) {
+        // What commands needs LOI 3, 4 or 5: whoever has none is refused for that, as a rule.
+        let commanding = LoiBitmap::LOI3 | LoiBitmap::LOI4 | LoiBitmap::LOI5;
+        if self.held.intersects(commanding) {
             return Ok(());
         }
         f.write_str("; this CUCS does not hold control: run `cucs take` first")

@@ -105,8 +105,23 @@ impl Station {
         loi: LoiBitmap,
         access: RequestedAccess,
     ) -> Result<LoiBitmap, StationError> {
+        self.request_stations(vehicle, loi, StationBitmap1To16::NONE, access)
+            .await
+    }
+
+    /// The same, with the payload stations that LOI 3 is for; none means all that there are.
+    ///
+    /// # Errors
+    /// As [`Station::request`].
+    pub async fn request_stations(
+        &mut self,
+        vehicle: Id,
+        loi: LoiBitmap,
+        stations: StationBitmap1To16,
+        access: RequestedAccess,
+    ) -> Result<LoiBitmap, StationError> {
         let mark = self.alert_mark(vehicle);
-        self.authorise(vehicle, loi, access).await?;
+        self.authorise(vehicle, loi, stations, access).await?;
         let held = self
             .vehicle(vehicle)
             .map_or(LoiBitmap::NONE, Vehicle::granted);
@@ -130,8 +145,14 @@ impl Station {
     /// # Errors
     /// No VSM answers.
     pub async fn release(&mut self, vehicle: Id) -> Result<(), StationError> {
-        self.authorise(vehicle, LoiBitmap::NONE, RequestedAccess::Relinquish)
-            .await
+        let stations = StationBitmap1To16::NONE;
+        self.authorise(
+            vehicle,
+            LoiBitmap::NONE,
+            stations,
+            RequestedAccess::Relinquish,
+        )
+        .await
     }
 
     /// Sends message 1 to a vehicle until it has answered with message 2.
@@ -139,6 +160,7 @@ impl Station {
         &mut self,
         vehicle: Id,
         loi: LoiBitmap,
+        stations: StationBitmap1To16,
         access: RequestedAccess,
     ) -> Result<(), StationError> {
         let within = self.timeouts.answer;
@@ -155,7 +177,7 @@ impl Station {
                 data_link_id: Some(Id::NULL),
                 requested_handover_loi: Some(loi),
                 requested_handover_access: Some(access),
-                controlled_station_1_16: Some(StationBitmap1To16::NONE),
+                controlled_station_1_16: Some(stations),
                 presence_vector_support: self.session.presence_vector_support(),
                 ..CucsAuthorisationRequest::default()
             };

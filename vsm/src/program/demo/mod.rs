@@ -7,6 +7,7 @@ mod altitudes;
 pub(crate) mod attack;
 mod attacker;
 mod curve;
+mod payload;
 mod picture;
 mod story;
 mod table;
@@ -38,9 +39,9 @@ pub(crate) struct Arguments {
     /// Write picture and recording to this folder
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Run the simulator this many times faster than real time
-    #[arg(long, default_value_t = 10.0)]
-    speed: f64,
+    /// Run the simulator this many times faster than real time (default: 10; with --payload 3)
+    #[arg(long)]
+    speed: Option<f64>,
     /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
     #[arg(long)]
     attack: bool,
@@ -53,6 +54,9 @@ pub(crate) struct Arguments {
     /// Fly a standard VTOL instead: launch, its transitions, a route, the landing pattern
     #[arg(long, conflicts_with_all = ["attack", "curve", "wing"])]
     vtol: bool,
+    /// Have a second CUCS point, zoom and record with an EO/IR payload while the first one flies
+    #[arg(long, conflicts_with_all = ["attack", "curve", "wing", "vtol"])]
+    payload: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -63,16 +67,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         curve,
         wing,
         vtol,
+        payload,
     } = arguments;
+    // A gimbal is steered in real time: faster than this the vehicle has flown on before it is turned after it.
+    let usual = if *payload { 3.0 } else { 10.0 };
+    let speed = speed.unwrap_or(usual);
     if *attack {
-        return attack::run(out, *speed);
+        return attack::run(out, speed);
     }
     let flown = if *curve {
-        fly_curves(out, *speed)
+        fly_curves(out, speed)
+    } else if *payload {
+        fly_with_payload(out, speed)
     } else if *wing || *vtol {
-        fly_on_wings(out, *speed, Scenario::of(*vtol))
+        fly_on_wings(out, speed, Scenario::of(*vtol))
     } else {
-        fly(out, *speed)
+        fly(out, speed)
     };
     flown.map_err(failed)
 }
@@ -80,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
     let mut story = Story::begin(speed);
     let world = World::start(out, speed, px4_sim::Config::default(), Protection::On)?;
-    let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
+    let (station, remains) = session(world, &mut story, async |_, station, story, vehicle| {
         flight(station, story, vehicle).await
     })?;
     let track = Track::flown(&remains.track);
@@ -92,6 +102,7 @@ fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
         flown: &track,
         note: &format!("{CHAIN}; largest deviation from the route {deviation_m:.1} m"),
         marks: &[],
+        looks: &[],
     };
     let report = format!(
         "\nlargest deviation from the route {deviation_m:.1} m (corners are cut by PX4's acceptance radius)\n"
@@ -107,7 +118,7 @@ fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
         ..px4_sim::Config::default()
     };
     let world = World::start(out, speed, vehicle, Protection::On)?;
-    let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
+    let (station, remains) = session(world, &mut story, async |_, station, story, vehicle| {
         curve::flight(station, story, vehicle, &section).await
     })?;
     let track = Track::flown(&remains.track);
@@ -122,6 +133,7 @@ fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
             compared.flown.deviation_m
         ),
         marks: &[],
+        looks: &[],
     };
     let report = section.report(&compared)?;
     leave(out, &picture, &station, &remains, &story, &report)
@@ -130,7 +142,7 @@ fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
 fn fly_on_wings(out: &Path, speed: f64, scenario: &Scenario) -> anyhow::Result<()> {
     let mut story = Story::begin(speed);
     let world = World::start(out, speed, scenario.vehicle(), Protection::On)?;
-    let (station, remains) = session(world, &mut story, async |station, story, vehicle| {
+    let (station, remains) = session(world, &mut story, async |_, station, story, vehicle| {
         scenario.flight(station, story, vehicle).await
     })?;
     let (track, marks, off_m) = scenario.flown(&remains)?;
@@ -141,6 +153,7 @@ fn fly_on_wings(out: &Path, speed: f64, scenario: &Scenario) -> anyhow::Result<(
         flown: &track,
         note: &format!("{CHAIN}; touched down {off_m:.1} m from its place"),
         marks: &marks,
+        looks: &[],
     };
     let mut report = String::from("\nmarks of the flight, s since arming\n");
     let begun_s = track.points.first().map_or(0.0, |first| first.time_s);
@@ -156,11 +169,36 @@ fn fly_on_wings(out: &Path, speed: f64, scenario: &Scenario) -> anyhow::Result<(
     leave(out, &picture, &station, &remains, &story, &report)
 }
 
+fn fly_with_payload(out: &Path, speed: f64) -> anyhow::Result<()> {
+    let mut story = Story::begin(speed);
+    let vehicle = px4_sim::Config {
+        payloads: 1,
+        ..px4_sim::Config::default()
+    };
+    let world = World::start(out, speed, vehicle, Protection::On)?;
+    let mut watched = payload::Watched::default();
+    let (station, remains) = session(world, &mut story, async |world, station, story, vehicle| {
+        watched = payload::flight(world, station, story, vehicle).await?;
+        Ok(())
+    })?;
+    let track = Track::flown(&remains.track);
+    let picture = Picture {
+        title: "vsm demo --payload: one CUCS flies, another operates the EO/IR payload",
+        planned: &payload::planned(),
+        flown: &track,
+        note: &format!("{CHAIN}; image centres as the vehicle reported them (21101)"),
+        marks: &watched.marks,
+        looks: &watched.near(),
+    };
+    let report = watched.report();
+    leave(out, &picture, &station, &remains, &story, &report)
+}
+
 /// From discovery to release, `fly` between take-over and landing; the world is stopped also where it fails.
 fn session(
     world: World,
     story: &mut Story,
-    fly: impl AsyncFnOnce(&mut Station, &mut Story, Id) -> anyhow::Result<()>,
+    fly: impl AsyncFnOnce(&World, &mut Station, &mut Story, Id) -> anyhow::Result<()>,
 ) -> anyhow::Result<(Station, Remains)> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -169,7 +207,7 @@ fn session(
         let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
         let whole = async {
             let vehicle = take_over(&mut station, story).await?;
-            fly(&mut station, story, vehicle).await?;
+            fly(&world, &mut station, story, vehicle).await?;
             land(&mut station, story, vehicle).await
         };
         let flown = tokio::select! {

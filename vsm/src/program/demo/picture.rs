@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use px4_sim::Truth;
 
-use super::track::{Point, Track};
+use super::track::{Look, Point, Track};
 
 /// A planned route as it is drawn.
 #[derive(Debug, Default)]
@@ -45,6 +45,8 @@ pub(crate) struct Picture<'a> {
     pub(crate) note: &'a str,
     /// In the order of the flight: lettered in the map, named in the profile.
     pub(crate) marks: &'a [Mark],
+    /// Where a payload looked, in the order of the flight.
+    pub(super) looks: &'a [Look],
 }
 
 impl Picture<'_> {
@@ -75,6 +77,10 @@ impl Picture<'_> {
             (west, east) = (west.min(point.east_m), east.max(point.east_m));
             (south, north) = (south.min(point.north_m), north.max(point.north_m));
         }
+        for Look { to, .. } in self.looks {
+            (west, east) = (west.min(to.1), east.max(to.1));
+            (south, north) = (south.min(to.0), north.max(to.0));
+        }
         if west > east {
             return;
         }
@@ -90,6 +96,13 @@ impl Picture<'_> {
             "<rect x=\"{MARGIN}\" y=\"{MAP_TOP}\" width=\"{MAP_WIDTH}\" height=\"{MAP_HEIGHT}\" \
              fill=\"#f6f8f6\" stroke=\"#ccc\"/>"
         );
+        let pixel = |(north_m, east_m): (f64, f64)| {
+            (
+                left + scale * (east_m - west),
+                top + scale * (north - north_m),
+            )
+        };
+        sights(svg, self.looks, scale, pixel);
         for [end, control] in &self.planned.arms {
             let _ = writeln!(
                 svg,
@@ -250,6 +263,14 @@ impl Picture<'_> {
         if !self.planned.landing.is_empty() {
             lines.push((LANDING, " stroke-dasharray=\"7 5\"", "landing pattern"));
         }
+        if !self.looks.is_empty() {
+            lines.push((SIGHT, "", "line of sight"));
+            lines.push((
+                SEEN,
+                " stroke-dasharray=\"1 6\" stroke-linecap=\"round\"",
+                "image centre, width of view",
+            ));
+        }
         for (colour, dashes, text) in lines {
             let _ = writeln!(
                 svg,
@@ -260,7 +281,7 @@ impl Picture<'_> {
                 y - 4.0,
                 x + 48.0,
             );
-            x += 220.0;
+            x += 200.0;
         }
         let named = self.marks.iter().zip('A'..);
         let named: Vec<String> = named
@@ -271,6 +292,43 @@ impl Picture<'_> {
             "<text x=\"{MARGIN}\" y=\"{:.0}\" fill=\"{MARKED}\" font-size=\"12\">{}</text>",
             y + 20.0,
             escaped(&named.join("\u{a0}\u{a0}\u{a0} "))
+        );
+    }
+}
+
+/// Where a payload looked: every image centre, and of some the line of sight and the width of the view across it.
+fn sights(
+    svg: &mut String,
+    looks: &[Look],
+    pixels_a_metre: f64,
+    pixel: impl Fn((f64, f64)) -> (f64, f64),
+) {
+    let every = looks.len().div_ceil(MAX_SIGHTS).max(1);
+    for (nth, look) in looks.iter().enumerate() {
+        let ((from_x, from_y), (x, y)) = (pixel(look.from), pixel(look.to));
+        if nth % every == 0 {
+            let _ = writeln!(
+                svg,
+                "<path class=\"sight\" d=\"M{from_x:.1} {from_y:.1}L{x:.1} {y:.1}\" stroke=\"{SIGHT}\"/>"
+            );
+            let (along_x, along_y) = (x - from_x, y - from_y);
+            let length = along_x.hypot(along_y);
+            if let Some(half_m) = look.half_width_m.filter(|_| length > 1.0) {
+                let half = half_m * pixels_a_metre / length;
+                let (across_x, across_y) = (-along_y * half, along_x * half);
+                let _ = writeln!(
+                    svg,
+                    "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{SEEN}\"/>",
+                    x - across_x,
+                    y - across_y,
+                    x + across_x,
+                    y + across_y
+                );
+            }
+        }
+        let _ = writeln!(
+            svg,
+            "<circle class=\"seen\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.5\" fill=\"{SEEN}\"/>"
         );
     }
 }
@@ -360,6 +418,10 @@ pub(super) const MAP_WIDTH: f64 = 828.0;
 const MAP_HEIGHT: f64 = 480.0;
 const PROFILE_TOP: f64 = 576.0;
 const PROFILE_HEIGHT: f64 = 200.0;
+/// Lines of sight that are drawn.
+const MAX_SIGHTS: usize = 48;
+const SIGHT: &str = "#9ccfc4";
+const SEEN: &str = "#0d7a66";
 const ARM: &str = "#b9a3c9";
 const LANDING: &str = "#2a7d3c";
 const MARKED: &str = "#6a1fa8";

@@ -16,7 +16,7 @@ pub(super) struct Story {
 
 impl Story {
     pub(super) fn begin(speed: f64) -> Story {
-        let mut story = Story {
+        let story = Story {
             started: Instant::now(),
             speed,
         };
@@ -26,7 +26,7 @@ impl Story {
         story
     }
 
-    pub(super) fn tell(&mut self, what: impl std::fmt::Display) {
+    pub(super) fn tell(&self, what: impl std::fmt::Display) {
         let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
         // A reader that is gone must not stop a flight half-way.
         let _ = io::stdout().write_all(line.as_bytes());
@@ -79,7 +79,7 @@ pub(super) async fn await_mode(
 
 pub(super) async fn await_waypoint(
     station: &mut Station,
-    story: &mut Story,
+    story: &Story,
     vehicle: Id,
     number: u16,
 ) -> anyhow::Result<()> {

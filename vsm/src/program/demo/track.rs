@@ -1,6 +1,7 @@
-//! The flown track, and how far it strays from the planned one.
+//! The flown track, how far it strays from the planned one, and where a payload looked from it.
 
 use px4_sim::{Mode, Truth};
+use stanag_msgs::enums::EoirPointingMode;
 
 /// A place in metres from home, at a time of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +32,20 @@ impl Point {
             in_mission: truth.mode == Mode::Mission,
         }
     }
+}
+
+/// Where the sensor looked at one moment, as the vehicle reported it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    /// The vehicle, m from home.
+    pub(super) from: (f64, f64),
+    /// The image centre, m from home.
+    pub(super) to: (f64, f64),
+    /// Half the width of the view there, m, where the camera reports its field of view.
+    pub(super) half_width_m: Option<f64>,
+    /// To the image centre, m over ground.
+    pub(super) away_m: f64,
+    pub(super) mode: Option<EoirPointingMode>,
 }
 
 /// A flight.

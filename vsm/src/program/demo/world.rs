@@ -13,6 +13,7 @@ use crate::shell::server::Server;
 use crate::shell::tasks::TaskFault;
 use anyhow::{Context as _, anyhow};
 use px4_sim::{Counters, LinkAddress, Simulator, SimulatorConfig, Truth};
+use stanag_msgs::Id;
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
@@ -65,7 +66,15 @@ impl World {
             Protection::On => (r#"{ key_file = "demo.key" }"#, r#"address = "127.0.0.1""#),
             Protection::Off => (r#""off""#, ""),
         };
+        let (dli, operator) = if vehicle.payloads > 0 {
+            // The layouts of the payload messages are derived from Edition 2.
+            ("provisional = \"all\"", OPERATOR_TABLE)
+        } else {
+            ("", "")
+        };
         let text = CONFIG
+            .replace("DLI", dli)
+            .replace("OPERATOR", operator)
             .replace("OUT", &toml_text(&out)?)
             .replace("SIGNING", signing)
             .replace("ADDRESS", address);
@@ -143,6 +152,14 @@ pub(super) fn north_east_deg(north_m: f64, east_m: f64) -> (f64, f64) {
     )
 }
 
+/// The reverse: metres north and east of where the simulator stands.
+pub(super) fn north_east_m(latitude_deg: f64, longitude_deg: f64) -> (f64, f64) {
+    (
+        (latitude_deg - HOME.0) * METRES_A_DEGREE,
+        (longitude_deg - HOME.1) * METRES_A_DEGREE * HOME.0.to_radians().cos(),
+    )
+}
+
 struct Addresses {
     dli: SocketAddr,
     vehicle: SocketAddr,
@@ -213,16 +230,24 @@ fn toml_text(path: &Path) -> anyhow::Result<String> {
 /// Where px4-sim stands by default, degrees north and east.
 const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);
 const METRES_A_DEGREE: f64 = 111_194.93;
+/// Who operates a payload, beside who flies.
+pub(super) const OPERATOR: Id = Id(0x1b00_00a1);
+const OPERATOR_TABLE: &str = r#"[[cucs]]
+id = "1b:00:00:a1"
+loi = [2, 3]
+ADDRESS"#;
 /// The configuration that a user would write, on ports that the system chooses.
 // Port 0 lets the system choose: the demo runs beside a bridge that holds the usual ports.
 const CONFIG: &str = r#"
 [dli]
 vsm_id = "1b:00:00:01"
 listen = "127.0.0.1:0"
+DLI
 [[cucs]]
 id = "1b:00:00:a0"
 loi = [2, 3, 4, 5]
 ADDRESS
+OPERATOR
 [[vehicle]]
 id = "1b:00:01:01"
 link = "udpin:127.0.0.1:0"

@@ -382,3 +382,91 @@ fn control_passes_between_the_scriptable_station_and_one_of_edition_4() {
         held(&operator)
     );
 }
+
+#[test]
+fn the_scriptable_station_operates_a_payload_and_commands_nothing_beside() {
+    use cucs::{PayloadAction, ZoomTo};
+    let (mut rig, station) = super::payload::operating();
+    let mut operator = Operator::new(station.address);
+    let seen = |rig: &Rig| rig.vehicles[0].vehicle().payloads()[0];
+    let act = |operator: &mut Operator, rig: &mut Rig, action: PayloadAction| {
+        for message in action.messages(1).expect("messages") {
+            let end = operator.send(rig, message);
+            assert_eq!(end, Delivery::CarriedOut, "{action:?} {:?}", operator.texts);
+        }
+    };
+    // Every field of #201 commands something: nothing is sent before #302 has shown what there is.
+    let now = Operator::now(&rig);
+    let point = PayloadAction::Point {
+        azimuth: 60.0,
+        elevation: -30.0,
+    };
+    let first = point.messages(1).expect("messages").remove(0);
+    let fault = operator.session.send(now, vehicle_id(0), first);
+    assert!(fault.expect_err("unknown").to_string().contains("#302"));
+    operator.until(&mut rig, 2.0, |_, _| false);
+    act(&mut operator, &mut rig, point);
+    let looks = seen(&rig).sight;
+    act(
+        &mut operator,
+        &mut rig,
+        PayloadAction::Record {
+            switch: cucs::Switch::On,
+        },
+    );
+    assert!(seen(&rig).recording);
+    act(
+        &mut operator,
+        &mut rig,
+        PayloadAction::Zoom {
+            to: ZoomTo::Field(20.0),
+        },
+    );
+    assert!((seen(&rig).hfov.to_degrees() - 20.0).abs() < 1.0);
+    // Neither the zoom nor the recording has turned it, stowed it, or ended the other.
+    let turned: f64 = looks
+        .iter()
+        .zip(seen(&rig).sight)
+        .map(|(a, b)| (a - b).powi(2))
+        .sum();
+    assert!(turned.sqrt() < 0.06 && seen(&rig).recording, "{turned}");
+    act(
+        &mut operator,
+        &mut rig,
+        PayloadAction::Rate {
+            right: 5.0,
+            up: 0.0,
+            inertial: false,
+        },
+    );
+    act(
+        &mut operator,
+        &mut rig,
+        PayloadAction::Zoom {
+            to: ZoomTo::Field(30.0),
+        },
+    );
+    let before = seen(&rig).sight;
+    operator.until(&mut rig, 3.0, |_, _| false);
+    let turned: f64 = before
+        .iter()
+        .zip(seen(&rig).sight)
+        .map(|(a, b)| (a - b).powi(2))
+        .sum();
+    assert!(
+        turned.sqrt() > 0.1,
+        "the zoom has not ended the rate: {turned}"
+    );
+    act(
+        &mut operator,
+        &mut rig,
+        PayloadAction::Record {
+            switch: cucs::Switch::Off,
+        },
+    );
+    assert!(!seen(&rig).recording);
+    let stow = PayloadAction::Stow.messages(1).expect("messages").remove(0);
+    assert_eq!(operator.send(&mut rig, stow), Delivery::Refused);
+    let said = operator.texts.join("|");
+    assert!(said.contains("retract"), "{said}");
+}

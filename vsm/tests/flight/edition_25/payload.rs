@@ -5,7 +5,7 @@ use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 
 /// A vehicle with a payload, flown by the station of Edition 4; that of Edition 2.5 holds payload station 1.
-fn operating() -> (Rig, StationEd25) {
+pub(super) fn operating() -> (Rig, StationEd25) {
     let mut rig = Rig::new(Setup {
         tables: TABLES,
         vehicles: vec![px4_sim::Config {

@@ -11,10 +11,8 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Id, Message};
 
-/// A message that Edition 2.5 has no words for.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("Edition 2.5 cannot say it: {0}")]
-pub struct Unsayable(pub(crate) String);
+use super::payload::Payloads;
+use super::places::{Unsayable, all_placed, empty};
 
 /// What one vehicle was commanded and has shown, as far as later commands depend on it.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +21,7 @@ pub(super) struct Steering {
     preference: [u8; 3],
     /// Altitude and its type (4000).
     altitude: Option<(f64, u8)>,
+    pub(super) payloads: Payloads,
 }
 
 impl Steering {
@@ -32,6 +31,9 @@ impl Steering {
             && let (Some(altitude), Some(datum)) = (states.altitude, states.altitude_type)
         {
             self.altitude = Some((altitude.si(), datum.raw()));
+        }
+        if let Message::EoIrLaserOperatingState(state) = message {
+            self.payloads.note(state);
         }
     }
 }
@@ -65,6 +67,8 @@ pub(super) fn records(
             all_placed(&[number], &ed4)?;
             Ok(vec![record])
         }
+        Message::PayloadSteeringCommand(_) => Ok(vec![steering.payloads.steering(&ed4)?]),
+        Message::EoIrLaserPayloadCommand(_) => Ok(vec![steering.payloads.sensor(&ed4)?]),
         Message::PositiveHandoverAuthorisationRequest(wish) => Ok(vec![handover(own, wish)?]),
         Message::MissionTransferCommand(_) => {
             let mut transfer = ed4;
@@ -212,29 +216,6 @@ fn placed(number: u16, ed4: &Record) -> Result<Record, Unsayable> {
     let mut record = empty(number)?;
     record.take_from(ed4);
     Ok(record)
-}
-
-/// Whether each field that says something has a place in one of these messages.
-fn all_placed(numbers: &[u16], ed4: &Record) -> Result<(), Unsayable> {
-    let Some(info) = ed25::record::ed4(ed4.id()) else {
-        return Ok(());
-    };
-    for field in info.fields {
-        let number = field.bit + 1;
-        let says = ed4.number(number).is_some_and(|value| value != 0.0);
-        let mut places = ed25::places(ed4.id(), number);
-        // Payload stations 17 to 32 share a field with those before them.
-        let has_place =
-            field.name.contains("17-32") || places.any(|(info, _)| numbers.contains(&info.id));
-        if (says || !ed4.text(number).is_empty()) && !has_place {
-            return Err(Unsayable(format!("{} of {}", field.name, info.id)));
-        }
-    }
-    Ok(())
-}
-
-fn empty(number: u16) -> Result<Record, Unsayable> {
-    Record::ed25(number).ok_or_else(|| Unsayable(format!("#{number}")))
 }
 
 fn no_place(ed4: &Record) -> Unsayable {

@@ -8,12 +8,14 @@
 //! - each message that awaits an answer goes behind a #1401 for its type, in one datagram, and is sent again with it: the
 //!   request may have lapsed, or the VSM have been restarted;
 //! - what only stores or asks is done once it was received. A mode is carried out once #106 shows it, a request for control
-//!   is answered by #21, a handover by #700, a transfer by #900;
+//!   is answered by #21, a handover by #700, a transfer by #900; a payload does what it was commanded once #302 shows it;
 //! - a refusal is an alert. One that names the message and this CUCS is taken for the answer to the latest message of that
 //!   type; of a VSM with other words the command waits until its time is up.
 
 mod commands;
 mod configuration;
+mod payload;
+mod places;
 mod waiting;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -26,7 +28,7 @@ use stanag_msgs::table::Direction;
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp};
 
 use self::commands::Steering;
-pub use self::commands::Unsayable;
+pub use self::places::Unsayable;
 use self::waiting::Waiting;
 
 /// A message as the session takes it, whatever the edition of its datagram.
@@ -213,6 +215,14 @@ impl Border {
                 let mode = record.whole(4) as u8;
                 waiting.end(vehicle, AckType::CarriedOut, |one| {
                     one.received && one.mode == Some(mode)
+                })
+            }
+            302 => {
+                let station = record.whole(4);
+                let state = self.steering.get(&vehicle)?.payloads.state(station)?;
+                waiting.end(vehicle, AckType::CarriedOut, |one| {
+                    let shows = one.shows.as_ref().filter(|shows| shows.station == station);
+                    one.received && shows.is_some_and(|shows| shows.is_met(state))
                 })
             }
             HANDOVER_STATUS => {

@@ -10,6 +10,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::commands;
+use super::payload::Shows;
 
 /// The latest messages that await an end.
 #[derive(Debug, Default)]
@@ -26,6 +27,8 @@ pub(super) struct One {
     pub(super) mode: Option<u8>,
     /// It is a part of a handover.
     pub(super) hands_over: bool,
+    /// Of a payload command: what #302 reports at its end.
+    pub(super) shows: Option<Shows>,
     /// #1400 has come.
     pub(super) received: bool,
 }
@@ -46,6 +49,7 @@ impl Waiting {
             stamp,
             mode,
             hands_over: message.id() == PositiveHandoverAuthorisationRequest::ID,
+            shows: Shows::of(message),
             received: false,
         });
     }
@@ -60,7 +64,10 @@ impl Waiting {
         }
         one.received = true;
         let ed4 = one.ed4;
-        let goes_on = one.mode.is_some() || one.hands_over || ed4 == MissionTransferCommand::ID;
+        let goes_on = one.mode.is_some()
+            || one.hands_over
+            || one.shows.is_some()
+            || ed4 == MissionTransferCommand::ID;
         let kind = if goes_on {
             AckType::Received
         } else {

@@ -1,0 +1,32 @@
+//! Whether a message of Edition 4 has its places in one of Edition 2.5.
+
+use stanag_msgs::ed25::{self, Record};
+
+/// A message that Edition 2.5 has no words for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("Edition 2.5 cannot say it: {0}")]
+pub struct Unsayable(pub(super) String);
+
+/// Whether each field that says something has a place in one of these messages.
+pub(super) fn all_placed(numbers: &[u16], ed4: &Record) -> Result<(), Unsayable> {
+    let Some(info) = ed25::record::ed4(ed4.id()) else {
+        return Ok(());
+    };
+    for field in info.fields {
+        let number = field.bit + 1;
+        let says = ed4.number(number).is_some_and(|value| value != 0.0);
+        let mut places = ed25::places(ed4.id(), number);
+        // Payload stations 17 to 32 share a field with those before them.
+        let has_place =
+            field.name.contains("17-32") || places.any(|(info, _)| numbers.contains(&info.id));
+        if (says || !ed4.text(number).is_empty()) && !has_place {
+            return Err(Unsayable(format!("{} of {}", field.name, info.id)));
+        }
+    }
+    Ok(())
+}
+
+/// A message without values.
+pub(super) fn empty(number: u16) -> Result<Record, Unsayable> {
+    Record::ed25(number).ok_or_else(|| Unsayable(format!("#{number}")))
+}
