@@ -15,6 +15,7 @@ use stanag_msgs::{Id, Message, Text};
 use super::bounds::{Subject, bounds, default_value};
 use super::request::{Request, Scope};
 use crate::mode::MODES;
+use crate::payload::report::{PHOTOGRAPH, RECORDING};
 use crate::plan::MAX_ROUTES;
 use crate::report;
 use crate::support::{self, Received};
@@ -221,6 +222,17 @@ fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)
                 "transition to a hover",
             ),
         ],
+        (19100, "System Operating Mode") => vec![
+            (
+                RECORDING.raw(),
+                "record",
+                "record video until mode 5 (active)",
+            ),
+            (PHOTOGRAPH.raw(), "photograph", "take one photograph"),
+        ],
+        (21101, "System Operating Mode State") => {
+            vec![(RECORDING.raw(), "recording", "active, and recording video")]
+        }
         (16000, "Subsystem ID") => {
             vec![(AUTOPILOT, "autopilot", "the autopilot's own reports")]
         }

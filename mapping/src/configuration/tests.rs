@@ -174,6 +174,25 @@ fn own_modes_are_described_by_name() {
         _ => None,
     });
     assert_eq!(rtl.unwrap().as_str(), "RTL");
+    // What a payload does beyond the modes of the edition.
+    let answers = answers_to(ConfigRequestType::Loi3, 0, 0);
+    let own = answers.iter().filter_map(|answer| match answer {
+        Message::FieldConfigurationEnumeratedResponse(own) => {
+            let text = own.vehicle_specific_enumeration_text.as_ref()?;
+            let number = own.vehicle_specific_enumeration_index?;
+            Some((own.requested_message?, number, text.as_str().to_owned()))
+        }
+        _ => None,
+    });
+    let expected = [
+        (19100, 10, "record"),
+        (19100, 11, "photograph"),
+        (21101, 10, "recording"),
+    ];
+    assert_eq!(
+        own.collect::<Vec<_>>(),
+        expected.map(|(message, number, text)| (message, number, text.to_owned()))
+    );
 }
 
 #[test]

@@ -58,6 +58,8 @@ struct State {
     by: Option<Id>,
     moving: Option<Moving>,
     zooming: bool,
+    /// A zoom of who held it before is to be stopped, once the camera's queue has room.
+    stops_zoom: bool,
     by_hand: bool,
 }
 
@@ -69,6 +71,7 @@ impl Default for State {
             by: None,
             moving: None,
             zooming: false,
+            stops_zoom: false,
             by_hand: false,
         }
     }
@@ -296,6 +299,8 @@ impl Payload {
                 None => state.zooming,
                 _ => false,
             };
+            // It would end the newer one.
+            state.stops_zoom &= m.set_zoom.is_none();
             state.by_hand = match (m.set_focus, m.focus_type) {
                 (Some(SetFocus::FocusCloser | SetFocus::FocusFarther), _) => true,
                 (_, Some(FocusType::Auto)) => false,
@@ -504,14 +509,18 @@ impl Payload {
     fn end_with_holder(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
         for (number, state) in &mut self.states {
+            if state.stops_zoom
+                && let Some(station) = station_of(context, *number)
+            {
+                state.stops_zoom = !stop_zoom(&station, now, effects);
+            }
             let lost = |by: &Id| !context.rights.holds_station(*by, *number);
             if !state.by.as_ref().is_some_and(lost) {
                 continue;
             }
-            let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
-            let all = context.equipment();
-            if let Some(equipment) = all.into_iter().find(|one| one.number == *number) {
-                let station = Station::of(equipment, &context.vehicle.payloads, now);
+            let vehicle = effects.vehicle.autopilot();
+            let mut stops_zoom = false;
+            if let Some(station) = station_of(context, *number) {
                 let turns = |task: &Task| {
                     let sent = task.running.as_ref().and(task.steps.front());
                     task.station == *number && sent.is_some_and(|step| step.motion().is_some())
@@ -524,18 +533,13 @@ impl Payload {
                         .into_iter()
                         .for_each(|one| effects.vehicle.post(one));
                 }
-                state.moving = None;
-                if state.zooming
-                    && let Some(Order::Command(camera, stop)) =
-                        Step::Zoom(Zoom::Stop).order(&station, own)
-                    // A queue that is full empties within seconds: then again.
-                    && effects.vehicle.commands_to(camera).submit(now, stop).is_err()
-                {
-                    continue;
-                }
+                // A queue that is full empties within seconds: then again, and whoever holds it by then inherits nothing else.
+                stops_zoom =
+                    state.stops_zoom || (state.zooming && !stop_zoom(&station, now, effects));
             }
             *state = State {
                 by_hand: state.by_hand,
+                stops_zoom,
                 ..State::default()
             };
         }
@@ -666,6 +670,26 @@ impl Task {
             }
             return None;
         }
+    }
+}
+
+/// A payload station that is there.
+fn station_of<'a>(context: &Context<'a>, number: u8) -> Option<Station<'a>> {
+    let all = context.equipment();
+    let equipment = all.into_iter().find(|one| one.number == number)?;
+    let payloads = &context.common.vehicle.payloads;
+    Some(Station::of(equipment, payloads, context.mono()))
+}
+
+/// Stops a zoom; false where the camera's queue has no room for that.
+fn stop_zoom(station: &Station<'_>, now: Duration, effects: &mut Effects<'_>) -> bool {
+    let own = effects.vehicle.own();
+    match Step::Zoom(Zoom::Stop).order(station, own) {
+        Some(Order::Command(camera, stop)) => {
+            let client = effects.vehicle.commands_to(camera);
+            client.submit(now, stop).is_ok()
+        }
+        _ => true,
     }
 }
 

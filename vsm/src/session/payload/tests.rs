@@ -710,6 +710,30 @@ fn a_zoom_and_a_turn_end_with_the_right_of_who_commanded_them() {
 }
 
 #[test]
+fn a_zoom_whose_stop_finds_a_full_queue_is_stopped_later_and_is_not_inherited() {
+    let mut scene = Scene::new();
+    scene.accept(CAMERA);
+    scene.command(zoom(SetZoom::ZoomIn));
+    scene.accept(CAMERA);
+    scene.later(0.5);
+    scene.report(CAMERA, settings(30.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    scene.accept(CAMERA);
+    let now = scene.world.now.mono;
+    let client = scene.world.services.commands_to(CAMERA);
+    while client.submit(now, request(259)).is_ok() {}
+    let rights = std::mem::take(&mut scene.rights);
+    scene.handle(Input::Poll);
+    // Whoever holds it next is none whom the zoom is of.
+    let state = &scene.machine.states[&1];
+    assert!(state.stops_zoom && !state.zooming && state.by.is_none());
+    scene.rights = rights;
+    let sent: Vec<MavCmd> = (0..64).flat_map(|_| scene.accept(CAMERA)).collect();
+    assert_eq!(sent, [MavCmd::MAV_CMD_SET_CAMERA_ZOOM]);
+    assert!(!scene.machine.states[&1].stops_zoom);
+}
+
+#[test]
 fn rates_end_once_another_steers_the_gimbal() {
     let mut scene = Scene::new();
     turning(&mut scene);
