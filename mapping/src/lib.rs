@@ -12,6 +12,7 @@
 //! - [`alert`]: texts and faults to message 16000.
 //! - [`configuration`]: the answers of the configuration phase, from what the vehicle is.
 //! - [`hardening`]: PX4's settings that weaken the link, from parameter values to findings.
+//! - [`event`]: the vehicle's events as texts, by its own metadata.
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
 //! - [`limits`]: what a route must stay within, and how fast the vehicle can be commanded to fly.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
@@ -72,6 +73,7 @@ pub mod configuration;
 pub mod data_link;
 pub mod equipment;
 pub mod equipment_reports;
+pub mod event;
 pub mod hardening;
 pub mod health;
 pub mod limits;

@@ -13,11 +13,12 @@
 //!   follows from its `Timing`, as long as `handle_timeout` is called at the time of `poll_timeout`.
 //!
 //! [`command`] sends commands, [`interval`] requests message rates on top of it, [`mission`] transfers plans, [`param`]
-//! reads and sets parameters, [`ftp`] transfers files, [`text`] assembles status texts, [`timesync`] compares the
-//! vehicle's clock with ours.
+//! reads and sets parameters, [`ftp`] transfers files, [`text`] assembles status texts, [`event`] receives events without
+//! loss, [`timesync`] compares the vehicle's clock with ours.
 
 mod bounded;
 pub mod command;
+pub mod event;
 pub mod ftp;
 pub mod interval;
 pub mod mission;

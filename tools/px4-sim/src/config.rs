@@ -78,6 +78,8 @@ pub struct Config {
     pub params: Vec<(Param, f64)>,
     /// Implements operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     pub operator_control: bool,
+    /// Sends EVENT beside its texts, and has their metadata among its files, as PX4 does.
+    pub events: bool,
     /// What is on its card at the first boot.
     pub files: Files,
     /// Payload stations, 0 to 2: gimbals and cameras as components of their own. PX4's simulator has none.
@@ -98,6 +100,7 @@ impl Default for Config {
             unix_time_us: 0,
             params: Vec::new(),
             operator_control: false,
+            events: false,
             files: Files::default(),
             payloads: 0,
         }

@@ -55,6 +55,9 @@ struct Arguments {
     /// Implement operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     #[arg(long)]
     operator_control: bool,
+    /// Send EVENT beside STATUSTEXT, and serve the metadata of events, as PX4 does.
+    #[arg(long)]
+    events: bool,
     /// Payload stations, 0 to 2: each a gimbal and a camera, as MAVLink components beside the autopilot.
     #[arg(long, default_value_t = 0, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(0..=2))]
     payloads: u8,
@@ -108,6 +111,7 @@ pub fn main() -> ExitCode {
             wind_ne_ms: [arguments.wind.0, arguments.wind.1],
             unix_time_us: unix_time_us(),
             operator_control: arguments.operator_control,
+            events: arguments.events,
             payloads: arguments.payloads,
             ..Config::default()
         },

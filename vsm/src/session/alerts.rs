@@ -45,6 +45,8 @@ pub(crate) enum Cause {
     Fence,
     /// A flight termination is armed, commanded or done.
     Termination,
+    /// The vehicle's own checks keep it from being armed.
+    ArmingChecks,
     /// Something that the vehicle itself reports as wrong.
     HealthFault(HealthFault),
     /// Something that does not work, distinguished from others of its code by a number.

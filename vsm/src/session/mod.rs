@@ -76,6 +76,7 @@ mod counters;
 mod duplicates;
 mod editions;
 mod effects;
+mod event_metadata;
 mod files;
 pub mod findings;
 mod flight;

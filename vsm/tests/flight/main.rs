@@ -30,6 +30,7 @@ mod curves;
 mod edition_25;
 mod effects_order;
 mod equipment;
+mod events;
 mod faults;
 mod fence;
 mod files;

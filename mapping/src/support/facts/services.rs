@@ -11,10 +11,10 @@ facts! {
         "Time Stamp": RECEIVED_STAMP;
         "Subsystem State Report Reference": "of the 16001 that reported it; others are refused";
     }
-    16000 sends "when something happens (STATUSTEXT, SYS_STATUS, ESTIMATOR_STATUS, BATTERY_STATUS, GPS_RAW_INT, HEARTBEAT), changes or is over; of a refusal with its reason (COMMAND_ACK, PARAM_ERROR), cleared 15 s later" {
+    16000 sends "when something happens (STATUSTEXT, EVENT, SYS_STATUS, ESTIMATOR_STATUS, BATTERY_STATUS, GPS_RAW_INT, HEARTBEAT), changes or is over; of a refusal with its reason (COMMAND_ACK, PARAM_ERROR), cleared 15 s later" {
         "Time Stamp": STAMP;
         "Data Link ID": NULL_LINK;
-        "Priority": "STATUSTEXT.severity, or this VSM's own";
+        "Priority": "STATUSTEXT.severity, EVENT.log_levels, or this VSM's own";
         "Subsystem State Report Reference": "-1: there is no more to request";
         "Subsystem ID": "what it is about; 20 is the autopilot";
         "Type": "1 while its cause lasts, 2 of what has happened, 0 when it is over";

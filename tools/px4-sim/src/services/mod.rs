@@ -4,6 +4,7 @@
 //! network.
 //! - [`mission_rules`]: which items PX4 accepts, and which parameters of a command it uses;
 //! - [`mission`]: stores missions, fences and rally points, and sends them back;
+//! - `events`: EVENT beside the texts, and what each means;
 //! - [`ftp`]: lists, reads and writes the [`files`] of its card;
 //! - [`param`]: lists, reads and sets parameters;
 //! - `streams`: which messages go out unrequested, and how often;
@@ -14,6 +15,7 @@
     reason = "PX4 still sends and takes MISSION_REQUEST and MISSION_ITEM"
 )]
 
+pub(crate) mod events;
 pub mod files;
 pub mod ftp;
 pub mod mission;

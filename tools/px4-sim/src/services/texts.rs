@@ -1,12 +1,14 @@
 //! STATUSTEXT: one text each 50 ms, long ones in chunks of 50 bytes.
 //!
 //! PX4 sends many texts twice, as EVENT (410) and as a legacy STATUSTEXT that ends with a tab character; this simulator
-//! sends the STATUSTEXT alone. Identical texts queue up, as seen on the wire, where they arrive up to 0.3 s late.
+//! does so where its configuration says so, else it sends the STATUSTEXT alone. Identical texts queue up, as seen on the wire, where they arrive up to 0.3 s late.
 
 use std::collections::VecDeque;
 
 use mavlink::dialects::development::{MavMessage, MavSeverity, STATUSTEXT_DATA};
 use mavlink::types::CharArray;
+
+use super::events::Events;
 
 /// The queue of texts. What does not fit is lost, as it is in PX4.
 #[derive(Debug, Clone, Default)]
@@ -14,13 +16,24 @@ pub(crate) struct Texts {
     waiting: VecDeque<(MavSeverity, String)>,
     next_id: u16,
     due: f64,
+    pub(crate) events: Events,
 }
 
 impl Texts {
+    /// With events beside them, or without.
+    pub(crate) fn new(events: bool) -> Self {
+        Self {
+            events: Events::new(events),
+            ..Self::default()
+        }
+    }
+
     /// Queues a text.
     pub(crate) fn queue(&mut self, severity: MavSeverity, text: impl Into<String>) {
+        let text = text.into();
+        self.events.beside_text(&text);
         if self.waiting.len() < CAPACITY {
-            self.waiting.push_back((severity, text.into()));
+            self.waiting.push_back((severity, text));
         }
     }
 

@@ -67,6 +67,13 @@ impl Vehicle {
                 let setpoint = Setpoint::from_global(m, &self.frame, self.home_or_zero());
                 self.take_setpoint(setpoint);
             }
+            M::REQUEST_EVENT(m) if is_for(own, m.target_system, m.target_component) => {
+                let mut answers = Vec::new();
+                self.texts
+                    .events
+                    .request(from, m, |answer| answers.push(answer));
+                answers.into_iter().for_each(|answer| self.send(answer));
+            }
             M::TERRAIN_DATA(m) => {
                 if let Some(grid) = &mut self.ground {
                     grid.take(m);

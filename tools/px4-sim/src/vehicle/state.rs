@@ -27,6 +27,7 @@ use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 use crate::physics::noise::Estimator;
 use crate::physics::trajectory::{Guidance, Heading};
 use crate::physics::vtol::VtolState;
+use crate::services::events;
 use crate::services::files::Files;
 use crate::services::ftp;
 use crate::services::mission::{KINDS, Limits, Server};
@@ -201,6 +202,14 @@ impl Vehicle {
         for (param, value) in config.airframe.defaults().iter().chain(&config.params) {
             params.set(*param, *value);
         }
+        let mut files = config.files.clone();
+        if config.events {
+            for (path, content) in events::metadata() {
+                if files.get(path).is_none() {
+                    files.insert(path, content);
+                }
+            }
+        }
         let tuning = Tuning::read(config.airframe, &params);
         Self {
             frame: LocalFrame::new(config.home),
@@ -209,11 +218,11 @@ impl Vehicle {
             commander: Commander::default(),
             navigator: Navigator::default(),
             param_service: param::Server::new(node, params.table()),
-            ftp: ftp::Server::new(node, config.files.clone()),
+            ftp: ftp::Server::new(node, files),
             params,
             streams: Streams::new(boot::FIRST_HEARTBEAT),
             missions: Server::new(node, Limits::PX4_SITL, rules),
-            texts: Texts::default(),
+            texts: Texts::new(config.events),
             commands: VecDeque::new(),
             out: VecDeque::new(),
             home: None,
@@ -426,8 +435,24 @@ impl Vehicle {
         self.missions.items(kind)
     }
 
+    /// Records an event by its name in PX4's source, with its external level and packed arguments; it is sent with the next
+    /// step.
+    pub fn report_event(&mut self, name: &str, level: u8, arguments: &[u8]) {
+        self.texts.events.record(name, level, arguments);
+    }
+
+    /// The next so many events are recorded, and not sent before somebody requests them.
+    pub fn lose_events(&mut self, count: usize) {
+        self.texts.events.lose = count;
+    }
+
     /// Sets the faults that it reports; the default is none.
     pub fn set_health_faults(&mut self, health_faults: HealthFaults) {
+        if health_faults.estimator != self.health_faults.estimator {
+            self.texts
+                .events
+                .report_checks(health_faults.estimator != 0);
+        }
         self.health_faults = health_faults;
     }
 

@@ -185,6 +185,10 @@ impl Vehicle {
         if self.is_located() {
             let mut due_texts = Vec::new();
             self.texts.poll(now, |text| due_texts.push(text));
+            let boot_ms = self.boot_ms();
+            self.texts
+                .events
+                .poll(now, boot_ms, |event| due_texts.push(event));
             due_texts.into_iter().for_each(|text| self.send(text));
         }
     }

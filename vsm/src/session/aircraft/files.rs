@@ -11,6 +11,7 @@ use crate::config::LinkAddress;
 use crate::session::effects::{DliEffects, Effects};
 use crate::session::files::{FileAccess, FileEvent, FileRefusal, MAX_IN_FLIGHT};
 use crate::session::log::LogLevel;
+use crate::session::reports;
 
 impl Aircraft {
     /// Begins an operation.
@@ -39,6 +40,8 @@ impl Aircraft {
         if let Some(state) = self.may_fly().filter(|_| writes) {
             return Err(FileRefusal::InFlight(state));
         }
+        self.event_metadata
+            .give_way(dli.now.mono, &mut self.services);
         self.set_file_rate();
         self.services.files.start(dli.now.mono, operation)?;
         let stopped = None;
@@ -58,6 +61,9 @@ impl Aircraft {
 
     /// What has become of it.
     pub(in crate::session) fn poll_file(&mut self) -> Option<FileEvent> {
+        if self.event_metadata.is_reading() {
+            return None;
+        }
         Some(match self.services.files.poll_event()? {
             Event::Opened { size } => {
                 self.files.reads = size;
@@ -73,8 +79,35 @@ impl Aircraft {
         })
     }
 
+    /// Reads from the vehicle what its events mean.
+    pub(super) fn read_event_metadata(&mut self, dli: &mut DliEffects<'_>) {
+        if !self.vehicle.live() {
+            return;
+        }
+        let now = dli.now.mono;
+        let ended = self.event_metadata.advance(now, &mut self.services);
+        match ended {
+            None => {}
+            Some(Ok(catalogue)) => {
+                let text = format!(
+                    "{} events of the vehicle are defined by its metadata",
+                    catalogue.len()
+                );
+                effects!(self, dli).note(LogLevel::Info, text);
+                self.observe(dli, reports::Input::DefineEvents(catalogue));
+            }
+            Some(Err(why)) => {
+                let text = format!("the vehicle's events are alerted by their numbers: {why}");
+                effects!(self, dli).note(LogLevel::Warning, text);
+            }
+        }
+    }
+
     /// Withdraws it: whoever wanted it has gone.
     pub(in crate::session) fn withdraw_file(&mut self, dli: &mut DliEffects<'_>) {
+        if self.event_metadata.is_reading() {
+            return;
+        }
         self.services.files.withdraw();
         self.run_until_idle(dli);
     }

@@ -14,6 +14,7 @@ use crate::session::authority::record::KnownStation;
 use crate::session::context::{Bounds, Settings};
 use crate::session::duplicates::Seen;
 use crate::session::effects::DliEffects;
+use crate::session::event_metadata::EventMetadata;
 use crate::session::files::FileAccess;
 use crate::session::flight::Flight;
 use crate::session::held::Held;
@@ -57,6 +58,7 @@ impl Aircraft {
             payload: Payload::default(),
             link,
             files: FileAccess::default(),
+            event_metadata: EventMetadata::default(),
             config,
         }
     }

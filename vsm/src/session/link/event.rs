@@ -1,9 +1,9 @@
 //! What the link machine passes on to the others.
 
-use mavlink_link::dialect::CONTROL_STATUS_DATA;
+use mavlink_link::dialect::{COMPONENT_METADATA_DATA, CONTROL_STATUS_DATA};
 use mavlink_link::link;
 use mavlink_link::service::text::Text;
-use mavlink_link::service::{command, mission, param};
+use mavlink_link::service::{command, event, mission, param};
 
 use super::frame::Peer;
 
@@ -39,6 +39,10 @@ pub(crate) enum VehicleEvent {
     ControlStatus(CONTROL_STATUS_DATA),
     /// A text of its own.
     Text(Text),
+    /// An event of its own, or that some were lost.
+    Event(event::Event),
+    /// It names its metadata.
+    Metadata(COMPONENT_METADATA_DATA),
     /// Something about the link.
     Link(link::Event<Peer>),
     /// Another MAVLink system commands the vehicle, or requests to: for operators.

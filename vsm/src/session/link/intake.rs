@@ -144,6 +144,7 @@ impl VehicleLink {
             commands,
             parameters,
             files,
+            events,
             intervals,
             clock,
             ..
@@ -166,9 +167,14 @@ impl VehicleLink {
             vehicle.measured = Measured::default();
             clock.reset();
             intervals.request_again();
+            events.reset();
             self.events.push_back(VehicleEvent::Restarted);
         }
         clock.handle_message(now, node, message, fresh.clock);
+        events.handle_message(now, node, message);
+        if let MavMessage::COMPONENT_METADATA(named) = message {
+            self.events.push_back(VehicleEvent::Metadata(named.clone()));
+        }
         vehicle.measured.note(now, clock, message);
         if let MavMessage::MISSION_CURRENT(_) = message {
             vehicle.progress_boot_ms = vehicle.boot_ms;

@@ -191,12 +191,14 @@ impl VehicleLink {
             commands,
             parameters,
             files,
+            events,
             components,
             intervals,
             clock,
             ..
         } = &mut *effects.vehicle;
         files.handle_timeout(now.mono);
+        events.handle_timeout(now.mono);
         missions.handle_timeout(now.mono);
         commands.handle_timeout(now.mono);
         for commands in components.values_mut() {
@@ -233,6 +235,7 @@ impl VehicleLink {
             services.parameters.poll_timeout(),
             services.ground.poll_timeout(),
             services.files.poll_timeout(),
+            services.events.poll_timeout(),
             self.texts.poll_timeout(),
             silence,
             intervals,
@@ -273,6 +276,9 @@ impl VehicleLink {
                 vehicle.complaint = Some((now, text.text.clone()));
             }
             self.events.push_back(VehicleEvent::Text(text));
+        }
+        while let Some(event) = effects.vehicle.events.poll_event() {
+            self.events.push_back(VehicleEvent::Event(event));
         }
         while let Some(event) = self.link.poll_event() {
             match event {

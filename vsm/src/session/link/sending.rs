@@ -109,6 +109,9 @@ impl VehicleLink {
                 }
             }
         }
+        while let Some(message) = services.events.poll_transmit() {
+            self.send(now, &message, store);
+        }
         if !services.files.is_active() {
             self.asked.file = None;
         }

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::{Intervals, Rate};
-use mavlink_link::service::{Node, command, ftp, mission, param, timesync};
+use mavlink_link::service::{Node, command, event, ftp, mission, param, timesync};
 
 use super::ground::GroundService;
 use super::rates::RATES;
@@ -21,6 +21,8 @@ pub(crate) struct Services {
     /// The vehicle's clock against ours.
     pub(crate) clock: timesync::Client,
     pub(crate) ground: GroundService,
+    /// What it reports by EVENT.
+    pub(crate) events: event::Client,
     /// Its events are taken by who asked, not by a machine.
     pub(crate) files: ftp::Client,
     /// For the payload, by component, each with a client of its own: an answer names the command, not the component. The
@@ -41,6 +43,7 @@ impl Services {
             parameters: param::Client::new(own, vehicle, param::Timing::default()),
             clock: timesync::Client::new(vehicle),
             ground: GroundService::default(),
+            events: event::Client::new(own, vehicle),
             files: ftp::Client::new(own, vehicle, ftp::Timing::default()),
             intervals: Intervals::new(RATES.iter().copied()),
             components: BTreeMap::new(),

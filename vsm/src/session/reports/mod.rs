@@ -6,12 +6,14 @@
 //! - `configuration`: the configuration phase (40000), and changes of what it has reported
 //! - `parameters`: the vehicle's parameters for stations (50010 to 50012); `settings`: for `vsm check-vehicle`
 //! - `data_link`: the link as stations see it (28000 to 32400)
+//! - `events`: what it reports by EVENT and STATUSTEXT, each once
 //! - `health`: what the vehicle reports of its own health, as alerts and as subsystem status (15000, 15001)
 
 mod answers;
 mod compose;
 mod configuration;
 mod data_link;
+mod events;
 mod health;
 mod parameters;
 mod push;
@@ -26,10 +28,11 @@ use std::time::Duration;
 
 use mapping::configuration::changes;
 use mapping::data_link::DataLink;
+use mapping::event::Catalogue;
 use mapping::mode::Px4Mode;
 use mapping::{hardening, parameter};
 use mavlink_link::service::param::{self, Event};
-use mavlink_link::service::text;
+use mavlink_link::service::{event, text};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use stanag_msgs::messages::{
     FieldConfigurationRequest, GenericInformationRequestMessage, ScheduleMessageUpdateCommand,
@@ -40,6 +43,7 @@ use stanag_msgs::{Message, table};
 use self::answers::AnswerQueue;
 use self::compose::{DETAILS, REPORTS, Sources};
 use self::configuration::Configuration;
+use self::events::EventAlerts;
 use self::health::HealthWatch;
 use self::parameters::{ParameterRequests, Purpose};
 use self::push::{Period, Push};
@@ -64,6 +68,7 @@ pub(crate) struct Reports {
     parameters: ParameterRequests,
     settings: SettingsReading,
     health: HealthWatch,
+    events: EventAlerts,
     identity: Option<Identity>,
     /// Fields without effect that stations were already sent: station, message, field.
     ignored: BTreeSet<(usize, u16, u8)>,
@@ -137,6 +142,10 @@ pub(crate) enum Input<'a> {
     PingReturned(u32),
     /// A text of the vehicle.
     Text(text::Text),
+    /// An event of the vehicle.
+    Event(event::Event),
+    /// What the vehicle's events mean.
+    DefineEvents(Catalogue),
     /// These configuration values have changed; `by` knows already.
     Configured {
         changed: Vec<Message>,
@@ -220,6 +229,7 @@ impl Reports {
             }
             Input::Restarted => {
                 self.read_parameters(context, effects);
+                self.events.restart(effects);
                 let text = "the autopilot has restarted";
                 effects.notify(AlertPriority::Warning, AUTOPILOT_SUBSYSTEM, text);
             }
@@ -241,10 +251,9 @@ impl Reports {
             }
             Input::ReadSettings => self.read_settings(context, effects),
             Input::PingReturned(seq) => self.requests.ping_returned(seq, effects),
-            Input::Text(text) => {
-                let priority = mapping::alert::priority(text.severity);
-                effects.notify(priority, AUTOPILOT_SUBSYSTEM, text.text);
-            }
+            Input::Text(text) => self.events.text(common, text, effects),
+            Input::Event(event) => self.events.event(common, &event, effects),
+            Input::DefineEvents(catalogue) => self.events.define(catalogue),
             Input::Configured { changed, by } => {
                 self.configuration
                     .report_changes(&changed, by, answers, effects);
@@ -265,6 +274,7 @@ impl Reports {
             Input::WatchHealth => {
                 let parameters = self.configuration.parameters().values;
                 self.health.watch(common, parameters, effects);
+                self.events.watch(common, effects);
             }
             Input::ClearAnswers => {
                 while let Some((to, raised)) = effects.alerts.next_over(common.mono()) {
@@ -283,6 +293,7 @@ impl Reports {
             self.requests.poll_timeout(),
             self.answers.poll_timeout(),
             self.health.poll_timeout(),
+            self.events.poll_timeout(),
             alerts.poll_timeout(),
         ]
         .into_iter()

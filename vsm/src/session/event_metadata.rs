@@ -1,0 +1,215 @@
+//! What the vehicle's events mean, read from the vehicle: COMPONENT_METADATA names its general metadata, this names the
+//! definitions of events, and both are files that MAVLink FTP reads.
+//!
+//! Nothing is requested of a vehicle that sends no events. The files are read like those of an operator, who comes first: what
+//! is under way here gives way and is tried again. Without definitions events are alerted by their numbers.
+
+use std::time::Duration;
+
+use mapping::event::{Catalogue, MetadataError, find};
+use mavlink_link::dialect::{COMPONENT_METADATA_DATA, MavCmd};
+use mavlink_link::service::command::{Command, Payload, Repetition};
+use mavlink_link::service::ftp::{Event, FilePath, Operation};
+
+use super::link::services::Services;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(crate) struct EventMetadata {
+    stage: Stage,
+    tries: u32,
+    /// COMPONENT_METADATA.file_crc of what was read: the same firmware, the same definitions.
+    known: Option<u32>,
+    /// Of what is being read.
+    crc: u32,
+}
+
+#[derive(Debug, Default)]
+enum Stage {
+    /// Nothing has shown yet that the vehicle sends events.
+    #[default]
+    Unused,
+    /// Tried again then.
+    Waiting(Duration),
+    /// COMPONENT_METADATA is requested.
+    Asking(Duration),
+    /// To be read as soon as no other file is.
+    Next(File, FilePath),
+    Reading(File, Vec<u8>),
+    /// Read, or not to be had.
+    Done,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum File {
+    General,
+    Events,
+}
+
+impl EventMetadata {
+    /// Whether it reads a file: what the file client reports is for this machine.
+    pub(crate) fn is_reading(&self) -> bool {
+        matches!(self.stage, Stage::Reading(..))
+    }
+
+    /// The vehicle has restarted, perhaps with another firmware.
+    pub(crate) fn restart(&mut self, services: &mut Services) {
+        self.stop(services, Stage::Unused);
+        self.tries = 0;
+    }
+
+    /// Leaves the file client to an operator.
+    pub(crate) fn give_way(&mut self, now: Duration, services: &mut Services) {
+        if self.is_reading() {
+            self.stop(services, Stage::Waiting(now + AFTER_AN_OPERATOR));
+        }
+    }
+
+    /// The vehicle names its general metadata.
+    pub(crate) fn named(&mut self, named: &COMPONENT_METADATA_DATA) {
+        if !matches!(self.stage, Stage::Asking(_)) {
+            return;
+        }
+        if self.known == Some(named.file_crc) {
+            self.stage = Stage::Done;
+            return;
+        }
+        let uri = named.uri.to_str().unwrap_or_default();
+        let path = mapping::event::path_of(uri).ok();
+        // An address of somewhere else is no file that can be read here.
+        self.stage = match path.and_then(|path| FilePath::new(&path).ok()) {
+            Some(path) => Stage::Next(File::General, path),
+            None => Stage::Done,
+        };
+        self.crc = named.file_crc;
+    }
+
+    /// Does what is due. What it returns is the end: the definitions, or why there are none.
+    pub(crate) fn advance(
+        &mut self,
+        now: Duration,
+        services: &mut Services,
+    ) -> Option<Result<Catalogue, String>> {
+        match &mut self.stage {
+            Stage::Unused if services.events.is_in_use() => self.stage = Stage::Waiting(now),
+            Stage::Waiting(at) if *at <= now => {
+                self.tries += 1;
+                // Where it cannot be requested now, the next try does.
+                let _ = services.commands.submit(now, request());
+                self.stage = Stage::Asking(now + ANSWER_WITHIN);
+            }
+            Stage::Asking(until) if *until <= now => {
+                return self.try_again(now, "it does not answer a request for COMPONENT_METADATA");
+            }
+            Stage::Next(file, path) => {
+                let (file, path) = (*file, path.clone());
+                let resume = None;
+                if services
+                    .files
+                    .start(now, Operation::Read { path, resume })
+                    .is_ok()
+                {
+                    self.stage = Stage::Reading(file, Vec::new());
+                }
+            }
+            Stage::Reading(..) => return self.read(now, services),
+            _ => {}
+        }
+        None
+    }
+
+    /// When [`EventMetadata::advance`] is next needed; files have times of their own.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        match self.stage {
+            Stage::Waiting(at) | Stage::Asking(at) => Some(at),
+            _ => None,
+        }
+    }
+
+    fn read(
+        &mut self,
+        now: Duration,
+        services: &mut Services,
+    ) -> Option<Result<Catalogue, String>> {
+        let Stage::Reading(file, content) = &mut self.stage else {
+            return None;
+        };
+        let ended = loop {
+            match services.files.poll_event()? {
+                Event::Opened { size } if size > MAX_FILE => {
+                    let why = format!("a file of {size} bytes: expected at most {MAX_FILE}");
+                    return Some(Err(self.end(services, why)));
+                }
+                Event::Data(bytes) if content.len() + bytes.len() > MAX_FILE as usize => {
+                    let why = format!("more than {MAX_FILE} bytes of a file");
+                    return Some(Err(self.end(services, why)));
+                }
+                Event::Data(bytes) => content.extend(bytes),
+                Event::Opened { .. } | Event::Written { .. } => {}
+                Event::Ended(result) => break result,
+            }
+        };
+        let (file, content) = (*file, std::mem::take(content));
+        if let Err(failure) = ended {
+            return self.try_again(now, &failure.to_string());
+        }
+        match file {
+            File::General => match Self::events_in(&content) {
+                Ok(path) => {
+                    self.stage = Stage::Next(File::Events, path);
+                    None
+                }
+                Err(why) => Some(Err(self.end(services, why))),
+            },
+            File::Events => {
+                self.stage = Stage::Done;
+                let read = Catalogue::read(&content);
+                self.known = read.is_ok().then_some(self.crc);
+                Some(read.map_err(|why: MetadataError| why.to_string()))
+            }
+        }
+    }
+
+    fn events_in(general: &[u8]) -> Result<FilePath, String> {
+        let path = find(general).map_err(|why| why.to_string())?;
+        FilePath::new(&path).map_err(|why| why.to_string())
+    }
+
+    fn try_again(&mut self, now: Duration, why: &str) -> Option<Result<Catalogue, String>> {
+        if self.tries >= TRIES {
+            self.stage = Stage::Done;
+            return Some(Err(why.to_owned()));
+        }
+        self.stage = Stage::Waiting(now + AGAIN * 2_u32.pow(self.tries));
+        None
+    }
+
+    fn end(&mut self, services: &mut Services, why: String) -> String {
+        self.stop(services, Stage::Done);
+        why
+    }
+
+    fn stop(&mut self, services: &mut Services, then: Stage) {
+        if self.is_reading() {
+            services.files.withdraw();
+            while services.files.poll_event().is_some() {}
+        }
+        self.stage = then;
+    }
+}
+
+fn request() -> Command {
+    Command {
+        command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
+        payload: Payload::Long([COMPONENT_METADATA, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        repetition: Repetition::Safe,
+    }
+}
+
+const COMPONENT_METADATA: f32 = 397.0;
+/// PX4's definitions have 18 kB packed.
+const MAX_FILE: u32 = 512 * 1024;
+const TRIES: u32 = 5;
+const AGAIN: Duration = Duration::from_secs(2);
+const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+const AFTER_AN_OPERATOR: Duration = Duration::from_secs(10);
