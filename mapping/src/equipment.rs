@@ -35,6 +35,15 @@ pub struct Bus {
     pub remaining_s: Option<u32>,
 }
 
+/// A combustion engine (EFI_STATUS).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Combustion {
+    /// Revolutions a minute.
+    pub rpm: Option<f64>,
+    /// How far its throttle is open, per cent.
+    pub throttle: Option<f64>,
+}
+
 /// The air outside (HIGHRES_IMU, else SCALED_PRESSURE).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Air {
@@ -68,6 +77,8 @@ pub struct Equipment {
     pub buses: [Option<Bus>; BUSES],
     /// Revolutions a minute by motor, from 0 (ESC_STATUS).
     pub rpm: [Option<f64>; MOTORS],
+    /// The first combustion engine.
+    pub combustion: Option<Combustion>,
     /// The air.
     pub air: Air,
     /// The radio.
@@ -81,6 +92,7 @@ struct Times {
     gps: Duration,
     buses: [Duration; BUSES],
     rpm: [Duration; MOTORS],
+    combustion: Duration,
     kelvin: Duration,
     barometer_kelvin: Duration,
     radio: Duration,
@@ -133,6 +145,15 @@ impl Equipment {
                     (*motor, *at) = (Some(f64::from(rpm)), now);
                 }
             }
+            MavMessage::EFI_STATUS(m) if m.ecu_index == 0.0 => {
+                // Its temperatures are left out: MAVLink has degrees Celsius there, and PX4 v1.18 sends kelvins.
+                let known = |value: f32| (value >= 0.0).then_some(f64::from(value));
+                self.at.combustion = now;
+                self.combustion = Some(Combustion {
+                    rpm: known(m.rpm),
+                    throttle: known(m.throttle_position).filter(|percent| *percent <= 100.0),
+                });
+            }
             MavMessage::HIGHRES_IMU(m) => {
                 let measured = HighresImuUpdatedFlags::HIGHRES_IMU_UPDATED_TEMPERATURE;
                 if m.fields_updated.contains(measured) && m.temperature.is_finite() {
@@ -174,6 +195,7 @@ impl Equipment {
         for (rpm, at) in self.rpm.iter_mut().zip(at.rpm) {
             drop_old(rpm, now, at);
         }
+        drop_old(&mut self.combustion, now, at.combustion);
         drop_old(&mut self.air.kelvin, now, at.kelvin);
         drop_old(&mut self.air.barometer_kelvin, now, at.barometer_kelvin);
         drop_old(&mut self.radio, now, at.radio);

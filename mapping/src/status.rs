@@ -115,6 +115,17 @@ pub fn engine(
     };
     let motor = usize::from(number).checked_sub(1);
     let rpm = motor.and_then(|motor| *vehicle.equipment.rpm.get(motor)?);
+    // Of more than one motor the combustion engine may be any, or drive a generator.
+    let combustion = (vehicle.equipment.combustion).filter(|_| engines(vehicle) == 1);
+    let turning = combustion.and_then(|engine| engine.rpm);
+    // It runs while the vehicle is disarmed, too.
+    let status = match turning {
+        Some(rpm) if rpm > 0.0 => Some(EngineStatus::Running),
+        Some(_) => Some(EngineStatus::Stopped),
+        None => status,
+    };
+    let power = combustion.and_then(|engine| engine.throttle).or(power);
+    let rpm = turning.or(rpm);
     EngineOperatingStates {
         time_stamp: Some(stamp),
         engine_number: Some(number.into()),

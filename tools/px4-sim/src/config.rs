@@ -80,6 +80,8 @@ pub struct Config {
     pub operator_control: bool,
     /// Sends EVENT beside its texts, and has their metadata among its files, as PX4 does.
     pub events: bool,
+    /// A combustion engine, which reports itself by EFI_STATUS and idles while disarmed.
+    pub combustion: bool,
     /// What is on its card at the first boot.
     pub files: Files,
     /// Payload stations, 0 to 2: gimbals and cameras as components of their own. PX4's simulator has none.
@@ -101,6 +103,7 @@ impl Default for Config {
             params: Vec::new(),
             operator_control: false,
             events: false,
+            combustion: false,
             files: Files::default(),
             payloads: 0,
         }

@@ -58,6 +58,9 @@ struct Arguments {
     /// Send EVENT beside STATUSTEXT, and serve the metadata of events, as PX4 does.
     #[arg(long)]
     events: bool,
+    /// Fly on a combustion engine that reports itself by EFI_STATUS.
+    #[arg(long)]
+    combustion: bool,
     /// Payload stations, 0 to 2: each a gimbal and a camera, as MAVLink components beside the autopilot.
     #[arg(long, default_value_t = 0, value_name = "COUNT", value_parser = clap::value_parser!(u8).range(0..=2))]
     payloads: u8,
@@ -112,6 +115,7 @@ pub fn main() -> ExitCode {
             unix_time_us: unix_time_us(),
             operator_control: arguments.operator_control,
             events: arguments.events,
+            combustion: arguments.combustion,
             payloads: arguments.payloads,
             ..Config::default()
         },

@@ -4,7 +4,7 @@
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use kit::network::Faults;
 use px4_sim::Airframe;
-use stanag_msgs::enums::{AccessGranted, AckType, DlComsecState, DlState};
+use stanag_msgs::enums::{AccessGranted, AckType, DlComsecState, DlState, EngineStatus};
 use stanag_msgs::messages::{
     DataLinkControlRequest, DlInControlReport, DlToVehicleIdReport, ElectricalReport,
     EngineOperatingStates, GenericInformationRequestMessage, GpsStatusReport, IffSsrCodeCommand,
@@ -109,6 +109,27 @@ fn motors_turn_as_their_controllers_report() {
             .is_some_and(|speed| speed.si() > 100.0),
         "{engine:?}"
     );
+}
+
+#[test]
+fn a_combustion_engine_runs_by_its_own_report_while_the_vehicle_is_disarmed_too() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            airframe: Airframe::Plane,
+            combustion: true,
+            ..px4_sim::Config::default()
+        }],
+        ..Setup::default()
+    });
+    let engine = report!(&mut rig, EngineOperatingStates);
+    assert_eq!(engine.engine_status, Some(EngineStatus::Running));
+    let idle = engine.engine_speed_1.expect("reported").si();
+    assert!((150.0..165.0).contains(&idle), "{idle}");
+    assert_eq!(
+        engine.engine_power_setting.map(|power| power.si()),
+        Some(0.0)
+    );
+    assert_eq!(engine.engine_temperature_1, None);
 }
 
 #[test]

@@ -55,10 +55,10 @@ facts! {
     3007 sends "by 17001, on 17002, one a motor; never of a silent vehicle" {
         "Time Stamp": STAMP;
         "Engine Number": "from 1";
-        "Engine Status": "HEARTBEAT: armed or not";
+        "Engine Status": "EFI_STATUS: turning or not; without it HEARTBEAT: armed or not";
         "Reported Engine Command": "the last 2008";
-        "Engine Power Setting": "VFR_HUD.throttle; 0 when disarmed";
-        "Engine Speed 1": "ESC_STATUS, where the controllers of the motors report it";
+        "Engine Power Setting": "EFI_STATUS.throttle_position; else VFR_HUD.throttle, 0 when disarmed";
+        "Engine Speed 1": "EFI_STATUS of a vehicle with one engine; else ESC_STATUS, where the controllers of the motors report it";
     }
     3009 sends "by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": MEASURED;

@@ -44,6 +44,8 @@ const DEFAULTS: &[(u32, i32)] = &[
     // PX4 sends both each second; here on request alone, so that a link carries what a test looks at.
     (mav::ESC_STATUS_DATA::ID, -1),
     (mav::SCALED_PRESSURE_DATA::ID, -1),
+    // Of a vehicle with a combustion engine.
+    (mav::EFI_STATUS_DATA::ID, -1),
     (mav::HOME_POSITION_DATA::ID, 2_000_000),
     (mav::EXTENDED_SYS_STATE_DATA::ID, 1_000_000),
     (mav::ORBIT_EXECUTION_STATUS_DATA::ID, 500_000),

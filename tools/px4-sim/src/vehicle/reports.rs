@@ -57,6 +57,7 @@ impl Vehicle {
                 ..Default::default()
             }),
             mav::ESC_STATUS_DATA::ID => M::ESC_STATUS(self.esc_status()),
+            mav::EFI_STATUS_DATA::ID if self.config.combustion => M::EFI_STATUS(self.efi_status()),
             mav::SCALED_PRESSURE_DATA::ID => M::SCALED_PRESSURE(self.scaled_pressure()),
             mav::HOME_POSITION_DATA::ID => M::HOME_POSITION(self.home_position()?),
             mav::EXTENDED_SYS_STATE_DATA::ID => M::EXTENDED_SYS_STATE(self.extended_sys_state()),
@@ -182,6 +183,23 @@ impl Vehicle {
         mav::ESC_STATUS_DATA {
             time_usec: self.boot_us(),
             rpm: std::array::from_fn(|motor| if motor < motors { rpm } else { 0 }),
+            ..Default::default()
+        }
+    }
+
+    /// It idles while the vehicle is disarmed.
+    fn efi_status(&self) -> mav::EFI_STATUS_DATA {
+        let throttle = if self.commander.is_armed() {
+            self.body.throttle().clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        mav::EFI_STATUS_DATA {
+            health: 1,
+            rpm: (IDLE_RPM + (MAX_RPM - IDLE_RPM) * throttle.sqrt()) as f32,
+            throttle_position: (throttle * 100.0) as f32,
+            // As PX4 sends it: kelvins.
+            cylinder_head_temperature: 390.0,
             ..Default::default()
         }
     }
@@ -392,6 +410,7 @@ pub(crate) fn centidegrees(rad: f64) -> u16 {
 
 /// Of PX4's simulated motors at full throttle.
 const MAX_RPM: f64 = 10_000.0;
+const IDLE_RPM: f64 = 1_500.0;
 /// SYS_STATUS of the reference vehicle, the pre-arm bit apart.
 const PRESENT: u32 = 50_380_847;
 const ENABLED: u32 = 50_446_383;

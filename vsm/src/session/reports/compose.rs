@@ -101,7 +101,10 @@ pub(super) fn request_streams(report: u16, effects: &mut Effects<'_>) {
     match report {
         3009 => effects.vehicle.request_rate(WIND_COV, 1.0),
         3010 => effects.vehicle.request_rate(HIGHRES_IMU, 5.0),
-        3007 => effects.vehicle.request_rate(ESC_STATUS, 1.0),
+        3007 => {
+            effects.vehicle.request_rate(ESC_STATUS, 1.0);
+            effects.vehicle.request_rate(EFI_STATUS, 1.0);
+        }
         16001 => effects.vehicle.request_rate(ESTIMATOR_STATUS, 1.0),
         12001 => effects.vehicle.request_rate(GENERATOR_STATUS, 1.0),
         18300 => {
@@ -267,5 +270,6 @@ const WIND_COV: u32 = 231;
 const HIGHRES_IMU: u32 = 105;
 const ESTIMATOR_STATUS: u32 = 230;
 const ESC_STATUS: u32 = 291;
+const EFI_STATUS: u32 = 225;
 const GENERATOR_STATUS: u32 = 373;
 const SCALED_PRESSURE: u32 = 29;
