@@ -1,4 +1,5 @@
-//! The data link between this VSM and a vehicle, as a CUCS sees it: messages 28001, 32000, 32005, 32200, 32302 and 32400.
+//! The data link between this VSM and a vehicle, as a CUCS sees it: messages 28001, 32000, 32003, 32005, 32006, 32200,
+//! 32302 and 32400.
 //!
 //! One MAVLink link is one data link of its own, without an id in the DLI, and it is the vehicle's only one: nothing of it is given
 //! to a station to control.
@@ -6,11 +7,13 @@
 use std::time::Duration;
 
 use stanag_msgs::enums::{
-    AccessGranted, DlComsecState, DlControlAvailability, DlPriority, DlState, DlTerminal, DlType,
+    AccessGranted, DlComsecMode, DlComsecState, DlControlAvailability, DlPriority, DlState,
+    DlTerminal, DlType,
 };
 use stanag_msgs::messages::{
-    DataLinkConfigurationAssignmentMessage, DlInControlReport, DlToVehicleIdReport,
-    LegacyDlStatusReport, LinkHealthStatus, LostLinkDelayTimerReport,
+    DataLinkConfigurationAssignmentMessage, DlControlStatusReport, DlInControlReport,
+    DlToVehicleIdReport, LegacyDlControlCommandStatus, LegacyDlStatusReport, LinkHealthStatus,
+    LostLinkDelayTimerReport,
 };
 use stanag_msgs::{Id, Text, TimeStamp};
 
@@ -161,6 +164,28 @@ pub fn status(link: &DataLink, stamp: TimeStamp) -> LegacyDlStatusReport {
         communication_security_state: Some(link.security()),
         link_channel_priority_state: Some(DlPriority::Primary),
         ..LegacyDlStatusReport::default()
+    }
+}
+
+/// 32003: whether what it carries is secured. A MAVLink link has no transmitter, attenuator or antenna of its own to report.
+#[must_use]
+pub fn control_status(link: &DataLink, stamp: TimeStamp) -> DlControlStatusReport {
+    DlControlStatusReport {
+        time_stamp: Some(stamp),
+        communication_security_state: Some(link.security()),
+        ..DlControlStatusReport::default()
+    }
+}
+
+/// 32006: what is demanded of it, which is always to carry data both ways, with its keys.
+#[must_use]
+pub fn demanded(stamp: TimeStamp) -> LegacyDlControlCommandStatus {
+    LegacyDlControlCommandStatus {
+        time_stamp: Some(stamp),
+        addressed_terminal: Some(DlTerminal::Gdt),
+        reported_demanded_data_link_state: Some(DlState::TxRx),
+        reported_demanded_antenna_mode: None,
+        reported_demanded_communication_security_mode: Some(DlComsecMode::Normal),
     }
 }
 
@@ -362,6 +387,23 @@ mod tests {
             (None, Some(DlState::TxRx))
         );
         assert_eq!(status(&good(), TimeStamp(1)).downlink_status, Some(97));
+        let secured = |link: DataLink| {
+            let report = control_status(&link, TimeStamp(1));
+            assert_eq!(report.transmitter_state, None);
+            report.communication_security_state
+        };
+        assert_eq!(secured(good()), Some(DlComsecState::Keyed));
+        assert_eq!(
+            secured(DataLink {
+                verified: false,
+                ..good()
+            }),
+            Some(DlComsecState::NotKeyed)
+        );
+        assert_eq!(
+            demanded(TimeStamp(1)).reported_demanded_data_link_state,
+            Some(DlState::TxRx)
+        );
         assert_eq!(
             status(
                 &DataLink {

@@ -1,14 +1,17 @@
 //! What this VSM does with each field of each message: the one source of the support table (`docs/reference/support.md`), of the
 //! answers of the configuration phase that report what is not supported, and of the tests that hold both to the truth.
 //!
-//! A message that is not listed is neither sent nor acted on: one for the VSM is refused, and 16000 gives the reason.
+//! A message that is not listed is neither sent nor acted on: one for the VSM is refused, and 16000 gives the reason. One that
+//! has not even that is codec only, and [`why_codec_only`] says why.
 
+mod codec_only;
 mod edition_25;
 mod facts;
 mod lookup;
 mod refusals;
 mod row;
 
+pub use codec_only::{is_codec_only, why_codec_only};
 pub use edition_25::{Edition25, In25, edition_25, edition_25_rows, in_edition_25};
 pub use lookup::{FieldSupport, Received, field, message, provisional, rows, values};
 pub use refusals::why_refused;

@@ -6,6 +6,10 @@ static REFUSED: &[(&[u16], &str)] = &[
         "the configuration of the vehicle is set in its parameters",
     ),
     (
+        &[2007],
+        "PX4 has no command for lights: they show its state",
+    ),
+    (
         &[5000, 5001],
         "no transponder is connected to this VSM: PX4 reports the state of none",
     ),

@@ -27,6 +27,10 @@ facts! {
         "Communication Vehicle ID - Downlink": "of the vehicle";
         "Downlink Communication State": "1 while the vehicle is received, else 0";
     }
+    32003 sends "by 17001, on 17002; without transmitter, receiver and antenna: a MAVLink link reports none" {
+        "Time Stamp": STAMP;
+        "Communication Security State": "as in 32005";
+    }
     32005 sends "by 17001, on 17002; without channels and frequencies: a MAVLink link reports none" {
         "Time Stamp": STAMP;
         "Addressed Terminal": "0: this end";
@@ -34,6 +38,12 @@ facts! {
         "Downlink Status": "frames that arrived, by gaps in their numbers";
         "Communication Security State": "2 while frames verify, 1 where they must and do not, 0 where signing is off";
         "Link Channel Priority State": "0: its only one";
+    }
+    32006 sends "by 17001, on 17002; nothing of the link is commanded by a station" {
+        "Time Stamp": STAMP;
+        "Addressed Terminal": "0: this end";
+        "Reported Demanded Data Link State": "2: both ways, always";
+        "Reported Demanded Communication Security Mode": "0: normal, always";
     }
     32200 sends "by 17001, on 17002" {
         "Time Stamp": STAMP;

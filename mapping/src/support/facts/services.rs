@@ -45,7 +45,7 @@ facts! {
     }
     17001 taken "a report is sent at this rate, its sources requested by SET_MESSAGE_INTERVAL" {
         "Time Stamp": RECEIVED_STAMP;
-        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 3016, 4000, 4001, 12001, 12101, 16001, 16002, 18300, 18500, 21000, 21100, 21101, 28001, 32000, 32005, 32200, 32302, 32400; others are refused";
+        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 3016, 4000, 4001, 12001, 12101, 16001, 16002, 18300, 18500, 21000, 21100, 21101, 28001, 32000, 32003, 32005, 32006, 32200, 32302, 32400; others are refused";
         "Frequency": "1 to 100 Hz; 0: stop; forgotten when LOI 2 ends";
     }
     17002 taken "a report is sent once" {

@@ -32,6 +32,7 @@ pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
             numbers(message),
         );
     }
+    codec_only(&mut page);
     edition_25(&mut page);
     mavlink(&mut page);
     page.push_str("\n## Fields\n");
@@ -62,6 +63,16 @@ pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
         }
     }
     page
+}
+
+/// The messages that nothing is done with, and why.
+fn codec_only(page: &mut String) {
+    page.push_str(CODEC_ONLY);
+    for message in MESSAGES {
+        if let Some(why) = support::why_codec_only(message) {
+            let _ = writeln!(page, "| {} | {} | {why} |", message.id, message.name);
+        }
+    }
 }
 
 /// Whether a station of Edition 3 has the message.
@@ -182,6 +193,16 @@ pub(super) fn received(received: Received) -> String {
 pub(super) fn confidence(message: &MessageInfo, field: &FieldInfo) -> &'static str {
     field.confidence.unwrap_or(message.confidence).letter()
 }
+
+const CODEC_ONLY: &str = "
+## Codec only
+
+Messages that are encoded and decoded, and that nothing else is done with: neither honoured, nor sent, nor refused with a reason of
+their own. A test counts them: at most 15.
+
+| id | name | why |
+|---|---|---|
+";
 
 const EDITION_25: &str = "
 ## Edition 2.5

@@ -369,10 +369,10 @@ impl Flight {
             Message::EngineCommand(command) => {
                 self.command_engine(context, origin, command, effects);
             }
-            _ => effects.refuse(
-                Some(origin),
-                "PX4 has no command for lights: they show its state",
-            ),
+            _ => {
+                let why = mapping::support::why_refused(message.id());
+                effects.refuse(Some(origin), why.unwrap_or("it is not supported"));
+            }
         }
     }
 
@@ -797,7 +797,7 @@ fn waits_for_transfer(steps: &[Step], context: &Context<'_>) -> Option<&'static 
     if context.mission.is_transferring() && (needs_mission || flies_mission) {
         Some("a route is being uploaded: wait for 14000")
     } else if context.mission.fence_busy && needs_mission {
-        Some("a fence is being uploaded: wait for 50018")
+        Some("a fence is being uploaded (wait for 50018), or rally points are")
     } else {
         None
     }

@@ -22,7 +22,7 @@ use crate::session::payload::{PayloadView, ground};
 pub(super) const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
 pub(super) const DETAILS: &[u16] = &[
     3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 3016, 12001, 12101, 16001, 18300, 18500, 21000,
-    21100, 21101, 28001, 32000, 32005, 32200, 32302, 32400,
+    21100, 21101, 28001, 32000, 32003, 32005, 32006, 32200, 32302, 32400,
 ];
 /// Of these, those about payload stations.
 pub(super) const PAYLOAD: &[u16] = &[21000, 21100, 21101];

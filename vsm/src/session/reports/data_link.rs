@@ -24,7 +24,9 @@ pub(super) fn report(
             data_link::assignment(vehicle, vehicle_type, None, stamp).into()
         }
         32000 => data_link::to_vehicle(link, vehicle, stamp).into(),
+        32003 => data_link::control_status(link, stamp).into(),
         32005 => data_link::status(link, stamp).into(),
+        32006 => data_link::demanded(stamp).into(),
         32200 => data_link::health(link, stamp).into(),
         32302 => data_link::in_control(context.controller, stamp).into(),
         32400 => data_link::lost_link(timer(context, flight), stamp).into(),

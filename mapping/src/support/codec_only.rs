@@ -1,0 +1,92 @@
+//! The messages that are encoded and decoded, and nothing else: neither honoured, nor sent, nor refused with a reason. Why.
+
+use stanag_msgs::table::MessageInfo;
+
+use super::lookup;
+use super::refusals::why_refused;
+
+static REASONS: &[(&[u16], &str)] = &[
+    (
+        &[6000],
+        "PX4 drives transponders, and reports the state of none over MAVLink",
+    ),
+    (
+        &[13_004, 13_005],
+        "derived layouts; 13006 carries what is done at a waypoint",
+    ),
+    (
+        &[17_003],
+        "no source gives the length of its File Name, nor the values of its File Type; `vsm files` transfers files",
+    ),
+    (
+        &[32_004],
+        "its one field says where an RF terminal takes commands from, and no source gives the values; this end has no RF terminal",
+    ),
+    (
+        &[32_100, 32_101, 32_102, 32_103],
+        "an antenna on a pedestal is no part of a MAVLink link: PX4 reports none, and this VSM drives none",
+    ),
+    (
+        &[32_201],
+        "a vehicle has one data link here, so that there is none to fall back to; no source gives the values",
+    ),
+    (
+        &[32_300],
+        "no source says which datagrams its one byte counts, or over which time; `vsm status` has counters of both sides",
+    ),
+    (
+        &[32_301],
+        "this VSM has no video stream of its own to announce",
+    ),
+    (
+        &[42_003, 43_002],
+        "no source gives the length of their texts",
+    ),
+    (
+        &[44_001],
+        "it changes fields of 42003 and 43002, which are not sent; parameters are changed and reported by 50011 and 50012",
+    ),
+];
+
+/// Whether nothing is done with a message, not even a refusal with a reason of its own.
+#[must_use]
+pub fn is_codec_only(message: &MessageInfo) -> bool {
+    let row = lookup::message(message.id);
+    row.is_none_or(|row| row.taken.is_empty() && row.sends.is_empty())
+        && why_refused(message.id).is_none()
+}
+
+/// Why nothing is done with it; `None` of a message that something is done with.
+#[must_use]
+pub fn why_codec_only(message: &MessageInfo) -> Option<&'static str> {
+    let mut reasons = REASONS.iter();
+    let (_, why) = reasons.find(|(ids, _)| ids.contains(&message.id))?;
+    is_codec_only(message).then_some(*why)
+}
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::table::{self, MESSAGES};
+
+    use super::*;
+
+    #[test]
+    fn at_most_fifteen_messages_are_codec_only_and_each_has_its_reason() {
+        let all: Vec<_> = MESSAGES.iter().filter(|one| is_codec_only(one)).collect();
+        for one in &all {
+            assert!(why_codec_only(one).is_some(), "{} {}", one.id, one.name);
+        }
+        let ids: Vec<u16> = all.iter().map(|one| one.id).collect();
+        assert!(ids.len() <= 15, "{}: {ids:?}", ids.len());
+    }
+
+    #[test]
+    fn reasons_are_of_messages_of_the_table_and_each_stands_once() {
+        let mut ids: Vec<u16> = REASONS.iter().flat_map(|(ids, _)| *ids).copied().collect();
+        assert!(ids.iter().all(|id| table::message(*id).is_some()));
+        let count = ids.len();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), count);
+    }
+}
