@@ -5,6 +5,7 @@
 //! - [`route`]: a route of a plan becomes mission items, or a refusal that names the waypoint.
 //! - [`mode`]: flight path control modes and PX4's modes.
 //! - [`area`]: areas to stay inside or outside, and PX4's geofence.
+//! - [`rally`]: places to return to beside home.
 //! - [`altitude`]: altitude types and MAVLink frames.
 //! - [`telemetry`]: the latest values of the vehicle's messages, its sensors and software included.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
@@ -81,6 +82,7 @@ pub mod mode;
 pub mod parameter;
 pub mod payload;
 pub mod plan;
+pub mod rally;
 pub mod report;
 pub mod route;
 pub mod status;

@@ -45,6 +45,7 @@ pub const NAMES: &[&str] = &[
     "NPFG_PERIOD",
     "NPFG_ROLL_TC",
     "NPFG_SW_DST_MLT",
+    "RTL_TYPE",
     "VTO_LOITER_ALT",
     "VT_FW_MIN_ALT",
 ];

@@ -52,6 +52,8 @@ pub struct MissionProgress {
     pub mission_id: u32,
     /// The same of the geofence aboard.
     pub fence_id: u32,
+    /// The same of the rally points aboard.
+    pub rally_points_id: u32,
 }
 
 /// A circle that a multicopter flies (ORBIT_EXECUTION_STATUS).
@@ -202,6 +204,7 @@ impl Telemetry {
                     state: m.mission_state,
                     mission_id: m.mission_id,
                     fence_id: m.fence_id,
+                    rally_points_id: m.rally_points_id,
                 });
             }
             MavMessage::POSITION_TARGET_GLOBAL_INT(m) => {

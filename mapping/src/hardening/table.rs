@@ -403,6 +403,25 @@ pub const SETTINGS: &[Setting] = &[
         source: "src/modules/commander/failsafe/failsafe.cpp",
     },
     Setting {
+        name: "RTL_TYPE",
+        meaning: Meaning::Choice(&[
+            (0, "home or the nearest rally point"),
+            (1, "mission landing or the nearest rally point"),
+            (2, "mission landing, else the mission back"),
+            (3, "home, mission landing or the nearest rally point"),
+            (4, "the nearer end of the mission"),
+            (5, "the nearest rally point only"),
+        ]),
+        rules: &[Rule {
+            when: When::Is(&[2, 4]),
+            verdict: Weak,
+            why: "the rally points of the configuration are ignored: the vehicle returns along its mission",
+        }],
+        better: 0.0,
+        needs: None,
+        source: "src/modules/navigator/rtl.cpp",
+    },
+    Setting {
         name: "COM_POS_LOW_ACT",
         meaning: Meaning::Choice(&[
             (0, "none"),

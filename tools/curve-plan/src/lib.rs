@@ -18,6 +18,7 @@ mod load;
 mod messages;
 mod output;
 mod plot;
+mod rally;
 mod route;
 mod send;
 mod tlog;
@@ -48,6 +49,8 @@ enum Command {
     Plot(plot::Command),
     /// Convert a route to another format, or into the messages that a ground station sends.
     Convert(convert::Command),
+    /// Print the rally points of a .plan as tables for the configuration of a VSM (vsm.toml).
+    Rally(rally::Command),
     /// Upload a route through a VSM, as a ground station (CUCS) does.
     Send(send::Command),
 }
@@ -68,6 +71,7 @@ pub fn run() -> ExitCode {
         Command::Check(c) => c.run(),
         Command::Plot(c) => c.run(),
         Command::Convert(c) => c.run(),
+        Command::Rally(c) => c.run(),
         Command::Send(c) => c.run(),
     };
     match done {

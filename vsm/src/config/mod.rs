@@ -5,7 +5,7 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `terrain` reads elevation files; `termination` is what a
+//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `terrain` reads elevation files; `termination` is what a
 //! commanded flight termination does, `zeroize` what a zeroize erases; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
@@ -34,6 +34,7 @@ mod explain;
 mod forward;
 mod key;
 mod payload;
+mod rally;
 pub mod reference;
 mod station;
 mod termination;
@@ -48,6 +49,7 @@ pub use disputed::Readings;
 pub use error::ConfigError;
 pub use forward::{Commands, Forward, ForwardLink, Relay};
 pub use payload::Payload;
+pub use rally::Rally;
 pub use station::{Checksum, Cucs, Delivery, Edition, Presence};
 pub use termination::{Termination, TerminationAction};
 pub use terrain::{TerrainFault, TerrainFolder};

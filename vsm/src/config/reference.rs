@@ -110,6 +110,10 @@ keep = \"out\"
 centre = [47.0, 8.0]
 radius_m = 10.0
 #vehicle.area
+[[vehicle.rally]]
+place = [47.0, 8.0]
+height_m = 1.0
+#vehicle.rally
 [[vehicle.payload]]
 station = 1
 #vehicle.payload

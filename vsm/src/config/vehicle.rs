@@ -8,6 +8,7 @@ use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
 use super::payload::{self, Payload};
+use super::rally::{self, Rally};
 use super::termination::Termination;
 use super::terrain::TerrainFolder;
 use super::value::{self, LinkAddress, Signing, SigningTable, id, logical_id};
@@ -66,6 +67,9 @@ table! {
         /// Areas of its geofence, which no CUCS can take away.
         #[serde(default)]
         pub area: Vec<Area> => Table(Area::KEYS),
+        /// Where it may return to beside home.
+        #[serde(default)]
+        pub rally: Vec<Rally> => Table(Rally::KEYS),
         /// Its payload stations.
         #[serde(default)]
         pub payload: Vec<Payload> => Table(Payload::KEYS),
@@ -339,6 +343,7 @@ impl Vehicle {
         if let Err(found) = check_areas(&self.area) {
             return fault(at, "vehicle.area", found, "areas that make a fence");
         }
+        rally::check(&self.rally, &self.area, at)?;
         if let Some(landing) = &self.landing {
             landing.check(at)?;
         }

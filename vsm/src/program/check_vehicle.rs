@@ -41,7 +41,14 @@ pub(crate) fn run(path: &Path, json: bool, wait_s: u64) -> Result<(), Failure> {
     };
     let judged: Vec<(&VehicleSettings, Vec<Finding>)> = vehicles
         .iter()
-        .map(|vehicle| (vehicle, judge(|name| vehicle.reading_of(name))))
+        .map(|vehicle| {
+            let mut findings = judge(|name| vehicle.reading_of(name));
+            let mut all = config.vehicles();
+            let rally = all.any(|one| one.id.to_string() == vehicle.id && !one.rally.is_empty());
+            // Which way it returns weakens nothing where there is no rally point to be ignored.
+            findings.retain(|one| rally || one.setting.name != "RTL_TYPE");
+            (vehicle, findings)
+        })
         .collect();
     if json {
         let all: Vec<Value> = judged.iter().map(|(of, all)| in_json(of, all)).collect();

@@ -112,6 +112,13 @@ fn readable(status: &Value) -> String {
                 plain(&handover["waits_for"])
             );
         }
+        if let Some(count) = vehicle["rally_points"]["count"].as_u64() {
+            let aboard = match vehicle["rally_points"]["aboard"] == true {
+                true => "aboard",
+                false => "NOT ABOARD",
+            };
+            text += &format!("  rally points: {count}, {aboard}\n");
+        }
         let link = &vehicle["link"];
         let signed = signing(link);
         let since = link["live_s"]

@@ -43,6 +43,10 @@ pub(crate) enum Cause {
     KeyExchange,
     /// The geofence aboard is not what it should be.
     Fence,
+    /// The rally points aboard are not those of the configuration.
+    Rally,
+    /// The vehicle's RTL_TYPE ignores them.
+    RallyIgnored,
     /// A flight termination is armed, commanded or done.
     Termination,
     /// The vehicle's own checks keep it from being armed.

@@ -5,7 +5,7 @@
 //! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`, `shared_link`,
 //!   `captures_as_vehicles`
 //! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `plan_actions`, `refused_uploads`, `route_progress`, `curves`, `climbs`, `after_a_return`,
-//!   `mission_watchdog`, `fence`, `wings`
+//!   `mission_watchdog`, `fence`, `rally`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - commands that wait, and what is flown by itself: `held_commands`
@@ -52,6 +52,7 @@ mod operator_control;
 mod overtaken_commands;
 mod payload;
 mod plan_actions;
+mod rally;
 mod refusals_have_reasons;
 mod refused_uploads;
 mod reload;

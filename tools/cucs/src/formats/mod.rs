@@ -38,6 +38,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use clap::Args;
+use curve_paths::Position;
 
 use crate::fence::{self, Area};
 use crate::route::model::Route;
@@ -246,6 +247,23 @@ pub fn read_fence(file: &Path) -> Result<Vec<Area>, FormatError> {
         return Err(FormatError::file(file, problem));
     }
     Ok(areas)
+}
+
+/// Reads the rally points of a .plan: degrees, and metres above home. Other formats do not say what their heights are above.
+///
+/// # Errors
+/// It cannot be read, is no .plan, or has no rally point.
+pub fn read_rally(file: &Path) -> Result<Vec<Position>, FormatError> {
+    if Format::of(file)? != Format::Plan {
+        let problem = "rally points are read from a .plan, where their heights are above home";
+        return Err(FormatError::file(file, problem));
+    }
+    let rally = parse(file, &Selection::default())?.rally;
+    if rally.is_empty() {
+        let problem = "no rally point, expected at least one";
+        return Err(FormatError::file(file, problem));
+    }
+    Ok(rally)
 }
 
 fn parse(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {

@@ -12,6 +12,7 @@ const RUNS: &[(&str, &str, i32)] = &[
     ("check", "route.toml --home 47.3977434,8.5455939,488", 0),
     ("plot", "route.toml route.svg", 0),
     ("convert", "route.toml track.csv", 0),
+    ("rally", "site.plan", 0),
     ("send", "route.toml --vsm 127.0.0.1:9", 1),
 ];
 
@@ -27,6 +28,7 @@ fn every_subcommand_is_run() {
     let files = Files::new();
     // The track that others read.
     files.done(&["convert", "route.toml", "track.csv"]);
+    files.put("site.plan", include_str!("../data/qgroundcontrol.plan"));
     for (sub, (name, words, status)) in command.get_subcommands().zip(RUNS) {
         let json = sub
             .get_arguments()

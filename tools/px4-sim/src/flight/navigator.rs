@@ -2,7 +2,10 @@
 //!
 //! One step takes a view of the vehicle and returns where to go, where to look, and the mode that follows.
 
+use mavlink_link::service::mission::Item;
+
 use crate::config::{Airframe, Param};
+use crate::flight::items;
 use crate::flight::mission::Mission;
 use crate::flight::mode::Mode;
 use crate::flight::view::{Note, View, loiter};
@@ -85,6 +88,10 @@ pub(crate) struct Navigator {
     course_d: f64,
     lobe: bool,
     homeward: Return,
+    /// Rally points, as they were uploaded.
+    rally: Vec<Item>,
+    /// Where it returns to: home, or a rally point.
+    destination: Ned,
     orbit: Option<Circle>,
     speed: Option<f64>,
 }
@@ -127,6 +134,11 @@ impl Navigator {
         if self.active == Some(Mode::Loiter) {
             self.apply_reposition(view);
         }
+    }
+
+    /// Another plan of rally points is stored.
+    pub(crate) fn set_rally(&mut self, items: &[Item]) {
+        self.rally = items.to_vec();
     }
 
     /// DO_ORBIT.
@@ -426,11 +438,13 @@ impl Navigator {
     fn prepare_return(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
         if view.landed {
             self.homeward = Return::Land;
+            self.destination = view.home;
             return;
         }
-        let d = return_height(view);
+        self.destination = destination(&self.rally, view);
+        let d = return_height(self.destination, view);
         let amsl = view.frame.origin().altitude_m - d;
-        let above = view.home.d - d;
+        let above = self.destination.d - d;
         notes.push(Note::Info(format!(
             "RTL: start return at {amsl:.0} m ({above:.0} m above destination)\t"
         )));
@@ -438,7 +452,7 @@ impl Navigator {
     }
 
     fn return_home(&mut self, view: &View<'_>, notes: &mut Vec<Note>) -> (Guidance, Heading) {
-        let descend = view.home.d - view.params.get(Param::RTL_DESCEND_ALT);
+        let descend = self.destination.d - view.params.get(Param::RTL_DESCEND_ALT);
         match self.homeward {
             Return::Climb(d) => {
                 if view.position.d - d < view.altitude_acceptance() {
@@ -448,7 +462,10 @@ impl Navigator {
                 (fly_to(Ned { d, ..self.hold }, view), Heading::Hold)
             }
             Return::Back(d) => {
-                let over = Ned { d, ..view.home };
+                let over = Ned {
+                    d,
+                    ..self.destination
+                };
                 if (over - view.position).horizontal() < view.acceptance() {
                     self.homeward = Return::Down;
                 }
@@ -460,7 +477,10 @@ impl Navigator {
             }
             Return::Down => {
                 let d = descend.max(view.position.d.min(descend));
-                let over = Ned { d, ..view.home };
+                let over = Ned {
+                    d,
+                    ..self.destination
+                };
                 let off = over - view.position;
                 let near = match view.airframe {
                     Airframe::Quad | Airframe::Vtol => off.horizontal() < 1.0,
@@ -476,9 +496,9 @@ impl Navigator {
             }
             Return::Land if view.airframe == Airframe::Plane && view.vtol.is_some() => {
                 notes.push(Note::Transition { to_wings: false });
-                (loiter(view.home, view), Heading::Hold)
+                (loiter(self.destination, view), Heading::Hold)
             }
-            Return::Land => (self.land(view.home, view), Heading::Hold),
+            Return::Land => (self.land(self.destination, view), Heading::Hold),
         }
     }
 
@@ -523,14 +543,48 @@ fn fly_to(target: Ned, view: &View<'_>) -> Guidance {
     }
 }
 
-/// The height (local down) at which PX4 returns: RTL_RETURN_ALT above home, lower close to it.
-fn return_height(view: &View<'_>) -> f64 {
-    let home = view.home.d;
+/// Where PX4 v1.18 returns to (`RTL::findRtlDestination`), without a mission landing, which is not simulated: the nearest of
+/// home and the rally points, as RTL_TYPE has it. The first of two counts unless the second is nearer by 2 m.
+fn destination(rally: &[Item], view: &View<'_>) -> Ned {
+    let rtl_type = view.params.int(Param::RTL_TYPE);
+    if matches!(rtl_type, 2 | 4) {
+        return view.home;
+    }
+    let away = |at: Ned| (at - view.position).horizontal();
+    // RTL_TYPE 1 prefers any rally point to home, except of a VTOL that hovers.
+    let hovers = view.vtol.is_some() && view.airframe != Airframe::Plane;
+    let home_counts = rtl_type != 5 && (rtl_type != 1 || hovers);
+    let mut nearest = if home_counts {
+        away(view.home)
+    } else {
+        f64::INFINITY
+    };
+    // Alone, RTL_TYPE 5 returns to where it is.
+    let mut to = match rtl_type {
+        5 => view.position,
+        _ => view.home,
+    };
+    for item in rally.iter().filter(|item| item.command == RALLY_POINT) {
+        let at = items::place(item, view);
+        // Of home itself.
+        let near_home = (at - view.home).horizontal() <= 10.0 && rtl_type != 5;
+        if !near_home && away(at) + 2.0 < nearest {
+            (nearest, to) = (away(at), at);
+        }
+    }
+    to
+}
+
+const RALLY_POINT: u16 = 5100;
+
+/// The height (local down) at which PX4 returns: RTL_RETURN_ALT above where it returns to, lower close to it.
+fn return_height(to: Ned, view: &View<'_>) -> f64 {
+    let home = to.d;
     let highest = home - view.params.get(Param::RTL_RETURN_ALT);
     if view.airframe == Airframe::Plane || view.params.int(Param::RTL_CONE_ANG) <= 0 {
         return highest.min(view.position.d);
     }
-    let distance = (view.home - view.position).horizontal();
+    let distance = (to - view.position).horizontal();
     let near = view.acceptance();
     let height = if distance <= near {
         home - 2.0 * distance

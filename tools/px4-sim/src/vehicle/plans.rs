@@ -86,6 +86,9 @@ impl Vehicle {
                     self.fence = Fence::new(self.missions.items(kind), &self.frame);
                     self.plan_checked = false;
                 }
+                if kind == MavMissionType::MAV_MISSION_TYPE_RALLY {
+                    self.navigator.set_rally(self.missions.items(kind));
+                }
             }
         }
     }

@@ -176,6 +176,7 @@ impl Aircraft {
         settings: &Settings,
     ) {
         let areas = config.area != self.config.area;
+        let rally = config.rally != self.config.rally;
         self.config.clone_from(config);
         self.settings.clone_from(settings);
         self.bounds = Bounds::of(config);
@@ -184,6 +185,10 @@ impl Aircraft {
             let areas = config.area.iter().map(config::Area::area).collect();
             self.mission.set_areas(areas, dli.now.mono);
             self.run_until_idle(dli);
+        }
+        if rally {
+            let points = config.rally.iter().map(config::Rally::point).collect();
+            self.mission.set_rally(points, dli.now.mono);
         }
         self.terminate(dli, termination::Input::Reconfigured);
         self.run_until_idle(dli);

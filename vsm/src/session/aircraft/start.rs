@@ -39,6 +39,7 @@ impl Aircraft {
         let bounds = Bounds::of(&config);
         services.ground.serve(bounds.terrain.clone());
         let areas = config.area.iter().map(config::Area::area).collect();
+        let rally = config.rally.iter().map(config::Rally::point).collect();
         Aircraft {
             port: 0,
             settings,
@@ -50,7 +51,7 @@ impl Aircraft {
             requests: VecDeque::new(),
             watch_at: None,
             authority: AuthorityMachine::default(),
-            mission: Mission::new(areas),
+            mission: Mission::new(areas, rally),
             flight: Flight::default(),
             held: Held::default(),
             termination: Termination::default(),

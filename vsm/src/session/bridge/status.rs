@@ -89,8 +89,19 @@ pub struct VehicleStatus {
     pub mission_items: Option<usize>,
     /// What became of its curved legs.
     pub mission_curves: Option<CurvesStatus>,
+    /// The rally points of the configuration; none where it has none.
+    pub rally_points: Option<RallyStatus>,
     /// Its MAVLink.
     pub link: LinkStatus,
+}
+
+/// The rally points of the configuration.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct RallyStatus {
+    /// How many.
+    pub count: usize,
+    /// Whether the vehicle holds them: read back, and named by it now.
+    pub aboard: bool,
 }
 
 /// The curved legs of the mission aboard.
@@ -233,6 +244,7 @@ impl Bridge {
                 handovers: handovers(aircraft),
                 mission_items: uploaded.map(|mission| mission.compiled.items.len()),
                 mission_curves: curves(aircraft),
+                rally_points: rally_points(aircraft),
                 link: LinkStatus {
                     address: aircraft.config.link.to_string(),
                     peer: link.peer().map(|peer| peer.to_string()),
@@ -295,6 +307,16 @@ fn set_aside(refused: &Counters) -> Counters {
         set_aside.add(name, refused.get(name));
     }
     set_aside
+}
+
+fn rally_points(aircraft: &Aircraft) -> Option<RallyStatus> {
+    let (count, id) = aircraft.mission.rally();
+    let shown = aircraft.vehicle.telemetry.mission;
+    let named = shown.map(|mission| mission.rally_points_id);
+    (count > 0).then(|| RallyStatus {
+        count,
+        aboard: aircraft.vehicle.live() && id.is_some() && id == named,
+    })
 }
 
 fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {

@@ -1,14 +1,12 @@
 //! The geofence of one vehicle: areas of the configuration and of a CUCS (50016, 50017), uploaded, read back and
 //! compared; 50018 reports how it went.
 //!
-//! Areas of the configuration are always part of the fence. What the fence should be is compared with what the vehicle
-//! names when its data first arrives, and from then on: one that is the same is not sent again; of one that another
-//! station has changed there is a warning, and no contest.
+//! Areas of the configuration are always part of the fence.
 
 use std::time::Duration;
 
 use mapping::area::{self, Area, AreaError, Areas, FencePoint};
-use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
+use mavlink_link::service::mission::{self, Item, MavMissionType};
 use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::{AckType, AreaPlanMode as Mode, MissionTransferStatus};
@@ -16,29 +14,23 @@ use stanag_msgs::messages::{AreaTransferCommand, AreaTransferStatus, AreaVertex}
 use stanag_msgs::{Id, Message};
 
 use super::input::Context;
+use super::kept::{Kept, Seen};
 use super::record::{decode_messages, encode_messages};
 use super::upload::{Fault, Progress, Upload};
 use crate::session::alerts::Cause;
-use crate::session::context::{Origin, WATCH_SLACK};
+use crate::session::context::Origin;
 use crate::session::effects::{Effects, Request};
 use crate::session::store::{record_fault, vehicle_record};
 
 /// The machine.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Fence {
     configured: Vec<Area>,
     /// As a CUCS has sent them.
     sent: Areas,
     /// Those that were loaded last.
     loaded: Areas,
-    /// Whether a fence was ever requested, here or in the configuration: else the vehicle's own is left alone.
-    wanted: bool,
-    /// The id by which the vehicle names the fence that it should hold.
-    id: Option<u32>,
-    /// When what the vehicle holds is compared for the first time, or an upload is tried again.
-    look_at: Option<Duration>,
-    /// That was due, and could not be done yet: what it waits for is an event.
-    postponed: bool,
+    kept: Kept,
     work: Option<Work>,
 }
 
@@ -68,16 +60,17 @@ impl Fence {
     /// The areas of the configuration are others: the vehicle is given them as soon as it can be.
     pub(super) fn set_configured(&mut self, configured: Vec<Area>, now: Duration) {
         self.configured = configured;
-        self.wanted = true;
-        self.look_at = Some(now);
+        self.kept.change(now);
     }
 
     /// With the areas of the configuration.
     pub(super) fn new(configured: Vec<Area>) -> Fence {
         Fence {
-            wanted: !configured.is_empty(),
+            kept: Kept::new(KIND, !configured.is_empty()),
             configured,
-            ..Fence::default()
+            sent: Areas::default(),
+            loaded: Areas::default(),
+            work: None,
         }
     }
 
@@ -93,17 +86,13 @@ impl Fence {
 
     /// The vehicle is there, or there again: what it holds is compared once it has had the time to report it.
     pub(super) fn look_again(&mut self, now: Duration) {
-        self.look_at = Some(now + LOOK_AFTER);
-        self.postponed = false;
+        self.kept.look_again(now);
     }
 
     /// When [`Fence::watch`] is due by the time alone.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        let due = match &self.work {
-            Some(work) => work.upload.poll_timeout(),
-            None => self.look_at.filter(|_| self.wanted && !self.postponed),
-        };
-        due.map(|due| due + WATCH_SLACK)
+        let upload = self.work.as_ref().map(|work| &work.upload);
+        self.kept.poll_timeout(upload)
     }
 
     /// 50016: stored at once, uploaded by 50017.
@@ -195,16 +184,9 @@ impl Fence {
         effects: &mut Effects<'_>,
     ) {
         let now = context.mono();
-        let begun = free.map_err(str::to_owned).and_then(|()| {
-            let vehicle = &mut *effects.vehicle;
-            // Without items there is nothing to read back and no id to wait for.
-            let begun = if points.is_empty() {
-                Upload::clear(now, KIND, vehicle)
-            } else {
-                Upload::send(now, KIND, &items(&points), vehicle)
-            };
-            begun.map_err(|fault| format!("the mission service is {fault}"))
-        });
+        let begun = free
+            .map_err(str::to_owned)
+            .and_then(|()| self.kept.send(now, &items(&points), effects.vehicle));
         match begun {
             Ok(upload) => {
                 if let Some((origin, mode)) = requester {
@@ -247,48 +229,29 @@ impl Fence {
         free: Result<(), &'static str>,
         effects: &mut Effects<'_>,
     ) {
-        let mission = context.vehicle.telemetry.mission;
-        let named = mission.map(|mission| mission.fence_id);
-        let now = context.mono();
         if let Some(work) = &self.work {
             // MISSION_CURRENT.mission_state is about the mission: for a fence its id alone can be checked.
-            let progress = work.upload.check(now, named, true);
+            let named = self.kept.named(context);
+            let progress = work.upload.check(context.mono(), named, true);
             if progress != Progress::Going {
                 return self.follow(context, progress, effects);
             }
         }
-        let due = self.look_at.is_some_and(|at| at <= now);
-        if !self.wanted || !context.vehicle.live() || free.is_err() {
-            // A time that is past and cannot be acted on would wake the timer at once, again and again.
-            self.postponed |= due;
-            return;
-        }
-        if due {
-            self.look_at = None;
-            let areas = self.loaded.clone();
-            match self.points(&areas, None) {
-                Ok(points) => {
-                    // PX4 names a fence by a checksum of its items: one that it still holds is not sent again.
-                    let id = plan_id(&items(&points));
-                    if named == Some(id) {
-                        self.id = Some(id);
-                    } else {
-                        self.begin(context, None, areas, points, free, effects);
-                    }
+        match self.kept.look(context, free.is_ok()) {
+            Seen::Nothing => {}
+            Seen::Due => {
+                let areas = self.loaded.clone();
+                match self.points(&areas, None) {
+                    Ok(points) if self.kept.holds(context, &items(&points)) => {}
+                    Ok(points) => self.begin(context, None, areas, points, free, effects),
+                    Err(fault) => effects.warn(Cause::Fence, fault.to_string()),
                 }
-                Err(fault) => effects.warn(Cause::Fence, fault.to_string()),
             }
-            return;
-        }
-        // An id of 0 compares with nothing: the fence is cleared, or the vehicle has no ids.
-        let (Some(id), None) = (self.id.filter(|id| *id != 0), self.look_at) else {
-            return;
-        };
-        if named.is_some_and(|named| named != id) {
-            let text = "the vehicle's fence is not the loaded one: load it again (50017)";
-            effects.warn(Cause::Fence, text);
-        } else {
-            effects.clear(Cause::Fence, UPLOADED);
+            Seen::Other => {
+                let text = "the vehicle's fence is not the loaded one: load it again (50017)";
+                effects.warn(Cause::Fence, text);
+            }
+            Seen::Same => effects.clear(Cause::Fence, UPLOADED),
         }
     }
 
@@ -318,8 +281,8 @@ impl Fence {
     fn uploaded(&mut self, context: &Context<'_>, work: Work, id: u32, effects: &mut Effects<'_>) {
         let requester = work.requester;
         self.loaded = work.areas;
-        self.wanted = !self.loaded.is_empty() || !self.configured.is_empty();
-        self.id = Some(id);
+        self.kept.wanted = !self.loaded.is_empty() || !self.configured.is_empty();
+        self.kept.uploaded(id);
         // Not before the vehicle has cleared its own: a clearing that fails leaves the areas as they were.
         if let Some((_, Mode::Clear)) = requester {
             self.sent.clear();
@@ -330,7 +293,7 @@ impl Fence {
             let why = format!("the fence is uploaded, but cannot be stored: {fault}");
             return self.end(context, requester, None, why, effects);
         }
-        if self.wanted {
+        if self.kept.wanted {
             advise_breach(context, effects);
         }
         if let Some((origin, mode)) = requester {
@@ -356,8 +319,7 @@ impl Fence {
             }
             None => {
                 // The vehicle flies without a fence that it should have.
-                self.look_at = Some(context.mono() + TRY_AGAIN);
-                self.postponed = false;
+                self.kept.try_again(context.mono());
                 effects.warn(Cause::Fence, format!("the fence is not uploaded: {why}"));
             }
         }
@@ -369,7 +331,7 @@ impl Fence {
         let record = Record {
             sent: lines(&self.sent),
             loaded: lines(&self.loaded),
-            wanted: self.wanted,
+            wanted: self.kept.wanted,
         };
         effects.disk().save(&vehicle, &record)
     }
@@ -387,7 +349,7 @@ impl Fence {
         self.sent = areas(&record.sent).map_err(unreadable)?;
         self.loaded = areas(&record.loaded).map_err(unreadable)?;
         // The configuration may have gained an area since the record was written.
-        self.wanted |= record.wanted;
+        self.kept.wanted |= record.wanted;
         Ok(())
     }
 }
@@ -459,5 +421,3 @@ fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 /// Why the warning is cleared.
 const UPLOADED: &str = "the fence is uploaded";
-const LOOK_AFTER: Duration = Duration::from_secs(3);
-const TRY_AGAIN: Duration = Duration::from_secs(30);

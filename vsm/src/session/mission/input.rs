@@ -58,7 +58,7 @@ pub(crate) enum Input<'a> {
     CompareWithVehicle,
     /// Looks whether what is being sent is still of the CUCS in control, and whether anything more came of it.
     WatchUpload,
-    /// Compares the fence that the vehicle names with the one that it should hold.
+    /// Compares the fence and the rally points that the vehicle names with those that it should hold.
     WatchFence,
     /// Sends the next few messages of a download.
     AdvanceDownload,

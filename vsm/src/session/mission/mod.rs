@@ -11,17 +11,19 @@
 //! - [`transfer`]: 13000, the load or clearing that it begins, and how that ends, reported by 14000 ([`status`]);
 //!   [`download`]: the way back to a station
 //! - [`route_upload`]: a route is compiled, and the vehicle held if it must be; [`upload`]: items on their way to the
-//!   vehicle, for routes and for the fence
+//!   vehicle, for routes, the fence and rally points
 //! - [`progress`]: where along its route the vehicle is; [`watchdog`]: whether it gets any nearer; [`descent`]: whether it
 //!   sinks below it; [`resync`]: whether it still carries what was loaded
-//! - [`fence`]: areas of the configuration and of a CUCS
+//! - [`fence`]: areas of the configuration and of a CUCS; [`rally`]: places to return to; [`kept`]: what both share
 
 mod descent;
 mod download;
 mod fence;
 mod input;
+mod kept;
 mod plan_files;
 pub(crate) mod progress;
+mod rally;
 mod received;
 pub(crate) mod record;
 mod resync;
@@ -39,6 +41,7 @@ use std::time::Duration;
 
 use mapping::area::Area;
 use mapping::plan::Plan;
+use mapping::rally::RallyPoint;
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::enums::AckType;
@@ -47,6 +50,7 @@ use stanag_msgs::{Id, Message};
 use self::descent::DescentWatch;
 use self::fence::Fence;
 use self::progress::RouteProgress;
+use self::rally::Rally;
 use self::record::UploadedMission;
 use self::resync::Resync;
 use self::store::MissionStore;
@@ -67,6 +71,7 @@ pub(crate) struct Mission {
     descent: DescentWatch,
     resync: Resync,
     fence: Fence,
+    rally: Rally,
 }
 
 impl Mission {
@@ -75,8 +80,18 @@ impl Mission {
         self.fence.set_configured(areas, now);
     }
 
-    /// With the fence areas of the configuration.
-    pub(crate) fn new(areas: Vec<Area>) -> Mission {
+    /// The rally points of the configuration are others.
+    pub(crate) fn set_rally(&mut self, points: Vec<RallyPoint>, now: Duration) {
+        self.rally.set_configured(points, now);
+    }
+
+    /// The rally points of the configuration: how many there are, and by which id the vehicle names them once it holds them.
+    pub(crate) fn rally(&self) -> (usize, Option<u32>) {
+        (self.rally.count(), self.rally.id())
+    }
+
+    /// With the fence areas and the rally points of the configuration.
+    pub(crate) fn new(areas: Vec<Area>, points: Vec<RallyPoint>) -> Mission {
         Mission {
             store: MissionStore::default(),
             transfers: Transfers::default(),
@@ -85,6 +100,7 @@ impl Mission {
             descent: DescentWatch::default(),
             resync: Resync::default(),
             fence: Fence::new(areas),
+            rally: Rally::new(points),
         }
     }
 
@@ -123,7 +139,7 @@ impl Mission {
             progress: &self.progress,
             transfer: self.transfers.view(),
             waiting_mode: self.transfers.waiting_mode(),
-            fence_busy: self.fence.busy(),
+            fence_busy: self.fence.busy() || self.rally.busy(),
             areas: self.fence.sent(),
             may_change: self.may_change(vehicle, services),
         }
@@ -134,8 +150,8 @@ impl Mission {
         if !vehicle.live() {
             return Err("no data from the vehicle: nothing can be loaded");
         }
-        // Routes, fences and a maneuver's set-current share the mission service: one operation at a time.
-        let busy = services.missions.busy().is_some();
+        // Routes, fences, rally points and a maneuver's set-current share the mission service: one operation at a time.
+        let busy = services.missions.busy().is_some() || self.rally.busy();
         if self.transfers.is_running() || self.fence.busy() || busy {
             return Err("another transfer is in progress");
         }
@@ -162,6 +178,7 @@ impl Mission {
             descent,
             resync,
             fence,
+            rally,
         } = self;
         match input {
             Input::Command { origin, message } => {
@@ -191,14 +208,17 @@ impl Mission {
                 if let mission::Event::CurrentSet { .. } = &event {
                     progress.sent_on(telemetry);
                 }
-                // Never both at once (`may_change`): while a fence is on its way, the event is the fence's.
-                if !fence.handle_service(context, &event, effects) {
+                // Never two at once (`may_change`): while a fence is on its way, the event is the fence's.
+                if !fence.handle_service(context, &event, effects)
+                    && !rally.handle_service(context, &event, effects)
+                {
                     transfers.handle_service(context, &event, store, progress, effects);
                 }
             }
             Input::LinkUp => {
                 resync.begin();
                 fence.look_again(context.mono());
+                rally.look_again(context.mono());
             }
             Input::Advance => transfers.advance(context, store, progress, effects),
             Input::WatchProgress => {
@@ -221,7 +241,12 @@ impl Mission {
             Input::WatchUpload => {
                 store.watch_upload(context.mono(), context.controller, effects);
             }
-            Input::WatchFence => fence.watch(context, free, effects),
+            Input::WatchFence => {
+                fence.watch(context, free, effects);
+                // The fence may have begun an upload just now.
+                let busy = fence.busy() || effects.vehicle.missions.busy().is_some();
+                rally.watch(context, free.is_ok() && !busy, effects);
+            }
             Input::AdvanceDownload => transfers.advance_download(context, effects),
         }
     }
@@ -269,7 +294,9 @@ impl Mission {
         let transfers = self.transfers.poll_timeout();
         let fence = self.fence.poll_timeout();
         let upload = self.store.poll_timeout();
-        transfers.into_iter().chain(fence).chain(upload).min()
+        let rally = self.rally.poll_timeout();
+        let all = [transfers, fence, upload, rally];
+        all.into_iter().flatten().min()
     }
 }
 

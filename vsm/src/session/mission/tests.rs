@@ -81,12 +81,13 @@ fn named(mission_id: u32, fence_id: u32) -> Option<MissionProgress> {
         state: MissionState::MISSION_STATE_NOT_STARTED,
         mission_id,
         fence_id,
+        rally_points_id: 0,
     })
 }
 
 /// On the ground at home, with a route of two waypoints stored.
 fn ready() -> (World, Mission) {
-    let (mut world, mut mission) = (World::new(), Mission::new(Vec::new()));
+    let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), Vec::new()));
     world.vehicle.telemetry.home = Some(Place {
         latitude: 47.0,
         longitude: 8.0,
@@ -197,7 +198,7 @@ fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
     assert_eq!(view.loaded, view.uploaded);
     assert_eq!(mission.poll_timeout(), None);
 
-    let mut found = Mission::new(Vec::new());
+    let mut found = Mission::new(Vec::new(), Vec::new());
     let restored = world.act(|_, _, effects| found.restore(effects));
     restored.expect("the records are read");
     assert!(!found.store.plan().is_empty());
@@ -461,7 +462,7 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
         .iter()
         .map(|point| point.item)
         .collect();
-    let mut mission = Mission::new(vec![circle]);
+    let mut mission = Mission::new(vec![circle], Vec::new());
     assert_eq!(mission.poll_timeout(), None);
     handle(&mut world, &mut mission, Input::LinkUp);
     let due = mission.poll_timeout().expect("the comparison");
@@ -491,7 +492,7 @@ fn a_comparison_of_the_fence_that_a_silent_vehicle_delays_wakes_nobody() {
             radius_m: 500.0,
         },
     };
-    let mut mission = Mission::new(vec![circle]);
+    let mut mission = Mission::new(vec![circle], Vec::new());
     handle(&mut world, &mut mission, Input::LinkUp);
     world.vehicle = VehicleState::default();
     world.advance(10 * SECOND);

@@ -1,4 +1,4 @@
-//! Items on their way to the vehicle's mission store, for routes and for the fence.
+//! Items on their way to the vehicle's mission store, for routes, the fence and rally points.
 //!
 //! A MISSION_ACK proves little: it may be of another station's transfer, and PX4 stores some fields otherwise than they
 //! were sent. So the items are read back and compared, and then MISSION_CURRENT must name them by their id: only that
@@ -249,7 +249,7 @@ impl Phase {
 }
 
 impl Fault {
-    /// For an operator; `what` is a plan or a fence.
+    /// For an operator; `what` is a plan, a fence or a set of rally points.
     pub(super) fn explain(&self, what: &str) -> String {
         match self {
             Fault::NotSent(fault) => format!("the upload cannot begin: {fault}"),

@@ -154,6 +154,41 @@ fn land_comes_down_here_and_return_goes_home() {
 }
 
 #[test]
+fn a_return_chooses_between_home_and_rally_points_as_rtl_type_says() {
+    let rally = |north, up| item(5100, [0.0; 4], north, 0.0, up);
+    for (rtl_type, from, lands) in [
+        (0, 100.0, 120.0),
+        (0, 40.0, 60.0),
+        (0, 20.0, 0.0),
+        (1, 20.0, 60.0),
+        (2, 100.0, 0.0),
+        (5, 5.0, 60.0),
+    ] {
+        let mut flight = airborne();
+        let points = [rally(120.0, 0.0), rally(60.0, 0.0), rally(3.0, 0.0)];
+        let points = &points[..if rtl_type == 5 { 2 } else { 3 }];
+        let kind = mav::MavMissionType::MAV_MISSION_TYPE_RALLY;
+        assert_eq!(flight.upload_kind(points, kind), Some(0));
+        flight.send(&MavMessage::PARAM_SET(mav::PARAM_SET_DATA {
+            param_value: f32::from_bits(rtl_type),
+            target_system: 1,
+            target_component: 1,
+            param_id: "RTL_TYPE".into(),
+            param_type: mav::MavParamType::MAV_PARAM_TYPE_INT32,
+        }));
+        let place = waypoint(from, 0.0, 20.0);
+        let (lat, lon) = (place.x as f32 / 1e7, place.y as f32 / 1e7);
+        let go = [-1.0, 1.0, 0.0, f32::NAN, lat, lon, 508.0];
+        assert_eq!(flight.command(192, &go), Some(0));
+        flight.run(40.0);
+        assert_eq!(flight.command(20, &[]), Some(0));
+        assert!(flight.until(200.0, |t| !t.armed), "RTL_TYPE {rtl_type}");
+        let end = flight.vehicle.truth().position;
+        assert!((end.n - lands).abs() < 2.0, "RTL_TYPE {rtl_type}: {end:?}");
+    }
+}
+
+#[test]
 fn an_orbit_keeps_its_radius_and_direction() {
     let mut flight = airborne();
     let home = flight.vehicle.truth().place;

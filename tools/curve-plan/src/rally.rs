@@ -1,0 +1,32 @@
+//! `rally`: the rally points of a file as `[[vehicle.rally]]`, which a VSM uploads. No message of the DLI carries them.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use cucs::formats;
+
+use crate::failure::Failure;
+use crate::output::print;
+
+/// Arguments of `rally`.
+#[derive(Debug, Args)]
+pub(crate) struct Command {
+    /// Read the rally points of this .plan of QGroundControl.
+    input: PathBuf,
+}
+
+impl Command {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let mut text = String::new();
+        for point in formats::read_rally(&self.input)? {
+            // QGroundControl has their heights above home, and sends them so.
+            let _ = writeln!(
+                text,
+                "[[vehicle.rally]]\nplace = [{:?}, {:?}]\nheight_m = {:?}",
+                point.lat_deg, point.lon_deg, point.alt_m
+            );
+        }
+        print(&text)
+    }
+}

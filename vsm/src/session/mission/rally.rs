@@ -1,0 +1,156 @@
+//! The rally points of one vehicle: those of the configuration, uploaded, read back and compared as the fence is.
+
+use std::time::Duration;
+
+use mapping::rally::{self, RallyPoint};
+use mavlink_link::service::mission::{self, MavMissionType};
+
+use super::input::Context;
+use super::kept::{Kept, Seen};
+use super::upload::{Progress, Upload};
+use crate::session::alerts::Cause;
+use crate::session::effects::Effects;
+
+/// The machine.
+#[derive(Debug)]
+pub(super) struct Rally {
+    points: Vec<RallyPoint>,
+    kept: Kept,
+    upload: Option<Upload>,
+}
+
+impl Rally {
+    /// With the points of the configuration.
+    pub(super) fn new(points: Vec<RallyPoint>) -> Rally {
+        Rally {
+            kept: Kept::new(KIND, !points.is_empty()),
+            points,
+            upload: None,
+        }
+    }
+
+    /// The points of the configuration are others: the vehicle is given them as soon as it can be.
+    pub(super) fn set_configured(&mut self, points: Vec<RallyPoint>, now: Duration) {
+        self.points = points;
+        self.kept.change(now);
+    }
+
+    /// The vehicle is there, or there again.
+    pub(super) fn look_again(&mut self, now: Duration) {
+        self.kept.look_again(now);
+    }
+
+    /// How many the configuration has.
+    pub(super) fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether points are on their way.
+    pub(super) fn busy(&self) -> bool {
+        self.upload.is_some()
+    }
+
+    /// The id under which the vehicle was read back to hold them.
+    pub(super) fn id(&self) -> Option<u32> {
+        self.kept.id().filter(|_| !self.busy())
+    }
+
+    /// When [`Rally::watch`] is due by the time alone.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.kept.poll_timeout(self.upload.as_ref())
+    }
+
+    /// What the mission service has done with them. False where it is about something else.
+    pub(super) fn handle_service(
+        &mut self,
+        context: &Context<'_>,
+        event: &mission::Event,
+        effects: &mut Effects<'_>,
+    ) -> bool {
+        let items = rally::items(&self.points);
+        let Some(upload) = &mut self.upload else {
+            return false;
+        };
+        let progress = upload.handle(context.mono(), event, &items, effects.vehicle);
+        self.follow(context, progress, effects);
+        true
+    }
+
+    /// What the vehicle names is compared. `may_change`: whether an upload can begin now.
+    pub(super) fn watch(
+        &mut self,
+        context: &Context<'_>,
+        may_change: bool,
+        effects: &mut Effects<'_>,
+    ) {
+        if let Some(upload) = &self.upload {
+            // MISSION_CURRENT.mission_state is about the mission alone.
+            let named = self.kept.named(context);
+            let progress = upload.check(context.mono(), named, true);
+            return self.follow(context, progress, effects);
+        }
+        let items = rally::items(&self.points);
+        match self.kept.look(context, may_change) {
+            Seen::Nothing => {}
+            Seen::Due if self.kept.holds(context, &items) => {}
+            Seen::Due => match self.kept.send(context.mono(), &items, effects.vehicle) {
+                Ok(upload) => self.upload = Some(upload),
+                Err(why) => self.failed(context, &why, effects),
+            },
+            Seen::Other => effects.warn(
+                Cause::Rally,
+                "the vehicle's rally points are not those of the configuration: restart this VSM, or its link, to upload them",
+            ),
+            Seen::Same => effects.clear(Cause::Rally, UPLOADED),
+        }
+        self.compare_return(context, effects);
+    }
+
+    fn follow(&mut self, context: &Context<'_>, progress: Progress, effects: &mut Effects<'_>) {
+        match progress {
+            Progress::Going | Progress::Percent(_) => {}
+            Progress::Done(id) => {
+                self.upload = None;
+                self.kept.wanted = !self.points.is_empty();
+                self.kept.uploaded(id);
+                effects.clear(Cause::Rally, UPLOADED);
+                effects.advise(match self.points.len() {
+                    0 => "the rally points are cleared: the vehicle returns to home".to_owned(),
+                    1 => "1 rally point is aboard".to_owned(),
+                    count => format!("{count} rally points are aboard"),
+                });
+            }
+            Progress::Failed(fault) => {
+                self.upload = None;
+                self.failed(context, &fault.explain("set of rally points"), effects);
+            }
+        }
+    }
+
+    fn failed(&mut self, context: &Context<'_>, why: &str, effects: &mut Effects<'_>) {
+        // The vehicle would return to somewhere else than it should.
+        self.kept.try_again(context.mono());
+        effects.warn(
+            Cause::Rally,
+            format!("the rally points are not uploaded: {why}"),
+        );
+    }
+
+    /// Points that the vehicle's own RTL_TYPE ignores are none.
+    fn compare_return(&self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let rtl_type = context.parameters.get("RTL_TYPE");
+        match rtl_type.filter(|value| !self.points.is_empty() && !rally::are_used(*value)) {
+            Some(value) => effects.warn(
+                Cause::RallyIgnored,
+                format!(
+                    "the vehicle ignores its rally points where it returns: RTL_TYPE {value}, expected 0, 1, 3 or 5"
+                ),
+            ),
+            None => effects.clear(Cause::RallyIgnored, "RTL_TYPE uses the rally points"),
+        }
+    }
+}
+
+const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_RALLY;
+/// Why the warning is cleared.
+const UPLOADED: &str = "the rally points are uploaded";
