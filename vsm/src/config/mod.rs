@@ -56,5 +56,7 @@ pub use terrain::{TerrainFault, TerrainFolder};
 pub use value::{
     Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing, owner_name,
 };
-pub use vehicle::{Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Vehicle};
+pub use vehicle::{
+    Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Outside, Vehicle,
+};
 pub use zeroize::Zeroize;

@@ -157,6 +157,9 @@ table! {
         pub below_home: bool => Value("false"),
         /// Highest waypoint, m above home
         pub highest_m: f64 => Value("5000.0"),
+        /// What follows where the vehicle itself is outside `lowest_m` (once it was above it, and unless it lands or returns) to
+        /// `highest_m`: an alert as long as it is (`"alert"`), or hold, too, where it flies by itself and is 5 m outside, 20 m on wings (`"hold"`)
+        pub outside: Outside => Value("\"alert\""),
         /// Lowest place of a route, m above the terrain where `vehicle.terrain` covers it, -500 to 1000: what elevation files are
         /// off by belongs into it (SRTM: up to 16 m); a negative one allows a route below their ground
         pub above_terrain_m: f64 => Value("0.0"),
@@ -186,11 +189,22 @@ impl Default for Limits {
             lowest_m,
             below_home,
             highest_m,
+            outside: Outside::Alert,
             above_terrain_m,
             speed_m_s,
             transition_m,
         }
     }
+}
+
+/// `vehicle.limits.outside`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outside {
+    /// An alert.
+    Alert,
+    /// An alert, and hold.
+    Hold,
 }
 
 table! {

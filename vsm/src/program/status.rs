@@ -112,6 +112,13 @@ fn readable(status: &Value) -> String {
                 plain(&handover["waits_for"])
             );
         }
+        if vehicle["altitude_band"]["outside"] == true {
+            let limit = |key| vehicle["altitude_band"][key].as_f64().unwrap_or(f64::NAN);
+            let (lowest_m, highest_m) = (limit("lowest_m"), limit("highest_m"));
+            text += &format!(
+                "  OUTSIDE ITS ALTITUDE BAND of {lowest_m:.0} to {highest_m:.0} m above home\n"
+            );
+        }
         if let Some(count) = vehicle["rally_points"]["count"].as_u64() {
             let aboard = match vehicle["rally_points"]["aboard"] == true {
                 true => "aboard",

@@ -41,6 +41,8 @@ pub(crate) enum Cause {
     Audit,
     /// A key that waits, or an exchange that cannot be.
     KeyExchange,
+    /// It is outside the altitudes of its limits.
+    AltitudeBand,
     /// The geofence aboard is not what it should be.
     Fence,
     /// The rally points aboard are not those of the configuration.

@@ -60,6 +60,8 @@ pub(crate) struct Settings {
 pub(crate) struct Bounds {
     pub(crate) agl: Agl,
     pub(crate) limits: Limits,
+    /// What follows where the vehicle itself leaves them.
+    pub(crate) outside: config::Outside,
     /// What routes are compared with beside home, where that is configured.
     pub(crate) terrain: Option<Arc<Terrain>>,
     /// Without what the vehicle's parameters add to it.
@@ -332,6 +334,7 @@ impl Bounds {
             lowest_m,
             below_home,
             highest_m,
+            outside,
             above_terrain_m,
             speed_m_s,
             transition_m,
@@ -353,6 +356,7 @@ impl Bounds {
                 transition_m,
                 items: usize::from(config.curve.max_items),
             },
+            outside,
             terrain: config.terrain.as_ref().map(config::TerrainFolder::ground),
             curving: Curving {
                 tolerance_m: config.curve.tolerance_m,

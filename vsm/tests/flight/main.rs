@@ -5,7 +5,7 @@
 //! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`, `shared_link`,
 //!   `captures_as_vehicles`
 //! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `plan_actions`, `refused_uploads`, `route_progress`, `curves`, `climbs`, `after_a_return`,
-//!   `mission_watchdog`, `fence`, `rally`, `wings`
+//!   `mission_watchdog`, `fence`, `altitude_band`, `rally`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - commands that wait, and what is flown by itself: `held_commands`
@@ -19,6 +19,7 @@
 
 mod above_terrain;
 mod after_a_return;
+mod altitude_band;
 mod by_hand;
 mod captures_as_vehicles;
 mod climbs;

@@ -53,7 +53,7 @@ pub(crate) struct Aircraft {
     /// The index of its link.
     pub(super) port: usize,
     settings: Settings,
-    bounds: Bounds,
+    pub(crate) bounds: Bounds,
     pub(super) vehicle: VehicleState,
     services: Services,
     pub(super) alerts: Alerts,

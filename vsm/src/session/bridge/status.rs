@@ -89,10 +89,23 @@ pub struct VehicleStatus {
     pub mission_items: Option<usize>,
     /// What became of its curved legs.
     pub mission_curves: Option<CurvesStatus>,
+    /// The altitudes that it must stay within.
+    pub altitude_band: BandStatus,
     /// The rally points of the configuration; none where it has none.
     pub rally_points: Option<RallyStatus>,
     /// Its MAVLink.
     pub link: LinkStatus,
+}
+
+/// The altitudes that a vehicle must stay within.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct BandStatus {
+    /// Metres above home, by `vehicle.limits` and GF_MAX_VER_DIST.
+    pub lowest_m: f64,
+    /// Metres above home.
+    pub highest_m: f64,
+    /// Whether the vehicle is outside them.
+    pub outside: bool,
 }
 
 /// The rally points of the configuration.
@@ -244,6 +257,7 @@ impl Bridge {
                 handovers: handovers(aircraft),
                 mission_items: uploaded.map(|mission| mission.compiled.items.len()),
                 mission_curves: curves(aircraft),
+                altitude_band: altitude_band(aircraft),
                 rally_points: rally_points(aircraft),
                 link: LinkStatus {
                     address: aircraft.config.link.to_string(),
@@ -307,6 +321,16 @@ fn set_aside(refused: &Counters) -> Counters {
         set_aside.add(name, refused.get(name));
     }
     set_aside
+}
+
+fn altitude_band(aircraft: &Aircraft) -> BandStatus {
+    let parameters = aircraft.reports.parameters().values;
+    let limits = aircraft.bounds.limits.of(parameters);
+    BandStatus {
+        lowest_m: limits.floor_m(),
+        highest_m: limits.highest_m,
+        outside: aircraft.mission.outside_band(),
+    }
 }
 
 fn rally_points(aircraft: &Aircraft) -> Option<RallyStatus> {

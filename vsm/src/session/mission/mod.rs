@@ -13,9 +13,10 @@
 //! - [`route_upload`]: a route is compiled, and the vehicle held if it must be; [`upload`]: items on their way to the
 //!   vehicle, for routes, the fence and rally points
 //! - [`progress`]: where along its route the vehicle is; [`watchdog`]: whether it gets any nearer; [`descent`]: whether it
-//!   sinks below it; [`resync`]: whether it still carries what was loaded
+//!   sinks below it; [`band`]: whether it leaves its altitudes; [`resync`]: whether it still carries what was loaded
 //! - [`fence`]: areas of the configuration and of a CUCS; [`rally`]: places to return to; [`kept`]: what both share
 
+mod band;
 mod descent;
 mod download;
 mod fence;
@@ -47,6 +48,7 @@ use mavlink_link::store::StoreError;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::{Id, Message};
 
+use self::band::BandWatch;
 use self::descent::DescentWatch;
 use self::fence::Fence;
 use self::progress::RouteProgress;
@@ -69,6 +71,7 @@ pub(crate) struct Mission {
     progress: RouteProgress,
     watchdog: MissionWatchdog,
     descent: DescentWatch,
+    band: BandWatch,
     resync: Resync,
     fence: Fence,
     rally: Rally,
@@ -98,6 +101,7 @@ impl Mission {
             progress: RouteProgress::default(),
             watchdog: MissionWatchdog::default(),
             descent: DescentWatch::default(),
+            band: BandWatch::default(),
             resync: Resync::default(),
             fence: Fence::new(areas),
             rally: Rally::new(points),
@@ -111,6 +115,11 @@ impl Mission {
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         self.store.restore(effects)?;
         self.fence.restore(effects)
+    }
+
+    /// Whether the vehicle is outside its altitude band.
+    pub(crate) fn outside_band(&self) -> bool {
+        self.band.outside()
     }
 
     /// What the vehicle carries.
@@ -176,6 +185,7 @@ impl Mission {
             progress,
             watchdog,
             descent,
+            band,
             resync,
             fence,
             rally,
@@ -229,6 +239,7 @@ impl Mission {
                 let transferring = transfers.is_running();
                 watchdog.watch(context, uploaded, transferring, effects);
                 descent.watch(context, uploaded, transferring, effects);
+                band.watch(context, uploaded, effects);
             }
             Input::CompareWithVehicle => {
                 let uploaded = store.uploaded.as_ref();
