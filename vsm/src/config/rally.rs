@@ -1,12 +1,12 @@
 //! `[[vehicle.rally]]`: places that the vehicle may return to beside home, uploaded as PX4's rally points.
 
+use mapping::area::Area;
 use mapping::rally::{self, Height, MAX_POINTS, RallyPoint};
 use serde::Deserialize;
 
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required};
 use super::key::table;
-use super::vehicle::Area;
 
 table! {
     /// `vehicle.rally`: one rally point.
@@ -68,8 +68,7 @@ pub(super) fn check(points: &[Rally], areas: &[Area], at: usize) -> Result<(), F
         }
     }
     let all: Vec<_> = points.iter().map(Rally::point).collect();
-    let areas: Vec<_> = areas.iter().map(Area::area).collect();
-    if let Some(point) = rally::outside(&all, &areas) {
+    if let Some(point) = rally::outside(&all, areas) {
         let [north, east] = points[point].place;
         let found = format!("[{north}, {east}]");
         let expected = "a place that the areas of the vehicle (vehicle.area) allow";

@@ -357,7 +357,8 @@ impl Vehicle {
         if let Err(found) = check_areas(&self.area) {
             return fault(at, "vehicle.area", found, "areas that make a fence");
         }
-        rally::check(&self.rally, &self.area, at)?;
+        let areas: Vec<_> = self.area.iter().map(Area::area).collect();
+        rally::check(&self.rally, &areas, at)?;
         if let Some(landing) = &self.landing {
             landing.check(at)?;
         }
