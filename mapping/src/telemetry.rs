@@ -70,7 +70,8 @@ pub struct Orbit {
 pub struct Telemetry {
     /// HEARTBEAT.custom_mode, or CURRENT_MODE.custom_mode, whichever came last.
     pub mode: Option<Px4Mode>,
-    /// CURRENT_MODE.intended_custom_mode: the operator's, also while a failsafe flies another.
+    /// CURRENT_MODE.intended_custom_mode: the operator's, also while a failsafe flies another. Unknown from a HEARTBEAT with
+    /// another mode until the next CURRENT_MODE.
     pub intended_mode: Option<Px4Mode>,
     /// HEARTBEAT.base_mode's armed bit.
     pub armed: Option<bool>,
@@ -131,7 +132,12 @@ impl Telemetry {
         let sensed = self.sensed.update(message);
         match message {
             MavMessage::HEARTBEAT(m) => {
-                self.mode = Some(Px4Mode(m.custom_mode));
+                let mode = Some(Px4Mode(m.custom_mode));
+                if self.mode != mode {
+                    // What was intended before may not be now: a mode just commanded would look like a failsafe.
+                    self.intended_mode = None;
+                }
+                self.mode = mode;
                 self.armed = Some(
                     m.base_mode
                         .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),

@@ -87,6 +87,7 @@ mod link;
 mod log;
 mod maneuver;
 mod mission;
+mod other;
 mod outbox;
 mod paths;
 mod payload;

@@ -1,6 +1,8 @@
 //! What is configured for a lost controller is flown until the vehicle shows it, or something that brings it home.
 
 use kit::bridge::{Rig, Setup, orders};
+use mavlink_link::dialect::{COMMAND_LONG_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage};
+use mavlink_link::service::Node;
 use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RouteType};
 use stanag_msgs::messages::UaRoute;
@@ -189,4 +191,56 @@ fn who_takes_control_ends_what_was_flown_for_nobody() {
     assert_eq!(rig.stations[1].end(hold), Some(AckType::CarriedOut));
     rig.run(20.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
+}
+
+/// A pilot's radio control: sticks in the middle for so long, and first the mode POSCTL.
+fn fly_by_hand(rig: &mut Rig, seconds: f64) {
+    let radio = Node::new(255, 190);
+    let posctl = COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_DO_SET_MODE,
+        target_system: 1,
+        target_component: 1,
+        param1: 1.0,
+        param2: 3.0,
+        ..COMMAND_LONG_DATA::default()
+    };
+    let sticks = MavMessage::MANUAL_CONTROL(MANUAL_CONTROL_DATA {
+        target: 1,
+        z: 500,
+        ..MANUAL_CONTROL_DATA::default()
+    });
+    for step in 0..(seconds * 10.0) as u32 {
+        let vehicle = rig.vehicles[0].vehicle_mut();
+        vehicle.handle_message(radio, &sticks);
+        if step == 5 {
+            vehicle.handle_message(radio, &MavMessage::COMMAND_LONG(posctl.clone()));
+        }
+        rig.run(0.1);
+    }
+}
+
+#[test]
+fn a_pilot_who_has_the_vehicle_when_the_controller_is_lost_keeps_it() {
+    let mut rig = abandoned("[authority]\non_loss = \"rtl\"\n", Vec::new());
+    fly_by_hand(&mut rig, 20.0);
+    assert!(
+        rig.stations[1].has_alert("is lost, nobody controls the vehicle: the vehicle is in POSCTL"),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    assert!(rig.stations[1].has_alert("no loss action is flown"));
+    assert!(!rig.stations[1].has_alert("commanding return"));
+    assert_eq!(rig.truth().mode, Px4::PosCtl);
+}
+
+#[test]
+fn what_the_vehicle_does_already_is_not_announced_as_commanded() {
+    let mut rig = abandoned("[authority]\non_loss = \"hold\"\n", Vec::new());
+    assert!(rig.until(20.0, has_alert_with("is lost")));
+    let text = "vehicle is in AUTO.LOITER already, nothing is commanded";
+    assert!(
+        rig.stations[1].has_alert(text),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
 }

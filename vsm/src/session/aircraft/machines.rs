@@ -22,10 +22,14 @@ impl Aircraft {
         dli: &mut DliEffects<'_>,
         input: authority::Input<'_>,
     ) -> AckType {
+        let (vehicle, on_loss) = (&self.vehicle, self.settings.authority.on_loss);
+        let mission = self.mission.view(vehicle, &self.services);
         let context = authority::Context {
             common: context!(self, dli),
-            mission: self.mission.view(&self.vehicle, &self.services),
-            steering: self.flight.steers(&self.vehicle.telemetry),
+            mission,
+            steering: self.flight.steers(&vehicle.telemetry),
+            other: self.flight.other(vehicle, dli.now.mono),
+            shows_loss_action: self.flight.shows_loss_action(on_loss, vehicle, &mission),
         };
         self.authority.handle(&context, input, effects!(self, dli))
     }

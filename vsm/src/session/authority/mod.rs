@@ -43,6 +43,7 @@ use super::alerts::Raised;
 use super::allowance::Allowance;
 use super::context::{self, MissionView, Origin, WATCH_SLACK};
 use super::effects::{Effects, Request};
+use super::other::Other;
 use super::station::GroundStation;
 use crate::config;
 
@@ -113,6 +114,10 @@ pub(crate) struct Context<'a> {
     pub(crate) mission: MissionView<'a>,
     /// Set points for mode 15 go out.
     pub(crate) steering: bool,
+    /// Who else has the vehicle.
+    pub(crate) other: Option<Other>,
+    /// The vehicle flies already what would be commanded for a lost controller.
+    pub(crate) shows_loss_action: bool,
 }
 
 impl<'a> Deref for Context<'a> {

@@ -11,6 +11,7 @@ use super::{AuthorityMachine, Context, Of, Unstored};
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::effects::{Effects, Request};
+use crate::session::other::Other;
 
 impl AuthorityMachine {
     pub(super) fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -105,17 +106,21 @@ impl AuthorityMachine {
 }
 
 /// What is flown now that nobody controls the vehicle, as far as it is known before the vehicle shows it.
-fn what_follows(context: &Context<'_>) -> &'static str {
+fn what_follows(context: &Context<'_>) -> String {
     let on_loss = context.settings.authority.on_loss;
     let telemetry = &context.vehicle.telemetry;
+    if context.termination.holds {
+        return "a flight termination is commanded, nothing else is".to_owned();
+    }
     if !context.vehicle.live() {
         return match on_loss {
             OnLoss::Continue => "no data from the vehicle either",
             _ => "no data from the vehicle either, it is commanded once its link is restored",
-        };
+        }
+        .to_owned();
     }
     if telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) {
-        return "vehicle is on the ground, nothing is commanded";
+        return "vehicle is on the ground, nothing is commanded".to_owned();
     }
     let mission = &context.mission;
     let stored = mission
@@ -124,7 +129,20 @@ fn what_follows(context: &Context<'_>) -> &'static str {
         .is_some();
     let interrupts = on_loss != OnLoss::Continue;
     if interrupts && mission.is_on_final(telemetry) {
-        return "vehicle is on its final approach, which it completes";
+        return "vehicle is on its final approach, which it completes".to_owned();
+    }
+    if let (true, Some(mode)) = (context.shows_loss_action, telemetry.mode) {
+        return format!(
+            "vehicle is in {} already, nothing is commanded",
+            mode.name()
+        );
+    }
+    if interrupts || context.steering {
+        match context.other {
+            Some(other @ Other::Pilot(_)) => return format!("{other}; nothing is commanded"),
+            Some(other) => return format!("{other}; nothing is commanded before it ends"),
+            None => {}
+        }
     }
     match on_loss {
         // A vehicle that was steered (mode 15) would fly straight on: it is held even where nothing is to be flown.
@@ -138,7 +156,46 @@ fn what_follows(context: &Context<'_>) -> &'static str {
         OnLoss::Contingency => "no contingency A is stored; commanding return",
         OnLoss::Rtl => "commanding return",
     }
+    .to_owned()
 }
 
 /// How long what is flown for a lost controller waits for the disk.
 const DISK_WITHIN: Duration = Duration::from_secs(1);
+
+#[cfg(test)]
+mod tests {
+    use mapping::mode::Px4Mode;
+
+    use super::*;
+    use crate::session::testing::World;
+
+    fn announced(world: &mut World, other: Option<Other>) -> String {
+        let shown = world.vehicle.telemetry.mode == Some(Px4Mode::RTL);
+        world.settings.authority.on_loss = OnLoss::Rtl;
+        world.act(|common, views, _| {
+            what_follows(&Context {
+                common,
+                mission: views.mission,
+                steering: false,
+                other,
+                shows_loss_action: shown,
+            })
+        })
+    }
+
+    #[test]
+    fn nothing_is_announced_that_is_not_commanded() {
+        let mut world = World::airborne(Px4Mode::MISSION);
+        assert_eq!(announced(&mut world, None), "commanding return");
+        let pilot = Some(Other::Pilot(Px4Mode::POSCTL));
+        assert!(announced(&mut world, pilot).ends_with("nothing is commanded"));
+        let failsafe = Some(Other::Failsafe(Px4Mode::LOITER));
+        assert!(announced(&mut world, failsafe).ends_with("nothing is commanded before it ends"));
+        world.show_mode(Px4Mode::RTL);
+        let text = announced(&mut world, None);
+        assert_eq!(text, "vehicle is in AUTO.RTL already, nothing is commanded");
+        world.termination.holds = true;
+        let text = announced(&mut world, None);
+        assert_eq!(text, "a flight termination is commanded, nothing else is");
+    }
+}

@@ -32,6 +32,8 @@ fn handle(world: &mut World, machine: &mut AuthorityMachine, input: Input<'_>) -
             common,
             mission: views.mission,
             steering: false,
+            other: None,
+            shows_loss_action: false,
         };
         machine.handle(&context, input, effects)
     })

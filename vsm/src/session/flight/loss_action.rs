@@ -5,10 +5,11 @@
 //! AUTO.RTL, which is tried until the vehicle shows it, is on the ground, or a CUCS has taken control. While the vehicle
 //! is silent nothing can be commanded: it flies its own failsafe, and the action resumes when the link is back. A wing on
 //! its final approach lands: any other mode would turn it, or circle it, a few metres above the ground. Where PX4 aborts
-//! that landing, the action is flown.
+//! that landing, the action is flown. A pilot who has taken the vehicle keeps it, and the action is over: they have it in
+//! sight, and must not lose it to a mode that nobody commands. While PX4 flies a failsafe the action waits for its end.
 //!
 //! ```text
-//! idle --begin--> trying(action, n) --shown / on the ground / controlled--> idle
+//! idle --begin--> trying(action, n) --shown / on the ground / controlled / a pilot's--> idle
 //!                     |  n = MAX_TRIES
 //!                     +----------------> trying(Return, 1)
 //! ```
@@ -21,6 +22,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
+use crate::session::other::Other;
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -62,6 +64,32 @@ pub(super) struct LossContext {
     pub(super) on_final: bool,
     /// A route can be uploaded now.
     pub(super) may_change_mission: bool,
+    /// Who else has the vehicle.
+    pub(super) other: Option<Other>,
+}
+
+impl Action {
+    /// What is flown for a lost CUCS; `steered`: it was steering by set points.
+    pub(super) fn of(on_loss: OnLoss, steered: bool) -> Option<Action> {
+        match on_loss {
+            OnLoss::Continue if !steered => None,
+            // Steered by nobody it would fly straight on for ever.
+            OnLoss::Continue | OnLoss::Hold => Some(Action::Hold),
+            OnLoss::Contingency => Some(Action::Contingency),
+            OnLoss::Rtl => Some(Action::Return),
+        }
+    }
+
+    /// Whether a vehicle in this mode flies it, or what stands for it.
+    pub(super) fn is_shown(self, mode: Option<Px4Mode>, carries_contingency: bool) -> bool {
+        match mode {
+            // Its own failsafe brings it down, too.
+            Some(Px4Mode::RTL | Px4Mode::LAND) => true,
+            Some(Px4Mode::LOITER | Px4Mode::ORBIT) => self == Action::Hold,
+            Some(Px4Mode::MISSION) => self == Action::Contingency && carries_contingency,
+            _ => false,
+        }
+    }
 }
 
 impl LossAction {
@@ -72,14 +100,7 @@ impl LossAction {
 
     /// The controlling CUCS was lost; `steered`: it was steering by set points.
     pub(super) fn begin(&mut self, on_loss: OnLoss, steered: bool, now: Duration) {
-        let action = match on_loss {
-            OnLoss::Continue if !steered => None,
-            // Steered by nobody it would fly straight on for ever.
-            OnLoss::Continue | OnLoss::Hold => Some(Action::Hold),
-            OnLoss::Contingency => Some(Action::Contingency),
-            OnLoss::Rtl => Some(Action::Return),
-        };
-        self.trying = action.map(|action| Trying {
+        self.trying = Action::of(on_loss, steered).map(|action| Trying {
             action,
             tries: 0,
             next_at: now,
@@ -99,11 +120,29 @@ impl LossAction {
             effects.clear(Cause::LossAction, reason);
             return None;
         }
+        let other = context.other.filter(|_| context.live);
+        if let Some(other @ Other::Pilot(_)) = other {
+            self.trying = None;
+            effects.clear(Cause::LossAction, "a pilot has the vehicle");
+            effects.warn_of_link(format!(
+                "nobody controls the vehicle, and {other}: no loss action is flown"
+            ));
+            return None;
+        }
         if before.next_at > context.now {
             return None;
         }
         let next_at = context.now + RETRY_INTERVAL;
-        if !context.live || context.busy || context.on_final {
+        if let Some(other) = other {
+            let (priority, comms) = (AlertPriority::Warning, SubsystemId::Comms);
+            let text = format!(
+                "nobody controls the vehicle, and {other}: the loss action waits for its end"
+            );
+            effects.raise(Cause::LossAction, priority, comms, text);
+        }
+        // A pilot may have taken it since the last try, and is not seen before a later report.
+        let unseen = before.tries > 0 && context.mode.is_none();
+        if !context.live || context.busy || context.on_final || other.is_some() || unseen {
             // Not counted as a try: the vehicle did not get the chance to refuse.
             self.trying = Some(Trying { next_at, ..before });
             return None;
@@ -118,7 +157,9 @@ impl LossAction {
         if action == Action::Contingency && !context.may_change_mission {
             action = Action::Return;
         }
-        if before.tries > 0 {
+        if before.tries == 0 {
+            effects.clear(Cause::LossAction, "PX4's failsafe has ended");
+        } else {
             let text = if before.action == action {
                 format!(
                     "nobody controls the vehicle and it does not {}: attempt {tries}",
@@ -161,13 +202,7 @@ fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
     if context.on_ground {
         return Some("vehicle is on the ground");
     }
-    let shown = match context.mode {
-        // Its own failsafe brings it down, too.
-        Some(Px4Mode::RTL | Px4Mode::LAND) => true,
-        Some(Px4Mode::LOITER | Px4Mode::ORBIT) => action == Action::Hold,
-        Some(Px4Mode::MISSION) => action == Action::Contingency && context.carries_contingency,
-        _ => false,
-    };
+    let shown = action.is_shown(context.mode, context.carries_contingency);
     shown.then_some("the vehicle carries out the loss action")
 }
 
@@ -201,6 +236,7 @@ mod tests {
             busy: false,
             on_final: false,
             may_change_mission: true,
+            other: None,
         }
     }
 
@@ -261,6 +297,41 @@ mod tests {
             assert_eq!(poll(&mut world, &mut machine, context), Some(action));
             world.advance(RETRY_INTERVAL);
         }
+    }
+
+    #[test]
+    fn a_pilot_keeps_the_vehicle_and_the_end_of_a_failsafe_is_waited_for() {
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Rtl, false);
+        for round in 0..5 {
+            let context = LossContext {
+                mode: Some(Px4Mode::LOITER),
+                other: Some(Other::Failsafe(Px4Mode::LOITER)),
+                ..flying(&world)
+            };
+            assert_eq!(poll(&mut world, &mut machine, context), None, "{round}");
+            assert_eq!(world.alerts.standing().count(), 1, "it is reported");
+            world.advance(RETRY_INTERVAL);
+        }
+        let after_it = flying(&world);
+        let action = poll(&mut world, &mut machine, after_it);
+        assert_eq!(action, Some(Action::Return));
+        assert_eq!(world.alerts.standing().count(), 0);
+        // A pilot takes it while that is tried: nothing is commanded on an older report, and nothing any more on a later one.
+        world.advance(RETRY_INTERVAL);
+        let unseen = LossContext {
+            mode: None,
+            ..flying(&world)
+        };
+        assert_eq!(poll(&mut world, &mut machine, unseen), None);
+        assert!(machine.is_active());
+        world.advance(RETRY_INTERVAL);
+        let taken = LossContext {
+            other: Some(Other::Pilot(Px4Mode::POSCTL)),
+            ..flying(&world)
+        };
+        assert_eq!(poll(&mut world, &mut machine, taken), None);
+        assert!(!machine.is_active());
     }
 
     #[test]

@@ -8,8 +8,10 @@
 //! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
-//! - `loss_action`: what is flown once the controlling CUCS is lost
+//! - `loss_action`: what is flown once the controlling CUCS is lost; `by_itself`: that and else what nobody commands at the moment, where
+//!   nobody else has the vehicle
 
+mod by_itself;
 mod engine;
 mod loss_action;
 mod mode_command;
@@ -30,19 +32,19 @@ use mapping::configuration::changes;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::telemetry::Telemetry;
-use mavlink_link::dialect::{MavLandedState, MavMessage};
+use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::command::{self, Outcome};
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
-    AckType, AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, RouteType,
+    AckType, AltitudeType, CommandedEngineState, FlightPathControlMode as Mode,
 };
 use stanag_msgs::messages::{
     EngineCommand, LoiterConfiguration, UaStickCommand, VehicleOperatingModeCommand,
 };
 
-use self::loss_action::{Action, LossAction, LossContext};
+use self::loss_action::LossAction;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
@@ -307,7 +309,7 @@ impl Flight {
             }
             Input::ModeChanged => {
                 self.forget_commanded(context);
-                give_way(context, effects);
+                Self::give_way(context, effects);
                 // Also where PX4's own failsafe lands.
                 let telemetry = &context.vehicle.telemetry;
                 let lands = telemetry.mode == Some(Px4Mode::LAND);
@@ -643,7 +645,7 @@ impl Flight {
     }
 }
 
-/// What is flown without a command of the moment: streams, the loss action, a launch that was cut off.
+/// Streams.
 impl Flight {
     fn stream_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let mode = context.vehicle.telemetry.mode;
@@ -667,123 +669,6 @@ impl Flight {
         if let Some(message) = due {
             effects.vehicle.post(message);
         }
-    }
-
-    /// Control went to nobody while a flight termination held, and it holds no more: the vehicle did not do what was
-    /// commanded, or has left it.
-    fn take_up_loss(&mut self, context: &Context<'_>, on_loss: OnLoss, effects: &mut Effects<'_>) {
-        let telemetry = &context.vehicle.telemetry;
-        let gone = telemetry.mode == Some(Px4Mode::TERMINATION) || telemetry.armed == Some(false);
-        if context.controller.is_some() || gone || !telemetry.airborne() {
-            return;
-        }
-        // Whoever ended it by another mode has the vehicle: a pilot, or PX4's failsafe.
-        let ours =
-            |mode| is_commanded_from_here(mode) || [Px4Mode::LAND, Px4Mode::RTL].contains(&mode);
-        if let Some(mode) = telemetry
-            .mode
-            .filter(|mode| context.vehicle.live() && !ours(*mode))
-        {
-            return effects.warn_of_link(format!(
-                "nobody controls the vehicle, and it flies {} by its pilot or a failsafe: no loss action is flown",
-                mode.name()
-            ));
-        }
-        // Set points have ended with the termination, whatever mode they are for is still shown.
-        let steered = self.steers(telemetry) || telemetry.mode == Some(Px4Mode::OFFBOARD);
-        self.loss_action.begin(on_loss, steered, context.mono());
-        self.fly_loss_action(context, effects);
-    }
-
-    fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let telemetry = &context.vehicle.telemetry;
-        let loss = LossContext {
-            now: context.mono(),
-            live: context.vehicle.live(),
-            on_ground: telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
-            controlled: context.controller.is_some(),
-            // What was given up when control was lost may still be entered: an older report ends no action.
-            mode: context.vehicle.settled_mode(),
-            carries_contingency: context.mission.carries(RouteType::ContingencyA),
-            // A command of the VSM itself that waits for its route is the action's own.
-            busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
-            on_final: context.mission.is_on_final(telemetry),
-            may_change_mission: context.mission.may_change.is_ok(),
-        };
-        match self.loss_action.poll(&loss, effects) {
-            None => {}
-            Some(Action::Hold) => {
-                self.operate(context, None, &select(Mode::Loiter), false, effects);
-            }
-            Some(Action::Contingency) => {
-                self.operate(context, None, &select(Mode::ContingencyA), false, effects);
-            }
-            Some(Action::Return) => {
-                // No mode of 2016 stands for a plain return: mode 23 flies the contingency route where there is one.
-                let steps = maneuver::enter(&[Px4Mode::RTL]);
-                let maneuver = Maneuver::new(steps, Commanded::default());
-                self.begin(context, None, maneuver, effects);
-            }
-        }
-    }
-
-    /// A launch that a restart cut off leaves no running motors behind, as one that fails leaves none: a vehicle that is
-    /// still on the ground is disarmed; of one that flies operators are warned.
-    fn end_cut_off_launch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let telemetry = &context.vehicle.telemetry;
-        let known = (telemetry.armed, telemetry.landed);
-        let (true, true, (Some(armed), Some(_))) =
-            (self.launch_cut_off, context.vehicle.live(), known)
-        else {
-            return;
-        };
-        self.launch_cut_off = false;
-        let flies = telemetry.airborne();
-        // A command that was given since the restart takes precedence.
-        if self.maneuver.is_some() || !(armed || flies) {
-            return;
-        }
-        effects.warn_of_link(if flies {
-            "the launch that a restart of the VSM interrupted has taken the vehicle up: command a mode"
-        } else {
-            "the launch that a restart of the VSM interrupted left the vehicle armed on the ground: disarming it"
-        });
-        if !flies {
-            let maneuver = Maneuver::new(maneuver::disarm(), self.commanded);
-            self.begin(context, None, maneuver, effects);
-        }
-    }
-}
-
-/// Whether a vehicle in this mode was commanded there through a VSM, as far as the mode shows it: in any other a pilot or a
-/// failsafe has it.
-pub(crate) fn is_commanded_from_here(mode: Px4Mode) -> bool {
-    [
-        Px4Mode::LOITER,
-        Px4Mode::ORBIT,
-        Px4Mode::MISSION,
-        Px4Mode::TAKEOFF,
-        Px4Mode::VTOL_TAKEOFF,
-        Px4Mode::COURSE,
-        Px4Mode::OFFBOARD,
-    ]
-    .contains(&mode)
-}
-
-/// Drops a command that waits for its route where a pilot or a failsafe has taken the vehicle meanwhile: an upload takes many
-/// seconds on a slow radio, and the command would then take the vehicle from them.
-fn give_way(context: &Context<'_>, effects: &mut Effects<'_>) {
-    let Some(mode) = context.vehicle.telemetry.mode else {
-        return;
-    };
-    if context.mission.waiting_command().is_some() && !is_commanded_from_here(mode) {
-        effects.request(Request::DropWaitingCommand {
-            why: format!(
-                "the vehicle is in {} now, by its pilot or a failsafe",
-                mode.name()
-            ),
-            without_right: false,
-        });
     }
 }
 

@@ -115,7 +115,8 @@ impl Flight {
         self.sticks.forget();
         if controller.is_none() && steered && !context.termination.holds {
             // Steered by nobody it would fly straight on for ever.
-            if context.vehicle.telemetry.airborne() {
+            let other = self.other(context.vehicle, context.mono());
+            if context.vehicle.telemetry.airborne() && other.is_none() {
                 self.operate(context, None, &select(Mode::Loiter), false, effects);
             }
             // Tried again, as after a loss, where the vehicle is silent at the moment or refuses it.

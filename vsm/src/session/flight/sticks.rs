@@ -30,8 +30,8 @@ enum Stream {
     Entering,
     /// The vehicle is flown by hand.
     Flying,
-    /// It is flown by hand, and the sticks have stopped.
-    Lost,
+    /// It is flown by hand, and the sticks have stopped at that time.
+    Lost(Duration),
 }
 
 /// What is due now.
@@ -87,6 +87,16 @@ impl Sticks {
             .is_some_and(|(at, _)| now.saturating_sub(*at) < FRESH)
     }
 
+    /// Whether POSCTL is flown by these sticks. PX4 leaves it soon after they have stopped, unless it has others: then a pilot
+    /// flies it.
+    pub(super) fn steer(&self, now: Duration) -> bool {
+        match self.stream {
+            Stream::Off => false,
+            Stream::Entering | Stream::Flying => true,
+            Stream::Lost(since) => now.saturating_sub(since) < LEFT_WITHIN,
+        }
+    }
+
     pub(super) fn engage(&mut self, now: Duration) {
         self.stream = Stream::Entering;
         self.due = now;
@@ -110,19 +120,22 @@ impl Sticks {
             // A report of before the command may show POSCTL of earlier.
             Stream::Entering if by_hand && newer => self.stream = Stream::Flying,
             Stream::Entering => {}
-            Stream::Flying | Stream::Lost if !by_hand => {
+            Stream::Flying | Stream::Lost(_) if !by_hand => {
                 self.release();
                 return Due::None;
             }
-            Stream::Flying | Stream::Lost => {}
+            Stream::Flying | Stream::Lost(_) => {}
         }
         if !self.fresh(now) {
             // The last sticks are not repeated: PX4 must see the loss, and act by its own parameters.
-            let known = std::mem::replace(&mut self.stream, Stream::Lost) == Stream::Lost;
-            return if known { Due::None } else { Due::Stopped };
+            if matches!(self.stream, Stream::Lost(_)) {
+                return Due::None;
+            }
+            self.stream = Stream::Lost(now);
+            return Due::Stopped;
         }
         // Sticks that return while POSCTL is still flown need no new 2016.
-        if self.stream == Stream::Lost {
+        if matches!(self.stream, Stream::Lost(_)) {
             self.stream = Stream::Flying;
         }
         if self.due > now {
@@ -143,7 +156,7 @@ impl Sticks {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.stream {
             Stream::Entering | Stream::Flying => Some(self.due),
-            Stream::Off | Stream::Lost => None,
+            Stream::Off | Stream::Lost(_) => None,
         }
     }
 
@@ -171,6 +184,8 @@ fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
 const FRESH: Duration = Duration::from_millis(300);
 /// PX4 takes this long to accept that there are sticks: until then it refuses the mode, with a STATUSTEXT.
 pub(super) const SEEN_WITHIN: Duration = Duration::from_millis(500);
+/// PX4 has left POSCTL by then for the failsafe of lost sticks (COM_RC_LOSS_T, 0.5 s as it is delivered), and reported that.
+const LEFT_WITHIN: Duration = Duration::from_secs(3);
 /// Of MANUAL_CONTROL.
 const PERIOD: Duration = Duration::from_millis(40);
 const HALF_THROTTLE: i16 = 500;

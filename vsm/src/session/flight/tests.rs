@@ -1,12 +1,13 @@
 //! The machine without the others: commands go in, the vehicle's side is played by the test.
 
-use mavlink_link::dialect::{MavCmd, MavResult, MavType};
+use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult, MavState, MavType};
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
 use stanag_msgs::scalar::{Bam16, Scaled};
 
 use super::*;
 use crate::config::OnLoss;
+use crate::session::other::Other;
 use crate::session::testing::{World, acknowledgements, origin};
 
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
@@ -345,7 +346,7 @@ fn nothing_is_commanded_of_a_silent_vehicle() {
 
 #[test]
 fn the_loss_of_the_controller_is_flown_home_where_the_hold_is_refused_twice() {
-    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
     world.settings.authority.on_loss = OnLoss::Hold;
     world.controller = None;
     handle(&mut world, &mut flight, Input::ControllerLost);
@@ -380,6 +381,95 @@ fn who_has_taken_the_vehicle_from_a_termination_keeps_it_though_nobody_controls(
         handle(&mut world, &mut flight, Input::WatchLossAction);
         assert_eq!(flight.view().loss_action, acts, "{mode:?}");
     }
+}
+
+#[test]
+fn who_else_has_the_vehicle_keeps_it_when_nobody_controls() {
+    const MANUAL: Px4Mode = Px4Mode::new(1, 0);
+    const ALTCTL: Px4Mode = Px4Mode::new(2, 0);
+    const ACRO: Px4Mode = Px4Mode::new(5, 0);
+    const STABILIZED: Px4Mode = Px4Mode::new(7, 0);
+    for mode in [MANUAL, ALTCTL, Px4Mode::POSCTL, ACRO, STABILIZED] {
+        for on_loss in [OnLoss::Hold, OnLoss::Contingency, OnLoss::Rtl] {
+            let (mut world, mut flight) = (World::airborne(mode), Flight::default());
+            world.settings.authority.on_loss = on_loss;
+            world.controller = None;
+            handle(&mut world, &mut flight, Input::ControllerLost);
+            for _ in 0..5 {
+                handle(&mut world, &mut flight, Input::WatchLossAction);
+                handle(&mut world, &mut flight, Input::Advance);
+                world.advance(Duration::from_secs(2));
+            }
+            assert_eq!(world.commanded_modes(), [], "{mode:?}, {on_loss:?}");
+            assert!(!flight.view().loss_action);
+        }
+    }
+    // PX4's failsafe holds; the action follows when it ends.
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    world.settings.authority.on_loss = OnLoss::Rtl;
+    world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+    world.controller = None;
+    handle(&mut world, &mut flight, Input::ControllerLost);
+    world.advance(Duration::from_secs(2));
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.commanded_modes(), []);
+    world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_ACTIVE);
+    world.advance(Duration::from_secs(2));
+    handle(&mut world, &mut flight, Input::WatchLossAction);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.commanded_modes(), [Px4Mode::RTL]);
+}
+
+#[test]
+fn a_vehicle_that_a_pilot_has_taken_from_set_points_is_not_held_when_control_is_released() {
+    for taken in [false, true] {
+        let (mut world, mut flight) = steered();
+        if taken {
+            world.show_mode(Px4Mode::POSCTL);
+        }
+        world.controller = None;
+        handle(&mut world, &mut flight, Input::ControlChanged);
+        for _ in 0..3 {
+            handle(&mut world, &mut flight, Input::WatchLossAction);
+            handle(&mut world, &mut flight, Input::Advance);
+        }
+        let expected = if taken { vec![] } else { vec![Px4Mode::LOITER] };
+        assert_eq!(world.commanded_modes(), expected);
+        assert_eq!(flight.view().loss_action, !taken);
+    }
+}
+
+#[test]
+fn sticks_that_come_are_not_taken_for_a_pilots() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    command(&mut world, &mut flight, sticks());
+    command(&mut world, &mut flight, select(Mode::FlightDirector));
+    world.show_mode(Px4Mode::POSCTL);
+    handle(&mut world, &mut flight, Input::Advance);
+    let now = |world: &World| world.now.mono;
+    assert_eq!(flight.other(&world.vehicle, now(&world)), None);
+    world.advance(Duration::from_secs(1));
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(flight.other(&world.vehicle, now(&world)), None);
+    // PX4 would have left the mode by now: somebody else's sticks fly it.
+    world.advance(Duration::from_secs(3));
+    handle(&mut world, &mut flight, Input::Advance);
+    let pilot = Some(Other::Pilot(Px4Mode::POSCTL));
+    assert_eq!(flight.other(&world.vehicle, now(&world)), pilot);
+}
+
+#[test]
+fn a_vehicle_that_a_pilot_has_armed_is_not_disarmed_for_a_launch_that_was_cut_off() {
+    let mut world = World::airborne(Px4Mode::new(7, 0));
+    let mut flight = Flight::default();
+    flight.cut_off_launch();
+    let landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+    world.vehicle.telemetry.landed = Some(landed);
+    handle(&mut world, &mut flight, Input::EndCutOffLaunch);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.services.commands.poll_transmit(), None);
+    assert!(!flight.view().maneuver);
 }
 
 #[test]

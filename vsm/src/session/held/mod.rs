@@ -27,8 +27,6 @@ mod tests;
 
 use std::time::Duration;
 
-use mapping::telemetry::Telemetry;
-use mavlink_link::dialect::MavState;
 use mavlink_link::store::{Changes, Progress, Store as _, StoreError};
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, HoldCondition, HoldKind, LoiBitmap,
@@ -46,6 +44,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::flight;
 use super::mission::record::unhex;
+use super::other::Other;
 use crate::config::OnLoss;
 
 /// The machine.
@@ -749,32 +748,17 @@ fn undisturbed(context: &Context<'_>, message: &Message) -> Result<(), String> {
 /// The same without the loss action, which may begin with what is due when the CUCS is lost.
 fn flown_from_here(context: &Context<'_>, message: &Message) -> Result<(), String> {
     let telemetry = &context.vehicle.telemetry;
-    if !moves(message) || !telemetry.airborne() {
+    let armed = telemetry.armed == Some(true);
+    if !moves(message) || !(armed || telemetry.airborne()) {
         return Ok(());
     }
-    let mode = telemetry
-        .mode
-        .ok_or("the mode of the vehicle is not known")?;
-    if in_failsafe(telemetry) {
-        return Err(format!("the vehicle flies {} as its failsafe", mode.name()));
+    match Other::of(telemetry) {
+        // On the ground a failsafe means nothing yet; who has armed it by hand is about to take off.
+        Some(other @ Other::Pilot(_)) => Err(other.to_string()),
+        Some(other) if telemetry.airborne() => Err(other.to_string()),
+        None if telemetry.mode.is_none() => Err("the mode of the vehicle is not known".to_owned()),
+        _ => Ok(()),
     }
-    if !flight::is_commanded_from_here(mode) {
-        return Err(format!(
-            "the vehicle is in {}, by its pilot or a failsafe",
-            mode.name()
-        ));
-    }
-    Ok(())
-}
-
-/// Whether PX4 flies a failsafe: HEARTBEAT says so, or the mode that its operator has chosen is another than it flies.
-pub(super) fn in_failsafe(telemetry: &Telemetry) -> bool {
-    let critical = matches!(
-        telemetry.system_status,
-        Some(MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY)
-    );
-    let other = (telemetry.intended_mode).is_some_and(|mode| Some(mode) != telemetry.mode);
-    critical || other
 }
 
 /// Whether it is a launch.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mavlink_link::dialect::MavLandedState;
 use mavlink_link::store::MemoryDisk;
 use proptest::prelude::*;
 use stanag_msgs::enums::{
@@ -350,5 +351,23 @@ fn nothing_is_carried_out_before_a_power_cut_would_leave_it_so() {
         scene.world.disk = disk(100);
         scene.play(&Step::Pass(1));
         assert_eq!(count(&scene), carried_out, "after {ms} ms");
+    }
+}
+
+#[test]
+fn what_a_pilot_has_armed_on_the_ground_is_theirs() {
+    for (mode, carried_out) in [(Px4Mode::new(7, 0), 0), (Px4Mode::LOITER, 1)] {
+        let mut scene = Scene::new();
+        scene.world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+        scene.world.show_mode(mode);
+        scene.play(&Step::Give {
+            number: 1,
+            after_s: Some(2),
+            valid_s: 10,
+            contingency: false,
+        });
+        scene.play(&Step::Pass(2_100));
+        let given = scene.given.values().next().expect("given");
+        assert_eq!(given.carried_out, carried_out, "{mode:?}");
     }
 }

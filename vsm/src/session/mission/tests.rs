@@ -507,3 +507,25 @@ fn a_comparison_of_the_fence_that_a_silent_vehicle_delays_wakes_nobody() {
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
 }
+
+/// What they find is announced with a hold, and nothing else is commanded while a flight termination holds.
+#[test]
+fn the_watches_of_a_mission_judge_nothing_while_a_flight_termination_holds() {
+    for holds in [false, true] {
+        let (mut world, mut mission) = ready();
+        flying_to_a_landing(&mut world, &mut mission);
+        world.vehicle.telemetry.landed =
+            Some(mavlink_link::dialect::MavLandedState::MAV_LANDED_STATE_IN_AIR);
+        world.termination.holds = holds;
+        let uploaded = mission.uploaded().expect("aboard");
+        let judged = world.act(|common, views, _| {
+            let context = Context {
+                common,
+                flight: views.flight,
+                parameters: views.parameters,
+            };
+            watchdog::flown(&context, uploaded).is_some()
+        });
+        assert_eq!(judged, !holds);
+    }
+}

@@ -248,7 +248,10 @@ pub(super) fn flown(context: &Context<'_>, uploaded: &UploadedMission) -> Option
     let telemetry = &context.vehicle.telemetry;
     let mission = telemetry.mission?;
     // A watch that ends in a hold judges no report of before the last command: a pilot may have the vehicle since.
-    let flown = context.vehicle.settled_mode() == Some(Px4Mode::MISSION) && telemetry.airborne();
+    // Nor while a flight termination holds: nothing else is commanded then, whatever would be announced.
+    let flown = context.vehicle.settled_mode() == Some(Px4Mode::MISSION)
+        && telemetry.airborne()
+        && !context.termination.holds;
     let over = mission.state == MissionState::MISSION_STATE_COMPLETE;
     // The items of another station's plan are unknown here; an id of 0 names no plan.
     let foreign = !uploaded.is_aboard(mission.mission_id);

@@ -1,0 +1,82 @@
+//! Who else has the vehicle: a pilot, or PX4's own failsafe.
+//!
+//! An operator who commands a mode sees what the vehicle does and may take it from either. What this VSM commands by itself,
+//! or was given earlier, may not: a safety pilot who has taken the vehicle must not lose it to a mode that nobody commands at
+//! that moment, and PX4 knows more of a fault than is reported. So the loss action, the hold of a vehicle that was steered, a
+//! command that was held or has waited for its route, and the end of a launch that was cut off ask here first.
+//!
+//! PX4 does not report who chose a mode. A mode that nothing enters from here has been chosen by somebody else: a pilot with
+//! a switch or sticks, another ground station, a failsafe. A pilot who chooses hold or the mission by a switch is not seen.
+
+use std::fmt;
+
+use mapping::mode::Px4Mode;
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::MavState;
+
+/// Who has the vehicle, and the mode that it is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Other {
+    /// PX4 flies a failsafe.
+    Failsafe(Px4Mode),
+    /// It returns or lands: by a command, or by whoever has it.
+    Ending(Px4Mode),
+    /// A pilot or another station: nothing enters this mode from here.
+    Pilot(Px4Mode),
+}
+
+impl Other {
+    /// As the vehicle showed it last; nothing where its mode is not known.
+    pub(crate) fn of(telemetry: &Telemetry) -> Option<Other> {
+        let mode = telemetry.mode?;
+        if in_failsafe(telemetry) {
+            Some(Other::Failsafe(mode))
+        } else if [Px4Mode::LAND, Px4Mode::RTL].contains(&mode) {
+            Some(Other::Ending(mode))
+        } else {
+            (!is_commanded_from_here(mode)).then_some(Other::Pilot(mode))
+        }
+    }
+}
+
+impl fmt::Display for Other {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Other::Failsafe(mode) => {
+                write!(out, "the vehicle flies {} as its failsafe", mode.name())
+            }
+            Other::Ending(mode) | Other::Pilot(mode) => {
+                write!(
+                    out,
+                    "the vehicle is in {}, by its pilot or a failsafe",
+                    mode.name()
+                )
+            }
+        }
+    }
+}
+
+/// Whether a vehicle in this mode was commanded there through a VSM, as far as the mode shows it: in any other a pilot or a
+/// failsafe has it.
+fn is_commanded_from_here(mode: Px4Mode) -> bool {
+    [
+        Px4Mode::LOITER,
+        Px4Mode::ORBIT,
+        Px4Mode::MISSION,
+        Px4Mode::TAKEOFF,
+        Px4Mode::VTOL_TAKEOFF,
+        Px4Mode::COURSE,
+        Px4Mode::OFFBOARD,
+    ]
+    .contains(&mode)
+}
+
+/// Whether PX4 flies a failsafe: HEARTBEAT says so, or the mode that its operator has chosen is another than it flies.
+fn in_failsafe(telemetry: &Telemetry) -> bool {
+    let critical = matches!(
+        telemetry.system_status,
+        Some(MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY)
+    );
+    let other = (telemetry.intended_mode).is_some_and(|mode| Some(mode) != telemetry.mode);
+    critical || other
+}
