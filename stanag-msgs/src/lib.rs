@@ -16,8 +16,9 @@
 //! | [`disputed`], [`profile`] | what sources disagree about, and a peer's reading of it |
 //! | `guard` (a feature) | the trailer that authenticates a datagram between two guards |
 //! | [`json`], [`pcapng`] | messages as JSON; datagrams as a capture file |
+//! | [`klv`] | the metadata of a video, MISB ST 0601 |
 //!
-//! Everything is a pure function of bytes: no clock, no I/O, and no allocation in the codec.
+//! Everything is a pure function of bytes: no clock, no I/O, and no allocation in the codec of the DLI.
 
 #![forbid(unsafe_code)]
 
@@ -32,6 +33,7 @@ pub mod guard;
 pub mod id;
 #[cfg(feature = "json")]
 pub mod json;
+pub mod klv;
 pub mod packer;
 #[cfg(feature = "pcapng")]
 pub mod pcapng;

@@ -3,6 +3,7 @@
 //! - [`airside`]: the agent beside PX4, sans-I/O too.
 //! - [`config`]: the configuration file.
 //! - [`key_exchange`]: agrees about signing keys with the air-side agent, sans-I/O too.
+//! - `klv`: a vehicle's state as the metadata of a video; a ground station of its own, beside the bridge.
 //! - [`program`]: the command line.
 //! - [`relay_policy`]: what may be passed on to PX4.
 //! - [`session`]: sans-I/O machines that know time.
@@ -13,6 +14,8 @@
 pub mod airside;
 pub mod config;
 pub mod key_exchange;
+#[cfg(feature = "klv")]
+pub mod klv;
 pub mod program;
 pub mod relay_policy;
 pub mod session;

@@ -37,6 +37,8 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
             "--bin",
             "vsm",
             "--no-default-features",
+            "--features",
+            "klv",
             "--locked",
         ]))?;
     }

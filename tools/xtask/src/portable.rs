@@ -28,7 +28,10 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
     );
     // The flight binary apart from the tools: built with them the simulator would be linked into it.
     for (package, more) in [
-        ("vsm", &["--no-default-features"] as &[&str]),
+        (
+            "vsm",
+            &["--no-default-features", "--features", "klv"] as &[&str],
+        ),
         ("cucs", &[]),
         ("px4-sim", &[]),
         ("curve-plan", &[]),

@@ -33,7 +33,12 @@ fn metadata() -> Result<Value> {
     // What is for other systems is not linked.
     let platform = format!("{}-unknown-linux-gnu", std::env::consts::ARCH);
     let output = cargo(["metadata", "--format-version", "1", "--locked"])
-        .args(["--no-default-features", "--manifest-path"])
+        .args([
+            "--no-default-features",
+            "--features",
+            "klv",
+            "--manifest-path",
+        ])
         .arg(manifest)
         .args(["--filter-platform", &platform])
         .output()

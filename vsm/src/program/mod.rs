@@ -13,6 +13,8 @@ mod doctor;
 mod files;
 mod init;
 mod key;
+#[cfg(feature = "klv")]
+mod klv;
 mod pair;
 mod process;
 mod reload;
@@ -87,6 +89,9 @@ enum Command {
     },
     /// List, read, write and remove files of a vehicle, over the link that the running bridge holds
     Files(files::Files),
+    /// Send a vehicle's state as video metadata (MISB ST 0601 KLV), alone or in an MPEG transport stream with a video
+    #[cfg(feature = "klv")]
+    Klv(klv::Klv),
     /// Let a running bridge read its configuration again, and show what of it is applied
     Reload {
         #[command(flatten)]
@@ -131,6 +136,10 @@ enum Command {
 impl Command {
     /// Whether keys come into this process's memory.
     fn reads_keys(&self) -> bool {
+        #[cfg(feature = "klv")]
+        if matches!(self, Command::Klv(_)) {
+            return false;
+        }
         !matches!(
             self,
             Command::Status { .. }
@@ -171,6 +180,8 @@ pub fn main() -> ExitCode {
         } => check_vehicle::run(config.path(), json, wait_s),
         Command::Status { config, json } => status::show(config.path(), json),
         Command::Files(arguments) => files::run(&arguments),
+        #[cfg(feature = "klv")]
+        Command::Klv(arguments) => klv::run(arguments),
         Command::Doctor { config, json } => doctor::run(config.path(), json),
         Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),

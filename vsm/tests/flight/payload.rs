@@ -7,11 +7,13 @@ use stanag_msgs::enums::{
     AckType, AltitudeType, EoirPointingMode as Pointing, EoirSystemMode as System, ImageOutput,
     LoiBitmap, RequestedAccess, SetFocus, SetZoom, StationBitmap1To16,
 };
+use stanag_msgs::klv::LocalSet;
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, EoIrLaserOperatingState, EoIrLaserPayloadCommand,
     GenericInformationRequestMessage, PayloadSteeringCommand, PositiveHandoverAuthorisationRequest,
 };
 use stanag_msgs::{Bam16, Bam32, Message, Scaled};
+use vsm::klv::view::View;
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
 const REFUSED: Option<AckType> = Some(AckType::Refused);
@@ -228,6 +230,7 @@ fn an_operator_points_zooms_and_records_while_another_flies() {
         (north - true_n).hypot(east - true_e) < 4.0,
         "{north} {east}, {true_n} {true_e}"
     );
+    metadata_shows(&rig, &seen);
 
     // Zoom in, stop, and to a field of view.
     let zoom = |zoom| PayloadSteeringCommand {
@@ -281,6 +284,44 @@ fn an_operator_points_zooms_and_records_while_another_flies() {
     assert_eq!(order(&mut rig, OPERATOR, system(1, RECORDING)), REFUSED);
     assert!(rig.stations[OPERATOR].has_alert("2 MiB left"));
     assert!(rig.truth().armed, "the flight goes on");
+}
+
+/// What `vsm klv` makes of the messages that the operator has received: the same, of the time of the last 4000.
+fn metadata_shows(rig: &Rig, seen: &EoIrLaserOperatingState) {
+    let mut view = View::new(1, None);
+    let received = rig.stations[OPERATOR].received.iter();
+    let made = received.filter_map(|(_, _, message)| Some((message, view.take(message)?)));
+    let (message, set) = made.last().expect("a 4000");
+    let Message::InertialStates(states) = message else {
+        panic!("{message:?}");
+    };
+    let (set, _) = LocalSet::decode(&set.encode().expect("in range")).expect("a set");
+    let valid = states.time_stamp.expect("a stamp").unix_ms() * 1_000;
+    assert_eq!(set.time_us, valid, "when the position was valid");
+    let truth = rig.truth();
+    let near = |name: &str, value: Option<f64>, expected: f64, within: f64| {
+        let value = value.expect(name);
+        assert!((value - expected).abs() < within, "{name} {value}");
+    };
+    let at = truth.believed;
+    near("latitude", set.sensor_latitude_deg, at.latitude_deg, 2e-5);
+    near(
+        "longitude",
+        set.sensor_longitude_deg,
+        at.longitude_deg,
+        2e-5,
+    );
+    let heading = truth.attitude[2].to_degrees().rem_euclid(360.0);
+    near("heading", set.platform_heading_deg, heading, 1.0);
+    near("azimuth", set.sensor_relative_azimuth_deg, 90.0, 3.5);
+    near("elevation", set.sensor_relative_elevation_deg, -30.0, 3.5);
+    near("range", set.slant_range_m, 60.0, 5.0);
+    let centre = seen.latitude_of_image_centre.expect("a place").degrees();
+    near("centre", set.frame_center_latitude_deg, centre, 1e-4);
+    // Both heights are above the ellipsoid: the ground is as far below as the vehicle has climbed.
+    let height = set.frame_center_ellipsoid_height_m.expect("a height") + 30.0;
+    near("height", set.sensor_ellipsoid_height_m, height, 2.0);
+    assert_eq!(set.sensor_true_altitude_m, None, "of one datum");
 }
 
 #[test]

@@ -353,6 +353,7 @@ fn with_two_vehicles_a_command_names_the_option_that_selects_one() {
 const ELSEWHERE: &[(&str, &str)] = &[
     ("doctor", "vsm/tests/program/doctor.rs"),
     ("zeroize", "vsm/tests/program/zeroize.rs"),
+    ("klv", "tests/end-to-end/tests/programs/interop/klv.rs"),
     // A flight of a minute.
     ("demo", "tests/end-to-end/tests/programs/documents/pages.rs"),
     // They change a vehicle's key, and find the agent.

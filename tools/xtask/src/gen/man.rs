@@ -194,6 +194,8 @@ const EXAMPLES: &[&str] = &[
     "vsm files put motors.txt /fs/microsd/etc/",
     "vsm files rm /fs/microsd/old.txt",
     "vsm files mkdir /fs/microsd/etc",
+    "vsm klv --udp 239.45.86.2:5004",
+    "vsm klv --udp 239.45.86.2:5004 --video camera.h264 --fps 25",
     "vsm check-vehicle",
     "vsm airside airside.toml",
     "vsm airside pair --config airside.toml",
