@@ -6,7 +6,9 @@ use super::payload::{FtpError, Opcode};
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Lie {
     /// Data beyond the end of the file.
-    #[error("sends {length} bytes at {offset} of a file that it announced with {size} bytes")]
+    #[error(
+        "sends {length} bytes at {offset} of a file that it announced with {size} bytes (a log that is still written grows: read it once it is closed)"
+    )]
     BeyondEnd {
         /// Where they begin.
         offset: u32,

@@ -8,13 +8,15 @@
 //! the peer announces is held against it, and an answer that contradicts it ends the operation with a [`Lie`] that names
 //! both.
 //!
-//! [`payload`]: the bytes; [`path`](FilePath): what may be asked for; `listing`: what a directory holds; `client`: the
-//! operations; `read` and `write`: the two that take more than one answer; `pending`: a request that is repeated.
+//! [`payload`]: the bytes; [`path`](FilePath): what may be asked for; `listing`: what a directory holds; `operation`: what is requested; `client`: does it; `answers`:
+//! what follows from each answer; `read` and `write`: the two that take more than one answer; `pending`: a request that is repeated.
 
+mod answers;
 mod checksum;
 mod client;
 mod failure;
 mod listing;
+mod operation;
 mod path;
 pub mod payload;
 mod pending;
@@ -22,9 +24,10 @@ mod read;
 mod write;
 
 pub use checksum::crc32;
-pub use client::{Client, Done, Event, Operation, Resume, StartError};
+pub use client::Client;
 pub use failure::{Failure, Lie};
 pub use listing::{Entry, Kind};
+pub use operation::{Done, Event, Operation, Resume, StartError};
 pub use path::{FilePath, PathError};
 pub use pending::Timing;
 pub use read::{MAX_HELD, MAX_UNREAD};
