@@ -640,13 +640,19 @@ fn in_use(context: &Context<'_>, station: usize, message: u16) -> Result<(), Str
 
 fn known_report(message: u16) -> Result<(), String> {
     if REPORTS.contains(&message) || DETAILS.contains(&message) {
-        Ok(())
-    } else {
-        Err(format!(
-            "message {} is not a report of this VSM",
-            table::named(message)
-        ))
+        return Ok(());
     }
+    let named = table::named(message);
+    // 17003, 32301: their layout is known but for the one field that matters.
+    let fields = table::message(message).map_or(&[][..], |info| info.fields);
+    let unsized_field = fields.iter().find(|field| field.wire.bytes().is_none());
+    Err(match unsized_field {
+        Some(field) => format!(
+            "message {named} is not sent: no source establishes the length of its field {}",
+            field.name
+        ),
+        None => format!("message {named} is not a report of this VSM"),
+    })
 }
 
 /// Subsystem ID of what the autopilot reports of itself: VSM specific.

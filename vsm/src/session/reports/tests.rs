@@ -123,6 +123,7 @@ fn a_schedule_of_what_is_no_report_or_of_too_many_a_second_is_refused() {
         (4000, 0, true),
         (4000, MAX_HERTZ + 1, false),
         (13000, 1, false),
+        (32301, 1, false),
     ] {
         let command = ScheduleMessageUpdateCommand {
             requested_message_type: Some(message),
@@ -135,6 +136,9 @@ fn a_schedule_of_what_is_no_report_or_of_too_many_a_second_is_refused() {
         };
         let answer = handle(&mut world, &mut reports, input);
         assert_eq!(answer.is_ok(), accepted, "{message} at {hertz} Hz");
+        // Which streams there are would be a report, if its layout were known.
+        let named = answer.is_err_and(|why| why.contains("Uniform Resource Identifier"));
+        assert_eq!(named, message == 32301);
     }
 }
 
