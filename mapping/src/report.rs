@@ -294,6 +294,33 @@ pub fn waypoint_states(
     states
 }
 
+/// 4001 of a vehicle that loiters where it was commanded to: that place as To, 65535 since it is none of the uploader's.
+#[must_use]
+pub fn loiter_place_states(
+    vehicle: &Telemetry,
+    commanded: &Commanded,
+    stamp: TimeStamp,
+) -> Option<FromToNextWaypointStates> {
+    let (latitude, longitude) = commanded.loiter_position?;
+    let (altitude_type, offset_m) = reference(vehicle);
+    let altitude_amsl_m = commanded.altitude_amsl_m;
+    Some(FromToNextWaypointStates {
+        time_stamp: Some(stamp),
+        altitude_type: Some(altitude_type),
+        from_waypoint_number: Some(0),
+        to_waypoint_latitude: Some(Bam32::from_degrees(latitude)),
+        to_waypoint_longitude: Some(Bam32::from_degrees(longitude)),
+        to_waypoint_altitude: altitude_amsl_m
+            .and_then(|amsl_m| Scaled::from_si(amsl_m + offset_m).ok()),
+        to_waypoint_number: Some(NO_NUMBER),
+        next_waypoint_number: Some(0),
+        ..FromToNextWaypointStates::default()
+    })
+}
+
+/// 4001.14: valid, and no waypoint of the uploader's.
+const NO_NUMBER: u16 = 65_535;
+
 /// The altitude type of reports, and what to add to an altitude above mean sea level for it.
 pub(crate) fn reference(vehicle: &Telemetry) -> (AltitudeType, f64) {
     match vehicle.geoid_m {

@@ -215,6 +215,7 @@ class Aircraft:
             self.north = self.east = self.up = 0.0
             return
         self.battery = max(0.0, self.battery - 100 * dt / ENDURANCE_S)
+        before = self.heading
         if self.terminated:
             north, east, up = self.north * 0.9, self.east * 0.9, -12.0
         else:
@@ -222,7 +223,7 @@ class Aircraft:
         self._accelerate(north, east, up, dt)
         self.place = moved(self.place, self.north * dt, self.east * dt)
         self.altitude += self.up * dt
-        self._turn(dt)
+        self._turn(dt, before)
         if self.altitude <= self.ground and self.mode not in (LAUNCH, CLIMB_AWAY):
             self._touch_down()
 
@@ -354,8 +355,8 @@ class Aircraft:
         self.east += de * share
         self.up += clamp(up - self.up, -3 * dt, 3 * dt)
 
-    def _turn(self, dt):
-        before = self.heading
+    def _turn(self, dt, before):
+        """`before` is the heading at the beginning of the step: steering has turned it already."""
         if self.mode not in (STEER, MANUAL) and math.hypot(self.north, self.east) > 0.5:
             self.heading = math.atan2(self.east, self.north)
         self.turn_rate = wrap_angle(self.heading - before) / dt if dt else 0.0

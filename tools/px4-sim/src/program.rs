@@ -15,6 +15,8 @@ use crate::{
 /// Simulate a PX4 v1.18 vehicle on UDP: missions, signing and the real one's pitfalls.
 ///
 /// Example: px4-sim --link udpout:127.0.0.1:14550 --speed 10
+///
+/// SIGUSR1 makes it report a battery at 10 %, SIGUSR2 the simulated charge again.
 #[derive(Debug, Parser)]
 #[command(name = "px4-sim", version)]
 struct Arguments {
@@ -136,12 +138,19 @@ pub fn main() -> ExitCode {
 }
 
 async fn serve(config: SimulatorConfig) -> ExitCode {
-    let (mut terminate, mut interrupt) = match (
-        signal(SignalKind::terminate()),
-        signal(SignalKind::interrupt()),
-    ) {
-        (Ok(terminate), Ok(interrupt)) => (terminate, interrupt),
-        (Err(error), _) | (_, Err(error)) => return fail(1, &error),
+    let signals = || -> std::io::Result<_> {
+        let kinds = [
+            SignalKind::terminate(),
+            SignalKind::interrupt(),
+            SignalKind::user_defined1(),
+            SignalKind::user_defined2(),
+        ];
+        let [terminate, interrupt, empty, charged] = kinds.map(signal);
+        Ok((terminate?, interrupt?, empty?, charged?))
+    };
+    let (mut terminate, mut interrupt, mut empty, mut charged) = match signals() {
+        Ok(signals) => signals,
+        Err(error) => return fail(1, &error),
     };
     let about = format!(
         "px4-sim ready: system {}, {}, {}, {}x",
@@ -165,9 +174,13 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
         Err(error) => return fail(1, &error),
     };
     report(&about);
-    tokio::select! {
-        _ = terminate.recv() => {}
-        _ = interrupt.recv() => {}
+    loop {
+        tokio::select! {
+            _ = terminate.recv() => break,
+            _ = interrupt.recv() => break,
+            _ = empty.recv() => simulator.empty_battery(true),
+            _ = charged.recv() => simulator.empty_battery(false),
+        }
     }
     simulator.stop().await;
     ExitCode::SUCCESS

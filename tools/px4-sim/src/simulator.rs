@@ -20,7 +20,7 @@ use crate::key_files::{read_px4_key, write_px4_key};
 use crate::link::autopilot::{Autopilot, LinkCounters};
 use crate::link::signing::Signing;
 use crate::link_address::LinkAddress;
-use crate::vehicle::state::{Truth, VehicleCounters};
+use crate::vehicle::state::{HealthFaults, Truth, VehicleCounters};
 
 /// What to simulate, and on which links.
 #[derive(Debug)]
@@ -103,7 +103,12 @@ pub struct Simulator {
 struct Orders {
     stop: AtomicBool,
     restarts: AtomicU32,
+    /// Reported with the battery nearly empty, whatever the simulated charge.
+    empty_battery: AtomicBool,
 }
+
+/// Below PX4's BAT_LOW_THR (15 %), above BAT_CRIT_THR (7 %).
+const EMPTY_BATTERY_PERCENT: u8 = 10;
 
 #[derive(Debug)]
 struct Shared {
@@ -203,6 +208,11 @@ impl Simulator {
         self.orders.restarts.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// Reports a battery at 10 %, or the simulated charge again: for tests of what a ground station makes of it.
+    pub fn empty_battery(&self, empty: bool) {
+        self.orders.empty_battery.store(empty, Ordering::Relaxed);
+    }
+
     /// Stops and waits until the sockets are closed.
     pub async fn stop(mut self) {
         self.orders.stop.store(true, Ordering::Relaxed);
@@ -250,6 +260,7 @@ impl Simulation {
         beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
         let mut last = Instant::now();
         let mut restarts = 0;
+        let mut empty_battery = false;
         let mut buffer = vec![0; 65_536];
         loop {
             tokio::select! {
@@ -262,6 +273,14 @@ impl Simulation {
                         restarts = requested;
                         self.autopilot.restart();
                         self.next_sample = Duration::ZERO;
+                    }
+                    let empty = orders.empty_battery.load(Ordering::Relaxed);
+                    if empty != empty_battery {
+                        empty_battery = empty;
+                        self.autopilot.vehicle_mut().set_health_faults(HealthFaults {
+                            battery: empty.then_some(EMPTY_BATTERY_PERCENT),
+                            ..HealthFaults::default()
+                        });
                     }
                     let elapsed = last.elapsed().min(CATCH_UP);
                     last = Instant::now();

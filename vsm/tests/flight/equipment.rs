@@ -283,6 +283,20 @@ fn a_station_may_ask_for_the_link_and_is_given_no_control_of_it() {
         "{:?}",
         rig.station().alerts()
     );
+    // To everybody it is the question which links there are.
+    rig.stations[0].latest.remove(&(vehicle_id(0), 28_001));
+    let request = DataLinkControlRequest {
+        control_assignment_request: Some(0),
+        ..DataLinkControlRequest::default()
+    };
+    let now = rig.station_now();
+    rig.stations[0].send_once(now, Id::BROADCAST, request.into());
+    rig.run(0.2);
+    let found = rig.station().latest.get(&(vehicle_id(0), 28_001));
+    assert!(
+        matches!(found, Some(Message::DataLinkConfigurationAssignmentMessage(link)) if link.access_requested.is_none()),
+        "{found:?}"
+    );
 }
 
 #[test]

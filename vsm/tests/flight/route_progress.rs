@@ -4,7 +4,7 @@
 use kit::bridge::{Rig, orders, vehicle_id};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LimitType, WaypointType};
 use stanag_msgs::messages::{UaPositionWaypoint, VehicleOperatingModeCommand};
-use stanag_msgs::{Message, Text};
+use stanag_msgs::{Bam32, Message, Text};
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
 
@@ -337,5 +337,40 @@ fn mode_2_is_entered_without_a_complaint_of_the_vehicle() {
         !rig.station().has_alert("not available"),
         "{:?}",
         rig.station().alerts()
+    );
+}
+
+#[test]
+fn a_commanded_loiter_place_is_no_waypoint_of_the_route() {
+    let mut rig = ready(orders::square());
+    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    is_along(&mut rig, 60.0, [101, 102, 103]);
+    let (latitude, longitude) = orders::place(-40.0, -40.0);
+    let there = VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        ..orders::mode(Mode::Loiter)
+    };
+    assert_eq!(rig.carry_out(there), DONE);
+    is_along(&mut rig, 10.0, [0, 65_535, 0]);
+    let place = rig
+        .station()
+        .last(vehicle_id(0), 4001, |message| match message {
+            Message::FromToNextWaypointStates(s) => {
+                s.to_waypoint_latitude.zip(s.to_waypoint_longitude)
+            }
+            _ => None,
+        });
+    let sent = (
+        Bam32::from_degrees(latitude),
+        Bam32::from_degrees(longitude),
+    );
+    assert_eq!(place, Some(sent));
+    // On the route again it is one of its waypoints.
+    assert_eq!(rig.carry_out(go_to(103)), DONE);
+    assert!(
+        rig.until(10.0, |rig| along(rig)[1] == 103),
+        "{:?}",
+        along(&rig)
     );
 }

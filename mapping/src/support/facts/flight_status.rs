@@ -129,7 +129,7 @@ facts! {
         "To Waypoint Altitude": "the route aboard";
         "To Waypoint Speed": "where the route gives one";
         "To Waypoint Time": "distance over present ground speed (VFR_HUD)";
-        "To Waypoint Number": "MISSION_CURRENT; 0: none";
+        "To Waypoint Number": "MISSION_CURRENT; 65535: the commanded loiter place; 0: none";
         "Next Waypoint - Latitude": "the route aboard";
         "Next Waypoint - Longitude": "the route aboard";
         "Next Waypoint Altitude": "the route aboard";

@@ -5,7 +5,7 @@ use crate::support::row::{NULL_LINK, RECEIVED_STAMP, STAMP, facts};
 facts! {
     28000 taken "answered by 28001, unless dli.provisional is off; needs LOI 2" {
         "Time Stamp": RECEIVED_STAMP;
-        "Control Assignment Request": "1 asks which link there is; others are refused: it is the vehicle's only one, and no station controls it";
+        "Control Assignment Request": "1, or any value to the broadcast id, asks which link there is; others are refused: it is the vehicle's only one, and no station controls it";
     }
     28001 sends "in answer to 28000, by 17001, on 17002" {
         "Time Stamp": STAMP;

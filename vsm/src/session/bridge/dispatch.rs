@@ -4,7 +4,10 @@ use mapping::support;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AckType, LoiBitmap};
-use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, DataLinkConfigurationAssignmentMessage,
+    GenericInformationRequestMessage,
+};
 use stanag_msgs::{Id, Message, table};
 
 use super::{Bridge, destination_as_source};
@@ -77,6 +80,20 @@ impl Bridge {
                 let station = origin.station;
                 inform(aircraft, &mut dli, origin, destination, cucs, || {
                     reports::Input::ReportOnce { station, request }
+                });
+            }
+            // To everybody it asks which links there are, whatever its assignment says: nobody is given one by it.
+            Message::DataLinkControlRequest(_) if to_all => {
+                let station = origin.station;
+                let links = GenericInformationRequestMessage {
+                    message_type: Some(DataLinkConfigurationAssignmentMessage::ID),
+                    ..GenericInformationRequestMessage::default()
+                };
+                inform(aircraft, &mut dli, origin, destination, cucs, || {
+                    reports::Input::ReportOnce {
+                        station,
+                        request: &links,
+                    }
                 });
             }
             // No right is checked: configuration comes before a grant.

@@ -347,6 +347,10 @@ impl Steering {
 
     /// 4001: true where a preference ends because a waypoint was reached.
     pub(super) fn flies_to(&mut self, number: Option<u16>) -> bool {
+        // A commanded loiter place is no waypoint that was reached.
+        if number == Some(65_535) {
+            return false;
+        }
         let reached = self.to.is_some() && number.is_some() && number != self.to;
         self.to = number;
         reached && self.shown == Some(WAYPOINT) && self.fall_back()

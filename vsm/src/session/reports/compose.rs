@@ -5,6 +5,7 @@
 
 use mapping::data_link::DataLink;
 use mapping::equipment_reports as equipment;
+use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::payload::report::{self as payload, Station};
 use mapping::{report, status};
@@ -85,6 +86,13 @@ pub(super) fn one(sources: &Sources<'_>, message: u16, stamp: TimeStamp) -> Opti
         // What a silent vehicle reported last is no state of now: it is not repeated.
         4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
         4001 if live => {
+            // Only once it has left the route, for AUTO.LOITER or an orbit: until then it flies to a waypoint still.
+            if vehicle.mode != Some(Px4Mode::MISSION)
+                && let Some(states) =
+                    report::loiter_place_states(vehicle, &sources.flight.commanded, stamp)
+            {
+                return Some(states.into());
+            }
             let along = compiled.map(|compiled| sources.mission.progress.along(compiled, vehicle));
             let along = along.unwrap_or_default();
             Some(report::waypoint_states(vehicle, compiled, along, stamp).into())
