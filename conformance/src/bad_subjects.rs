@@ -145,6 +145,7 @@ fn judge_in(
         options: &options,
         show: &mut |_| {},
         remarks: Vec::new(),
+        cast: std::collections::BTreeSet::new(),
     };
     let rules = run.rules();
     Outcome {

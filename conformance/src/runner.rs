@@ -22,6 +22,30 @@ use crate::rules;
 use crate::verdict::{Judged, Judgement, Stop, Verdict};
 use crate::wire::{Direction, Draft, Seen, dialect};
 
+/// The rule that waits longest, and rules that need no control and play one id: they run beside it.
+const PATIENT: &str = "AUTH-004";
+const COMPANIONS: &[&str] = &[
+    "ACK-005", "CONF-001", "CONF-002", "CONF-003", "CONF-006", "CONF-007", "PV-005", "STAT-001",
+    "STAT-003", "STAT-004", "STAT-006", "STAT-009", "STAT-016", "WRAP-003", "WRAP-004", "WRAP-007",
+    "WRAP-008",
+];
+
+/// A rule that is played beside others.
+struct Beside {
+    rule: String,
+    /// The ids that are left for the others.
+    others: BTreeSet<stanag_msgs::Id>,
+    thread: std::thread::JoinHandle<Waited>,
+}
+
+/// What became of it.
+struct Waited {
+    passed: bool,
+    datagrams: (usize, usize),
+    evidence: Vec<serde_json::Value>,
+    duration_s: f64,
+}
+
 /// What is run.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -60,6 +84,8 @@ pub struct Run<'a> {
     pub show: &'a mut dyn FnMut(&RuleReport),
     /// What the run as a whole has to say.
     pub remarks: Vec<String>,
+    /// The ids that scenes play while another is played beside them; all where empty.
+    pub cast: BTreeSet<stanag_msgs::Id>,
 }
 
 impl Run<'_> {
@@ -245,7 +271,29 @@ impl Run<'_> {
         let mut dead: Option<String> = None;
         let mut reports = Vec::new();
         let mut flying = false;
+        // What only waits does so beside rules that do not touch it; these come first then.
+        let mut beside = self.begin_beside(&order);
+        if beside.is_some() {
+            order.sort_by_key(|(rule, _)| !COMPANIONS.contains(&rule.id.as_str()));
+        }
         for (rule, scene) in order {
+            if beside
+                .as_ref()
+                .is_some_and(|one| one.rule == rule.id || !COMPANIONS.contains(&rule.id.as_str()))
+                && let Some(report) = beside.take().and_then(|one| self.end_beside(one))
+            {
+                (self.show)(&report);
+                reports.push(report);
+            }
+            self.cast = beside
+                .as_ref()
+                .map_or_else(BTreeSet::new, |one| one.others.clone());
+            if reports
+                .iter()
+                .any(|report: &RuleReport| report.id == rule.id)
+            {
+                continue;
+            }
             let mut report = RuleReport::new(rule, &self.bench.profile.subject.edition);
             if let Some(judgement) = self.barred(rule) {
                 (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
@@ -285,10 +333,74 @@ impl Run<'_> {
             (self.show)(&report);
             reports.push(report);
         }
+        if let Some(report) = beside.take().and_then(|one| self.end_beside(one)) {
+            (self.show)(&report);
+            reports.push(report);
+        }
+        self.cast.clear();
         if flying {
             self.land();
         }
         reports
+    }
+
+    /// Begins the rule that waits longest in a thread of its own, with two ids that nothing else plays meanwhile. Not where no third
+    /// id is left for the rules beside it, nor where few rules are run.
+    fn begin_beside(&self, order: &[(&Rule, &rules::Scene)]) -> Option<Beside> {
+        let (rule, scene) = order.iter().find(|(rule, _)| rule.id == PATIENT)?;
+        let companions = order
+            .iter()
+            .filter(|(rule, _)| COMPANIONS.contains(&rule.id.as_str()));
+        let all: Vec<stanag_msgs::Id> = self
+            .bench
+            .survey
+            .get()?
+            .with(loi::LOI4)
+            .iter()
+            .map(|cucs| cucs.id)
+            .collect();
+        if self.bench.net.dialect().is_some()
+            || self.barred(rule).is_some()
+            || all.len() < 3
+            || companions.count() < COMPANIONS.len() / 2
+        {
+            return None;
+        }
+        // The last two: the first is the one by which the run asks whether the subject lives.
+        let (others, cast) = all.split_at(all.len() - 2);
+        let cast: BTreeSet<stanag_msgs::Id> = cast.iter().copied().collect();
+        let (bench, play) = (self.bench.clone(), scene.play);
+        let (id, others) = (rule.id.clone(), others.iter().copied().collect());
+        let thread = std::thread::spawn(move || {
+            let began = bench.net.now();
+            let trial = Trial::with_cast(&bench, cast);
+            let judgement = trial.judge(|| play(&trial));
+            let end = bench.net.mark();
+            let cleaned = trial.clean_up().is_ok();
+            Waited {
+                passed: judgement.verdict == Verdict::Pass && cleaned,
+                datagrams: (trial.mark, end),
+                evidence: evidence(&bench, &trial, end, true),
+                duration_s: (bench.net.now() - began).as_secs_f64(),
+            }
+        });
+        Some(Beside {
+            rule: id,
+            others,
+            thread,
+        })
+    }
+
+    /// The report of a rule that was played beside others, where it passed. Anything else is for it alone to show.
+    fn end_beside(&self, beside: Beside) -> Option<RuleReport> {
+        let waited = beside.thread.join().ok().filter(|waited| waited.passed)?;
+        let rule = self.catalogue.find(&beside.rule)?;
+        let mut report = RuleReport::new(rule, &self.bench.profile.subject.edition);
+        (report.verdict, report.duration_s) = (Verdict::Pass, waited.duration_s);
+        report.attempts.push(Verdict::Pass);
+        report.evidence = waited.evidence;
+        report.datagrams = Some(waited.datagrams);
+        Some(report)
     }
 
     /// Whether another CUCS has come to hold LOI 4: the run must not continue beside it.
@@ -406,7 +518,7 @@ impl Run<'_> {
     }
 
     fn attempt(&self, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
-        let trial = Trial::new(&self.bench);
+        let trial = Trial::with_cast(&self.bench, self.cast.clone());
         let _ = (self.bench.net.take_missing(), dialect::take_unplaced());
         let mut judgement = trial.judge(|| (scene.play)(&trial));
         let (missing, unplaced) = (self.bench.net.take_missing(), dialect::take_unplaced());
@@ -429,34 +541,8 @@ impl Run<'_> {
                 .push(format!("clean-up: {}", stop.judgement().reason));
         }
         report.notes.extend(trial.notes());
-        report.evidence = self.evidence(&trial, end, judgement.verdict == Verdict::Pass);
+        report.evidence = evidence(&self.bench, &trial, end, judgement.verdict == Verdict::Pass);
         judgement
-    }
-
-    /// What the scene cited, and the last messages of it that are no periodic status.
-    fn evidence(&self, trial: &Trial, end: usize, passed: bool) -> Vec<serde_json::Value> {
-        let recording = self.bench.net.recording();
-        let end = end.min(recording.datagrams.len());
-        let wanted = if passed {
-            MAX_EVIDENCE / 4
-        } else {
-            MAX_EVIDENCE
-        };
-        let messages: Vec<Arc<Seen>> = recording.datagrams[trial.mark.min(end)..end]
-            .iter()
-            .flat_map(|datagram| &datagram.messages)
-            .filter(|seen| {
-                !(seen.direction == Direction::Received
-                    && matches!(seen.kind(), 3001 | 3002 | 4000 | 4001))
-            })
-            .cloned()
-            .collect();
-        drop(recording);
-        let mut chosen = trial.evidence(messages, wanted, |seen| seen.at);
-        // One message of Edition 2.5 may have several counterparts.
-        let shown = |seen: &Arc<Seen>| Arc::as_ptr(seen.original.as_ref().unwrap_or(seen));
-        chosen.dedup_by(|a, b| shown(a) == shown(b));
-        chosen.iter().map(|seen| seen.evidence()).collect()
     }
 
     /// Why a rule is not played.
@@ -617,6 +703,32 @@ impl Run<'_> {
     }
 }
 
+/// What the scene cited, and the last messages of it that are no periodic status.
+fn evidence(bench: &Bench, trial: &Trial, end: usize, passed: bool) -> Vec<serde_json::Value> {
+    let recording = bench.net.recording();
+    let end = end.min(recording.datagrams.len());
+    let wanted = if passed {
+        MAX_EVIDENCE / 4
+    } else {
+        MAX_EVIDENCE
+    };
+    let messages: Vec<Arc<Seen>> = recording.datagrams[trial.mark.min(end)..end]
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+        .filter(|seen| {
+            !(seen.direction == Direction::Received
+                && matches!(seen.kind(), 3001 | 3002 | 4000 | 4001))
+        })
+        .cloned()
+        .collect();
+    drop(recording);
+    let mut chosen = trial.evidence(messages, wanted, |seen| seen.at);
+    // One message of Edition 2.5 may have several counterparts.
+    let shown = |seen: &Arc<Seen>| Arc::as_ptr(seen.original.as_ref().unwrap_or(seen));
+    chosen.dedup_by(|a, b| shown(a) == shown(b));
+    chosen.iter().map(|seen| seen.evidence()).collect()
+}
+
 /// Whether the profile claims the set of a rule.
 fn claimed(rule: &Rule, profile: &crate::profile::Profile) -> bool {
     if rule.profile == "project" || rule.basis == "contract" {
@@ -638,7 +750,8 @@ fn loi_bit(need: &str) -> i64 {
 fn flies(rule: &Rule) -> bool {
     rule.hazard == Hazard::Flight
         || rule.needs.iter().any(|need| need == "airborne")
-        || ["ROUTE-004", "CONF-005"].contains(&rule.id.as_str())
+        || ["ROUTE-004", "ROUTE-007", "CONF-005", "MODE-003", "PAYL-007"]
+            .contains(&rule.id.as_str())
 }
 
 /// From harmless to hostile; rules in flight together.
@@ -665,6 +778,8 @@ fn rank(rule: &Rule) -> (u8, String) {
         _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => {
             20
         }
+        // It executes a termination: nothing is sure to fly afterwards.
+        _ if rule.id == "MODE-009" => 24,
         Hazard::Destructive => 21,
         _ if ["AUTH-018", "DISC-005", "STAT-015", "LINK-004", "ALERT-002"]
             .contains(&rule.id.as_str()) =>

@@ -167,6 +167,11 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
     survey.data_links = station
         .wait(mark, bench.timers.answer / 4, |seen| seen.kind() == 28001)
         .is_some();
+    survey.links_available = !station
+        .received(mark, |seen| {
+            seen.kind() == 28001 && seen.raw("Data Link Control Availability") != Some(1)
+        })
+        .is_empty();
     let _ = station.request(0x0F, Access::Release);
     Ok(())
 }

@@ -422,6 +422,17 @@ pub fn airborne(t: &Trial) -> Judged<Player> {
                 "precondition \"in flight\" is not met: the vehicle did not climb after 2016 mode 21",
             ));
         }
+        // A climb that does not end where it was commanded ends by the next mode, or not at all.
+        let ends = fly_until(t, &a, t.timers().begin, |fix| {
+            fix.down > -0.3 || fix.altitude > home.altitude + 75.0
+        })
+        .precondition("the launch")?;
+        if ends.is_none_or(|fix| fix.altitude > home.altitude + 75.0) {
+            hold(t, &a)?;
+            return Err(Stop::inconclusive(
+                "precondition \"in flight\" is not met: the vehicle did not climb after 2016 mode 21 to 50 m above home, but beyond 75 m",
+            ));
+        }
     }
     let reached = hold(t, &a)?;
     if !reached {

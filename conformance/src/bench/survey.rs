@@ -19,6 +19,8 @@ pub struct Survey {
     pub broadcast: bool,
     /// Whether a data link answered to a broadcast request.
     pub data_links: bool,
+    /// Whether one of them was free.
+    pub links_available: bool,
     /// Share of round trips that were lost, 0 to 1.
     pub loss: f64,
     /// What another side holds, where the run must not begin.

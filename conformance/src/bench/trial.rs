@@ -4,6 +4,7 @@
 //! cancels what they scheduled. Sockets are opened anew for each scene.
 
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -30,6 +31,8 @@ pub struct Trial {
     pub mark: usize,
     remarks: Remarks<Seen>,
     players: RefCell<Vec<Player>>,
+    /// The ids that it may play; all where empty. Two trials side by side have ids of their own.
+    cast: BTreeSet<Id>,
     /// Whether a plan was loaded, so that the end of the run clears it.
     pub loaded: Cell<bool>,
 }
@@ -43,8 +46,22 @@ impl Trial {
             mark: bench.net.mark(),
             remarks: Remarks::default(),
             players: RefCell::default(),
+            cast: BTreeSet::new(),
             loaded: Cell::new(false),
         }
+    }
+
+    /// A trial that plays these ids only.
+    #[must_use]
+    pub fn with_cast(bench: &Arc<Bench>, cast: BTreeSet<Id>) -> Self {
+        Self {
+            cast,
+            ..Self::new(bench)
+        }
+    }
+
+    fn plays(&self, cucs: &CucsFound) -> bool {
+        self.cast.is_empty() || self.cast.contains(&cucs.id)
     }
 
     /// Times.
@@ -94,7 +111,8 @@ impl Trial {
     }
 
     fn nth(&self, index: usize, levels: i64, what: &str) -> Judged<Player> {
-        let found = self.bench.surveyed()?.with(levels);
+        let mut found = self.bench.surveyed()?.with(levels);
+        found.retain(|cucs| self.plays(cucs));
         match found.get(index) {
             Some(cucs) => self.station(cucs.id),
             None => Err(Stop::not_applicable(format!(
@@ -154,14 +172,11 @@ impl Trial {
     /// # Errors
     /// There is none.
     pub fn any(&self) -> Judged<Player> {
-        let found = self.bench.surveyed()?.with(loi::LOI4);
-        match found.first().map(|cucs| cucs.id).or(self
-            .bench
-            .surveyed()?
-            .cucs
-            .first()
-            .map(|cucs| cucs.id))
-        {
+        let survey = self.bench.surveyed()?;
+        let mut found = survey.with(loi::LOI4);
+        found.extend(&survey.cucs);
+        let found = found.into_iter().find(|cucs| self.plays(cucs));
+        match found.map(|cucs| cucs.id) {
             Some(id) => self.station(id),
             None => Err(Stop::inconclusive(
                 "the subject offers LOI 0 to every CUCS id that was tried; name an id that it knows in the profile",

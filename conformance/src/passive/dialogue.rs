@@ -26,6 +26,14 @@ pub(super) const JUDGES: &[Judge] = &[
         judge: one_type_for_one_vehicle,
     },
     Judge {
+        rule: "ROUTE-020",
+        judge: transfers_echo_a_command,
+    },
+    Judge {
+        rule: "DISC-010",
+        judge: one_vsm_for_one_vehicle,
+    },
+    Judge {
         rule: "STAT-005",
         judge: pull_messages_are_pulled,
     },
@@ -161,6 +169,66 @@ fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
             }
             _ => {}
         }
+    }
+}
+
+/// Each 14000 names the Mission ID and the plan mode of one of the commands before it, of refused and cancelled ones too.
+fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
+    let mut commands: BTreeSet<(String, i64)> = BTreeSet::new();
+    let mut broken = false;
+    for seen in view
+        .datagrams
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+    {
+        match (seen.direction, seen.kind()) {
+            (Direction::Sent, 13000) => {
+                let text = seen.text("Mission ID").unwrap_or_default();
+                // Sent on purpose without an end, or with bytes that are no characters: what is echoed then is another rule's.
+                broken |= text.len() >= 20 || !text.is_ascii();
+                commands.extend(
+                    seen.raw("Mission Plan Mode")
+                        .map(|mode| (text.clone(), mode)),
+                );
+            }
+            (Direction::Received, 14000) if !broken && !commands.is_empty() => {
+                let (Some(text), Some(mode)) =
+                    (seen.text("Mission ID"), seen.raw("Mission Plan Mode"))
+                else {
+                    continue;
+                };
+                found.check(seen, commands.contains(&(text.clone(), mode)), || {
+                    format!("expected 14000 to name Mission ID and plan mode of a 13000 before it; no 13000 had {text:?} and mode {mode}")
+                });
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A vehicle is behind one VSM, whichever message says so.
+fn one_vsm_for_one_vehicle(view: &View<'_>, found: &mut Found) {
+    let mut vsms: BTreeMap<u32, (u16, i64)> = BTreeMap::new();
+    for seen in view
+        .messages()
+        .filter(|seen| matches!(seen.kind(), 2 | 3 | 5 | 21000 | 41000..=41005))
+    {
+        let Some(vsm) = seen.raw("VSM ID") else {
+            continue;
+        };
+        let first = *vsms
+            .entry(seen.piece.source.0)
+            .or_insert((seen.kind(), vsm));
+        found.check(seen, first.1 == vsm, || {
+            format!(
+                "expected one VSM ID of {}; message {} has 0x{:08x}, message {} has 0x{:08x}",
+                seen.piece.source,
+                first.0,
+                first.1 as u32,
+                seen.kind(),
+                vsm as u32
+            )
+        });
     }
 }
 

@@ -241,6 +241,7 @@ fn run(catalogue: &Catalogue, options: &Options, bench: &Arc<Bench>, quiet: bool
         options,
         show: &mut show,
         remarks: Vec::new(),
+        cast: std::collections::BTreeSet::new(),
     };
     let rules = run.rules();
     let remarks = run.remarks;

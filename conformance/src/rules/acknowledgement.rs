@@ -1,12 +1,13 @@
 //! Acknowledgements: ACK.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::{
     airborne, home, mode, mode_becomes, mode_command, reported_mode, transfer, waypoint,
 };
-use crate::bench::station::{Station, information_request, schedule};
+use crate::bench::station::{Access, Sent, Station, authorisation, information_request, schedule};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};
@@ -44,6 +45,33 @@ pub(super) fn about(seen: &Seen, kind: u16, stamp: i64) -> bool {
         && seen.raw("Original Message Type") == Some(kind.into())
         && seen.raw("Original Message Time Stamp") == Some(stamp)
 }
+
+/// The 17000 that says that a message was carried out, where one comes within `time`. A refusal ends the wait, but for what it
+/// may have done all the same.
+pub(super) fn carried_out(
+    t: &Trial,
+    station: &Station,
+    sent: &Sent,
+    time: Duration,
+) -> Judged<Option<Arc<Seen>>> {
+    let ended = |seen: &Seen| {
+        about(seen, sent.kind, sent.stamp)
+            && seen
+                .raw("Acknowledgement Type")
+                .is_some_and(|kind| kind != 1)
+    };
+    let Some(end) = station.wait(sent.mark, time, ended) else {
+        return Ok(None);
+    };
+    if end.raw("Acknowledgement Type") == Some(2) {
+        return Ok(Some(end));
+    }
+    t.pause(AFTER_REFUSAL.min(time))?;
+    Ok(None)
+}
+
+/// How long after a refusal the state is looked at.
+const AFTER_REFUSAL: Duration = Duration::from_millis(250);
 
 fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
     let a = t.controller()?;
@@ -99,6 +127,8 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
         point,
         Draft::new(2007).raw("Set Lights", 0),
         transfer(5, "ACK"),
+        schedule(3, 0),
+        authorisation(0, Access::Request),
     ] {
         let kind = draft.message_type;
         let sent = a.send(draft.acked());

@@ -49,13 +49,11 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     let station = t.monitor()?;
     let mark = t.bench.net.mark();
     let raised = cut_and_restored(t, || {
-        t.pause(Duration::from_secs(9))?;
-        let raised = station.received(mark, |seen| {
-            seen.kind() == 16000
-                && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+        let raised = super::link::loss_alert(t, &station, mark, |seen| {
+            seen.raw("Priority").is_some_and(|priority| priority >= 2)
                 && seen.raw("Type") == Some(1)
-        });
-        raised.first().cloned().ok_or_else(|| {
+        })?;
+        raised.ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")
         })
     })?;
@@ -66,7 +64,21 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
             && seen.raw("Priority") == Some(0)
             && seen.raw("Alert (Warning) ID") == Some(id)
     });
-    t.expect(cleared.is_some(), || format!("expected alert {id} to be cleared with priority 0 once the vehicle's link was back; it was not"))
+    t.expect(cleared.is_some(), || format!("expected alert {id} to be cleared with priority 0 once the vehicle's link was back; it was not"))?;
+    // It is over for who connects now as well.
+    let Ok(b) = t.b() else { return Ok(()) };
+    let mark = t.bench.net.mark();
+    b.take(loi::LOI2)?;
+    let stale = b.wait(mark, t.timers().answer / 2, |seen| {
+        seen.kind() == 16000
+            && seen.raw("Priority").is_some_and(|priority| priority > 0)
+            && seen
+                .raw("Alert (Warning) ID")
+                .is_some_and(|found| found.abs() == id)
+    });
+    t.expect(stale.is_none(), || {
+        format!("expected alert {id}, which was cleared, not to be sent to {} when it connects; it came", b.id)
+    })
 }
 
 /// -1 where nothing more can be asked: any other reference is answered when 15001 names it.
@@ -173,11 +185,8 @@ fn standing_alerts_reach_the_newcomer(t: &Trial) -> Judged {
     let a = t.monitor()?;
     let mark = t.bench.net.mark();
     cut_and_restored(t, || {
-        t.pause(Duration::from_secs(9))?;
-        let raised = a.received(mark, |seen| {
-            seen.kind() == 16000 && seen.raw("Type") == Some(1)
-        });
-        let raised = raised.first().cloned().ok_or_else(|| {
+        let raised = super::link::loss_alert(t, &a, mark, |seen| seen.raw("Type") == Some(1))?;
+        let raised = raised.ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")
         })?;
         let id = raised.raw("Alert (Warning) ID").unwrap_or_default().abs();

@@ -3,10 +3,11 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use super::acknowledgement::carried_out;
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, airborne, difference, download, home, land, loaded, mode, mode_command, reported_mode,
-    transfer,
+    Plan, airborne, clear, deliver, difference, download, home, land, loaded, mode, mode_command,
+    reported_mode, run_transfer, transfer,
 };
 use crate::bench::station::{Access, Station, authorisation, information_request, loi};
 use crate::bench::trial::Trial;
@@ -97,9 +98,7 @@ fn powerless(t: &Trial, holder: &Station, other: &Station, why: &str) -> Judged 
     let before = holder.radius()?;
     let radius = t.bench.fresh_radius();
     let sent = other.send(Draft::new(2017).set("Loiter Radius", radius).acked());
-    let done = other.wait(sent.mark, t.timers().quiet / 2, |seen| {
-        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
-    });
+    let done = carried_out(t, other, &sent, t.timers().quiet / 2)?;
     t.expect(done.is_none(), || {
         format!(
             "expected no 'carried out' for a 2017 of {} ({why}); 17000 type 2 came",
@@ -153,6 +152,10 @@ fn free_control_is_granted(t: &Trial) -> Judged {
             )
         })?;
         let released = a.release()?;
+        let access = released.raw("Access Granted");
+        t.expect_of(&released, access != Some(1), || {
+            format!("expected Access Granted 0 after a release of everything, got {access:?}")
+        })?;
         t.expect_of(&released, granted(&released) & (loi::LOI4 | loi::LOI5) == 0, || {
             format!(
                 "expected no control after the release of LOI 0x{levels:02x}, got LOI Granted 0x{:02x}",
@@ -345,9 +348,40 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
     }
     let found = download(t, &a, "OWN")?;
     match difference(&plan, &found, &t.bench) {
-        None => Ok(()),
+        None => an_upload_is_the_holders(t, &a, &monitor),
         Some(difference) => Err(Stop::fail(format!(
             "expected the plan aboard unchanged by CUCSs without LOI 4; {difference}"
+        ))),
+    }
+}
+
+/// Between the holder's waypoints and its load command another changes one of them, and cancels.
+fn an_upload_is_the_holders(t: &Trial, a: &Station, monitor: &Station) -> Judged {
+    let home = home(t, a)?;
+    clear(t, a)?;
+    let plan = Plan::zigzag(&home, "MINE", &[51, 52, 53]);
+    for message in plan.messages() {
+        deliver(a, message);
+    }
+    let other = Plan::zigzag(&home, "FOREIGN", &[50, 51, 52]);
+    for message in &other.points {
+        monitor.send(message.clone());
+    }
+    monitor.send(transfer(5, "MINE"));
+    t.pause(Duration::from_millis(200))?;
+    let loaded = run_transfer(t, a, transfer(2, "MINE"), t.timers().load)?;
+    t.expect(loaded.status == Some(1), || {
+        format!(
+            "expected the holder's upload to load, whatever {} with LOI 2 sent in between; got 14000 status {:?}",
+            monitor.id, loaded.status
+        )
+    })?;
+    let found = download(t, a, "MINE")?;
+    match difference(&plan, &found, &t.bench) {
+        None => Ok(()),
+        Some(difference) => Err(Stop::fail(format!(
+            "expected the holder's upload unchanged by waypoints of {} with LOI 2; {difference}",
+            monitor.id
         ))),
     }
 }
@@ -498,9 +532,7 @@ fn launch_needs_loi_5(t: &Trial) -> Judged {
 fn not_without_loi_5(t: &Trial, a: &Station, wanted: i64) -> Judged {
     let before = reported_mode(a)?;
     let sent = a.send(mode_command(wanted).raw("Altitude Command Type", 1).acked());
-    let done = a.wait(sent.mark, t.timers().quiet, |seen| {
-        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
-    });
+    let done = carried_out(t, a, &sent, t.timers().quiet)?;
     if let Some(done) = done {
         t.expect_of(&done, false, || {
             format!("expected mode {wanted} with LOI 4 only to be refused; 17000 type 2 came")
@@ -543,6 +575,18 @@ fn every_request_gets_its_answer(t: &Trial) -> Judged {
             )
         })?;
     }
+    // The answer may have been lost: the same bytes are answered again.
+    let sent = b.send(authorisation(loi::LOI4, Access::Request));
+    let answers = |seen: &crate::wire::Seen| seen.kind() == 2;
+    let first = b.wait(sent.mark, t.timers().answer, answers);
+    let mark = b.send_bytes(&sent.bytes);
+    let again = b.wait(mark, t.timers().answer, answers).or_else(|| {
+        let mark = b.send_bytes(&sent.bytes);
+        b.wait(mark, t.timers().answer, answers)
+    });
+    t.expect(first.is_none() || again.is_some(), || {
+        "expected #2 to a request that comes a second time with the same bytes; none came".into()
+    })?;
     powerless(t, &a, &b, "LOI Granted shows LOI 2 only")?;
     // The holder asks again: whatever it is shown to hold has to work.
     for levels in [loi::LOI4, loi::LOI2, 0] {
@@ -592,19 +636,28 @@ fn control_survives_a_restart(t: &Trial) -> Judged {
     let b = t.b()?;
     let command = t.bench.profile.means.restart.clone().unwrap_or_default();
     crate::means::shell(&command).map_err(Stop::Inconclusive)?;
+    let answer = first_answer(t, &b)?;
+    t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || "expected B's request to be denied after the restart, because A was in control; it was granted".into())?;
+    obeyed(t, &a, "the holder before the restart")?;
+    // What was given up before it is free after it.
+    a.release()?;
+    crate::means::shell(&command).map_err(Stop::Inconclusive)?;
+    let answer = first_answer(t, &b)?;
+    t.expect_of(&answer, granted(&answer) & loi::LOI4 != 0, || "expected B's request to be granted after a restart, because A had released control before it; it was denied".into())
+}
+
+/// The answer to a request for LOI 4 of a subject that is just starting.
+fn first_answer(t: &Trial, station: &Station) -> Judged<std::sync::Arc<crate::wire::Seen>> {
     let mark = t.bench.net.mark();
-    let mut answer = None;
     for _ in 0..20 {
-        b.send(authorisation(loi::LOI4, Access::Request));
-        answer = b.wait(mark, t.timers().answer / 2, |seen| seen.kind() == 2);
-        if answer.is_some() {
-            break;
+        station.send(authorisation(loi::LOI4, Access::Request));
+        if let Some(answer) = station.wait(mark, t.timers().answer / 2, |seen| seen.kind() == 2) {
+            return Ok(answer);
         }
     }
-    let answer = answer
-        .ok_or_else(|| Stop::inconclusive("the subject does not answer after its restart"))?;
-    t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || "expected B's request to be denied after the restart, because A was in control; it was granted".into())?;
-    obeyed(t, &a, "the holder before the restart")
+    Err(Stop::inconclusive(
+        "the subject does not answer after its restart",
+    ))
 }
 
 fn another_port_the_same_cucs(t: &Trial) -> Judged {

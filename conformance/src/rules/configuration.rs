@@ -149,8 +149,10 @@ fn configuration_ends_with_complete(t: &Trial) -> Judged {
     })?;
     // Every level that this CUCS may have, and each of them again.
     let authorised = response.raw("LOI Authorized").unwrap_or_default();
+    let payload = if stations > 0 { loi::LOI3 } else { 0x100 };
     for (kind, level, commands) in [
         (1, loi::LOI2, true),
+        (2, payload, false),
         (3, loi::LOI4, false),
         (4, loi::LOI5, false),
         (kind, 0, false),
@@ -317,6 +319,34 @@ fn missing_values_are_listed(t: &Trial) -> Judged {
         t.expect(refused.is_none() && shown == Some(wanted), || {
             format!("expected flight mode {wanted} to be listed by 44003 as unavailable, since 2016 with it is not carried out (3001 shows {shown:?})")
         })?;
+    }
+    values_work_or_are_listed(t, &a, &configuration)
+}
+
+/// Each generic value of these fields works, or is listed; what is listed is refused.
+fn values_work_or_are_listed(t: &Trial, a: &Station, configuration: &[Arc<Seen>]) -> Judged {
+    for (field, number, values) in [("Loiter Type", 2, 1..=4), ("Loiter Direction", 7, 1..=3)] {
+        let listed = availability(configuration, 2017, number);
+        let before = a.query(3004)?.raw(field);
+        for value in values {
+            let sent = a.send(Draft::new(2017).raw(field, value).acked());
+            let end = a.wait(sent.mark, t.timers().ack * 2, |seen| {
+                super::acknowledgement::about(seen, 2017, sent.stamp)
+                    && seen.raw("Acknowledgement Type") != Some(1)
+            });
+            let Some(end) = end else { continue };
+            let refused = end.raw("Acknowledgement Type") == Some(3);
+            t.expect_of(&end, refused == listed.contains(&value), || {
+                if refused {
+                    format!("expected {field} {value} of 2017 to be listed by 44003, since it is refused; it is not")
+                } else {
+                    format!("expected {field} {value} of 2017, which 44003 lists as unavailable, to be refused; it was carried out")
+                }
+            })?;
+        }
+        if let Some(before) = before {
+            a.send(Draft::new(2017).raw(field, before));
+        }
     }
     Ok(())
 }
@@ -524,6 +554,15 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
         t.expect(a.radius_becomes(raw)?, || format!("expected a loiter radius of {raw:.1} m, within the declared {low} to {high}, to be accepted; 3004 does not show it"))?;
     }
     altitudes_within_what_is_declared(t, &a, &configuration)?;
+    speeds_within_what_is_declared(t, &a, &configuration)?;
+    // Below both readings of the minimum.
+    let below = (low * 0.5 / 1.5).floor() * 1.5;
+    if reported && below >= 1.5 {
+        a.set_radius(below);
+        t.pause(t.timers().answer / 2)?;
+        let shown = a.radius()?;
+        t.expect(shown.is_none_or(|shown| (shown - below).abs() > 0.8), || format!("expected a loiter radius of {below:.1} m, below the declared {low}, to be refused; 3004 shows it"))?;
+    }
     let beyond = (high * 1.1).ceil() * 1.5 + 3.0;
     if reported && beyond < 98_000.0 {
         a.set_radius(beyond);
@@ -532,6 +571,32 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
         t.expect(shown.is_none_or(|shown| (shown - beyond).abs() > 0.8), || format!("expected a loiter radius of {beyond:.1} m, beyond the declared {high}, to be refused; 3004 shows it"))?;
     }
     Ok(())
+}
+
+/// A speed of a waypoint beyond what is declared, in steps of 0.5 m/s or in m/s: beyond both.
+fn speeds_within_what_is_declared(t: &Trial, a: &Station, configuration: &[Arc<Seen>]) -> Judged {
+    let declared = configuration.iter().find(|seen| {
+        matches!(seen.kind(), 41000 | 41001 | 41003)
+            && seen.raw("Requested Message") == Some(13002)
+            && seen.raw("Requested Field") == Some(9)
+            && seen.raw("Field Supported") != Some(0)
+    });
+    let Some(high) = declared.and_then(|seen| seen.value("Max Value")) else {
+        return Ok(());
+    };
+    // A 41003 has integers, which are steps; of a float the unit is meant.
+    let integers = declared.is_some_and(|seen| seen.kind() != 41001);
+    let beyond = if integers { high * 0.5 } else { high } * 1.3 + 3.0;
+    if high <= 0.0 || beyond > 32_000.0 {
+        return Ok(());
+    }
+    let home = home(t, a)?;
+    let mut plan = Plan::zigzag(&home, "TOOFAST", &[93, 94]);
+    plan.points[1] = plan.points[1].clone().set("Waypoint to Speed", beyond);
+    let found = load(t, a, &plan)?;
+    t.expect(found.status != Some(1), || {
+        format!("expected a waypoint at {beyond:.1} m/s, beyond the declared {high}, to be refused; 14000 status 1 came")
+    })
 }
 
 /// The same for the altitude of a waypoint: one beyond the declared range is refused with its route. The range is in the

@@ -3,6 +3,7 @@
 //! The first of them launches the vehicle by mode 21; all begin in mode 12 and leave the vehicle to the next.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::acknowledgement::about;
@@ -15,7 +16,7 @@ use crate::bench::flight::{
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
-use crate::wire::Draft;
+use crate::wire::{Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -53,8 +54,10 @@ pub(super) const SCENES: &[Scene] = &[
 ];
 
 /// A straight piece of flight between two positions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Track {
+    /// 3009, and the position that came right after it.
+    air: Option<(Arc<Seen>, Fix)>,
     /// Metres over the ground.
     pub(super) distance: f64,
     /// Radians from true north.
@@ -110,6 +113,7 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
         integrated[2] -= mean(|fix| fix.down);
     }
     Some(Track {
+        air: None,
         distance: north.hypot(east),
         course: last.east.atan2(last.north).rem_euclid(TAU),
         // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
@@ -146,9 +150,36 @@ pub(super) fn tracks(t: &Trial, a: &Station) -> Judged<Vec<Track>> {
             continue;
         }
         let seen = fixes(t, a, Duration::from_secs_f64((9.0 / speed).clamp(1.2, 9.0)))?;
-        found.extend(track(t, &seen));
+        let air = a.query(3009).ok();
+        let mut one = track(t, &seen);
+        if let (Some(one), Some(air)) = (&mut one, air) {
+            one.air = Some((air, fix(t, a)?));
+        }
+        found.extend(one);
     }
     Ok(found)
+}
+
+/// 3009 says the same of the way over the ground as 4000, and through the air what the wind leaves of it.
+fn air_and_ground_agree(t: &Trial, air: &Arc<Seen>, fix: &Fix) -> Judged {
+    for (name, other, expected) in [
+        ("U_Ground", "U_Speed", fix.north),
+        ("V_Ground", "V_Speed", fix.east),
+    ] {
+        if let Some(found) = air.value(name) {
+            t.expect_of(air, (found - expected).abs() < 2.5, || {
+                format!("expected {name} of 3009 to agree with {other} of 4000, {expected:.1} m/s; got {found:.1} m/s")
+            })?;
+        }
+    }
+    let wind = air.value("U_Wind").zip(air.value("V_Wind"));
+    if let (Some((north, east)), Some(found)) = (wind, air.value("True Airspeed")) {
+        let expected = (fix.north - north).hypot(fix.east - east);
+        t.expect_of(air, (found - expected).abs() < 3.0, || {
+            format!("expected a True Airspeed of {expected:.1} m/s in 3009, what the wind leaves of the speed over the ground; got {found:.1} m/s")
+        })?;
+    }
+    Ok(())
 }
 
 fn velocity_axes(t: &Trial) -> Judged {
@@ -156,6 +187,10 @@ fn velocity_axes(t: &Trial) -> Judged {
     let tracks = tracks(t, &a)?;
     let mut judged = 0;
     for track in &tracks {
+        // In steady flight alone: of a vehicle that brakes the two are of different moments.
+        if let Some((air, fix)) = track.air.as_ref().filter(|_| track.heading.is_some()) {
+            air_and_ground_agree(t, air, fix)?;
+        }
         for (axis, (&moved, &by_speed)) in track.moved.iter().zip(&track.integrated).enumerate() {
             let name = ["U_Speed (north)", "V_Speed (east)", "-W_Speed (up)"][axis];
             if moved.abs() < 8.0 && by_speed.abs() < 8.0 {
@@ -304,6 +339,22 @@ fn waypoint_mode_flies_the_plan(t: &Trial) -> Judged {
     t.expect(next == Some(40), || {
         format!("expected waypoint 40 after 10, as Next Waypoint says; 4001 shows To = {next:?}")
     })?;
+    // Without a number it begins at the start, or continues where it left the route: both are read from the texts.
+    let left = to_number(&a)?;
+    hold(t, &a)?;
+    a.send(mode_command(mode::WAYPOINT).acked());
+    let deadline = t.bench.net.now() + t.timers().begin / 2;
+    let mut to = None;
+    while t.bench.net.now() < deadline && !(to == Some(10) || to.is_some() && to == left) {
+        t.pause(Duration::from_millis(100))?;
+        to = to_number(&a)?.filter(|to| ![0, 65_535].contains(to));
+    }
+    t.expect(to == Some(10) || to.is_some() && to == left, || {
+        format!("expected 4001 To = 10, the start of the route, or {left:?}, to which it flew before, after mode 11 without a Commanded Waypoint Number; got {to:?}")
+    })?;
+    if to != Some(10) {
+        t.note("mode 11 without a Commanded Waypoint Number continues the route where it was left");
+    }
     // A number that is not aboard.
     hold(t, &a)?;
     a.send(
@@ -376,6 +427,27 @@ fn the_uploaders_numbers(t: &Trial) -> Judged {
             if ![10, 40, 20].contains(&value) {
                 continue;
             }
+            let prefix = latitude.trim_end_matches(" - Latitude");
+            let (altitude, kind) = (
+                seen.value(&format!("{prefix} Altitude")),
+                seen.raw("Altitude Type"),
+            );
+            // In the datum of the upload alone; a step more or less is the autopilot's.
+            if let Some(altitude) = altitude.filter(|_| kind == Some(home.altitude_type)) {
+                t.expect_of(&seen, (altitude - home.altitude - 50.0).abs() < 3.0, || {
+                    format!("expected waypoint {value} at {:.0} m as uploaded; 4001 shows {altitude:.0} m", home.altitude + 50.0)
+                })?;
+            }
+            if !prefix.starts_with("From")
+                && let Some(pace) = seen.value(&format!("{prefix} Speed"))
+                && seen.raw("Speed Type") == Some(2)
+            {
+                t.expect_of(&seen, pace == 0.0 || (pace - 5.0).abs() < 1.1, || {
+                    format!(
+                        "expected 5 m/s to waypoint {value} as uploaded; 4001 shows {pace:.1} m/s"
+                    )
+                })?;
+            }
             let longitude = latitude.replace("Latitude", "Longitude");
             if let (Some(north), Some(east)) = (seen.value(latitude), seen.value(&longitude)) {
                 let (expected_north, expected_east) = place(&plan, value);
@@ -407,8 +479,16 @@ fn the_uploaders_numbers(t: &Trial) -> Judged {
 fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
     let a = airborne(t)?;
     let home = home(t, &a)?;
-    let mut plan = Plan::zigzag(&home, "TIMES", &[1, 2]);
-    stretch(&home, &mut plan, 400.0);
+    // From where it is: a short leg to the first, so that the one that is judged has a waypoint behind it.
+    let now = fix(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "TIMES", &[1, 2, 3]);
+    for (point, north) in plan.points.iter_mut().zip([40.0, 440.0, 840.0]) {
+        let (latitude, longitude) = now.offset(north, 0.0);
+        *point = point
+            .clone()
+            .set("Waypoint to Latitude or Relative Y", latitude)
+            .set("Waypoint to Longitude or Relative X", longitude);
+    }
     loaded(t, &a, &plan)?;
     a.send(
         mode_command(mode::WAYPOINT)
@@ -419,6 +499,7 @@ fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
         return Err(Stop::inconclusive("mode 11 was not entered"));
     }
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
+    to_becomes(t, &a, 2, t.timers().flight.div_f64(4.0))?;
     // In steady flight, so that distance over speed is a time.
     t.pause(Duration::from_secs_f64((8.0 / speed).clamp(1.0, 8.0)))?;
     let seen = a.query(4001)?;
@@ -428,9 +509,21 @@ fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
     };
     let ahead = (time - seen.stamp().unwrap_or_default()) as f64 / 1000.0;
     t.expect_of(&seen, (-5.0..36_000.0).contains(&ahead), || format!("expected To Waypoint Time as a time of day shortly after the stamp; it is {ahead:.0} s from it"))?;
+    if let Some(from) = seen.raw("From Waypoint Time").filter(|&from| from != 0)
+        && !matches!(seen.raw("From Waypoint Number"), None | Some(0))
+    {
+        t.expect_of(
+            &seen,
+            from <= seen.stamp().unwrap_or_default() + 1_000,
+            || "expected From Waypoint Time in the past; it is later than the stamp".into(),
+        )?;
+    }
     let over_ground = now.north.hypot(now.east);
-    if seen.raw("To Waypoint Number") == Some(1) && over_ground > 1.5 {
-        let (latitude, longitude) = place(&plan, 1);
+    let to = seen
+        .raw("To Waypoint Number")
+        .filter(|to| [1, 2].contains(to));
+    if let Some(to) = to.filter(|_| over_ground > 1.5) {
+        let (latitude, longitude) = place(&plan, to);
         let takes = now.distance(latitude, longitude) / over_ground;
         // In the vehicle's own time, or in that of the clock: a simulation may be faster.
         let near = |expected: f64| (ahead - expected).abs() <= 0.35 * expected + 3.0 + 2.0 / speed;
@@ -438,7 +531,7 @@ fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
             format!("expected To Waypoint Time {takes:.0} s after the stamp, the distance over the speed; it is {ahead:.1} s")
         })?;
     }
-    if let (Some(2), Some(next)) = (
+    if let (Some(2 | 3), Some(next)) = (
         seen.raw("Next Waypoint Number"),
         seen.raw("Next Waypoint Time"),
     ) {
@@ -573,7 +666,8 @@ fn altitude_type_is_honoured(t: &Trial) -> Judged {
             *point = point
                 .clone()
                 .set("Waypoint to Altitude", altitude)
-                .raw("Waypoint Altitude Type", kind);
+                .raw("Waypoint Altitude Type", kind)
+                .set("Waypoint to Speed", 10.0);
         }
         clear(t, &a)?;
         let found = crate::bench::flight::load(t, &a, &plan)?;
@@ -618,14 +712,27 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
             .raw("Loiter Direction", 2),
     );
     t.pause(Duration::from_millis(200))?;
-    go(t, &a, 0.0, 300.0, 0.0)?;
+    go(t, &a, 0.0, 300.0, 12.0)?;
     let (latitude, longitude) = began.offset(0.0, 300.0);
+    let mark = t.bench.net.mark();
     let near = fly_until(t, &a, t.timers().flight, |fix| {
         fix.distance(latitude, longitude) < 110.0
     })?;
     t.expect(near.is_some(), || {
         "expected the vehicle near the commanded loiter place, 300 m east; it did not arrive".into()
     })?;
+    let mut paces: Vec<f64> = a
+        .received(mark, |seen| seen.kind() == 4000)
+        .iter()
+        .filter_map(|seen| Fix::of(seen))
+        .map(|fix| fix.north.hypot(fix.east))
+        .collect();
+    paces.sort_by(f64::total_cmp);
+    if let Some(pace) = paces.get(paces.len() / 2).filter(|_| paces.len() > 5) {
+        t.expect(*pace < 8.5, || {
+            format!("expected 5 m/s on the way to the loiter place as commanded, 4000 shows {pace:.1} m/s")
+        })?;
+    }
     // Edition 2.5 reports no loiter.
     if !t.of_edition_25() {
         let shown = a.query(3004)?;
@@ -652,9 +759,25 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
         -1.0,
         "the commanded loiter",
     )?;
+    let height = fix(t, &a)?.altitude - began.altitude;
+    t.expect((height - 12.0).abs() < 6.0, || {
+        format!("expected the loiter 12 m above where it was commanded, as its altitude says; it is flown at {height:.0} m")
+    })?;
     // A commanded place has no number of the uploader's.
     let shown = a.query(4001)?;
     let to = shown.raw("To Waypoint Number");
+    if to == Some(65_535)
+        && let (Some(north), Some(east)) = (
+            shown.value("To Waypoint - Latitude"),
+            shown.value("To Waypoint - Longitude"),
+        )
+    {
+        let off = ((north - latitude) * EARTH_M)
+            .hypot(wrapped(east - longitude) * latitude.cos() * EARTH_M);
+        t.expect_of(&shown, off < 5.0, || {
+            format!("expected the commanded loiter place with To = 65535 in 4001; it shows one {off:.0} m away")
+        })?;
+    }
     if !matches!(to, None | Some(0 | 65_535)) {
         t.cite(&shown);
         t.warn(format!(

@@ -1,6 +1,8 @@
 //! Data links, the vehicle's link, and clocks: LINK, TIME.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use super::flight::stretch;
@@ -13,7 +15,7 @@ use crate::bench::station::{Access, Station, loi};
 use crate::bench::trial::Trial;
 use crate::profile::OnLoss;
 use crate::verdict::{Judged, Precondition as _, Stop};
-use crate::wire::{Direction, Draft};
+use crate::wire::{Direction, Draft, Seen};
 use stanag_msgs::Id;
 
 pub(super) const SCENES: &[Scene] = &[
@@ -120,7 +122,7 @@ fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
 }
 
 fn data_links_are_found_by_broadcast(t: &Trial) -> Judged {
-    let station = t.any()?;
+    let station = t.monitor()?;
     let draft = Draft::new(28000)
         .to(Id::BROADCAST)
         .id("VSM ID", Id::BROADCAST)
@@ -182,6 +184,11 @@ fn a_link_is_held_by_one(t: &Trial) -> Judged {
         t.expect(!matches!(first, Ok(Some(0))), || {
             "expected a directed request (0) for a free link to be granted (2); 28001 says that the link is still available".into()
         })?;
+        if !t.bench.surveyed()?.links_available {
+            return Err(Stop::not_applicable(
+                "28001 says of every data link that it is unavailable (1): no station can have one",
+            ));
+        }
         return Err(Stop::inconclusive(format!(
             "the id of the link is not known to the suite: a directed request brings {first:?}"
         )));
@@ -234,6 +241,57 @@ fn the_state_of_a_link_on_request(t: &Trial) -> Judged {
     Ok(())
 }
 
+/// How long the loss of a vehicle may take to be said.
+const LOSS_SAID: Duration = Duration::from_secs(10);
+
+/// The first alert of this kind since the link was cut, within the time that the loss may take to be said.
+pub(super) fn loss_alert(
+    t: &Trial,
+    station: &Station,
+    mark: usize,
+    wanted: impl Fn(&Seen) -> bool,
+) -> Judged<Option<Arc<Seen>>> {
+    let found = station.wait(mark, LOSS_SAID, |seen| seen.kind() == 16000 && wanted(seen));
+    // Other alerts of the same cause come with it.
+    t.pause(Duration::from_millis(300))?;
+    Ok(found)
+}
+
+/// Waits until positions of the vehicle come with new stamps, as they do once its link is back; 5 s at most, since the next rule
+/// finds out by itself.
+pub(super) fn fresh_again(t: &Trial) -> Judged {
+    let station = t.any()?;
+    station.take(loi::LOI2)?;
+    let mut stamps = BTreeSet::new();
+    let mark = t.bench.net.mark();
+    station.wait(mark, Duration::from_secs(5), |seen| {
+        let position = seen.kind() == 4000 && seen.has("Latitude");
+        position && {
+            stamps.extend(seen.stamp());
+            stamps.len() > 2
+        }
+    });
+    t.pause(Duration::from_millis(500))
+}
+
+/// How many stamps the positions have that come in two seconds; the fewest of several looks up to the end of the time that a loss
+/// may take.
+pub(super) fn stamps_of_the_silent(t: &Trial, station: &Station) -> Judged<BTreeSet<i64>> {
+    let deadline = t.bench.net.now() + LOSS_SAID;
+    loop {
+        let mark = t.bench.net.mark();
+        t.pause(Duration::from_secs(2))?;
+        let stamps: BTreeSet<i64> = station
+            .received(mark, |seen| seen.kind() == 4000 && seen.has("Latitude"))
+            .iter()
+            .filter_map(|seen| seen.stamp())
+            .collect();
+        if stamps.len() <= 1 || t.bench.net.now() >= deadline {
+            return Ok(stamps);
+        }
+    }
+}
+
 fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
     let means = &t.bench.profile.means;
     let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
@@ -241,16 +299,25 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
             "needs means.cut_vehicle_link and means.restore_vehicle_link in the profile",
         ));
     };
-    let a = t.controller()?;
+    let a = t.launcher().or_else(|_| t.controller())?;
     let b = t.b()?;
+    let running = |seen: Arc<Seen>| seen.raw("Engine Status").unwrap_or_default() != 0;
+    let was_running = a.query(3007).is_ok_and(running);
     let mark = t.bench.net.mark();
     crate::means::shell(cut).map_err(Stop::Inconclusive)?;
     let result = (|| {
-        t.pause(Duration::from_secs(10))?;
-        let alert = a.received(mark, |seen| seen.kind() == 16000);
-        t.expect(!alert.is_empty(), || {
+        let alert = loss_alert(t, &a, mark, |_| true)?;
+        t.expect(alert.is_some(), || {
             "expected a 16000 within 10 s of the loss of the vehicle; none came".into()
         })?;
+        if t.bench.flight_released.load(Ordering::SeqCst) && !was_running {
+            a.send(
+                Draft::new(2008)
+                    .raw("Engine Number", 1)
+                    .raw("Engine Command", 1)
+                    .acked(),
+            );
+        }
         let sent = a.send(mode_command(12).acked());
         let refused = a.wait(sent.mark, t.timers().answer * 2, |seen| {
             super::acknowledgement::about(seen, 2016, sent.stamp)
@@ -262,13 +329,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
         let answer = b.request(loi::LOI4, Access::Request)?;
         let granted = answer.raw("LOI Granted").unwrap_or_default();
         t.expect_of(&answer, granted & loi::LOI4 == 0, || "expected control to stay with its holder while the vehicle is silent; B was granted LOI 4".into())?;
-        let late = t.bench.net.mark();
-        t.pause(Duration::from_secs(2))?;
-        let stamps: std::collections::BTreeSet<_> = a
-            .received(late, |seen| seen.kind() == 4000 && seen.has("Latitude"))
-            .iter()
-            .filter_map(|seen| seen.stamp())
-            .collect();
+        let stamps = stamps_of_the_silent(t, &a)?;
         t.expect(stamps.len() <= 1, || {
             format!(
                 "expected no fresh stamps on positions of a silent vehicle; {} came",
@@ -277,8 +338,17 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
         })
     })();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
-    t.pause(Duration::from_secs(3))?;
-    result
+    fresh_again(t)?;
+    result?;
+    // What was refused stays undone.
+    let engines = a.query(3007).ok();
+    if let (Some(engines), false) = (&engines, was_running) {
+        let status = engines.raw("Engine Status");
+        t.expect_of(engines, status.unwrap_or_default() == 0, || {
+            format!("expected an engine start that came while the vehicle was silent not to be carried out later; 3007 shows Engine Status {status:?}")
+        })?;
+    }
+    Ok(())
 }
 
 fn a_wrong_clock_is_not_ignored_silently(t: &Trial) -> Judged {

@@ -91,7 +91,10 @@ fn numbers_need_not_be_contiguous(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     clear(t, &a)?;
     let numbers = [10, 40, 20, 65_534];
-    let plan = Plan::zigzag(&home, "GAPS", &numbers);
+    let mut plan = Plan::zigzag(&home, "GAPS", &numbers);
+    for point in &mut plan.points {
+        *point = point.clone().set("Waypoint to Speed", 8.0);
+    }
     let found = load(t, &a, &plan)?;
     t.expect(found.status == Some(1), || {
         format!(
@@ -272,6 +275,9 @@ fn loops_by_limit_type_and_count(t: &Trial) -> Judged {
             .clone()
             .set("Waypoint to Latitude or Relative Y", latitude)
             .set("Waypoint to Longitude or Relative X", longitude);
+    }
+    for point in &mut plan.points {
+        *point = point.clone().set("Waypoint to Speed", 8.0);
     }
     // The end of a loop names its beginning as next.
     plan.points[2] = plan.points[2]

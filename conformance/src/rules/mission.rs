@@ -1,9 +1,10 @@
 //! Missions: what is loaded, refused and returned: ROUTE on the ground.
 
+use super::flight::{stretch, to_number};
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, clear, deliver, difference, download, field, home, load, loaded, route_head,
-    run_transfer, transfer,
+    Plan, airborne, clear, deliver, difference, download, field, hold, home, load, loaded, mode,
+    mode_becomes, mode_command, reported_mode, route_head, run_transfer, transfer,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::{Player, Trial};
@@ -247,7 +248,15 @@ fn a_route_with_a_gap_is_refused(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     let mut bad = Plan::zigzag(&home, "GAP", &[21, 22, 23]);
     bad.points.remove(1);
+    let mark = t.bench.net.mark();
     refused(t, &a, &plan, &bad, "a Next Waypoint that was never sent")?;
+    for seen in a.received(mark, |seen| seen.kind() == 14000) {
+        let named = seen.raw("Waypoint Request").unwrap_or_default();
+        let ended = seen.text("Mission ID").as_deref() == Some("GAP");
+        t.expect_of(&seen, !ended || matches!(named, 0 | 22 | 65_535), || {
+            format!("expected waypoint 22, which is missing, or none as Waypoint Request of 14000; got {named}")
+        })?;
+    }
     // The route message names a waypoint as well.
     let mut headless = Plan::zigzag(&home, "GAP2", &[24, 25]);
     headless.head = Some(route_head(&headless.route, 26, 2));
@@ -284,7 +293,51 @@ fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
         .clone()
         .set("Waypoint to Latitude or Relative Y", north)
         .set("Waypoint to Longitude or Relative X", east);
-    refused(t, &a, &plan, &far, "a waypoint 3,600 km away")
+    refused(t, &a, &plan, &far, "a waypoint 3,600 km away")?;
+    a.release()?;
+    a_refusal_does_not_end_the_flight(t)
+}
+
+/// The route that is flown goes on when another upload is refused.
+fn a_refusal_does_not_end_the_flight(t: &Trial) -> Judged {
+    if !t
+        .bench
+        .flight_released
+        .load(std::sync::atomic::Ordering::SeqCst)
+    {
+        return Ok(());
+    }
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "FLOWN", &[1, 2, 3]);
+    stretch(&home, &mut plan, 900.0);
+    loaded(t, &a, &plan)?;
+    a.send(mode_command(mode::WAYPOINT).acked());
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        t.note("not judged in flight: mode 11 was not entered");
+        return Ok(());
+    }
+    let to = to_number(&a)?;
+    let mut gap = Plan::zigzag(&home, "BAD4", &[5, 6]);
+    gap.points[1] = gap.points[1].clone().raw("Next Waypoint", 97);
+    let found = load(t, &a, &gap)?;
+    t.pause(t.timers().answer / 2)?;
+    let (shown, still) = (reported_mode(&a)?, to_number(&a)?);
+    hold(t, &a)?;
+    if found.status == Some(1) {
+        return Err(Stop::fail(
+            "expected 14000 status 2 for a route with a gap while another is flown; got 1",
+        ));
+    }
+    t.expect(shown == Some(mode::WAYPOINT) && still == to, || {
+        format!("expected mode 11 and To {to:?} to stay when an upload is refused in flight; 3001 shows {shown:?}, 4001 {still:?}")
+    })?;
+    aboard(
+        t,
+        &a,
+        &plan,
+        "unchanged by an upload that was refused in flight",
+    )
 }
 
 fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
@@ -369,6 +422,10 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     t.expect_of(head, route.as_deref() == Some(plan.route.as_str()), || {
         format!("expected Route ID {:?} back, got {route:?}", plan.route)
     })?;
+    values_that_may_be_refused(t, &a, &plan)?;
+    if load(t, &a, &plan)?.status != Some(1) {
+        return Err(Stop::inconclusive("the plan was not loaded a second time"));
+    }
     // A second download is the same.
     let again = download(t, &a, "VALUES")?;
     if let Some(difference) = difference(&plan, &again, &t.bench) {
@@ -377,6 +434,51 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
         )));
     }
     Ok(())
+}
+
+/// A waypoint with a value that a lawful vehicle may refuse: where it is accepted, it comes back as it was sent, not as the
+/// vehicle has it.
+fn values_that_may_be_refused(t: &Trial, a: &Station, plan: &Plan) -> Judged {
+    type Change = fn(Draft) -> Draft;
+    let cases: [(&str, Change); 4] = [
+        ("an altitude above ground", |point| {
+            point
+                .raw("Waypoint Altitude Type", 2)
+                .set("Waypoint to Altitude", 61.24)
+        }),
+        ("an altitude above the sea", |point| {
+            point.raw("Waypoint Altitude Type", 1)
+        }),
+        ("an indicated airspeed", |point| {
+            point
+                .raw("Waypoint Speed Type", 0)
+                .set("Waypoint to Speed", 7.5)
+        }),
+        ("no speed", |point| point.set("Waypoint to Speed", 0.0)),
+    ];
+    for (what, change) in cases {
+        let mut other = plan.clone();
+        if let Some(point) = other
+            .points
+            .iter_mut()
+            .rev()
+            .find(|point| point.message_type == 13002)
+        {
+            *point = change(point.clone());
+        }
+        clear(t, a)?;
+        if load(t, a, &other)?.status != Some(1) {
+            t.note(format!("a waypoint with {what} is refused"));
+            continue;
+        }
+        let found = download(t, a, &other.mission)?;
+        if let Some(difference) = difference(&other, &found, &t.bench) {
+            return Err(Stop::fail(format!(
+                "expected a waypoint with {what} back as it was uploaded; {difference}"
+            )));
+        }
+    }
+    clear(t, a)
 }
 
 fn route_type_and_its_default(t: &Trial) -> Judged {
@@ -410,6 +512,31 @@ fn route_type_and_its_default(t: &Trial) -> Judged {
         let back_first = back.and_then(|seen| seen.raw("Initial Waypoint Number"));
         t.expect(back_first == Some(first), || {
             format!("expected route {route} back with initial waypoint {first}, got {back_first:?}")
+        })?;
+    }
+    // The others, where the vehicle takes them.
+    for (route, first, kind) in [
+        ("R-LAUNCH", 201, 0),
+        ("R-APPROACH", 203, 1),
+        ("R-CONT-B", 205, 4),
+    ] {
+        clear(t, &a)?;
+        let mut plan = Plan::zigzag(&home, "TYPES", &[1, 2]);
+        let other = Plan::zigzag(&home, "TYPES", &[first, first + 1]);
+        plan.points.push(route_head(route, first, kind));
+        plan.points.extend(other.points);
+        if load(t, &a, &plan)?.status != Some(1) {
+            t.note(format!("a route of type {kind} is refused"));
+            continue;
+        }
+        let found = download(t, &a, "TYPES")?;
+        let back = found
+            .messages
+            .iter()
+            .find(|seen| seen.kind() == 13001 && seen.text("Route ID").as_deref() == Some(route));
+        let back_kind = back.and_then(|seen| seen.raw("Route Type"));
+        t.expect(back_kind == Some(kind), || {
+            format!("expected route {route} back with type {kind}, got {back_kind:?}")
         })?;
     }
     // Without a route message it is a flight.

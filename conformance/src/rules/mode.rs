@@ -4,14 +4,14 @@ use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::acknowledgement::about;
+use super::acknowledgement::{about, carried_out};
 use super::configuration::{availability, full};
 use super::scene::Scene;
 use crate::bench::flight::{
     airborne, fix, fly_until, home, land, mode, mode_command, reported_mode, run_transfer, transfer,
 };
-use crate::bench::station::information_request;
-use crate::bench::trial::Trial;
+use crate::bench::station::{Station, information_request};
+use crate::bench::trial::{Player, Trial};
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};
 
@@ -104,9 +104,7 @@ fn modes_it_lacks_are_refused(t: &Trial) -> Judged {
     for wanted in lacking {
         let before = reported_mode(&a)?;
         let sent = a.send(mode_command(wanted).acked());
-        let done = a.wait(sent.mark, t.timers().quiet / 3, |seen| {
-            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
-        });
+        let done = carried_out(t, &a, &sent, t.timers().quiet / 3)?;
         if let Some(done) = done {
             t.expect_of(&done, false, || format!("expected mode {wanted}, which 44003 marks as unavailable, to be refused; 17000 type 2 came"))?;
         }
@@ -119,22 +117,15 @@ fn modes_it_lacks_are_refused(t: &Trial) -> Judged {
     // In flight a mode that the vehicle lacks could be taken for another that it has.
     a.release()?;
     let Ok(a) = airborne(t) else { return Ok(()) };
-    let result = (|| {
-        for wanted in [16, 17, 22] {
-            let sent = a.send(mode_command(wanted).acked());
-            let done = a.wait(sent.mark, t.timers().answer, |seen| {
-                about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
-            });
-            let shown = reported_mode(&a)?;
-            if let Some(done) = done {
-                t.expect_of(&done, shown == Some(wanted), || format!("expected mode {wanted} refused, since the vehicle does not enter it; 17000 type 2 came, 3001 shows {shown:?}"))?;
-            }
+    for wanted in [16, 17, 22] {
+        let sent = a.send(mode_command(wanted).acked());
+        let done = carried_out(t, &a, &sent, t.timers().answer)?;
+        let shown = reported_mode(&a)?;
+        if let Some(done) = done {
+            t.expect_of(&done, shown == Some(wanted), || format!("expected mode {wanted} refused, since the vehicle does not enter it; 17000 type 2 came, 3001 shows {shown:?}"))?;
         }
-        Ok(())
-    })();
-    a.release()?;
-    land(t)?;
-    result
+    }
+    Ok(())
 }
 
 fn termination_takes_two_steps(t: &Trial) -> Judged {
@@ -175,17 +166,90 @@ fn termination_takes_two_steps(t: &Trial) -> Judged {
         t.expect(shown != Some(2), || format!("expected termination not to execute after the commands {steps:?} (0 reset, 1 arm, 2 execute); 3005 shows 2"))?;
     }
     a.send(command(0));
-    Ok(())
+    a.release()?;
+    execute_after_arm(t)
+}
+
+/// After 'arm' it is executed: on the ground, or in flight where there it is a flight that ends.
+fn execute_after_arm(t: &Trial) -> Judged {
+    let Some(a) = armed(t)? else {
+        t.note("'arm' is refused: 'execute' after it is not tried");
+        return Ok(());
+    };
+    let last = a.send(terminate(2));
+    let deadline = t.bench.net.now() + t.timers().answer;
+    let state =
+        || -> Judged<Option<i64>> { Ok(a.query(3005)?.raw("Reported Flight Termination State")) };
+    let mut shown = state()?;
+    while shown != Some(2) && t.bench.net.now() < deadline {
+        t.pause(Duration::from_millis(100))?;
+        shown = state()?;
+    }
+    let refused = a.received(last.mark, |seen| {
+        about(seen, 2005, last.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    t.pause(t.timers().answer)?;
+    a.send(terminate(0));
+    if shown != Some(2) && !refused.is_empty() {
+        t.note("'execute' after 'arm' is refused");
+        return Ok(());
+    }
+    t.expect(shown == Some(2), || {
+        format!(
+            "expected 3005 to show 2 after 'arm' and 'execute', or a refusal; it shows {shown:?}"
+        )
+    })
+}
+
+/// 2005.
+fn terminate(state: i64) -> Draft {
+    Draft::new(2005)
+        .raw("Commanded Flight Termination State", state)
+        .acked()
+}
+
+/// A station that has armed the termination: on the ground, or in flight where it is refused there; none where it is refused
+/// everywhere.
+fn armed(t: &Trial) -> Judged<Option<Player>> {
+    let a = t.launcher()?;
+    if arms(t, &a, t.timers().ack)? {
+        return Ok(Some(a));
+    }
+    if !t.bench.flight_released.load(Ordering::SeqCst) {
+        return Ok(None);
+    }
+    a.release()?;
+    let Ok(a) = airborne(t) else { return Ok(None) };
+    // A station that has just come may be refused until its clock is known.
+    Ok(arms(t, &a, t.timers().begin / 2)?.then_some(a))
+}
+
+fn arms(t: &Trial, a: &Station, time: Duration) -> Judged<bool> {
+    let deadline = t.bench.net.now() + time;
+    loop {
+        let sent = a.send(terminate(1));
+        let end = a.wait(sent.mark, t.timers().ack, |seen| {
+            about(seen, 2005, sent.stamp) && seen.raw("Acknowledgement Type") != Some(1)
+        });
+        if end.is_none_or(|end| end.raw("Acknowledgement Type") != Some(3)) {
+            return Ok(true);
+        }
+        if t.bench.net.now() >= deadline {
+            return Ok(false);
+        }
+        a.query(3)?;
+        t.pause(Duration::from_millis(400))?;
+    }
 }
 
 fn termination_state_is_reported(t: &Trial) -> Judged {
-    let a = t.launcher()?;
+    let Some(a) = armed(t)? else {
+        return Err(Stop::not_applicable("flight termination is refused"));
+    };
+    a.send(terminate(0));
+    t.pause(Duration::from_millis(300))?;
     for (step, name) in [(1, "arm"), (0, "reset")] {
-        let sent = a.send(
-            Draft::new(2005)
-                .raw("Commanded Flight Termination State", step)
-                .acked(),
-        );
+        let sent = a.send(terminate(step));
         let report = a.wait(sent.mark, t.timers().answer, |seen| {
             seen.kind() == 3005 && seen.raw("Reported Flight Termination State") == Some(step)
         });
@@ -207,6 +271,15 @@ fn termination_state_is_reported(t: &Trial) -> Judged {
             format!("expected 3005 on request to show state {step} after {name}, got {state:?}")
         })?;
     }
+    let flies = t
+        .bench
+        .home
+        .get()
+        .is_some_and(|home| fix(t, &a).is_ok_and(|now| now.altitude > home.altitude + 3.0));
+    a.release()?;
+    if flies {
+        land(t)?;
+    }
     Ok(())
 }
 
@@ -214,9 +287,11 @@ fn launch_landing_and_wave_off(t: &Trial) -> Judged {
     let a = match airborne(t) {
         // Here that is the rule itself.
         Err(Stop::Inconclusive(reason)) if reason.contains("did not climb") => {
-            return Err(Stop::fail(
-                "expected 2016 mode 21 to climb to the commanded altitude, 50 m above home; the vehicle stayed below 40 m",
-            ));
+            return Err(Stop::fail(if reason.contains("beyond") {
+                "expected 2016 mode 21 to climb to the commanded altitude, 50 m above home; the vehicle climbed beyond 75 m"
+            } else {
+                "expected 2016 mode 21 to climb to the commanded altitude, 50 m above home; the vehicle stayed below 40 m"
+            }));
         }
         other => other?,
     };

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use super::acknowledgement::about;
+use super::acknowledgement::{about, carried_out};
 use super::scene::Scene;
-use crate::bench::flight::{fix, wrapped};
+use crate::bench::flight::{EARTH_M, airborne, fix, home, wrapped};
 use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::Draft;
+use crate::wire::{Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -170,8 +170,9 @@ fn take_station(t: &Trial, station: &Station, number: u8) -> Judged {
 fn still(t: &Trial, a: &Station, station: u8, command: Draft, by: &Station, why: &str) -> Judged {
     let before = pointing(a, station)?;
     let sent = by.send(by_angles(station));
-    by.send(command.acked());
-    t.pause(t.timers().quiet)?;
+    let steered = by.send(command.acked());
+    carried_out(t, by, &steered, t.timers().quiet)?;
+    t.pause(t.timers().quiet / 3)?;
     let done = by.received(sent.mark, |seen| {
         seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
     });
@@ -234,7 +235,32 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
     let same = before
         .zip(after)
         .is_none_or(|(before, after)| wrapped(before - after).abs() < 0.05);
-    t.expect(same, || format!("expected station {first} to stay when station {second} is addressed; its azimuth went from {before:?} to {after:?}"))
+    t.expect(same, || format!("expected station {first} to stay when station {second} is addressed; its azimuth went from {before:?} to {after:?}"))?;
+    // And every one whose bit is set.
+    let both = bit(first) | bit(second);
+    let sent = a.send(by_angles(first).raw("Station Number 1-16", both));
+    let refused = |kind: u16, stamp: i64| {
+        move |seen: &Seen| about(seen, kind, stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    };
+    if a.wait(sent.mark, t.timers().ack, refused(19100, sent.stamp))
+        .is_some()
+    {
+        t.note("a command for two stations at once is refused");
+        return Ok(());
+    }
+    let sent = a.send(steer(first, 0.2).raw("Station Number 1-16", both).acked());
+    if a.wait(sent.mark, t.timers().ack, refused(19001, sent.stamp))
+        .is_some()
+    {
+        t.note("a command for two stations at once is refused");
+        return Ok(());
+    }
+    for station in [first, second] {
+        t.expect(turns(t, &a, station, 0.2, t.timers().begin / 2)?, || {
+            format!("expected station {station} to turn to 0.20 rad by a command with the bits of both stations; its report does not show it")
+        })?;
+    }
+    Ok(())
 }
 
 fn pointing_mode_decides(t: &Trial) -> Judged {
@@ -259,7 +285,57 @@ fn pointing_mode_decides(t: &Trial) -> Judged {
     t.expect_of(&state, shown.is_none_or(|shown| shown == 1), || {
         format!("expected pointing mode 1 in 21101 after 19100 with it, got {shown:?}")
     })?;
+    slew_rates(t, &a, station)?;
     ground_point(t, &a, station)
+}
+
+/// Pointing mode 2 turns by the slew rate, to the right where it is above 0, whatever the angles of the message say.
+fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
+    let refused = |sent: &crate::bench::station::Sent| {
+        a.wait(sent.mark, t.timers().ack, |seen| {
+            about(seen, sent.kind, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+        })
+        .is_some()
+    };
+    a.send(steer(station, 0.0).acked());
+    turns(t, a, station, 0.0, t.timers().begin / 2)?;
+    let sent = a.send(
+        Draft::new(19100)
+            .raw("Station Number 1-16", bit(station))
+            .raw("System Operating Mode", 5)
+            .raw("Set EO/IR Pointing Mode", 2)
+            .acked(),
+    );
+    if refused(&sent) {
+        t.note("pointing mode 2 (slew rates) is refused");
+        return Ok(());
+    }
+    let slew = |rate: f64| {
+        Draft::new(19001)
+            .raw("Station Number 1-16", bit(station))
+            .set("Set Centreline Azimuth Angle", -0.5)
+            .set("Horizontal Slew Rate", rate)
+            .set("Vertical Slew Rate", 0.0)
+            .acked()
+    };
+    let before = pointing(a, station)?;
+    let sent = a.send(slew(0.25));
+    if refused(&sent) {
+        t.note("a slew rate is refused");
+        a.send(by_angles(station));
+        return Ok(());
+    }
+    t.pause(Duration::from_millis(800))?;
+    let after = pointing(a, station)?;
+    a.send(slew(0.0));
+    a.send(by_angles(station));
+    a.send(steer(station, 0.0).acked());
+    let by = before
+        .zip(after)
+        .map(|(before, after)| wrapped(after - before));
+    t.expect(by.is_none_or(|by| by > 0.03), || {
+        format!("expected the sensor to turn to the right at a slew rate of 0.25 rad/s in pointing mode 2; its azimuth went from {before:?} to {after:?}")
+    })
 }
 
 /// Pointing mode 4 looks at the ground point, whatever the angles of the same message say.
@@ -315,6 +391,7 @@ fn messages_of_the_payload_type(t: &Trial) -> Judged {
     let kind = found.raw("Payload Type");
     if matches!(kind, Some(1..=3)) {
         a.query(21101)?;
+        a.query(21100)?;
     }
     if kind != Some(4) {
         a.send(
@@ -408,13 +485,64 @@ fn no_image_centre_above_the_horizon(t: &Trial) -> Judged {
                 format!("expected no valid image centre in 21101 while the camera looks above the horizon, got Image Position {valid:?}")
             })?;
             a.send(steer(station, 0.0).acked());
-            return Ok(());
+            a.release()?;
+            return image_centre_in_flight(t, station);
         }
         t.pause(Duration::from_millis(100))?;
     }
     Err(Stop::not_applicable(
         "the camera does not look above the horizon",
     ))
+}
+
+/// In flight the centre of the image lies where the line of sight meets the ground. Far from flat ground that is not known.
+fn image_centre_in_flight(t: &Trial, station: u8) -> Judged {
+    if !t
+        .bench
+        .flight_released
+        .load(std::sync::atomic::Ordering::SeqCst)
+    {
+        return Ok(());
+    }
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let home = home(t, &a)?;
+    if take_station(t, &a, station).is_err() {
+        return Ok(());
+    }
+    a.send(by_angles(station));
+    a.send(
+        steer(station, 0.6)
+            .set("Set Centreline Elevation Angle", -0.9)
+            .acked(),
+    );
+    turns(t, &a, station, 0.6, t.timers().begin)?;
+    t.pause(t.timers().answer / 2)?;
+    let (state, now) = (a.query(21101)?, fix(t, &a)?);
+    let valid = state.raw("Image Position").unwrap_or_default() != 0;
+    let place = state
+        .value("Latitude of image centre")
+        .zip(state.value("Longitude of image centre"));
+    let angles = state
+        .value("Actual Centreline Azimuth Angle")
+        .zip(state.value("Actual Centreline Elevation Angle"));
+    let (Some((latitude, longitude)), Some((azimuth, elevation)), Some(heading), true) =
+        (place, angles, now.heading, valid)
+    else {
+        t.note("no image centre is reported in flight");
+        return Ok(());
+    };
+    let height = now.altitude - home.altitude;
+    if elevation > -0.5 || height < 10.0 {
+        t.note("the camera does not look down: the place of the image centre is not judged");
+        return Ok(());
+    }
+    let (far, bearing) = (height / (-elevation).tan(), heading + azimuth);
+    let (expected_north, expected_east) = now.offset(far * bearing.cos(), far * bearing.sin());
+    let off = ((latitude - expected_north) * EARTH_M)
+        .hypot(wrapped(longitude - expected_east) * expected_north.cos() * EARTH_M);
+    t.expect_of(&state, off < 12.0 + 0.25 * far, || {
+        format!("expected the image centre {far:.0} m ahead of the vehicle, where the line of sight meets the ground; 21101 shows it {off:.0} m from there")
+    })
 }
 
 fn vehicle_controller_may_take_a_station(t: &Trial) -> Judged {

@@ -2,8 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::acknowledgement::carried_out;
 use super::scene::Scene;
-use crate::bench::station::{Access, information_request, loi};
+use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::{Direction, Draft};
@@ -65,6 +66,27 @@ fn least_bit_is_the_time_stamp(t: &Trial) -> Judged {
         format!("expected LOI 2 granted to #1 with three fields, got LOI Granted 0x{granted:02x}")
     })?;
     station.query(3)?;
+    requested_fields(t, &station)
+}
+
+/// A subject that sends the requested fields only, has to send those: bit 0 of the vector stands for field 1 there as well.
+fn requested_fields(t: &Trial, station: &Station) -> Judged {
+    let whole = station.query(3)?;
+    for (bit, name) in [(3, "Vehicle Type"), (6, "Tail Number")] {
+        let draft = information_request(3).raw("Requested Field Presence Vector", 1 << bit | 1);
+        let some = station.ask(
+            draft,
+            t.timers().answer,
+            "#3 with the requested fields",
+            |seen| seen.kind() == 3,
+        )?;
+        if some.piece.data.len() >= whole.piece.data.len() || !whole.has(name) {
+            continue;
+        }
+        t.expect_of(&some, some.has(name), || {
+            format!("expected {name}, field {} of #3, whose bit {bit} was set in the Requested Field Presence Vector; other fields came", bit + 1)
+        })?;
+    }
     Ok(())
 }
 
@@ -80,9 +102,14 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
         ("Loiter Type", 1),
         ("Loiter Bearing", 100),
     ] {
-        a.send(Draft::new(2017).raw(field, value));
-        t.pause(t.timers().answer / 4)?;
+        let sent = a.send(Draft::new(2017).raw(field, value).acked());
+        let done = carried_out(t, &a, &sent, t.timers().answer / 4)?;
         let mut report = a.query(3004)?;
+        if done.is_some() {
+            t.expect_of(&report, report.raw(field) == Some(value), || {
+                format!("expected {field} {value} in 3004 after a 2017 with it alone that was carried out, got {:?}", report.raw(field))
+            })?;
+        }
         if field == "Loiter Direction" {
             // The other direction: one that is shown already would say nothing.
             let other = if report.raw(field) == Some(1) { 2 } else { 1 };
@@ -228,25 +255,35 @@ fn vector_and_data_must_agree(t: &Trial) -> Judged {
     // The vector names all fields, of which few are there.
     let mut all_named = data.clone();
     all_named[..2].copy_from_slice(&[0x07, 0xFF]);
-    for (what, data) in [
+    let sent: Vec<_> = [
         ("a field missing", missing),
         ("two bytes left over", left_over),
         ("a vector of all fields", all_named),
-    ] {
+    ]
+    .into_iter()
+    .map(|(what, data)| {
         let mut draft = whole.clone();
         draft.data = Some(data);
-        let sent = a.send(draft);
-        let done = a.wait(sent.mark, t.timers().quiet, |seen| {
-            seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
-        });
-        if let Some(done) = done {
-            t.expect_of(&done, false, || {
-                format!("expected no 'carried out' for a 2017 with {what}; 17000 type 2 came")
-            })?;
-        }
-        let after = a.radius()?;
-        t.expect(after == before, || format!("expected a 2017 with {what} to be dropped whole; the radius went from {before:?} to {after:?}"))?;
+        (what, a.send(draft))
+    })
+    .collect();
+    t.pause(t.timers().quiet)?;
+    // What is carried out names the stamp in its acknowledgement; those of what is broken may be misread.
+    let mark = sent.first().map_or(0, |(_, first)| first.mark);
+    let done = a.received(mark, |seen| {
+        seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)
+    });
+    let names: Vec<&str> = sent.iter().map(|(what, _)| *what).collect();
+    if let Some(done) = done.first() {
+        t.expect_of(done, false, || {
+            format!(
+                "expected no 'carried out' for 2017s with {}; 17000 type 2 came",
+                names.join(", with ")
+            )
+        })?;
     }
+    let after = a.radius()?;
+    t.expect(after == before, || format!("expected 2017s with {} to be dropped whole; the radius went from {before:?} to {after:?}", names.join(", with ")))?;
     t.expect(a.commands_work()?, || {
         "expected the next good 2017 to work".into()
     })

@@ -1,9 +1,12 @@
 //! Numbers, texts, angles: SCALAR.
 
+use std::time::Duration;
+
+use super::acknowledgement::carried_out;
 use super::scene::Scene;
 use crate::bench::flight::{
-    Fix, Plan, clear, difference, download, fix, home, load, mode, mode_becomes, mode_command,
-    waypoint, wrapped,
+    Fix, Plan, clear, difference, download, fix, fly_until, hold, home, load, mode, mode_becomes,
+    mode_command, waypoint, wrapped,
 };
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
@@ -173,6 +176,31 @@ fn values_out_of_range_are_not_used(t: &Trial) -> Judged {
             9,
         ),
         (
+            "heading command type 9",
+            Draft::new(2016).raw("Heading Command Type", 9),
+            3002,
+            "Heading Command Type",
+            9,
+        ),
+        (
+            "altitude command type 9",
+            Draft::new(2016)
+                .raw("Altitude Command Type", 9)
+                .set("Commanded Altitude", 77.0),
+            3002,
+            "Altitude Command Type",
+            9,
+        ),
+        (
+            "speed type 9",
+            Draft::new(2016)
+                .set("Commanded Speed", 7.0)
+                .raw("Speed Type", 9),
+            3002,
+            "Speed Type",
+            9,
+        ),
+        (
             "a loiter latitude beyond 90 degrees",
             mode_command(mode::LOITER)
                 .set("Loiter Position Latitude", 1.7)
@@ -190,11 +218,7 @@ fn values_out_of_range_are_not_used(t: &Trial) -> Judged {
             continue;
         }
         let sent = a.send(draft.acked());
-        let done = a.wait(sent.mark, t.timers().quiet, |seen| {
-            seen.kind() == 17000
-                && seen.raw("Acknowledgement Type") == Some(2)
-                && seen.raw("Original Message Time Stamp") == Some(sent.stamp)
-        });
+        let done = carried_out(t, &a, &sent, t.timers().quiet)?;
         // A radius of 0 may stand for the vehicle's own.
         if value == 0 {
             if done.is_some() {
@@ -271,9 +295,51 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
         ));
     }
     mode_becomes(&a, mode::AUTOPILOT, t.timers().begin)?;
-    let states = a.query(3002)?;
+    let deadline = t.bench.net.now() + t.timers().answer;
+    let mut states = a.query(3002)?;
+    while states.raw("Commanded Turn Rate") != Some(500) && t.bench.net.now() < deadline {
+        t.pause(Duration::from_millis(100))?;
+        states = a.query(3002)?;
+    }
     let found = states.raw("Commanded Turn Rate");
     t.expect_of(&states, found == Some(500), || {
         format!("expected the raw turn rate 500 in 3002, got {found:?}")
+    })?;
+    // The scale is disputed, the way is not: clockwise, in the heading and in the turn rate of 4000.
+    a.send(crate::bench::station::schedule(
+        4000,
+        t.bench.profile.figures.largest_rate_hz.min(10),
+    ));
+    t.pause(Duration::from_millis(200))?;
+    let mark = t.bench.net.mark();
+    let began = fix(t, &a)?;
+    let turned = |fix: &Fix| {
+        began
+            .heading
+            .zip(fix.heading)
+            .map_or(0.0, |(from, to)| wrapped(to - from))
+    };
+    let moved = fly_until(t, &a, t.timers().begin / 4, |fix| turned(fix).abs() > 0.8)?;
+    let rates: Vec<i64> = a
+        .received(mark, |seen| seen.kind() == 4000)
+        .iter()
+        .filter_map(|seen| seen.raw("Turn Rate"))
+        .filter(|rate| *rate != 0)
+        .collect();
+    hold(t, &a)?;
+    // Where half a turn may lie between two positions of a fast simulation, neither way can be told.
+    let Some(moved) = moved.filter(|fix| turned(fix).abs() < 2.0) else {
+        t.note("the way of the turn is not seen between two positions");
+        return Ok(());
+    };
+    t.expect(turned(&moved) > 0.0, || {
+        format!("expected a turn to the right at a commanded turn rate above 0; the heading went {:.0} degrees to the left", -turned(&moved).to_degrees())
+    })?;
+    let left = rates.iter().filter(|rate| **rate < 0).count();
+    t.expect(rates.len() < 4 || left * 2 < rates.len(), || {
+        format!(
+            "expected a Turn Rate above 0 in 4000 in a turn to the right; {left} of {} are below",
+            rates.len()
+        )
     })
 }

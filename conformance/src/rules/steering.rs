@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::acknowledgement::about;
 use super::flight::{stretch, to_number};
+use super::mission::aboard;
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, fix, fly_until, hold, home, loaded, mode, mode_becomes, mode_command,
@@ -86,7 +87,36 @@ fn steering_obeys_the_command_types(t: &Trial) -> Judged {
         format!("expected a ground speed of 8 m/s as commanded, 4000 shows {pace:.1} m/s")
     })?;
     heading_alone(t, &a)?;
+    altitude_alone(t, &a)?;
     climb_by_speed(t, &a)
+}
+
+/// Altitude command type 1 holds the altitude, whatever the vertical speed says.
+fn altitude_alone(t: &Trial, a: &Station) -> Judged {
+    let began = fix(t, a)?;
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Altitude Command Type", 1)
+            .set("Commanded Altitude", began.altitude + 15.0)
+            .raw("Altitude Type", began.altitude_type)
+            .set("Commanded Vertical Speed", -1.5)
+            .acked(),
+    );
+    let refused = a.wait(sent.mark, t.timers().ack * 2, |seen| {
+        about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    });
+    if refused.is_some() {
+        t.note("mode 15 with an altitude is refused");
+        return Ok(());
+    }
+    let moved = fly_until(t, a, t.timers().begin, |fix| {
+        (fix.altitude - began.altitude).abs() > 9.0
+    })?;
+    hold(t, a)?;
+    let by = moved.map_or(0.0, |fix| fix.altitude - began.altitude);
+    t.expect(by > 0.0, || {
+        format!("expected a climb of 15 m in mode 15 with altitude command type 1, whatever the vertical speed says; the altitude changed by {by:.0} m")
+    })
 }
 
 /// Heading command type 1 turns to the heading, whatever the course field says.
@@ -253,11 +283,21 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
             "Commanded Speed",
             "Speed Type",
         ];
-        Ok([
-            vec![reported_mode(station)?, to_number(station)?],
-            commanded.iter().map(|name| states.raw(name)).collect(),
-        ])
+        // What 2017 set counts as commanded; Edition 2.5 reports no loiter.
+        let mut values: Vec<_> = commanded.iter().map(|name| states.raw(name)).collect();
+        if !t.of_edition_25() {
+            let loiter = station.query(3004)?;
+            values.extend(
+                ["Loiter Type", "Loiter Radius", "Loiter Direction"].map(|name| loiter.raw(name)),
+            );
+        }
+        Ok([vec![reported_mode(station)?, to_number(station)?], values])
     };
+    let radius = t.bench.fresh_radius();
+    a.set_radius(radius);
+    if !t.of_edition_25() && !a.radius_becomes(radius)? {
+        t.note("2017 does not change 3004: the loiter settings are not judged");
+    }
     let before = state(&a)?;
     let b = t.b()?;
     a.request(0x0F, Access::Release)?;
@@ -265,5 +305,6 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
     t.pause(t.timers().quiet)?;
     let after = state(&b)?;
     hold(t, &b)?;
-    t.expect(before == after, || format!("expected mode, commanded values and To waypoint to stay through a handover; {before:?} became {after:?}"))
+    t.expect(before == after, || format!("expected mode, commanded values, loiter settings and To waypoint to stay through a handover; {before:?} became {after:?}"))?;
+    aboard(t, &b, &plan, "still aboard after a handover")
 }

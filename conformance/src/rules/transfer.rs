@@ -3,10 +3,11 @@
 use super::mission::{aboard, with_plan};
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, deliver, difference, download, field, home, run_transfer, transfer,
+    Plan, deliver, difference, download, field, home, load, loaded, run_transfer, transfer,
 };
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
+use crate::wire::Draft;
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -32,7 +33,20 @@ pub(super) const SCENES: &[Scene] = &[
 ];
 
 fn single_waypoint_download(t: &Trial) -> Judged {
-    let (a, plan) = with_plan(t, &[10, 40, 20])?;
+    let (a, mut plan) = with_plan(t, &[10, 40, 20])?;
+    let loiter = Draft::new(13003)
+        .raw("Waypoint Number", 40)
+        .raw("Waypoint Loiter Type", 1)
+        .set("Loiter Radius", 120.0)
+        .raw("Loiter Direction", 1)
+        .raw("Loiter Duration", 60)
+        .raw("Loiter Duration Units", 0);
+    plan.points.insert(2, loiter);
+    if load(t, &a, &plan)?.status != Some(1) {
+        t.note("judged without a loiter waypoint: it is refused");
+        plan.points.remove(2);
+        loaded(t, &a, &plan)?;
+    }
     for wanted in [20, 10, 40] {
         let found = run_transfer(
             t,
@@ -50,6 +64,15 @@ fn single_waypoint_download(t: &Trial) -> Judged {
             !numbers.is_empty() && numbers.iter().all(|&number| number == wanted),
             || format!("expected waypoint {wanted} and no other to 13000 mode 4; got {numbers:?}"),
         )?;
+        let foreign = found
+            .messages
+            .iter()
+            .find(|seen| seen.kind() == 13003 && seen.raw("Waypoint Number") != Some(wanted));
+        t.expect(foreign.is_none(), || {
+            format!(
+                "expected the loiter of waypoint {wanted} only to 13000 mode 4; one of another came"
+            )
+        })?;
         let alone = Plan {
             points: plan
                 .points
@@ -109,6 +132,12 @@ fn clear_empties_the_plan(t: &Trial) -> Judged {
         format!(
             "expected no waypoint in a download after the mission was cleared; {waypoints} came"
         )
+    })?;
+    let left = found.messages.iter().find(|seen| {
+        seen.kind() != 13001 || seen.raw("Initial Waypoint Number").unwrap_or_default() != 0
+    });
+    t.expect(left.is_none(), || {
+        format!("expected no route and no loiter in a download after the mission was cleared; a {} came", left.map_or(0, |seen| seen.kind()))
     })?;
     t.expect(found.status.is_some(), || {
         "expected 14000 to end the download of an empty plan; none came".into()
@@ -210,9 +239,12 @@ fn status_echoes_what_it_is_about(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
     let plan = Plan::zigzag(&home, "M1", &[1, 2]);
-    let up = crate::bench::flight::load(t, &a, &plan)?;
+    let up = load(t, &a, &plan)?;
     let down = download(t, &a, "M1")?;
-    for (transfer, mode) in [(up, 2), (down, 3)] {
+    let mut gap = Plan::zigzag(&home, "M1", &[3, 4]);
+    gap.points.remove(1);
+    let refused = load(t, &a, &gap)?;
+    for (transfer, mode) in [(up, 2), (down, 3), (refused, 2)] {
         if transfer.reports.is_empty() {
             return Err(Stop::inconclusive("no 14000 came"));
         }

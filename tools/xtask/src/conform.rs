@@ -64,7 +64,8 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     // A stopped vehicle sends and answers nothing, as one out of range.
     let pid = vehicles[0].0.id();
     let means = format!(
-        "[means]\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n"
+        "[means]\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n\
+         lower_energy = \"kill -USR1 {pid}\"\nrestore_energy = \"kill -USR2 {pid}\"\n"
     );
     fs::write(folder.join("profile.toml"), PROFILE.to_owned() + &means).context("profile.toml")?;
     let mut judge = program("dli-check", &folder);
