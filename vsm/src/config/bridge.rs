@@ -202,6 +202,8 @@ table! {
         pub act_s: f64 => Value("10.0"),
         /// What the vehicle is commanded at `act_s`: `"continue"` (nothing), `"hold"`, `"contingency"`, `"rtl"`
         pub on_loss: OnLoss => Value("\"continue\""),
+        /// Whether a CUCS without a guard may be listed with LOI 2 alone
+        pub guarded_only: bool => Value("false"),
     }
 }
 
@@ -212,6 +214,7 @@ impl Default for Authority {
             offer_s: 5.0,
             act_s: 10.0,
             on_loss: OnLoss::Continue,
+            guarded_only: false,
         }
     }
 }
@@ -320,11 +323,14 @@ impl Config {
         let group = self.dli.multicast.filter(|_| !self.dli.group_is_local());
         let open = [Some(listen).filter(|at| !at.ip().is_loopback()), group];
         let open: Vec<String> = open.iter().flatten().map(ToString::to_string).collect();
-        if !open.is_empty() && !self.cucs.is_empty() {
+        let unguarded = self.stations().filter(|cucs| cucs.guard.is_none());
+        let unguarded: Vec<_> = unguarded.map(|cucs| cucs.id.to_string()).collect();
+        if !open.is_empty() && !unguarded.is_empty() {
             warnings.push(format!(
-                "DLI on {}: CUCSs are not authenticated: whoever can send there from a CUCS's address can command its \
-                 vehicles; keep it on loopback, or behind a tunnel or firewall",
-                open.join(" and ")
+                "DLI on {}: CUCSs are not authenticated without a guard: whoever can send there from the address of {} can command \
+                 its vehicles; give it a guard, or keep the DLI on loopback, or behind a tunnel or firewall",
+                open.join(" and "),
+                unguarded.join(", ")
             ));
         }
         let unreached = |cucs: &&Cucs| cucs.delivery.to_address();
@@ -379,6 +385,7 @@ impl Config {
             let has_group = self.dli.multicast.is_some();
             station.get_ref().check(station.span().start, has_group)?;
         }
+        self.check_guards()?;
         let mut links: Vec<(&LinkAddress, u8)> = Vec::new();
         for spanned in &self.vehicle {
             let (vehicle, at) = (spanned.get_ref(), spanned.span().start);
@@ -430,6 +437,24 @@ impl Config {
         }
         if self.mavlink.system_id == 0 {
             return fault(0, "mavlink.system_id", 0, "1 to 255");
+        }
+        Ok(())
+    }
+
+    fn check_guards(&self) -> Result<(), Fault> {
+        let commands = |one: &Cucs| {
+            let levels = LoiBitmap::LOI3
+                .union(LoiBitmap::LOI4)
+                .union(LoiBitmap::LOI5);
+            one.loi.0.intersects(levels)
+        };
+        for spanned in &self.cucs {
+            let (cucs, at) = (spanned.get_ref(), spanned.span().start);
+            if self.authority.get_ref().guarded_only && cucs.guard.is_none() && commands(cucs) {
+                let expected =
+                    "loi = [2], or guard = { key_file = \"FILE\" }: authority.guarded_only is true";
+                return fault(at, "cucs.loi", "LOI 3 to 5 without a guard", expected);
+            }
         }
         Ok(())
     }
@@ -490,6 +515,11 @@ impl Config {
         for forward in &mut self.forward {
             if let Some(file) = &mut forward.get_mut().key_file {
                 *file = folder.join(&*file);
+            }
+        }
+        for station in &mut self.cucs {
+            if let Some(guard) = &mut station.get_mut().guard {
+                guard.key_file = folder.join(&guard.key_file);
             }
         }
         self.store.dir = folder.join(&self.store.dir);

@@ -50,7 +50,7 @@ pub use error::ConfigError;
 pub use forward::{Commands, Forward, ForwardLink, Relay};
 pub use payload::Payload;
 pub use rally::Rally;
-pub use station::{Checksum, Cucs, Delivery, Edition, Presence};
+pub use station::{Checksum, Cucs, Delivery, Edition, Guard, Presence};
 pub use termination::{Termination, TerminationAction};
 pub use terrain::{TerrainFault, TerrainFolder};
 pub use value::{

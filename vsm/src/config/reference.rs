@@ -89,6 +89,9 @@ listen = \"127.0.0.1:4586\"
 id = \"1b:00:00:a0\"
 loi = [2]
 #cucs
+[cucs.guard]
+key_file = \"c\"
+#cucs.guard
 [[vehicle]]
 id = \"1b:00:01:01\"
 link = \"udpin:127.0.0.1:14550\"

@@ -4,6 +4,7 @@
 //! does not set is `auto`, as the station itself speaks, or as `[dli]` says for all.
 
 use std::net::IpAddr;
+use std::path::PathBuf;
 
 use serde::de::{self, Deserializer, Unexpected};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,8 @@ table! {
         /// Address that it must send from. It counts as proven: without it a CUCS that never sends acknowledgements (17000) is
         /// sent at most three times the bytes that it sends
         pub address: Option<IpAddr> => Nothing("any"),
+        /// Its guard: what arrives in its name is taken from `vsm guard` with the same key alone
+        pub guard: Option<Guard> => Table(Guard::KEYS),
         /// Whether it may take control from another
         #[serde(default, rename = "override")]
         pub override_control["override"]: bool => Value("false"),
@@ -56,6 +59,16 @@ table! {
         /// As `dli.disputed`, for this station: what it reads in another way than `[dli.disputed]` says
         #[serde(default)]
         pub disputed: Readings => Table(Readings::OF_STATION),
+    }
+}
+
+table! {
+    /// `cucs.guard`
+    #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Guard {
+        /// File of the key that the CUCS's guard has too: 32 bytes in hex, mode 0600, written by `vsm guard keygen`
+        pub key_file: PathBuf => Required,
     }
 }
 
@@ -155,6 +168,11 @@ impl Cucs {
             let expected =
                 "\"unicast\", or a group to send to: dli.multicast = \"225.200.1.0:51017\"";
             return fault(at, "cucs.delivery", "group without dli.multicast", expected);
+        }
+        if self.delivery == Delivery::Group && self.guard.is_some() {
+            let expected =
+                "\"unicast\": the group has no key, so a CUCS with a guard is sent nothing by it";
+            return fault(at, "cucs.delivery", "group with a guard", expected);
         }
         let summed = self.checksum.map(|Checksum(style)| style);
         match (self.edition, summed) {

@@ -47,8 +47,15 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
         } else {
             ""
         };
+        let guard = match &station.guard {
+            Some(guard) => {
+                let key = key_file::read(&guard.key_file).map_err(bad)?;
+                format!(", guarded with key id {}", key.id())
+            }
+            None => String::new(),
+        };
         text += &format!(
-            "  CUCS {} from {from}: LOI {}{overrides}{}\n",
+            "  CUCS {} from {from}: LOI {}{overrides}{}{guard}\n",
             station.id,
             station.loi.0.in_words(),
             owner(station.id)

@@ -11,6 +11,7 @@ mod demo;
 mod dli_lines;
 mod doctor;
 mod files;
+mod guard;
 mod init;
 mod key;
 #[cfg(feature = "klv")]
@@ -110,6 +111,11 @@ enum Command {
         #[command(subcommand)]
         action: key::Action,
     },
+    /// Authenticate a CUCS to its VSM: run the guard beside it, make and replace its keys
+    Guard {
+        #[command(subcommand)]
+        action: guard::Action,
+    },
     /// Verify and print the audit logs of who controlled which vehicle
     Audit {
         #[command(subcommand)]
@@ -186,6 +192,7 @@ pub fn main() -> ExitCode {
         Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
+        Command::Guard { action } => guard::run(action),
         Command::Audit { action } => audit::run(action),
         Command::Zeroize(arguments) => zeroize::run(&arguments),
         Command::Pair(arguments) => pair::run(arguments),

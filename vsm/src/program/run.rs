@@ -20,6 +20,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
             StartError::Key(_)
             | StartError::Keys(_)
             | StartError::SameKey { .. }
+            | StartError::GuardKey { .. }
             | StartError::Terrain(_) => bad(fault),
             other => failed(other),
         })?;

@@ -82,6 +82,7 @@ fn readable(status: &Value) -> String {
             _ => "",
         };
         text += &format!("CUCS {} at {address}{proof}\n", plain(&station["id"]));
+        text += &guard(&station["guard"]);
     }
     for vehicle in list(&status["vehicles"]) {
         let live = if vehicle["live"] == true {
@@ -161,6 +162,25 @@ fn readable(status: &Value) -> String {
     text += &counts("DLI set aside: ", &status["set_aside"]);
     text += &counts("recordings: ", &status["recordings"]);
     text
+}
+
+/// The lines of a station's guard; none where it has none.
+fn guard(guard: &Value) -> String {
+    if guard.is_null() {
+        return String::new();
+    }
+    let key = guard["key_id"].as_str().unwrap_or("none");
+    let last = match guard["verified_s"].as_f64() {
+        Some(age) => format!("last verified datagram {age:.1} s ago"),
+        None => "nothing has verified yet".to_owned(),
+    };
+    let previous = match guard["previous_key_id"].as_str() {
+        Some(id) if guard["uses_previous"] == true => format!(", STILL SENDS under key {id}"),
+        Some(id) => format!(", key {id} is accepted too"),
+        None => String::new(),
+    };
+    let refused = counts("  refused in its name: ", &guard["refused"]);
+    format!("  guarded with key {key}, {last}{previous}\n{refused}")
 }
 
 /// Whether frames are signed: what was verified, not what is configured.

@@ -81,6 +81,7 @@ mod files;
 pub mod findings;
 mod flight;
 mod forward;
+mod guard;
 mod held;
 mod ignored_fields;
 mod link;
@@ -106,7 +107,8 @@ pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
 pub(crate) use authority::record::examine as examine_audit;
 pub use authority::rules::{
     Access, Answer, Asker, Authority, CONSENT_WITHIN, CONTROL, Change, Circumstances, Decision,
-    Ended, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage, Stations,
+    Ended, GUARDED_RANK, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage,
+    Stations,
 };
 pub(crate) use authority::trail::Kind as AuditKind;
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
@@ -114,6 +116,7 @@ pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_confi
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};
 pub use forward::ForwardStatus;
+pub use guard::{GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, SealError};
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use link::key_recovery::KeyChange;

@@ -7,10 +7,11 @@ use stanag_msgs::Id;
 use stanag_msgs::ed25::Version;
 
 use super::allowance::StationAllowance;
-use super::authority::rules::{Asker, Silence};
+use super::authority::rules::{Asker, GUARDED_RANK, Silence};
 use super::clock_offset::ClockOffset;
 use super::duplicates::Delay;
 use super::editions::Translator;
+use super::guard::GuardEnd;
 use super::station_profile::{Shown, StationProfile};
 use crate::config::{Cucs, Dli, Edition};
 
@@ -34,6 +35,8 @@ pub(crate) struct GroundStation {
     pub(crate) delay: Delay,
     /// It has sent 16002 from a proven address: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
+    /// The end of its guarded way, where it has one and there is a key.
+    pub(crate) guard: Option<GuardEnd>,
     /// What it may still send.
     pub(crate) allowance: StationAllowance,
     /// Whether it spoke Edition 2.5 last, and when.
@@ -54,6 +57,7 @@ impl GroundStation {
             clock: ClockOffset::default(),
             delay: Delay::Unknown,
             sends_heartbeats: false,
+            guard: None,
             allowance: StationAllowance::default(),
             spoken: None,
             translator: Translator::default(),
@@ -103,7 +107,12 @@ impl GroundStation {
             id: self.config.id,
             authorised: self.config.loi.0,
             may_override: self.config.override_control,
-            rank: self.config.rank,
+            rank: u16::from(self.config.rank)
+                + if self.config.guard.is_some() {
+                    GUARDED_RANK
+                } else {
+                    0
+                },
         }
     }
 

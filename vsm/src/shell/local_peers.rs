@@ -116,7 +116,7 @@ impl LocalPeers {
             if !quiet {
                 self.reported_at = Some(mono);
                 tracing::warn!(
-                    "a datagram on the vehicle's link is dropped ({} in all): {stranger}",
+                    "a datagram of this computer is dropped ({} in all): {stranger}",
                     self.dropped
                 );
             }

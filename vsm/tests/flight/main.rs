@@ -41,6 +41,7 @@ mod forged_addresses;
 mod forged_time_stamps;
 mod forward;
 mod full_disk;
+mod guarded;
 mod health_alerts;
 mod held_commands;
 mod loss_action;

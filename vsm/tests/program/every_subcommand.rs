@@ -375,6 +375,13 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("init other/vsm.toml --sitl", Done),
         ("check-config", Done),
         ("keygen another.key", Done),
+        ("guard keygen guard.key", Done),
+        ("guard rotate guard.key", Done),
+        ("guard revoke guard.key", Done),
+        (
+            "guard run --cucs 1b:00:00:a0 --vsm-id 1b:00:00:01 --vsm 127.0.0.1:9 --key-file guard.key --store vsm.toml",
+            Refused("it is a file"),
+        ),
         ("key provision --sitl-file px4.bin", Done),
         ("key list", Done),
         ("key clock", Done),

@@ -4,6 +4,7 @@
 //! - [`Rig`]: the bridge with its vehicles (`px4-sim`) and stations; both links can be as bad as [`Faults`] describes, bridge
 //!   and vehicles restarted at any moment, the disk full
 //! - [`Station`]: a ground station that records everything that it receives
+//! - [`StationGuard`]: the guard beside a station that the configuration gives one
 //! - [`orders`]: the messages that a station sends
 //! - [`flight`]: a whole flight, the same in a [`Rig`] and between processes
 //! - [`Processes`]: `vsm run` between real sockets or on a serial line, in real time
@@ -22,11 +23,13 @@ pub mod flight;
 pub mod orders;
 pub mod parties;
 
+mod guard;
 mod real_time;
 mod rig;
 mod station;
 
 pub use crate::network::Faults;
+pub use guard::{StationGuard, guard_key};
 pub use parties::{VSM, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id};
 pub use real_time::Processes;
 pub use rig::{FORWARD_KEYS, Restart, Rig, Setup};

@@ -10,9 +10,11 @@ use mavlink_link::frame::MAX_FRAME;
 use px4_sim::{Autopilot, Signing, Truth};
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
+use stanag_msgs::guard::MAX_GUARDED;
 use vsm::config::{Changes, Config, Report};
 use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer};
 
+use super::guard::{StationGuard, guard_key};
 use super::orders;
 use super::parties::{
     VSM, bridge_dli, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id,
@@ -67,6 +69,9 @@ pub struct Rig {
     pub clock: VirtualClock,
     /// The ground stations.
     pub stations: Vec<Station>,
+    /// The guards of those that the configuration gives one, by the station's index. One that is taken out is a station that
+    /// sends without.
+    pub guards: BTreeMap<usize, StationGuard>,
     /// The vehicles.
     pub vehicles: Vec<Autopilot<SocketAddr>>,
     /// `None` while the bridge is down.
@@ -149,6 +154,7 @@ impl Rig {
         let mut rig = Rig {
             clock: VirtualClock::default(),
             stations,
+            guards: BTreeMap::new(),
             vehicles,
             bridge: None,
             store: MemoryDisk::default(),
@@ -238,6 +244,25 @@ impl Rig {
             .serve_forwards(&self.config, ends.collect(), now, START, &mut self.store)
             .expect("the ground stations beside it are served");
         self.bridge = Some(bridge);
+        self.give_guard_keys();
+    }
+
+    /// As the shell reads the key files; and each station with a guard has one.
+    fn give_guard_keys(&mut self) {
+        let guarded = self.config.stations().filter(|one| one.guard.is_some());
+        let ids: Vec<_> = guarded.map(|one| one.id).collect();
+        let (now, station_now) = (self.now(), self.station_now());
+        for id in &ids {
+            let stations = self.stations.iter();
+            if let Some(index) = stations.clone().position(|one| one.id == *id) {
+                let guard = || StationGuard::new(*id, station_now);
+                self.guards.entry(index).or_insert_with(guard);
+            }
+        }
+        let keys = ids.into_iter().map(|id| (id, vec![(guard_key(id), None)]));
+        let bridge = self.bridge.as_mut().expect("it runs");
+        let given = bridge.set_guard_keys(keys.collect(), now, START, &mut self.store);
+        given.expect("their clocks can be read");
     }
 
     /// Lets the running bridge read another configuration.
@@ -279,6 +304,7 @@ impl Rig {
         reloaded.map_err(|fault| fault.to_string())?;
         bridge.take_forwards(prepared);
         (self.config, self.text) = (config, text.to_owned());
+        self.give_guard_keys();
         Ok(report)
     }
 
@@ -415,8 +441,12 @@ impl Rig {
                 self.mav.send(clock, vehicle_address(index), sent.to, bytes);
             }
         }
-        for station in &mut self.stations {
+        for (index, station) in self.stations.iter_mut().enumerate() {
             for bytes in station.advance(station_now) {
+                let bytes = match self.guards.get_mut(&index) {
+                    Some(guard) => guard.seal(station_now, &bytes),
+                    None => bytes,
+                };
                 self.dli.send(clock, station.address, bridge_dli(), bytes);
             }
         }
@@ -425,12 +455,23 @@ impl Rig {
                 if let Some(bridge) = &mut self.bridge {
                     bridge.handle_dli(now, packet.from, &packet.payload, &mut self.store);
                 }
-            } else if let Some(station) = self
+            } else if let Some((index, station)) = self
                 .stations
                 .iter_mut()
-                .find(|station| station.address == packet.to)
+                .enumerate()
+                .find(|(_, station)| station.address == packet.to)
             {
-                station.receive(station_now, &packet.payload);
+                match self.guards.get_mut(&index) {
+                    None => station.receive(station_now, &packet.payload),
+                    Some(guard) => match guard.open(station_now, &packet.payload) {
+                        Ok(inside) => station.receive(station_now, &inside),
+                        Err(Some(lift)) => {
+                            let from = station.address;
+                            self.dli.send(clock, from, bridge_dli(), lift);
+                        }
+                        Err(None) => {}
+                    },
+                }
             } else {
                 self.others.push((packet.to, packet.payload));
             }
@@ -471,16 +512,23 @@ impl Rig {
         if bridge.poll_timeout(now.mono) <= now.mono {
             bridge.handle_timeout(now, &mut self.store);
         }
+        while let Some((to, lift)) = bridge.poll_lift() {
+            self.dli.send(clock, bridge_dli(), to, lift.into_vec());
+        }
+        let mut sealed = [0; MAX_GUARDED];
         while let Some(datagram) = bridge.poll_dli() {
+            let bytes = bridge.sealed(now, &datagram, &mut sealed, &mut self.store);
+            let Some(sent) = bytes.map(<[u8]>::to_vec) else {
+                continue;
+            };
             match datagram.to {
                 Destination::Unicast(to) => {
                     let (messages, bytes) = self.sent_to.entry(to).or_default();
                     *messages += 1;
-                    *bytes += datagram.bytes().len() as u64;
-                    self.dli
-                        .send(clock, bridge_dli(), to, datagram.bytes().to_vec());
+                    *bytes += sent.len() as u64;
+                    self.dli.send(clock, bridge_dli(), to, sent);
                 }
-                Destination::Multicast => self.group.push(datagram.bytes().to_vec()),
+                Destination::Multicast => self.group.push(sent),
             }
         }
         while let Some((index, frame)) = bridge.poll_vehicle() {

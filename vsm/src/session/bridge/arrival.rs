@@ -16,6 +16,7 @@ use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp, ed25};
 
+use super::guards::Opened;
 use super::reach::Arriving;
 use super::{Bridge, destination_as_source};
 use crate::config::Edition;
@@ -33,11 +34,21 @@ impl Bridge {
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         let before = self.trace.then(|| DliTrace::begin(&self.counters));
-        if ed25::is_ed25(bytes) {
-            self.handle_ed25(now, from, bytes, disk);
-        } else {
-            self.handle_later(now, from, bytes, disk);
-        }
+        let opened = self.open_guarded(now, from, bytes, disk);
+        let bytes = match opened {
+            Opened::Plain(inside) | Opened::Verified(inside, _) if ed25::is_ed25(inside) => {
+                self.guarded = opened.station();
+                self.handle_ed25(now, from, inside, disk);
+                inside
+            }
+            Opened::Plain(inside) | Opened::Verified(inside, _) => {
+                self.guarded = opened.station();
+                self.handle_later(now, from, inside, disk);
+                inside
+            }
+            Opened::Dropped => bytes,
+        };
+        self.guarded = None;
         self.show_holders(now, disk);
         if let Some(before) = before {
             let source = self.readings.frames(bytes).next_source();
@@ -247,6 +258,12 @@ impl Bridge {
         let (index, station) = stations
             .find(|(_, station)| station.id() == header.source && !station.removed)
             .ok_or(Barred::Source { to_us })?;
+        if station.config.guard.is_some() && self.guarded.is_none() {
+            return Err(Barred::Unguarded);
+        }
+        if self.guarded.is_some_and(|guarded| guarded != index) {
+            return Err(Barred::OtherSender);
+        }
         // The port is not compared: a CUCS that returns on another port keeps its rights.
         if let Some(expected) = station.config.address.filter(|one| *one != from.ip()) {
             return Err(Barred::Address(expected));
@@ -353,6 +370,10 @@ pub(super) enum Barred {
     OurOwn,
     /// Nobody who is listed.
     Source { to_us: bool },
+    /// Listed with a guard, and it came without a trailer.
+    Unguarded,
+    /// In a datagram that another station's guard has sealed.
+    OtherSender,
     /// Listed with another address, this one.
     Address(IpAddr),
     /// Listed with another edition than this one, which it speaks here.
@@ -367,6 +388,8 @@ impl Barred {
         match self {
             Barred::OurOwn => "our own",
             Barred::Source { .. } => "unauthorised source",
+            Barred::Unguarded => UNGUARDED,
+            Barred::OtherSender => "guard: the source is not the sender",
             Barred::Address(_) => "unauthorised address",
             Barred::Edition(_) => "another edition than configured",
             Barred::Misaddressed { .. } => "misaddressed",
@@ -381,6 +404,7 @@ impl Barred {
                 Edition::of_idd(header.idd),
                 header.checksum,
             )),
+            Barred::Unguarded => Some(Fault::Guard(header.source, UNGUARDED)),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
             Barred::Edition(edition) => Some(Fault::OtherEdition(header.source, edition)),
             Barred::Misaddressed { known: false } => {
@@ -442,6 +466,7 @@ pub(super) fn drop_name(fault: &WrapperError) -> &'static str {
 }
 
 const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be distinguished from it";
+const UNGUARDED: &str = "guard: no trailer";
 const ACKNOWLEDGEMENT: u16 = 17000;
 /// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
 /// slowed down, and sent again where it was cut.

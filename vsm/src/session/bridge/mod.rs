@@ -4,7 +4,7 @@
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
 //! `forwards`: other ground stations; `files`: files of a vehicle;
-//! `editions`: stations of Edition 2.5; `status`: what the bridge is doing; `reload`: another configuration while it runs.
+//! `guards`: CUCSs with a guard key; `editions`: stations of Edition 2.5; `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
 mod contingencies;
@@ -12,6 +12,7 @@ mod dispatch;
 mod editions;
 mod files;
 mod forwards;
+mod guards;
 mod keys;
 mod port;
 mod reach;
@@ -101,6 +102,10 @@ pub struct Bridge {
     not_before: Duration,
     /// What becomes of each datagram is logged.
     trace: bool,
+    /// The station whose trailer the datagram that is being handled has.
+    guarded: Option<usize>,
+    /// What lifts the stamps of guards, and where it goes.
+    lifts: Vec<(SocketAddr, Box<[u8]>)>,
     /// The station whose message is being handled.
     asker: Option<usize>,
     /// What is on its way to stations of Edition 2.5.
@@ -193,6 +198,8 @@ impl Bridge {
             group: config.dli.multicast,
             not_before,
             trace: false,
+            guarded: None,
+            lifts: Vec::new(),
             asker: None,
             translated: VecDeque::new(),
             sent_to_group: VecDeque::new(),
@@ -286,6 +293,7 @@ impl Bridge {
         self.introduce(now, disk);
         self.watch_forwards(now, disk);
         self.watch_paths(now, disk);
+        self.keep_guards(now, disk);
         self.watch_findings(now, disk);
         self.show_holders(now, disk);
     }

@@ -12,6 +12,7 @@ use crate::session::authority::rules::Stage;
 use crate::session::counters::{ByType, Counters};
 use crate::session::findings::Finding;
 use crate::session::forward::ForwardStatus;
+use crate::session::guard::GuardStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
 
 /// The whole bridge.
@@ -56,6 +57,8 @@ pub struct StationStatus {
     pub proof: &'static str,
     /// Since anything of it was accepted, s.
     pub silent_s: Option<f64>,
+    /// How its guard stands; none where it has none, and is whoever writes its id.
+    pub guard: Option<GuardStatus>,
     /// Lines of its `[[cucs]]` that would fix how it speaks, by what was received.
     pub profile: Vec<String>,
 }
@@ -217,8 +220,10 @@ impl Bridge {
     /// A picture of now.
     #[must_use]
     pub fn status(&self, vsm: String, now: Duration) -> Status {
-        let listed = self.stations.iter().filter(|station| !station.removed);
-        let stations = listed.map(|station| StationStatus {
+        let each = self.stations.iter().enumerate();
+        let listed = each.filter(|(_, station)| !station.removed);
+        let stations = listed.map(|(index, station)| StationStatus {
+            guard: self.guard_status(index, now),
             id: station.id().to_string(),
             address: station.peer.map(|peer| peer.to_string()),
             proof: match (station.proven, station.config.address) {

@@ -23,6 +23,8 @@ pub(crate) enum Fault {
     Address(Id, IpAddr),
     /// Its source is listed with another edition than this one, in which it came.
     OtherEdition(Id, Edition),
+    /// Its source has a guard, which it did not come from: by this counter.
+    Guard(Id, &'static str),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
     /// Its checksum does not fit, under this style; and how it would.
@@ -76,6 +78,7 @@ impl Fault {
             Fault::NotListed(..)
             | Fault::Address(..)
             | Fault::OtherEdition(..)
+            | Fault::Guard(..)
             | Fault::Misaddressed(..) => 1,
             _ => 3,
         }
@@ -155,6 +158,7 @@ impl Seen {
             (Fault::NotListed(one, ..), Fault::NotListed(other, ..))
             | (Fault::Address(one, _), Fault::Address(other, _))
             | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
+            | (Fault::Guard(one, _), Fault::Guard(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
             (one, other) => {
                 std::mem::discriminant(&one) == std::mem::discriminant(&other)
@@ -231,6 +235,8 @@ impl DliEvidence {
             | Fault::Address(id, _)
             | Fault::OtherEdition(id, _)
             | Fault::Misaddressed(id, _) => id != source,
+            // A forger's beside its own: shown as long as it lasts.
+            Fault::Guard(..) => true,
             fault => !fault.is_broken() || one.from.ip() != from.ip(),
         });
     }
@@ -342,6 +348,14 @@ fn finding(one: &Seen) -> Finding {
             id,
             format!("sends from {ip}, but its address is configured as {expected}"),
             format!("if it has moved, set address = \"{ip}\" in its [[cucs]]; if not, somebody else uses its id"),
+        ),
+        Fault::Guard(id, why) => of_cucs(
+            Code::CucsGuard,
+            id,
+            format!("has a guard, and datagrams in its name from {ip} are not believed ({why})"),
+            "have it send through `vsm guard`, with the key file that its [[cucs]] names and clocks that differ by less than an \
+             hour; if it does, somebody else writes in its name"
+                .to_owned(),
         ),
         Fault::OtherEdition(id, edition) => of_cucs(
             Code::DliEdition,

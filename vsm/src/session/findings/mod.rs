@@ -25,6 +25,8 @@ pub enum Code {
     CucsNotListed,
     /// A listed ground station sends from another address than the configured one.
     CucsAddress,
+    /// Datagrams in the name of a ground station with a guard are not believed.
+    CucsGuard,
     /// A listed ground station sends to ids that are not here.
     CucsMisaddressed,
     /// The clock of a ground station differs from that of this computer.

@@ -57,6 +57,18 @@ pub enum StartError {
         /// The key's name.
         key: KeyId,
     },
+    /// The guard key of a CUCS is another's too.
+    #[error(
+        "CUCS {station} has the guard key {key} of {other}: each needs a key of its own, see `vsm guard keygen`"
+    )]
+    GuardKey {
+        /// The CUCS.
+        station: Id,
+        /// Who has it too.
+        other: String,
+        /// The key's name.
+        key: KeyId,
+    },
     /// A handover that is not finished.
     #[error(transparent)]
     Handover(#[from] HandoverError),

@@ -98,6 +98,21 @@ fn stays(served: &Served<'_>, number: usize, forward: &Forward, key: Option<&Sig
         && served.bridge.forward_key(number) == key.map(SigningKey::id)
 }
 
+/// Who has which key: vehicles, and other ground stations.
+pub(super) fn owners<'a>(
+    config: &'a Config,
+    vehicles: &'a [(Id, KeyId)],
+    forwards: &'a [Option<SigningKey>],
+) -> impl Iterator<Item = (String, KeyId)> + 'a {
+    let vehicles = vehicles
+        .iter()
+        .map(|(id, key)| (format!("vehicle {id}"), *key));
+    let forwards = config.forwards().zip(forwards);
+    let forwards = forwards
+        .filter_map(|(one, key)| Some((format!("[[forward]] {}", one.name), key.as_ref()?.id())));
+    vehicles.chain(forwards)
+}
+
 /// The key of each; none has the key of a vehicle, or of another.
 pub(super) fn keys(
     config: &Config,

@@ -4,6 +4,7 @@
 mod error;
 mod files;
 mod forward;
+mod guards;
 mod open;
 mod read_ahead;
 mod reload;

@@ -12,6 +12,7 @@ use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
 use super::forward;
+use super::guards;
 use super::shared::{Core, OpenPort, Shared};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle, share};
 use super::{Server, StartError};
@@ -82,6 +83,9 @@ impl Server {
             }
         }
         let forward_keys = forward::keys(config, &key_ids)?;
+        let others = forward::owners(config, &key_ids, &forward_keys);
+        let guard_keys = guards::keys(config, others, now)?;
+        bridge.set_guard_keys(guard_keys, now, NOT_BEFORE, &mut store)?;
         let forwards = forward::open(config, forward_keys, None, &mut store)?;
         let prepared =
             bridge.prepare_forwards(config, forwards.ends, now, NOT_BEFORE, &mut store)?;

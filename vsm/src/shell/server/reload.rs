@@ -27,13 +27,14 @@ use tokio::time::{sleep, timeout};
 
 use super::StartError;
 use super::forward::{self, Forwards, OpenForward, Served};
+use super::guards;
 use super::read_ahead::{Ahead, ReadAhead};
 use super::shared::{Core, OpenPort, Shared};
 use super::tasks::{receive_forward, receive_vehicle};
 use super::vehicle::{check_own, find_port, open_exchange, open_keys, open_port, record_vehicle};
 use crate::config::{Changes, Config, ForwardLink, LinkAddress, Report, Signing, Vehicle};
 use crate::key_exchange::{ExchangeRecord, IDENTITY, KeyExchange};
-use crate::session::LinkEnd;
+use crate::session::{GuardKeyUntil, LinkEnd};
 use crate::shell::clock::NOT_BEFORE;
 use crate::shell::disk::FileDisk;
 use crate::shell::key_store::KeyStore;
@@ -115,6 +116,8 @@ struct Reread {
     files: BTreeMap<Id, Files>,
     /// Of the ground stations beside the bridge.
     forward_keys: Vec<Option<SigningKey>>,
+    /// Of the ground stations with a guard.
+    guard_keys: Vec<(Id, Vec<GuardKeyUntil>)>,
     /// What the store holds of what is added.
     ahead: ReadAhead,
 }
@@ -237,8 +240,13 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     let stations = stations.filter(|id| !is_listed(id));
     let ids = stations.chain(files.keys().copied());
     let ids = ids.map(|id| format!("{:08x}", id.0));
+    let others = forward::owners(config, &known, &forward_keys);
+    let guard_keys = guards::keys(config, others, open.now).map_err(|fault| fault.to_string())?;
     let others = forward_keys.iter().flatten().map(SigningKey::id);
-    let keys = known.iter().map(|(_, key)| *key).chain(others);
+    let of_guards = guard_keys.iter().flat_map(|(_, keys)| keys);
+    let of_guards = of_guards.map(|(key, _)| key.id());
+    let keys = known.iter().map(|(_, key)| *key);
+    let keys = keys.chain(others).chain(of_guards);
     let keys = keys.map(|key| Ceiling::name(&key));
     let ahead = ReadAhead::of(&open.store, ids.chain(keys).collect());
     let ahead = ahead.map_err(|fault| fault.to_string())?;
@@ -246,6 +254,7 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
         hosts,
         files,
         forward_keys,
+        guard_keys,
         ahead,
         changes,
     })
@@ -290,7 +299,7 @@ type Opened = Vec<(VehicleReader, OpenPort)>;
 fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
     let applied = shared.with(|core, now| {
         let Changes { config, report } = new.changes;
-        let ahead = new.ahead;
+        let (ahead, guard_keys) = (new.ahead, new.guard_keys);
         for (name, bytes) in ahead.named() {
             core.store.know(name, bytes);
         }
@@ -315,6 +324,13 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         let prepared = prepared.map_err(|fault| fault.to_string())?;
         let applied = apply(core, config, opened, &ahead, now);
         let receivers = applied.map_err(|fault| fault.to_string())?;
+        let Core { bridge, store, .. } = core;
+        let store = &mut Ahead::new(store, &ahead);
+        let keyed = bridge.set_guard_keys(guard_keys, now, NOT_BEFORE, store);
+        if let Err(fault) = keyed {
+            // Nothing is taken of a station without its key: that is no reason to undo what else has changed.
+            tracing::error!("a CUCS has no guard key: {fault}");
+        }
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
         Ok::<_, String>((report, receivers, readers))

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use dli_group::Group;
 use mavlink_link::frame::FrameView;
+use stanag_msgs::guard::MAX_GUARDED;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
 
@@ -167,6 +168,13 @@ pub(super) async fn send(
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
 ) {
     let takes_both = unicast.local_addr().is_ok_and(|here| here.is_ipv6());
+    let reached = |to: SocketAddr| match to {
+        SocketAddr::V4(v4) if takes_both => {
+            SocketAddr::new(v4.ip().to_ipv6_mapped().into(), v4.port())
+        }
+        to => to,
+    };
+    let mut sealed = [0; MAX_GUARDED];
     loop {
         beat.during(shared.outgoing.notified()).await;
         // Taken one by one: the machine is not held while the system takes its time. What is for a vehicle goes first,
@@ -183,6 +191,13 @@ pub(super) async fn send(
                     && !send_frame(&shared, index, &frame, &writer).await
                 {
                     return;
+                }
+                continue;
+            }
+            let lift = shared.core.borrow_mut().bridge.poll_lift();
+            if let Some((to, bytes)) = lift {
+                if let Err(cause) = beat.during(unicast.send_to(&bytes, reached(to))).await {
+                    tracing::debug!("a datagram to a guard was not sent: {cause}");
                 }
                 continue;
             }
@@ -205,13 +220,18 @@ pub(super) async fn send(
             {
                 recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
             }
-            let to = match to {
-                SocketAddr::V4(v4) if takes_both && datagram.to != Destination::Multicast => {
-                    SocketAddr::new(v4.ip().to_ipv6_mapped().into(), v4.port())
-                }
-                to => to,
+            let to = match datagram.to {
+                Destination::Multicast => to,
+                Destination::Unicast(to) => reached(to),
             };
-            if let Err(cause) = beat.during(socket.send_to(datagram.bytes(), to)).await {
+            let bytes = {
+                let mut core = shared.core.borrow_mut();
+                let Core { bridge, store, .. } = &mut *core;
+                bridge.sealed(shared.clock.now(), &datagram, &mut sealed, store)
+            };
+            // Bridges without a key for it have counted it.
+            let Some(bytes) = bytes else { continue };
+            if let Err(cause) = beat.during(socket.send_to(bytes, to)).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
         }

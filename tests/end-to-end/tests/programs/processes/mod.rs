@@ -1,8 +1,9 @@
 //! The programs of this project together, each as a process of its own: the air-side agent, three ground stations, a
-//! planned route, and what outlives the end of a process.
+//! guard, a planned route, and what outlives the end of a process.
 
 mod airside;
 mod field;
+mod guard;
 mod handover;
 mod kills;
 mod planned_route;

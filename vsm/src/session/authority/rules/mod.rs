@@ -54,15 +54,22 @@ pub struct Asker {
     pub authorised: LoiBitmap,
     /// `cucs.override`.
     pub may_override: bool,
-    /// `cucs.rank`: an override takes from its own rank and below.
-    pub rank: u8,
+    /// `cucs.rank`, and [`GUARDED_RANK`] more with a guard: an override takes from its own rank and below.
+    pub rank: u16,
 }
+
+/// Any station with a guard is above all without: in the name of one without anybody can ask.
+pub const GUARDED_RANK: u16 = 0x100;
 
 impl Asker {
     /// Everything that it may hold.
     #[must_use]
     pub fn may_hold(&self) -> Rights {
         Rights::named(self.authorised, Stations::NONE)
+    }
+
+    fn is_guarded(&self) -> bool {
+        self.rank >= GUARDED_RANK
     }
 }
 

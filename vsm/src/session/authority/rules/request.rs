@@ -130,8 +130,9 @@ impl Authority {
         explicit: bool,
     ) -> Result<Reason, Refusal> {
         let control = !part.control().is_empty();
+        let holds = at.asker(holder);
         if access == Access::Override {
-            let rank = at.asker(holder).map_or(0, |holder| holder.rank);
+            let rank = holds.map_or(0, |holder| holder.rank);
             if asker.may_override && asker.rank >= rank {
                 return Ok(Reason::Overridden);
             }
@@ -140,7 +141,9 @@ impl Authority {
         if !control && explicit && self.controller() == Some(asker.id) {
             return Ok(Reason::Controller);
         }
-        if self.silence(holder) >= Silence::Offered {
+        // Who can keep a guarded station silent could ask in the name of one without.
+        let fit = asker.is_guarded() || !holds.is_some_and(Asker::is_guarded);
+        if fit && self.silence(holder) >= Silence::Offered {
             // During launch and landing only an override moves control, whether its holder is silent or not.
             return if control && at.launch_or_landing {
                 Err(Refusal::LaunchOrLanding)

@@ -1,0 +1,79 @@
+//! The guard beside a station: `vsm guard run` without its sockets.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::signing::SigningKey;
+use mavlink_link::store::MemoryDisk;
+use stanag_msgs::Id;
+use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED};
+use vsm::session::{GuardEnd, GuardRefusal};
+
+use super::parties::VSM;
+
+/// The guard of one station.
+#[derive(Debug)]
+pub struct StationGuard {
+    station: Id,
+    end: GuardEnd,
+    disk: MemoryDisk,
+    /// Everything that it has sent, as it went out.
+    pub sent: Vec<Vec<u8>>,
+}
+
+impl StationGuard {
+    /// One with the key of its station.
+    pub fn new(station: Id, now: Now) -> StationGuard {
+        let mut disk = MemoryDisk::default();
+        let end = start(station, now, &mut disk);
+        StationGuard {
+            station,
+            end,
+            disk,
+            sent: Vec::new(),
+        }
+    }
+
+    /// As after `kill -9`.
+    pub fn restart(&mut self, now: Now) {
+        self.end = start(self.station, now, &mut self.disk);
+    }
+
+    /// A datagram of its station, sealed.
+    pub fn seal(&mut self, now: Now, datagram: &[u8]) -> Vec<u8> {
+        let mut out = [0; MAX_GUARDED];
+        let sealed = self.end.seal(now, datagram, &mut out, &mut self.disk);
+        let sealed = out[..sealed.expect("it has a key and a disk")].to_vec();
+        self.sent.push(sealed.clone());
+        sealed
+    }
+
+    /// What is inside of a datagram of the VSM; where it is refused, what lifts the stamps of the VSM.
+    ///
+    /// # Errors
+    /// It has no trailer, or that does not verify.
+    pub fn open(&mut self, now: Now, bytes: &[u8]) -> Result<Vec<u8>, Option<Vec<u8>>> {
+        let guarded = Guarded::parse(bytes).ok_or(None)?;
+        let opened = self.end.open(now, &guarded, &mut self.disk);
+        opened.map(<[u8]>::to_vec).map_err(|why: GuardRefusal| {
+            let mut out = [0; MAX_GUARDED];
+            let lifts = why.wants_lift();
+            let length = lifts.then(|| self.end.lift(now, &mut out, &mut self.disk));
+            length.flatten().map(|length| out[..length].to_vec())
+        })
+    }
+}
+
+fn start(station: Id, now: Now, disk: &mut MemoryDisk) -> GuardEnd {
+    let keys = vec![(guard_key(station), None)];
+    let ids = (station, VSM);
+    let end = GuardEnd::new(ids, Direction::ToVsm, keys, Duration::ZERO, now, disk);
+    end.expect("its disk is good")
+}
+
+/// The guard key of a station.
+pub fn guard_key(station: Id) -> SigningKey {
+    let mut bytes = [0x67; 32];
+    bytes[..4].copy_from_slice(&station.0.to_be_bytes());
+    SigningKey::new(bytes).expect("not all zero")
+}

@@ -1,0 +1,162 @@
+//! CUCSs with a guard: what arrives in their names is taken where its trailer verifies, and what they are sent is sealed.
+//!
+//! Whether a station has a guard is its configuration's to say, and nothing else's: without keys here nothing of it is taken.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::store::{Disk, StoreError};
+use stanag_msgs::Id;
+use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED};
+
+use super::Bridge;
+use crate::session::findings::dli::Fault;
+use crate::session::guard::{GuardEnd, GuardKeyUntil, GuardStatus};
+use crate::session::outbox::Datagram;
+
+/// What a datagram is, before anything of it is read.
+pub(super) enum Opened<'a> {
+    /// It has no trailer.
+    Plain(&'a [u8]),
+    /// What is inside one that has verified, and the index of its station.
+    Verified(&'a [u8], usize),
+    /// It goes no further.
+    Dropped,
+}
+
+impl Opened<'_> {
+    /// The station whose trailer has verified.
+    pub(super) fn station(&self) -> Option<usize> {
+        match self {
+            Opened::Verified(_, index) => Some(*index),
+            Opened::Plain(_) | Opened::Dropped => None,
+        }
+    }
+}
+
+impl Bridge {
+    /// Gives the CUCSs their guard keys, the one in force first; what is known of a key that stays is kept.
+    ///
+    /// # Errors
+    /// The clock of a key cannot be read; the stations before it have theirs.
+    pub fn set_guard_keys(
+        &mut self,
+        keys: Vec<(Id, Vec<GuardKeyUntil>)>,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        for station in self.stations.iter_mut() {
+            if station.config.guard.is_none() {
+                station.guard = None;
+            }
+        }
+        for (id, keys) in keys {
+            let mut stations = self.stations.iter_mut();
+            let guarded = |one: &&mut crate::session::station::GroundStation| {
+                one.id() == id && one.config.guard.is_some()
+            };
+            let Some(station) = stations.find(guarded) else {
+                continue;
+            };
+            match &mut station.guard {
+                Some(end) => end.set_keys(keys, not_before, now, disk)?,
+                none => {
+                    let (ids, sends) = ((self.vsm, id), Direction::ToCucs);
+                    *none = Some(GuardEnd::new(ids, sends, keys, not_before, now, disk)?);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks for a trailer, and verifies it.
+    pub(super) fn open_guarded<'a>(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        bytes: &'a [u8],
+        disk: &mut dyn Disk,
+    ) -> Opened<'a> {
+        let Some(guarded) = Guarded::parse(bytes) else {
+            return Opened::Plain(bytes);
+        };
+        let sender = guarded.trailer.sender;
+        let mut stations = self.stations.iter_mut().enumerate();
+        let found = stations.find_map(|(index, one)| {
+            let listed = one.config.id == sender && !one.removed;
+            Some((index, one.guard.as_mut().filter(|_| listed)?))
+        });
+        let Some((index, end)) = found else {
+            self.counters.count("guard: sender without a guard key");
+            return Opened::Dropped;
+        };
+        match end.open(now, &guarded, disk) {
+            // It has lifted our stamps, and says nothing else.
+            Ok([]) => Opened::Dropped,
+            Ok(inside) => Opened::Verified(inside, index),
+            Err(why) => {
+                self.counters.count(why.name());
+                self.evidence
+                    .note(now.mono, from, Fault::Guard(sender, why.name()));
+                if why.wants_lift() {
+                    let mut out = [0; MAX_GUARDED];
+                    if let Some(length) = end.lift(now, &mut out, disk) {
+                        self.lifts.push((from, out[..length].into()));
+                    }
+                }
+                Opened::Dropped
+            }
+        }
+    }
+
+    /// The next datagram that lifts the stamps of a guard, and where it goes: as it is, beside [`Bridge::poll_dli`].
+    pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
+        self.lifts.pop()
+    }
+
+    /// A datagram as it goes out: sealed where it is for a CUCS with a guard. `None` where it may not go out at all: there is
+    /// no key, or the disk has no stamp for it.
+    pub fn sealed<'a>(
+        &mut self,
+        now: Now,
+        datagram: &'a Datagram,
+        out: &'a mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Option<&'a [u8]> {
+        let id = datagram.destination();
+        let mut stations = self.stations.iter_mut();
+        let Some(station) = stations.find(|one| one.id() == id && one.config.guard.is_some())
+        else {
+            return Some(datagram.bytes());
+        };
+        let end = station.guard.as_mut();
+        let sealed = end.and_then(|end| end.seal(now, datagram.bytes(), out, disk).ok());
+        let Some(length) = sealed else {
+            self.counters.count("guard: not sent, no key or no stamp");
+            return None;
+        };
+        out.get(..length)
+    }
+
+    /// Once a second: their ceilings stay ahead, and keys that were replaced end.
+    pub(super) fn keep_guards(&mut self, now: Now, disk: &mut dyn Disk) {
+        for end in self
+            .stations
+            .iter_mut()
+            .filter_map(|one| one.guard.as_mut())
+        {
+            end.keep(now, disk);
+        }
+    }
+
+    /// How the guard of a station stands.
+    pub(super) fn guard_status(&self, index: usize, now: Duration) -> Option<GuardStatus> {
+        self.stations
+            .get(index)?
+            .guard
+            .as_ref()
+            .map(|end| end.status(now))
+    }
+}

@@ -1,0 +1,401 @@
+//! One end of a guarded way between a CUCS and a VSM: what is sealed, and what of what arrives is believed.
+//!
+//! Both ends are the same machine: the bridge has one for each CUCS with a guard key, `vsm guard` one for its VSM. The trailer
+//! itself is [`stanag_msgs::guard`]'s.
+//!
+//! Promised:
+//! - Nothing is believed, and nothing changes, before the trailer has verified.
+//! - Nothing is believed twice: not over a restart, a crash or a step of a clock. Stamps are those of the signing clock of
+//!   MAVLink ([`SigningClock`]): none is sent or accepted beyond a ceiling that is on disk, and a start begins above it.
+//! - What arrives in another order is believed, up to [`WINDOW`] datagrams and [`MAX_DELAY`] late: the DLI has no other repair.
+//! - The clocks of both computers may differ by an hour. How late a datagram is, is measured against the newest of the same
+//!   sender, carried on by the monotonic clock, and not against this computer's wall clock: a station whose clock is wrong by
+//!   a minute would command nothing.
+//!
+//! An end whose stamps the other has left behind (a restart, a computer that slept) is lifted: what verified and is too old is
+//! answered by an empty datagram, above whose stamp its next one will be. That is no longer than what it answers, and is sent
+//! at most five times a second.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::clock::{Ceiling, ClockError, Origin, SigningClock};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::store::{Disk, Store as _, StoreError};
+use stanag_msgs::Id;
+use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, Trailer};
+
+use super::counters::Counters;
+
+/// A key for an end, and until when (monotonic) it is accepted; `None` for the one in force.
+pub type GuardKeyUntil = (SigningKey, Option<Duration>);
+
+/// The machine.
+#[derive(Debug)]
+pub struct GuardEnd {
+    own: Id,
+    peer: Id,
+    sends: Direction,
+    /// The one in force first.
+    keys: Vec<Keyed>,
+    /// Under which the other end sent last: it has that one for certain.
+    in_use: usize,
+    /// When an empty datagram may be sent again.
+    lift_at: Duration,
+    verified: u64,
+    refused: Counters,
+}
+
+/// One key with what is known of its stamps.
+#[derive(Debug)]
+struct Keyed {
+    key: GuardKey,
+    id: KeyId,
+    until: Option<Duration>,
+    clock: SigningClock,
+    window: Window,
+}
+
+/// Why a datagram is not believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GuardRefusal {
+    /// It goes the other way: sent back to its sender.
+    Direction,
+    /// It is of another sender.
+    Sender,
+    /// No key here has its key id.
+    Key,
+    /// The trailer is not the sender's, or the datagram was changed.
+    Forged,
+    /// It has been believed before.
+    Replayed,
+    /// Older than all that are remembered, or from before the start of this end.
+    Old,
+    /// It was held back on its way.
+    Late,
+    /// It is stamped over an hour ahead of this computer's clock.
+    Ahead,
+    /// The disk does not have the ceiling of its stamp yet.
+    Disk,
+}
+
+impl GuardRefusal {
+    /// Its counter.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            GuardRefusal::Direction => "guard: sent back",
+            GuardRefusal::Sender => "guard: another sender",
+            GuardRefusal::Key => "guard: unknown key",
+            GuardRefusal::Forged => "guard: wrong trailer",
+            GuardRefusal::Replayed => "guard: replayed",
+            GuardRefusal::Old => "guard: too old",
+            GuardRefusal::Late => "guard: held back on its way",
+            GuardRefusal::Ahead => "guard: over an hour ahead",
+            GuardRefusal::Disk => "guard: waits for the disk",
+        }
+    }
+
+    /// Whether the other end must learn of this one's stamps before anything of it is believed.
+    #[must_use]
+    pub const fn wants_lift(self) -> bool {
+        matches!(self, GuardRefusal::Old | GuardRefusal::Late)
+    }
+}
+
+/// How an end stands, for the status.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct GuardStatus {
+    /// The id of the key in force; none where there is none, and nothing is believed.
+    pub key_id: Option<String>,
+    /// The id of the key before, while it is still accepted.
+    pub previous_key_id: Option<String>,
+    /// Whether the other end still sends under that.
+    pub uses_previous: bool,
+    /// Datagrams that were believed.
+    pub verified: u64,
+    /// Since the last of them, s.
+    pub verified_s: Option<f64>,
+    /// Datagrams with a trailer in this sender's name that were not, by the reason.
+    pub refused: Counters,
+}
+
+impl GuardEnd {
+    /// An end that believes `peer` under these keys, the one in force first, and sends as `own`.
+    ///
+    /// # Errors
+    /// The clock of a key cannot be read.
+    pub fn new(
+        (own, peer): (Id, Id),
+        sends: Direction,
+        keys: Vec<GuardKeyUntil>,
+        not_before: Duration,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<GuardEnd, StoreError> {
+        let mut end = GuardEnd {
+            own,
+            peer,
+            sends,
+            keys: Vec::new(),
+            in_use: 0,
+            lift_at: Duration::ZERO,
+            verified: 0,
+            refused: Counters::default(),
+        };
+        end.set_keys(keys, not_before, now, disk)?;
+        Ok(end)
+    }
+
+    /// Continues with these keys; what is known of one that stays is kept.
+    ///
+    /// # Errors
+    /// The clock of a key cannot be read; nothing has changed then.
+    pub fn set_keys(
+        &mut self,
+        keys: Vec<GuardKeyUntil>,
+        not_before: Duration,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        let mut new = Vec::new();
+        for (key, until) in &keys {
+            let id = key.id();
+            let known = self.keys.iter().any(|one| one.id == id);
+            if !known {
+                let stored = disk.load(&id)?.map(|Ceiling(stamp)| stamp);
+                let not_before = Stamp::from_unix(not_before);
+                new.push(Keyed {
+                    key: GuardKey::new(key.expose()),
+                    id,
+                    until: *until,
+                    clock: SigningClock::start(id, Origin::KeyFile, stored, not_before, now),
+                    window: Window::default(),
+                });
+            }
+        }
+        let in_use = self.keys.get(self.in_use).map(|one| one.id);
+        let mut known = std::mem::take(&mut self.keys);
+        known.append(&mut new);
+        for (key, until) in keys {
+            if let Some(place) = known.iter().position(|one| one.id == key.id()) {
+                let mut keyed = known.swap_remove(place);
+                keyed.until = until;
+                self.keys.push(keyed);
+            }
+        }
+        let stays = |id| self.keys.iter().position(|one| Some(one.id) == id);
+        self.in_use = stays(in_use).unwrap_or(0);
+        self.keep(now, disk);
+        Ok(())
+    }
+
+    /// Keeps the ceilings ahead of the clocks, so that nothing that is sent or received waits for a disk; once a second.
+    pub fn keep(&mut self, now: Now, disk: &mut dyn Disk) {
+        self.drop_expired(now.mono);
+        for keyed in &mut self.keys {
+            keyed.clock.watch_wall(now);
+            keyed.clock.waits(now, disk);
+        }
+    }
+
+    fn drop_expired(&mut self, now: Duration) {
+        if self.keys.iter().any(|one| one.is_over(now)) {
+            let in_use = self.keys.get(self.in_use).map(|one| one.id);
+            self.keys.retain(|one| !one.is_over(now));
+            let stays = |id| self.keys.iter().position(|one| Some(one.id) == id);
+            self.in_use = stays(in_use).unwrap_or(0);
+        }
+    }
+
+    /// What is inside of a datagram that is believed; empty where it only lifts the stamps.
+    ///
+    /// # Errors
+    /// It is not: why.
+    pub fn open<'a>(
+        &mut self,
+        now: Now,
+        guarded: &Guarded<'a>,
+        disk: &mut dyn Disk,
+    ) -> Result<&'a [u8], GuardRefusal> {
+        let opened = self.judge(now, guarded, disk);
+        match opened {
+            Ok(_) => self.verified += 1,
+            Err(why) => self.refused.count(why.name()),
+        }
+        opened
+    }
+
+    fn judge<'a>(
+        &mut self,
+        now: Now,
+        guarded: &Guarded<'a>,
+        disk: &mut dyn Disk,
+    ) -> Result<&'a [u8], GuardRefusal> {
+        let trailer = &guarded.trailer;
+        if trailer.direction != self.sends.back() {
+            return Err(GuardRefusal::Direction);
+        }
+        if trailer.sender != self.peer {
+            return Err(GuardRefusal::Sender);
+        }
+        let own = self.own;
+        let mut named = self.keys.iter_mut().enumerate();
+        let mut named = named
+            .by_ref()
+            .filter(|(_, one)| one.key.id() == trailer.key_id && !one.is_over(now.mono))
+            .peekable();
+        if named.peek().is_none() {
+            return Err(GuardRefusal::Key);
+        }
+        let verified = named.find(|(_, one)| one.key.verifies(guarded, own));
+        let Some((place, keyed)) = verified else {
+            return Err(GuardRefusal::Forged);
+        };
+        let stamp = stamp_of(trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
+        if !keyed.clock.allows(stamp, now) {
+            return Err(GuardRefusal::Ahead);
+        }
+        if stamp <= keyed.clock.floor() {
+            return Err(GuardRefusal::Old);
+        }
+        keyed.window.judge(now.mono, stamp)?;
+        let followed = keyed.clock.follow(stamp, now, disk);
+        followed.map_err(|_| GuardRefusal::Disk)?;
+        keyed.window.take(now.mono, stamp);
+        self.in_use = place;
+        Ok(guarded.datagram)
+    }
+
+    /// Seals a datagram under the key that the other end has shown to have; returns the length.
+    ///
+    /// # Errors
+    /// There is no key, or no stamp for it: nothing may be sent.
+    pub fn seal(
+        &mut self,
+        now: Now,
+        datagram: &[u8],
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Result<usize, SealError> {
+        self.drop_expired(now.mono);
+        let keyed = self.keys.get_mut(self.in_use).ok_or(SealError::NoKey)?;
+        let stamp = keyed.clock.take(now, disk)?;
+        let trailer = Trailer {
+            direction: self.sends,
+            sender: self.own,
+            key_id: keyed.key.id(),
+            stamp_us: micros(stamp),
+        };
+        let sealed = keyed.key.seal(&trailer, self.peer, datagram, out);
+        Ok(sealed?)
+    }
+
+    /// The empty datagram by which the other end is lifted, where it is time for one; its length.
+    pub fn lift(
+        &mut self,
+        now: Now,
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Option<usize> {
+        if now.mono < self.lift_at {
+            return None;
+        }
+        self.lift_at = now.mono + LIFT_EVERY;
+        self.seal(now, &[], out, disk).ok()
+    }
+
+    /// How it stands.
+    #[must_use]
+    pub fn status(&self, now: Duration) -> GuardStatus {
+        let newest = self.keys.iter().filter_map(|one| one.window.newest);
+        let verified_at = newest.map(|(_, at)| at).max();
+        GuardStatus {
+            key_id: self.keys.first().map(|one| one.id.to_string()),
+            previous_key_id: self.keys.get(1).map(|one| one.id.to_string()),
+            uses_previous: self.in_use > 0,
+            verified: self.verified,
+            verified_s: verified_at.map(|at| now.saturating_sub(at).as_secs_f64()),
+            refused: self.refused.clone(),
+        }
+    }
+}
+
+impl Keyed {
+    fn is_over(&self, now: Duration) -> bool {
+        self.until.is_some_and(|until| until <= now)
+    }
+}
+
+/// Why nothing can be sealed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum SealError {
+    /// There is no key.
+    #[error("no guard key")]
+    NoKey,
+    /// The clock has no stamp.
+    #[error(transparent)]
+    Clock(#[from] ClockError),
+    /// It does not fit.
+    #[error(transparent)]
+    TooLong(#[from] stanag_msgs::guard::TooLong),
+}
+
+/// The stamps of one key and direction that were believed of late.
+#[derive(Debug, Default)]
+struct Window {
+    /// In their order, [`WINDOW`] at most.
+    seen: VecDeque<Stamp>,
+    /// The newest, and when it arrived.
+    newest: Option<(Stamp, Duration)>,
+}
+
+impl Window {
+    fn judge(&self, now: Duration, stamp: Stamp) -> Result<(), GuardRefusal> {
+        if self.seen.binary_search(&stamp).is_ok() {
+            return Err(GuardRefusal::Replayed);
+        }
+        let full = self.seen.len() == WINDOW;
+        if full && self.seen.front().is_some_and(|lowest| stamp < *lowest) {
+            return Err(GuardRefusal::Old);
+        }
+        if let Some((newest, at)) = self.newest
+            && stamp.plus(MAX_DELAY) < newest.plus(now.saturating_sub(at))
+        {
+            return Err(GuardRefusal::Late);
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, now: Duration, stamp: Stamp) {
+        if self.seen.len() == WINDOW {
+            self.seen.pop_front();
+        }
+        let place = self.seen.partition_point(|one| *one < stamp);
+        self.seen.insert(place, stamp);
+        if self.newest.is_none_or(|(newest, _)| newest < stamp) {
+            self.newest = Some((stamp, now));
+        }
+    }
+}
+
+/// The signing clock counts in 10 us: that is the step of the stamps here.
+fn micros(stamp: Stamp) -> u64 {
+    u64::try_from(stamp.to_unix().as_micros()).unwrap_or(u64::MAX)
+}
+
+/// `None` for a time that the clock does not know: before 2015, after 2104.
+fn stamp_of(stamp_us: u64) -> Option<Stamp> {
+    let stamp = Stamp::from_unix(Duration::from_micros(stamp_us));
+    (stamp > Stamp::ZERO && stamp < Stamp::MAX).then_some(stamp)
+}
+
+/// Datagrams of one sender whose order does not matter.
+const WINDOW: usize = 1_024;
+/// How long a datagram may be on its way, against the newest of its sender.
+const MAX_DELAY: Duration = Duration::from_secs(30);
+const LIFT_EVERY: Duration = Duration::from_millis(200);
+
+#[cfg(test)]
+mod tests;

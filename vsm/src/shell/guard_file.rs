@@ -1,0 +1,148 @@
+//! The key files of the DLI guard: made, rotated and revoked on the VSM's computer, and copied to the CUCS's by its operator.
+//!
+//! Beside a file that was rotated lies `FILE.previous`: it is accepted until [`OVERLAP`] after the rotation, so that the copy may
+//! take its time while the station flies.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use mavlink_link::Now;
+use mavlink_link::signing::SigningKey;
+
+use super::disk::{self, NativeFileSystem};
+use super::key_file::{self, KeyFileError};
+use crate::session::GuardKeyUntil;
+
+/// The key in force, and the one before while it is accepted.
+///
+/// # Errors
+/// A file is missing, readable by others, or holds something else.
+pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
+    let mut keys = vec![(key_file::read(path)?, None)];
+    let before = previous(path);
+    if let Ok(about) = fs::metadata(&before) {
+        // A clock that was set back since makes it no younger than it was: a day from now at most.
+        let age = about.modified().and_then(|at| {
+            SystemTime::now()
+                .duration_since(at)
+                .map_err(io::Error::other)
+        });
+        let left = OVERLAP.saturating_sub(age.unwrap_or_default());
+        let key = key_file::read(&before)?;
+        let same = keys.iter().any(|(known, _)| known.same_as(&key));
+        if !left.is_zero() && !same {
+            keys.push((key, Some(now.mono + left)));
+        }
+    }
+    Ok(keys)
+}
+
+/// Replaces the key by a new one, and keeps the old one beside it.
+///
+/// # Errors
+/// There is no key yet, or the system's; a key that is cut off in between is in force still.
+pub fn rotate(path: &Path) -> Result<SigningKey, KeyFileError> {
+    let old = key_file::read(path)?;
+    let new = other_than(&old, path)?;
+    write(&previous(path), &old)?;
+    write(path, &new)?;
+    Ok(new)
+}
+
+/// Replaces the key by a new one, and deletes all before it: whoever has only those is locked out.
+///
+/// # Errors
+/// As [`rotate`].
+pub fn revoke(path: &Path) -> Result<SigningKey, KeyFileError> {
+    let new = other_than(&key_file::read(path)?, path)?;
+    write(path, &new)?;
+    let before = previous(path);
+    match fs::remove_file(&before) {
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(io_fault(&before, cause)),
+        _ => Ok(new),
+    }
+}
+
+/// A new key, whose trailers name another key id.
+fn other_than(old: &SigningKey, path: &Path) -> Result<SigningKey, KeyFileError> {
+    loop {
+        let new = key_file::random().map_err(|cause| io_fault(path, cause))?;
+        if new.id().bytes()[..2] != old.id().bytes()[..2] {
+            return Ok(new);
+        }
+    }
+}
+
+fn write(path: &Path, key: &SigningKey) -> Result<(), KeyFileError> {
+    let hex = key_file::hex(key);
+    disk::replace(&NativeFileSystem, path, hex.as_bytes(), true)
+        .map_err(|cause| io_fault(path, cause))
+}
+
+fn io_fault(path: &Path, cause: io::Error) -> KeyFileError {
+    let path = path.to_owned();
+    KeyFileError::Io { path, cause }
+}
+
+fn previous(path: &Path) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(".previous");
+    name.into()
+}
+
+/// How long a key is accepted after it was rotated.
+const OVERLAP: Duration = Duration::from_secs(86_400);
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    use super::*;
+
+    fn ids(path: &Path) -> Vec<String> {
+        let now = Now {
+            mono: Duration::from_secs(5),
+            wall: Duration::ZERO,
+        };
+        let keys = read(path, now).unwrap();
+        keys.iter().map(|(key, _)| key.id().to_string()).collect()
+    }
+
+    #[test]
+    fn a_rotated_key_is_accepted_for_a_day_and_a_revoked_one_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cucs.key");
+        assert!(matches!(rotate(&path), Err(KeyFileError::Absent { .. })));
+        key_file::generate(&path).unwrap();
+        let first = ids(&path);
+        let second = rotate(&path).unwrap().id().to_string();
+        assert_eq!(ids(&path), [second.clone(), first[0].clone()]);
+        for file in [path.clone(), previous(&path)] {
+            let mode = fs::metadata(file).unwrap().permissions().mode() & 0o777;
+            assert_eq!(mode, 0o600);
+        }
+        // A day later; and one that was cut off after its first step.
+        let at = SystemTime::now() - OVERLAP - Duration::from_secs(1);
+        let before = fs::File::options().write(true).open(previous(&path));
+        before.unwrap().set_modified(at).unwrap();
+        assert_eq!(ids(&path), [&*second]);
+        fs::copy(&path, previous(&path)).unwrap();
+        assert_eq!(ids(&path), [&*second]);
+        rotate(&path).unwrap();
+        let third = revoke(&path).unwrap().id().to_string();
+        assert_eq!(ids(&path), [third]);
+        fs::write(previous(&path), "words").unwrap();
+        let now = Now {
+            mono: Duration::ZERO,
+            wall: Duration::ZERO,
+        };
+        fs::set_permissions(previous(&path), fs::Permissions::from_mode(0o644)).unwrap();
+        assert!(matches!(
+            read(&path, now),
+            Err(KeyFileError::Permissions { .. })
+        ));
+    }
+}

@@ -1,0 +1,320 @@
+//! CUCSs with a guard: what is forged, replayed, or sent without it in their names leads to nothing, whatever it is.
+
+use std::net::SocketAddr;
+
+use kit::bridge::{Rig, Setup, StationGuard, cucs, orders, station_address, vehicle_id};
+use serde_json::{Value, json};
+use stanag_msgs::enums::{AckType, FlightPathControlMode, LoiBitmap, RequestedAccess};
+use stanag_msgs::guard::TRAILER_BYTES;
+use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{ChecksumStyle, Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
+
+const ELSEWHERE: ([u8; 4], u16) = ([127, 0, 0, 9], 9_999);
+
+/// Stations that may all override; those of `guarded` have a guard.
+fn rig(stations: u8, guarded: &[usize]) -> Rig {
+    let setup = Setup {
+        stations,
+        ..Setup::default()
+    };
+    let mut rig = Rig::new(setup);
+    let mut text = rig.text.clone();
+    for index in 0..usize::from(stations) {
+        let id = format!("id = \"{}\"\n", cucs(index));
+        let guard = match guarded.contains(&index) {
+            true => "guard = { key_file = \"a.key\" }\n",
+            false => "",
+        };
+        text = text.replace(&id, &format!("{id}override = true\n{guard}"));
+    }
+    rig.restart_with(&text);
+    rig.run(9.0);
+    rig
+}
+
+fn status(rig: &Rig) -> Value {
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let status = bridge.status(String::new(), rig.now().mono);
+    serde_json::to_value(status).expect("JSON")
+}
+
+fn refused(rig: &Rig, name: &str) -> u64 {
+    status(rig)["refused"][name].as_u64().unwrap_or(0)
+}
+
+fn controller(rig: &Rig) -> Option<String> {
+    let status = status(rig);
+    status["vehicles"][0]["controller"]
+        .as_str()
+        .map(str::to_owned)
+}
+
+/// A datagram in the name of a station, as whoever knows its id can write it.
+fn forged(rig: &Rig, station: Id, to: Id, message: impl Into<Message>) -> Vec<u8> {
+    let stamp = TimeStamp::from_unix_ms(rig.station_now().wall.as_millis() as u64);
+    let message = message.into().stamped(stamp);
+    let envelope = Envelope::new(station, to).summed(ChecksumStyle::Crc32);
+    let mut bytes = [0; MAX_DATAGRAM];
+    let length = message.encode(&envelope, &mut bytes).expect("it fits");
+    bytes[..length].to_vec()
+}
+
+fn take_by_override() -> CucsAuthorisationRequest {
+    CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0f)),
+        requested_handover_access: Some(RequestedAccess::Override),
+        ..CucsAuthorisationRequest::default()
+    }
+}
+
+#[test]
+fn two_forged_datagrams_take_over_without_a_guard_and_with_one_nothing_does() {
+    // The attack of docs/guide/guard.md: an override, and a landing, from the very address of another station.
+    for guarded in [&[][..], &[0, 1]] {
+        let mut rig = rig(2, guarded);
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(
+            end,
+            Some(AckType::CarriedOut),
+            "{:?}",
+            rig.station().alerts()
+        );
+        rig.take_off(20.0);
+        let from = station_address(1);
+        for message in [
+            Message::from(take_by_override()),
+            orders::mode(FlightPathControlMode::AutolandEngage).into(),
+        ] {
+            let bytes = forged(&rig, cucs(1), vehicle_id(0), message);
+            rig.deliver_from(from, &bytes);
+            rig.run(1.0);
+        }
+        rig.run(30.0);
+        if guarded.is_empty() {
+            assert_eq!(controller(&rig), Some(cucs(1).to_string()));
+            assert!(
+                rig.truth().landed,
+                "the attack works where nothing is configured"
+            );
+        } else {
+            assert_eq!(controller(&rig), Some(cucs(0).to_string()));
+            assert!(!rig.truth().landed);
+            assert_eq!(refused(&rig, "guard: no trailer"), 2);
+            let found = &status(&rig)["findings"];
+            assert!(found.to_string().contains("cucs-guard"), "{found}");
+            let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
+            assert_eq!(end, Some(AckType::CarriedOut));
+        }
+    }
+}
+
+#[test]
+fn a_station_without_a_guard_takes_nothing_from_one_with() {
+    let mut rig = rig(2, &[0]);
+    rig.stations[0].heartbeats = true;
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    let asked = rig.send_as(1, 0, take_by_override());
+    rig.run(3.0);
+    rig.stations[1].give_up(asked);
+    assert_eq!(controller(&rig), Some(cucs(0).to_string()));
+    // Who can cut off a guarded station gains nothing while it would be offered to others.
+    rig.stations[0].heartbeats = false;
+    rig.run(6.0);
+    let asked = rig.send_as(1, 0, orders::request_control());
+    rig.run(1.0);
+    rig.stations[1].give_up(asked);
+    assert_eq!(controller(&rig), Some(cucs(0).to_string()));
+}
+
+#[test]
+fn a_whole_flight_replayed_over_restarts_of_both_ends_is_taken_no_second_time() {
+    let mut rig = rig(1, &[0]);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.take_off(20.0);
+    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
+    assert_eq!(end, Some(AckType::CarriedOut));
+    assert!(rig.until(60.0, |rig| rig.truth().landed));
+    let recorded = rig.guards[&0].sent.clone();
+    assert!(recorded.len() > 5, "{}", recorded.len());
+    for round in 0..3 {
+        match round {
+            0 => {}
+            1 => rig.restart_bridge(),
+            _ => {
+                let now = rig.station_now();
+                let guard = rig.guards.get_mut(&0).expect("it has one");
+                guard.restart(now);
+            }
+        }
+        let before = status(&rig)["received"].clone();
+        for sealed in &recorded {
+            rig.deliver_from(ELSEWHERE.into(), sealed);
+            rig.deliver_from(station_address(0), sealed);
+        }
+        rig.run(1.0);
+        assert!(rig.truth().landed);
+        let after = status(&rig)["received"].clone();
+        // What the station itself acknowledges meanwhile is not of the recording.
+        let of = |status: &Value, message: &str| status[message].as_u64().unwrap_or(0);
+        for message in ["1", "2016"] {
+            assert_eq!(of(&after, message), of(&before, message), "round {round}");
+        }
+    }
+    assert!(refused(&rig, "guard: too old") > 0);
+    // The station itself is served after both restarts.
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(
+        end,
+        Some(AckType::CarriedOut),
+        "{:?}",
+        rig.station().alerts()
+    );
+}
+
+#[test]
+fn only_what_verifies_has_an_address() {
+    let mut rig = rig(1, &[0]);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    let at = |rig: &Rig| status(rig)["stations"][0]["address"].clone();
+    let there = json!(station_address(0).to_string());
+    let elsewhere = SocketAddr::from(ELSEWHERE);
+    assert_eq!(at(&rig), there);
+    // Without a trailer, with one of another key, and cut: not even a question goes there.
+    let plain = forged(&rig, cucs(0), vehicle_id(0), orders::request_control());
+    let mut other = StationGuard::new(Id(0x1b00_00ee), rig.station_now());
+    let mut of_other = other.seal(rig.station_now(), &plain);
+    let sender = of_other.len() - TRAILER_BYTES + 4;
+    let now = rig.station_now();
+    let mut cut = rig
+        .guards
+        .get_mut(&0)
+        .expect("it has one")
+        .seal(now, &plain);
+    cut.remove(0);
+    rig.deliver_from(elsewhere, &plain);
+    rig.deliver_from(elsewhere, &of_other);
+    of_other[sender..sender + 4].copy_from_slice(&cucs(0).0.to_be_bytes());
+    rig.deliver_from(elsewhere, &of_other);
+    rig.deliver_from(elsewhere, &cut);
+    rig.run(5.0);
+    assert_eq!(at(&rig), there);
+    assert_eq!(rig.sent_to.get(&elsewhere), None, "{:?}", rig.sent_to);
+    for (name, count) in [
+        ("guard: no trailer", 1),
+        ("guard: sender without a guard key", 1),
+        ("guard: unknown key", 1),
+        ("guard: wrong trailer", 1),
+    ] {
+        assert_eq!(refused(&rig, name), count, "{name}");
+    }
+    // What is sealed in its name for a message of another source.
+    let now = rig.station_now();
+    let of_another = forged(
+        &rig,
+        Id(0x1b00_00b0),
+        vehicle_id(0),
+        orders::request_control(),
+    );
+    let guard = rig.guards.get_mut(&0).expect("it has one");
+    let sealed = guard.seal(now, &of_another);
+    rig.deliver_from(station_address(0), &sealed);
+    rig.run(0.5);
+    assert_eq!(refused(&rig, "unauthorised source"), 1);
+    // It moves itself: its guard seals, and answers the question.
+    rig.stations[0].address = elsewhere;
+    rig.stations[0].heartbeats = true;
+    rig.run(10.0);
+    assert_eq!(at(&rig), json!(elsewhere.to_string()));
+}
+
+#[test]
+fn a_guard_that_is_switched_on_while_the_bridge_runs_counts_from_then_on() {
+    let mut rig = rig(1, &[]);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    let id = format!("id = \"{}\"\n", cucs(0));
+    let plain = rig.text.clone();
+    let guarded = plain.replace(&id, &format!("{id}guard = {{ key_file = \"a.key\" }}\n"));
+    rig.reload(&guarded).expect("it is applied");
+    rig.run(1.0);
+    // The downgrade: its own datagrams, but without the guard.
+    let guard = rig.guards.remove(&0).expect("it has one");
+    let before = refused(&rig, "guard: no trailer");
+    let lost = rig.send(orders::launch(20.0));
+    rig.run(3.0);
+    rig.stations[0].give_up(lost);
+    assert!(rig.truth().landed);
+    assert!(refused(&rig, "guard: no trailer") > before);
+    rig.guards.insert(0, guard);
+    rig.take_off(20.0);
+    // And off again, by whoever may write the configuration.
+    rig.reload(&plain).expect("it is applied");
+    rig.guards.clear();
+    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
+    assert_eq!(end, Some(AckType::CarriedOut));
+}
+
+#[test]
+fn editions_2_5_and_3_are_guarded_alike() {
+    let mut rig = rig(1, &[0]);
+    let fields = json!({
+        "Time Stamp": rig.station_now().wall.as_secs_f64(), "Vehicle ID": vehicle_id(0).0 as i32,
+        "CUCS ID": cucs(0).0 as i32, "VSM ID": -1, "Requested/Handover LOI": 0x0f,
+        "Controlled Station Mode": 1,
+    });
+    let request = json!({ "id": 1, "idd": "2.5", "instance": 100, "fields": fields });
+    let request = stanag_msgs::json::encode(&request, true).expect("a message of Edition 2.5");
+    let third = Envelope {
+        idd: stanag_msgs::Header::IDD_ED3,
+        ..Envelope::new(cucs(0), vehicle_id(0))
+    };
+    let mut bytes = [0; MAX_DATAGRAM];
+    let stamp = TimeStamp::from_unix_ms(rig.station_now().wall.as_millis() as u64);
+    let message = Message::from(orders::request_control()).stamped(stamp);
+    let length = message.encode(&third, &mut bytes).expect("it fits");
+    for (edition, datagram) in [("2.5", &request[..]), ("3", &bytes[..length])] {
+        let before = refused(&rig, "guard: no trailer");
+        rig.deliver_from(station_address(0), datagram);
+        rig.run(0.5);
+        assert_eq!(refused(&rig, "guard: no trailer"), before + 1, "{edition}");
+        assert_eq!(controller(&rig), None, "{edition}");
+        let now = rig.station_now();
+        let guard = rig.guards.get_mut(&0).expect("it has one");
+        let sealed = guard.seal(now, datagram);
+        rig.deliver_from(station_address(0), &sealed);
+        rig.run(0.5);
+        assert_eq!(controller(&rig), Some(cucs(0).to_string()), "{edition}");
+        let give_up = rig.text.clone();
+        // Another edition, and nothing held: a new start.
+        rig.store = Default::default();
+        rig.restart_with(&give_up);
+        rig.run(9.0);
+    }
+}
+
+#[test]
+fn a_flood_of_forged_trailers_holds_up_nobody() {
+    let mut rig = rig(1, &[0]);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.take_off(20.0);
+    let mut sealed = rig.guards[&0].sent.last().expect("it has sent").clone();
+    let last = sealed.len() - 1;
+    for n in 0..2_000_u32 {
+        sealed[last] = sealed[last].wrapping_add(1 + (n % 200) as u8);
+        if sealed == *rig.guards[&0].sent.last().expect("it has sent") {
+            continue;
+        }
+        rig.deliver_from(ELSEWHERE.into(), &sealed);
+        if n % 100 == 0 {
+            rig.run(0.01);
+        }
+    }
+    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
+    assert_eq!(end, Some(AckType::CarriedOut));
+    assert!(refused(&rig, "guard: wrong trailer") > 1_900);
+    assert_eq!(rig.sent_to.get(&SocketAddr::from(ELSEWHERE)), None);
+}
