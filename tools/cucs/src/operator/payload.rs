@@ -18,6 +18,8 @@ use stanag_msgs::{Bam16, Bam32, Id, Message, Scaled};
 use super::argument::{Expected, altitude_type, degrees};
 use super::console::{Done, Operator};
 use crate::route::form::altitude_type_name;
+use crate::session::machine::Session;
+use crate::session::sender::Edition;
 use crate::session::vehicle::Vehicle;
 use crate::station::endpoint::Station;
 use crate::station::outcome::{Outcome, StationError};
@@ -355,6 +357,7 @@ impl<W: Write> Operator<W> {
         match &arguments.verb {
             PayloadVerb::Command(action) => {
                 let number = arguments.station.unwrap_or(1);
+                self.learn_payload(vehicle, number).await?;
                 let outcome = action.carry_out(&mut self.station, vehicle, number).await?;
                 let what = format!("payload station {number} {}", action.done());
                 self.finish(vehicle, &what, outcome)
@@ -363,7 +366,23 @@ impl<W: Write> Operator<W> {
         }
     }
 
-    async fn payload_state(&mut self, vehicle: Id, number: Option<u8>) -> Done {
+    /// A command of Edition 2.5 repeats what the station does already, which a process that has just begun does not know.
+    async fn learn_payload(&mut self, vehicle: Id, number: u8) -> Done {
+        let known = |session: &Session| {
+            let state = session.vehicle(vehicle);
+            state.is_some_and(|state| state.payload(number).is_some())
+        };
+        if self.station.session().edition() != Edition::Ed25 || known(self.station.session()) {
+            return Ok(());
+        }
+        self.request_payload(vehicle, Some(number)).await?;
+        let what = format!("state of payload station {number} (#302)");
+        let within = self.station.timeouts.answer;
+        Ok(self.station.wait_until(&what, within, known).await?)
+    }
+
+    /// 17002 for 21101.
+    async fn request_payload(&mut self, vehicle: Id, number: Option<u8>) -> Done {
         let request = GenericInformationRequestMessage {
             message_type: Some(EoIrLaserOperatingState::ID),
             station_number_1_16: number.map(bit),
@@ -371,6 +390,11 @@ impl<W: Write> Operator<W> {
         };
         let what = "payload state (17002 for 21101)";
         self.query(vehicle, request, what).await?;
+        Ok(())
+    }
+
+    async fn payload_state(&mut self, vehicle: Id, number: Option<u8>) -> Done {
+        self.request_payload(vehicle, number).await?;
         // The latest of each, also where it came before the answer.
         let state = self.state(vehicle);
         let named = (1..=16).filter(|one| number.is_none_or(|number| number == *one));

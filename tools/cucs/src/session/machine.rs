@@ -92,6 +92,12 @@ impl Session {
         self.config.id
     }
 
+    /// The edition that it speaks.
+    #[must_use]
+    pub fn edition(&self) -> Edition {
+        self.config.edition
+    }
+
     /// What this CUCS declares in messages 1 and 4: it takes partial presence vectors. `None` in editions without the field.
     #[must_use]
     pub fn presence_vector_support(&self) -> Option<PresenceVectorSupport> {
