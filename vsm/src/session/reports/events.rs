@@ -14,9 +14,8 @@ use std::time::Duration;
 use mapping::event::{self, CHECKS_BEGIN, CHECKS_END, Catalogue, Group};
 use mavlink_link::service::event::{Event, Received};
 use mavlink_link::service::text::Text;
-use stanag_msgs::enums::AlertPriority;
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
-use super::AUTOPILOT_SUBSYSTEM;
 use crate::session::alerts::Cause;
 use crate::session::allowance::{Allowance, Rate};
 use crate::session::context::Context;
@@ -247,6 +246,8 @@ impl EventAlerts {
     }
 }
 
+/// Subsystem ID of what the autopilot reports of itself: VSM specific.
+pub(super) const AUTOPILOT_SUBSYSTEM: SubsystemId = SubsystemId::from_raw(20);
 /// PX4 sends both in the same round of its loop; a lost event is requested again for up to 2.5 s.
 const TWIN_WITHIN: Duration = Duration::from_secs(3);
 /// Events, and texts, that wait for their twins.

@@ -43,7 +43,7 @@ use stanag_msgs::{Message, table};
 use self::answers::AnswerQueue;
 use self::compose::{DETAILS, REPORTS, Sources};
 use self::configuration::Configuration;
-use self::events::EventAlerts;
+use self::events::{AUTOPILOT_SUBSYSTEM, EventAlerts};
 use self::health::HealthWatch;
 use self::parameters::{ParameterRequests, Purpose};
 use self::push::{Period, Push};
@@ -655,7 +655,5 @@ fn known_report(message: u16) -> Result<(), String> {
     })
 }
 
-/// Subsystem ID of what the autopilot reports of itself: VSM specific.
-const AUTOPILOT_SUBSYSTEM: SubsystemId = SubsystemId::from_raw(20);
 /// The range that Edition 2 gives for 17001's Frequency.
 const MAX_HERTZ: u16 = 100;
