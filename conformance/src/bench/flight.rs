@@ -73,6 +73,32 @@ pub fn reported_mode(station: &Station) -> Judged<Option<i64>> {
     Ok(station.query(3001)?.raw("Select Flight Path Control Mode"))
 }
 
+/// The waypoint that 4001 reports the vehicle to fly to.
+///
+/// # Errors
+/// A fail where 4001 does not come.
+pub fn to_number(station: &Station) -> Judged<Option<i64>> {
+    Ok(station.query(4001)?.raw("To Waypoint Number"))
+}
+
+/// Puts the waypoints of a plan this far apart, in flight's altitude.
+pub fn stretch(home: &Fix, plan: &mut Plan, spacing: f64) {
+    let mut index = 0.0;
+    for point in plan
+        .points
+        .iter_mut()
+        .filter(|point| point.message_type == 13002)
+    {
+        index += 1.0;
+        let east = if index % 2.0 == 0.0 { 80.0 } else { -80.0 };
+        let (latitude, longitude) = home.offset(spacing * index, east);
+        *point = point
+            .clone()
+            .set("Waypoint to Latitude or Relative Y", latitude)
+            .set("Waypoint to Longitude or Relative X", longitude);
+    }
+}
+
 /// Whether 3001 shows this mode within `time`.
 ///
 /// # Errors

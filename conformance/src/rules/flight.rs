@@ -11,7 +11,7 @@ use super::maneuver::circled;
 use super::scene::Scene;
 use crate::bench::flight::{
     EARTH_M, Fix, Plan, airborne, clear, fix, fly_until, hold, home, loaded, mode, mode_becomes,
-    mode_command, reported_mode, wrapped,
+    mode_command, reported_mode, stretch, to_number, wrapped,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
@@ -252,28 +252,6 @@ fn mode_report_follows_the_command(t: &Trial) -> Judged {
         }
     }
     Ok(())
-}
-
-/// Puts the waypoints of a plan this far apart, in flight's altitude.
-pub(super) fn stretch(home: &Fix, plan: &mut Plan, spacing: f64) {
-    let mut index = 0.0;
-    for point in plan
-        .points
-        .iter_mut()
-        .filter(|point| point.message_type == 13002)
-    {
-        index += 1.0;
-        let east = if index % 2.0 == 0.0 { 80.0 } else { -80.0 };
-        let (latitude, longitude) = home.offset(spacing * index, east);
-        *point = point
-            .clone()
-            .set("Waypoint to Latitude or Relative Y", latitude)
-            .set("Waypoint to Longitude or Relative X", longitude);
-    }
-}
-
-pub(super) fn to_number(a: &Station) -> Judged<Option<i64>> {
-    Ok(a.query(4001)?.raw("To Waypoint Number"))
 }
 
 fn to_becomes(t: &Trial, a: &Station, number: i64, time: Duration) -> Judged<bool> {

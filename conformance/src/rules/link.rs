@@ -5,11 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::flight::stretch;
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, fix, fly_until, home, loaded, mode, mode_becomes, mode_command, reported_mode,
-    route_head,
+    route_head, stretch,
 };
 use crate::bench::station::{Access, Station, loi};
 use crate::bench::trial::Trial;

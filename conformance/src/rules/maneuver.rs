@@ -7,7 +7,7 @@ use super::mission::aboard;
 use super::scene::Scene;
 use crate::bench::flight::{
     Fix, Plan, airborne, clear, fix, fly_until, hold, home, load, loaded, mode, mode_becomes,
-    mode_command, reported_mode, wrapped,
+    mode_command, reported_mode, to_number, wrapped,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
@@ -204,10 +204,6 @@ fn speed_types(t: &Trial) -> Judged {
         })?,
     }
     Ok(())
-}
-
-fn to_number(a: &Station) -> Judged<Option<i64>> {
-    Ok(a.query(4001)?.raw("To Waypoint Number"))
 }
 
 /// The smallest distance of the track from the second of three waypoints, with this turn type there.

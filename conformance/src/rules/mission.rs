@@ -1,10 +1,10 @@
 //! Missions: what is loaded, refused and returned: ROUTE on the ground.
 
-use super::flight::{stretch, to_number};
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, clear, deliver, difference, download, field, hold, home, load, loaded, mode,
-    mode_becomes, mode_command, reported_mode, route_head, run_transfer, transfer,
+    mode_becomes, mode_command, reported_mode, route_head, run_transfer, stretch, to_number,
+    transfer,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::{Player, Trial};

@@ -3,12 +3,11 @@
 use std::f64::consts::TAU;
 
 use super::acknowledgement::about;
-use super::flight::{stretch, to_number};
 use super::mission::aboard;
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, fix, fly_until, hold, home, loaded, mode, mode_becomes, mode_command,
-    reported_mode, wrapped,
+    reported_mode, stretch, to_number, wrapped,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::Trial;
