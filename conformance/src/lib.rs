@@ -4,6 +4,7 @@
 #[cfg(test)]
 mod bad_subjects;
 pub mod bench;
+mod beside;
 pub mod catalogue;
 pub mod cucs;
 pub mod expected;

@@ -15,36 +15,13 @@ use crate::bench::flight;
 use crate::bench::remarks::repeated;
 use crate::bench::station::{Access, loi};
 use crate::bench::trial::Trial;
+use crate::beside::{self, Beside, COMPANIONS, PATIENT, evidence};
 use crate::catalogue::{Catalogue, Hazard, Rule, Subject};
 use crate::passive::{self, View};
 use crate::report::RuleReport;
 use crate::rules;
 use crate::verdict::{Judged, Judgement, Stop, Verdict};
-use crate::wire::{Direction, Draft, Seen, dialect};
-
-/// The rule that waits longest, and rules that need no control and play one id: they run beside it.
-const PATIENT: &str = "AUTH-004";
-const COMPANIONS: &[&str] = &[
-    "ACK-005", "CONF-001", "CONF-002", "CONF-003", "CONF-006", "CONF-007", "PV-005", "STAT-001",
-    "STAT-003", "STAT-004", "STAT-006", "STAT-009", "STAT-016", "WRAP-003", "WRAP-004", "WRAP-007",
-    "WRAP-008",
-];
-
-/// A rule that is played beside others.
-struct Beside {
-    rule: String,
-    /// The ids that are left for the others.
-    others: BTreeSet<stanag_msgs::Id>,
-    thread: std::thread::JoinHandle<Waited>,
-}
-
-/// What became of it.
-struct Waited {
-    passed: bool,
-    datagrams: (usize, usize),
-    evidence: Vec<serde_json::Value>,
-    duration_s: f64,
-}
+use crate::wire::{Direction, Draft, dialect};
 
 /// What is run.
 #[derive(Clone, Debug, Default)]
@@ -69,8 +46,6 @@ const WHOLE: f64 = 0.0;
 const SILENT: f64 = 0.5;
 /// What a rule of Edition 4 looked at in Edition 2.5 without finding a field for it.
 const UNSEEN: &str = "Edition 2.5 has no field for what this rule also looks at:";
-/// Messages of evidence.
-const MAX_EVIDENCE: usize = 40;
 
 /// A run in progress: who watches it is shown each rule.
 pub struct Run<'a> {
@@ -369,21 +344,8 @@ impl Run<'_> {
         // The last two: the first is the one by which the run asks whether the subject lives.
         let (others, cast) = all.split_at(all.len() - 2);
         let cast: BTreeSet<stanag_msgs::Id> = cast.iter().copied().collect();
-        let (bench, play) = (self.bench.clone(), scene.play);
         let (id, others) = (rule.id.clone(), others.iter().copied().collect());
-        let thread = std::thread::spawn(move || {
-            let began = bench.net.now();
-            let trial = Trial::with_cast(&bench, cast);
-            let judgement = trial.judge(|| play(&trial));
-            let end = bench.net.mark();
-            let cleaned = trial.clean_up().is_ok();
-            Waited {
-                passed: judgement.verdict == Verdict::Pass && cleaned,
-                datagrams: (trial.mark, end),
-                evidence: evidence(&bench, &trial, end, true),
-                duration_s: (bench.net.now() - began).as_secs_f64(),
-            }
-        });
+        let thread = beside::begin(self.bench.clone(), scene.play, cast);
         Some(Beside {
             rule: id,
             others,
@@ -701,32 +663,6 @@ impl Run<'_> {
             }
         }
     }
-}
-
-/// What the scene cited, and the last messages of it that are no periodic status.
-fn evidence(bench: &Bench, trial: &Trial, end: usize, passed: bool) -> Vec<serde_json::Value> {
-    let recording = bench.net.recording();
-    let end = end.min(recording.datagrams.len());
-    let wanted = if passed {
-        MAX_EVIDENCE / 4
-    } else {
-        MAX_EVIDENCE
-    };
-    let messages: Vec<Arc<Seen>> = recording.datagrams[trial.mark.min(end)..end]
-        .iter()
-        .flat_map(|datagram| &datagram.messages)
-        .filter(|seen| {
-            !(seen.direction == Direction::Received
-                && matches!(seen.kind(), 3001 | 3002 | 4000 | 4001))
-        })
-        .cloned()
-        .collect();
-    drop(recording);
-    let mut chosen = trial.evidence(messages, wanted, |seen| seen.at);
-    // One message of Edition 2.5 may have several counterparts.
-    let shown = |seen: &Arc<Seen>| Arc::as_ptr(seen.original.as_ref().unwrap_or(seen));
-    chosen.dedup_by(|a, b| shown(a) == shown(b));
-    chosen.iter().map(|seen| seen.evidence()).collect()
 }
 
 /// Whether the profile claims the set of a rule.
