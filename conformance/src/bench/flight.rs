@@ -165,32 +165,6 @@ impl Plan {
     }
 }
 
-/// Puts the waypoints of a plan this far apart, in flight's altitude.
-pub fn stretch(home: &Fix, plan: &mut Plan, spacing: f64) {
-    let mut index = 0.0;
-    for point in plan
-        .points
-        .iter_mut()
-        .filter(|point| point.message_type == 13002)
-    {
-        index += 1.0;
-        let east = if index % 2.0 == 0.0 { 80.0 } else { -80.0 };
-        let (latitude, longitude) = home.offset(spacing * index, east);
-        *point = point
-            .clone()
-            .set("Waypoint to Latitude or Relative Y", latitude)
-            .set("Waypoint to Longitude or Relative X", longitude);
-    }
-}
-
-/// The waypoint to which 4001 says that the vehicle flies.
-///
-/// # Errors
-/// A fail where 4001 does not come.
-pub fn to_number(a: &Station) -> Judged<Option<i64>> {
-    Ok(a.query(4001)?.raw("To Waypoint Number"))
-}
-
 /// 13001.
 #[must_use]
 pub fn route_head(route: &str, first: i64, kind: i64) -> Draft {
