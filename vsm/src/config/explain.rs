@@ -316,6 +316,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("cucs.loi", "[2, 3, 4, 5]"),
     ("cucs.address", "\"127.0.0.1\""),
     ("cucs.provisional", "\"status\""),
+    ("cucs.guard.key_file", "\"a0.key\""),
     ("forward.name", "\"qgc\""),
     ("forward.link", "\"udpout:127.0.0.1:14560\""),
     ("forward.vehicles", "[\"1b:00:01:01\"]"),

@@ -138,6 +138,8 @@ listen = \"127.0.0.1:0\"
 [record]
 dir = \"record\"
 #record
+[zeroize]
+#zeroize
 ";
 
     /// The file with a line more in a table.

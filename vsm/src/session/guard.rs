@@ -41,6 +41,8 @@ pub struct GuardEnd {
     keys: Vec<Keyed>,
     /// Under which the other end sent last: it has that one for certain.
     in_use: usize,
+    /// Under which it sent what has verified last, believed or not: it can be lifted under that one.
+    verified_by: usize,
     /// When an empty datagram may be sent again.
     lift_at: Duration,
     verified: u64,
@@ -140,6 +142,7 @@ impl GuardEnd {
             sends,
             keys: Vec::new(),
             in_use: 0,
+            verified_by: 0,
             lift_at: Duration::ZERO,
             verified: 0,
             refused: Counters::default(),
@@ -253,6 +256,8 @@ impl GuardEnd {
         let Some((place, keyed)) = verified else {
             return Err(GuardRefusal::Forged);
         };
+        // Not the one in use: a recording under the key before would have everything sealed under that.
+        self.verified_by = place;
         let stamp = stamp_of(trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
         if !keyed.clock.allows(stamp, now) {
             return Err(GuardRefusal::Ahead);
@@ -280,7 +285,18 @@ impl GuardEnd {
         disk: &mut dyn Disk,
     ) -> Result<usize, SealError> {
         self.drop_expired(now.mono);
-        let keyed = self.keys.get_mut(self.in_use).ok_or(SealError::NoKey)?;
+        self.seal_under(self.in_use, now, datagram, out, disk)
+    }
+
+    fn seal_under(
+        &mut self,
+        place: usize,
+        now: Now,
+        datagram: &[u8],
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Result<usize, SealError> {
+        let keyed = self.keys.get_mut(place).ok_or(SealError::NoKey)?;
         let stamp = keyed.clock.take(now, disk)?;
         let trailer = Trailer {
             direction: self.sends,
@@ -303,7 +319,7 @@ impl GuardEnd {
             return None;
         }
         self.lift_at = now.mono + LIFT_EVERY;
-        self.seal(now, &[], out, disk).ok()
+        self.seal_under(self.verified_by, now, &[], out, disk).ok()
     }
 
     /// How it stands.

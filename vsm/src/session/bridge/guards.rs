@@ -98,8 +98,11 @@ impl Bridge {
             Ok(inside) => Opened::Verified(inside, index),
             Err(why) => {
                 self.counters.count(why.name());
-                self.evidence
-                    .note(now.mono, from, Fault::Guard(sender, why.name()));
+                if !why.wants_lift() {
+                    // What is too old may be the station's own, after a start of this end.
+                    let fault = Fault::Guard(sender, why.name());
+                    self.evidence.note(now.mono, from, fault);
+                }
                 if why.wants_lift() {
                     let mut out = [0; MAX_GUARDED];
                     if let Some(length) = end.lift(now, &mut out, disk) {
