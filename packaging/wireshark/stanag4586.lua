@@ -1284,6 +1284,10 @@ local MESSAGES = {
     { short = "held_state", name = "Held State", wire = "u8", enum = "held_state" },
     { short = "reason", name = "Reason", chars = 80 },
   } },
+  [50024] = { name = "Zeroize Command", short = "zeroize_command", presence = 1, fields = {
+    { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
+    { short = "commanded_zeroize_state", name = "Commanded Zeroize State", wire = "u8", enum = "ft_state" },
+  } },
 }
 
 local ENUMS_25 = {

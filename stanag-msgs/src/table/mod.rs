@@ -21,6 +21,7 @@ mod payload;
 mod private;
 mod stamp;
 mod system_id;
+mod zeroize;
 
 pub use crate::field::{Confidence, FieldInfo, Wire};
 pub use codec::walk;
@@ -148,6 +149,7 @@ gather! {
     private: CurveSegmentPaper, CurveSegment, ParameterRequest, ParameterSetCommand, ParameterReport,
         SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand, AreaTransferStatus;
     held: HoldCommand, HeldCommandCancel, HeldCommandState;
+    zeroize: ZeroizeCommand;
 }
 
 impl Message {

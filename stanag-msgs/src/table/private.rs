@@ -1,5 +1,5 @@
 //! Private messages of this project: curve legs (50001, 50002), and what MAVLink has and STANAG 4586 lacks (50010 to 50018):
-//! parameters, software versions, ping, and areas that the vehicle stays inside or outside. None is sent unsolicited.
+//! parameters, software versions, ping, areas that the vehicle stays inside or outside, and zeroize (50024). None is sent unsolicited.
 
 use std::f64::consts::FRAC_PI_2;
 

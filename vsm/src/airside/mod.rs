@@ -281,6 +281,12 @@ impl Agent {
         }
     }
 
+    /// Whether PX4 has just reported, signed, that it is disarmed.
+    #[must_use]
+    pub fn is_disarmed(&self, mono: Duration) -> bool {
+        self.watch.is_disarmed(mono)
+    }
+
     /// Counts what the shell has held back, for the status.
     pub fn count_held_back(&mut self, why: &'static str) {
         self.relay.held_back.count(why);

@@ -421,6 +421,7 @@ impl Config {
             vehicle.check(at)?;
         }
         self.check_forwards()?;
+        self.zeroize.check()?;
         let Authority {
             warn_s,
             offer_s,

@@ -1,17 +1,54 @@
-//! `[zeroize]`: what a zeroize erases.
+//! `[zeroize]`: what a zeroize erases, and who may order one. `vsm zeroize` needs no permission of it; a message does.
+
+use std::time::Duration;
 
 use serde::Deserialize;
 
+use super::error::{Fault, fault};
 use super::key::WhenAbsent::Value;
 use super::key::table;
 
 table! {
     /// `[zeroize]`
-    #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+    #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Zeroize {
-        /// Keep the audit logs and their key, `audit.key`; with `false` a zeroize erases them too
-        /// ([zeroize.md](../guide/zeroize.md))
+        /// Keep the audit logs and their key, `audit.key`; with `false` they are erased too
         pub keep_audit: bool => Value("false"),
+        /// Take the order from a CUCS that holds LOI 5 (50024, to arm and then to execute); with `false` it is refused, and only
+        /// `vsm zeroize` on this computer gives it ([zeroize.md](../guide/zeroize.md))
+        pub by_message: bool => Value("false"),
+        /// Take it also while a vehicle is not known to be disarmed: **that aircraft loses its link**, and flies PX4's own
+        /// failsafe from then on
+        pub in_flight: bool => Value("false"),
+        /// How long it stays armed without being executed, 5 to 120 s
+        pub armed_s: f64 => Value("30.0"),
+    }
+}
+
+impl Default for Zeroize {
+    fn default() -> Zeroize {
+        Zeroize {
+            keep_audit: false,
+            by_message: false,
+            in_flight: false,
+            armed_s: 30.0,
+        }
+    }
+}
+
+impl Zeroize {
+    /// `armed_s`
+    #[must_use]
+    pub fn armed(&self) -> Duration {
+        Duration::from_secs_f64(self.armed_s)
+    }
+
+    /// Its range.
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        if (5.0..=120.0).contains(&self.armed_s) {
+            return Ok(());
+        }
+        fault(0, "zeroize.armed_s", self.armed_s, "5 to 120 (seconds)")
     }
 }

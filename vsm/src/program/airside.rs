@@ -64,7 +64,7 @@ fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = load(path)?;
     let _log = log(format)?;
     // Before any key is read, and before a link is open.
-    zeroize::finish_before_start(&config.store.dir)?;
+    zeroize::finish(&config.store.dir)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let server = AirsideServer::open(&config).map_err(|fault| match fault {
@@ -81,6 +81,7 @@ fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
         service::ready();
         server.serve(stop).await.map_err(failed)?;
         service::stopping();
+        zeroize::finish(&config.store.dir)?;
         tracing::info!("stopped");
         Ok(())
     })

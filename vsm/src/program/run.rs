@@ -13,7 +13,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let _log = log(format)?;
     // Before any key is read, and before a socket is open.
-    zeroize::finish_before_start(&config.store.dir)?;
+    zeroize::finish(&config.store.dir)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let mut server = Server::open(&config).map_err(|fault| match fault {
@@ -38,6 +38,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         service::ready();
         server.serve(stop).await.map_err(failed)?;
         service::stopping();
+        zeroize::finish(&config.store.dir)?;
         tracing::info!("stopped");
         Ok(())
     })

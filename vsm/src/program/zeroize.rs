@@ -3,6 +3,7 @@
 
 use std::io::{self, BufRead as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use clap::Args;
@@ -12,7 +13,8 @@ use super::process::{Failure, bad, failed, print_line};
 use crate::config::Config;
 use crate::config::airside::AirsideConfig;
 use crate::shell::disk::{FileDisk, OpenError};
-use crate::shell::erase::{self, Erased, Order};
+use crate::shell::erase::{self, EraseError, Erased, Order};
+use crate::shell::status_socket::{self, IN_FLIGHT, Ordered, ZEROIZE};
 
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -21,6 +23,10 @@ pub(crate) struct Arguments {
     /// Erase without asking for a confirmation
     #[arg(long)]
     yes: bool,
+    /// Erase also while a vehicle of the running bridge, or PX4 beside the running agent, is not known to be disarmed: it loses its
+    /// link, and flies PX4's own failsafe
+    #[arg(long)]
+    in_flight: bool,
 }
 
 /// Whose store it is, where that is, and what is to be erased.
@@ -38,21 +44,60 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         print_line("finished an earlier zeroize:");
         report(&erased);
     }
-    let mut disk = FileDisk::open(&store).map_err(|fault| match fault {
-        OpenError::Locked { .. } => failed(fault),
-        fault => bad(fault),
-    })?;
-    list(&order, &store);
+    let disk = match FileDisk::open(&store) {
+        // A bridge, or an agent, runs: it is to erase itself.
+        Err(OpenError::Locked { .. }) => None,
+        opened => Some(opened.map_err(bad)?),
+    };
+    let files = list(&order, &store);
     if !arguments.yes && !confirmed(&id).map_err(failed)? {
         return Err(bad(anyhow!(
             "nothing is erased: expected {id} to be typed, or --yes"
         )));
     }
-    erase::begin(&mut disk, &order).map_err(failed)?;
-    drop(disk);
-    let erased = erase::finish_before_start(&store).map_err(failed)?;
-    report(&erased.unwrap_or_default());
+    match disk {
+        Some(mut disk) => erase::begin(&mut disk, &order).map_err(failed)?,
+        None => order_running(&store, arguments.in_flight)?,
+    }
+    // Whoever comes first to the store erases: this command, or the bridge that has ended.
+    let erased = once_unlocked(&store).map_err(failed)?;
+    let there = |file: &&PathBuf| std::fs::symlink_metadata(file).is_ok();
+    if let Some(left) = files.iter().find(there) {
+        return Err(failed(anyhow!("{} is still there", left.display())));
+    }
+    report(&erased.unwrap_or(Erased {
+        files,
+        ..Erased::default()
+    }));
     Ok(())
+}
+
+/// Lets the bridge or the agent that has the store give up everything, and end.
+fn order_running(store: &Path, in_flight: bool) -> Result<(), Failure> {
+    let word = if in_flight { IN_FLIGHT } else { b'd' };
+    let answer = status_socket::ask_for(store, ZEROIZE, &[word], ANSWER_WITHIN);
+    let answer =
+        answer.context("what runs on this store does not answer: stop it, then start this again");
+    let answer: Ordered = answer
+        .and_then(|text| serde_json::from_str(&text).context("its answer"))
+        .map_err(failed)?;
+    match answer.refused {
+        None => Ok(()),
+        Some(why) => Err(failed(anyhow!("nothing is erased: {why}"))),
+    }
+}
+
+/// Finishes what is ordered, as soon as the process that was ordered lets go of the store.
+fn once_unlocked(store: &Path) -> Result<Option<Erased>, EraseError> {
+    let end = Instant::now() + UNLOCKED_WITHIN;
+    loop {
+        match erase::finish_before_start(store) {
+            Err(EraseError::Open(OpenError::Locked { .. })) if Instant::now() < end => {
+                std::thread::sleep(LOOK_AGAIN);
+            }
+            done => return done,
+        }
+    }
 }
 
 fn load(path: &Path) -> Result<Target, Failure> {
@@ -75,7 +120,7 @@ fn load(path: &Path) -> Result<Target, Failure> {
 }
 
 /// What will be erased, before anything is.
-fn list(order: &Order, store: &Path) {
+fn list(order: &Order, store: &Path) -> Vec<PathBuf> {
     let mut erased = Erased::default();
     let files = order.files(store, &mut erased);
     print_line(&format!("to be erased, for good ({} files):", files.len()));
@@ -85,6 +130,7 @@ fn list(order: &Order, store: &Path) {
     for (path, why) in erased.left.iter().chain(&erased.failed) {
         print_line(&format!("  not {}: {why}", path.display()));
     }
+    files
 }
 
 fn confirmed(id: &str) -> anyhow::Result<bool> {
@@ -130,9 +176,9 @@ fn lines(erased: &Erased) -> Vec<String> {
     lines
 }
 
-/// A start that finds an order finishes it, and ends: what it would have served is gone.
-pub(super) fn finish_before_start(store: &Path) -> Result<(), Failure> {
-    let Some(erased) = erase::finish_before_start(store).map_err(failed)? else {
+/// A start that finds an order finishes it, and ends: what it would have served is gone. So does a bridge that has stored one.
+pub(super) fn finish(store: &Path) -> Result<(), Failure> {
+    let Some(erased) = once_unlocked(store).map_err(failed)? else {
         return Ok(());
     };
     for line in lines(&erased) {
@@ -144,12 +190,17 @@ pub(super) fn finish_before_start(store: &Path) -> Result<(), Failure> {
     )))
 }
 
+/// A bridge that ends gets so long to write what is left to write.
+const UNLOCKED_WITHIN: Duration = Duration::from_secs(30);
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+const ANSWER_WITHIN: Duration = Duration::from_secs(30);
 /// What no program can promise.
 const NOT_ERASED: [&str; 4] = [
     "not erased: copies that the medium keeps (wear levelling of flash and memory cards, journals, snapshots, swap): destroy the \
      key of an encrypted disk, or the medium",
     "not erased: copies elsewhere: backups, collected logs, /etc/vsm/*.key of a service, key files carried by hand, the other end \
      of each key (PX4, agent, other stations)",
-    "not erased: PX4's key (mavlink/mavlink-signing-key.bin on its memory card) and its flight logs",
+    "not erased: PX4's key (mavlink/mavlink-signing-key.bin on its memory card) and its flight logs; by an order on the ground, the \
+     agent beside PX4: run `vsm zeroize` with its airside.toml there",
     "not erased: the configuration file, and what other programs have recorded",
 ];

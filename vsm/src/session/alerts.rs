@@ -53,6 +53,8 @@ pub(crate) enum Cause {
     Termination,
     /// The vehicle's own checks keep it from being armed.
     ArmingChecks,
+    /// A zeroize is armed or ordered.
+    Zeroize,
     /// Something that the vehicle itself reports as wrong.
     HealthFault(HealthFault),
     /// Something that does not work, distinguished from others of its code by a number.

@@ -101,6 +101,8 @@ mod termination;
 mod testing;
 pub(crate) mod trace;
 mod turns;
+mod two_steps;
+mod zeroize;
 
 pub(crate) use authority::audit::AUDIT_KEY;
 pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};

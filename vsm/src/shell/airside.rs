@@ -12,7 +12,8 @@ use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
-use tokio::net::UnixListener;
+use tokio::io::AsyncReadExt as _;
+use tokio::net::{UnixListener, UnixStream};
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio::time::Interval;
@@ -21,6 +22,7 @@ use zeroize::Zeroize;
 use super::airside_disk::AirsideDisk;
 use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
+use super::erase::{self, Order};
 use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
@@ -30,7 +32,7 @@ use super::pairing_socket::{self, Asker};
 use super::queued_disk::QueuedDisk;
 use super::service;
 use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
-use super::status_socket;
+use super::status_socket::{self, Ordered};
 use super::tasks::TaskFault;
 use crate::airside::{
     Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, Settings, Side, Trace,
@@ -91,6 +93,9 @@ pub struct AirsideServer {
     px4_peers: LocalPeers,
     status: UnixListener,
     pairing: UnixListener,
+    zeroize: UnixListener,
+    /// What an order to zeroize erases.
+    order: Order,
     /// Somebody at this computer whose request has not arrived yet.
     greeting: Option<Greeting>,
     /// Whoever stands at the open pairing window.
@@ -146,6 +151,8 @@ impl AirsideServer {
         let status = status_socket::listen(&config.store.dir, status_socket::STATUS)
             .map_err(AirsideError::Status)?;
         let pairing = pairing_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
+        let zeroize = status_socket::listen(&config.store.dir, status_socket::ZEROIZE)
+            .map_err(AirsideError::Status)?;
         // A serial line or udpout names its peer; a listening link learns it from the frames received.
         let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);
         let settings = Settings {
@@ -186,6 +193,8 @@ impl AirsideServer {
             px4_peers: LocalPeers::new(&px4.link, px4.i_trust_this_link, &px4.users),
             status,
             pairing,
+            zeroize,
+            order: Order::of_agent(config),
             greeting: None,
             asker: None,
         })
@@ -252,6 +261,12 @@ impl AirsideServer {
                     }
                     Err(cause) => pause_after("the pairing socket", &cause).await,
                 },
+                asked = self.zeroize.accept() => match asked {
+                    Ok((stream, _)) => if self.take_zeroize(stream).await {
+                        break;
+                    },
+                    Err(cause) => pause_after("the zeroize socket", &cause).await,
+                },
                 greeted = greeted(&mut self.greeting) => {
                     self.greeting = None;
                     if let Some((asker, code)) = greeted {
@@ -288,6 +303,28 @@ impl AirsideServer {
 
     fn picture(&self) -> AirsideStatus {
         self.agent.status(self.vehicle.clone(), self.clock.mono())
+    }
+
+    /// Somebody at this computer wants to zeroize: whether the order is stored, and the agent ends.
+    async fn take_zeroize(&mut self, mut stream: UnixStream) -> bool {
+        let read = tokio::time::timeout(STATUS_WITHIN, stream.read_u8()).await;
+        let Ok(Ok(word)) = read else {
+            return false;
+        };
+        let disarmed = self.agent.is_disarmed(self.clock.mono());
+        let refused = if disarmed || word == status_socket::IN_FLIGHT {
+            let mut disk = self.disk.store.files().shared();
+            let begun = erase::begin(&mut disk, &self.order);
+            begun.err().map(|fault| fault.to_string())
+        } else {
+            Some(FLIES.to_owned())
+        };
+        let ordered = refused.is_none();
+        if ordered {
+            tracing::warn!("ZEROIZE ORDERED by an operator of this computer: the agent ends");
+        }
+        status_socket::answer(stream, &Ordered { refused }, STATUS_WITHIN).await;
+        ordered
     }
 
     /// Somebody at this computer wants to pair.
@@ -437,6 +474,8 @@ const LAST_WRITES: Duration = Duration::from_secs(10);
 
 /// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
 const FOREIGN: &str = "PX4's link: not a permitted user's socket";
+const FLIES: &str = "PX4 is not known to be disarmed, and would lose its link to the ground: land and disarm it, or add \
+                     --in-flight";
 const LARGEST: usize = 65_536;
 /// A socket takes a whole status at once: the links wait no longer for one who does not read.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);

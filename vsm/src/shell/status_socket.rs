@@ -1,13 +1,13 @@
 //! `vsm status`, `vsm reload` and `vsm check-vehicle`: Unix sockets in the store folder that answer in JSON whoever may enter
 //! the folder. One gives the status, one what came of a configuration that is read again, one the settings of the vehicles.
 
-use std::io::{self, Read};
+use std::io::{self, Read, Write as _};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use tokio::io::AsyncWriteExt;
 use tokio::net::UnixListener;
 
@@ -21,6 +21,19 @@ pub const FILES: &str = "files.sock";
 
 /// Reads the settings of the vehicles, and gives them once they are read.
 pub const SETTINGS: &str = "settings.sock";
+
+/// Orders to zeroize.
+pub const ZEROIZE: &str = "zeroize.sock";
+
+/// What an order to zeroize begins with where it is meant in flight, too; another byte where it is not.
+pub const IN_FLIGHT: u8 = b'f';
+
+/// What an order to zeroize is answered, once it is stored.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Ordered {
+    /// Why it is not taken.
+    pub refused: Option<String>,
+}
 
 /// Where a socket of a store folder is.
 #[must_use]
@@ -56,8 +69,17 @@ pub async fn answer(mut stream: tokio::net::UnixStream, status: &impl Serialize,
 /// # Errors
 /// None is running on this store, or it does not answer.
 pub fn ask(store: &Path, name: &str, within: Duration) -> io::Result<String> {
+    ask_for(store, name, &[], within)
+}
+
+/// As [`ask`], with what is asked for.
+///
+/// # Errors
+/// As [`ask`].
+pub fn ask_for(store: &Path, name: &str, what: &[u8], within: Duration) -> io::Result<String> {
     let mut stream = UnixStream::connect(path(store, name))?;
     stream.set_read_timeout(Some(within))?;
+    stream.write_all(what)?;
     let mut text = String::new();
     stream.read_to_string(&mut text)?;
     Ok(text)

@@ -9,7 +9,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, FlightTerminationCommand, GenericInformationRequestMessage,
-    HeldCommandCancel, HeldCommandState, HoldCommand, UaStickCommand,
+    HeldCommandCancel, HeldCommandState, HoldCommand, UaStickCommand, ZeroizeCommand,
 };
 use stanag_msgs::{Bam32, MAX_DATAGRAM, Message, Text, TimeStamp};
 
@@ -134,7 +134,7 @@ fn a_landing_is_carried_out_at_its_time_and_answered_when_the_vehicle_shows_it()
 
 /// Two orders of the moment command it: one that was held would be neither fresh nor meant.
 #[test]
-fn an_order_of_a_flight_termination_is_never_held() {
+fn an_order_of_a_flight_termination_or_of_a_zeroize_is_never_held() {
     let mut rig = flying_with(Setup {
         dli_keys: "provisional = \"all\"",
         vehicle_keys: "termination = { action = \"land\" }",
@@ -146,6 +146,12 @@ fn an_order_of_a_flight_termination_is_never_held() {
             ..FlightTerminationCommand::default()
         };
         let order = at_time(&rig, 1.0, hold(1, HoldCondition::Time, order));
+        assert_eq!(rig.carry_out(order), REFUSED, "{state:?}");
+        let zeroize = ZeroizeCommand {
+            commanded_zeroize_state: Some(state),
+            ..ZeroizeCommand::default()
+        };
+        let order = at_time(&rig, 1.0, hold(1, HoldCondition::Time, zeroize));
         assert_eq!(rig.carry_out(order), REFUSED, "{state:?}");
     }
     assert!(

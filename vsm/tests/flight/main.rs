@@ -72,3 +72,4 @@ mod time_of_validity;
 mod vehicle_services;
 mod whole_route;
 mod wings;
+mod zeroize;

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-use kit::process::{Running, program};
+use kit::process::{Running, free_udp_port, program};
 use tempfile::TempDir;
 
 const BRIDGE: &str = r#"
@@ -163,6 +163,86 @@ fn a_start_that_finds_an_order_finishes_it_and_serves_nothing() {
         );
         assert_eq!(names(&dir.join("state")), ["lock"]);
     }
+}
+
+/// Starts it, and waits until it serves.
+fn serving(dir: &Path, name: &str, command: &str) -> Running {
+    let mut running = Running::spawn(
+        Command::new(program("vsm"))
+            .args([command, name])
+            .current_dir(dir),
+    );
+    running.wait_for("ready", LIMIT);
+    running
+}
+
+/// It has ended by itself, and left neither files nor a secret in its log.
+fn has_erased_itself(dir: &Path, mut running: Running, key: &str) {
+    let status = running.wait(LIMIT).expect("it ends");
+    let log = running.output();
+    assert_eq!(status.code(), Some(3), "{log}");
+    assert!(log.contains("ZEROIZE ORDERED by"), "{log}");
+    assert!(!log.contains(key.trim()), "{log}");
+    assert_eq!(names(&dir.join("state")), ["lock"]);
+    assert!(names(dir).iter().all(|name| !name.ends_with(".key")));
+}
+
+#[test]
+fn a_running_bridge_and_a_running_agent_erase_themselves_and_end() {
+    let agent = AGENT
+        .replace("127.0.0.1:0", &format!("127.0.0.1:{}", free_udp_port()))
+        .replace(
+            "serial:/dev/none:57600",
+            &format!("udpin:127.0.0.1:{}", free_udp_port()),
+        );
+    for (name, config, key, command) in [
+        ("vsm.toml", BRIDGE, "uav1.key", "run"),
+        ("airside.toml", &agent, "airside.key", "airside"),
+    ] {
+        let folder = folder(name, config, key);
+        let dir = folder.path();
+        let secret = fs::read_to_string(dir.join(key)).expect("the key");
+        let running = serving(dir, name, command);
+        // Nothing is received of the vehicle: it may fly.
+        let refused = vsm(dir, &["zeroize", name, "--yes"]);
+        assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
+        assert!(
+            text(&refused).contains("not known to be disarmed"),
+            "{}",
+            text(&refused)
+        );
+        assert!(dir.join(key).exists());
+        let done = vsm(dir, &["zeroize", name, "--yes", "--in-flight"]);
+        assert!(
+            done.status.success(),
+            "{}\n{}",
+            text(&done),
+            running.output()
+        );
+        assert!(text(&done).contains("wear levelling"), "{}", text(&done));
+        has_erased_itself(dir, running, &secret);
+    }
+}
+
+#[test]
+fn a_cucs_with_loi_5_has_a_bridge_erase_itself_in_two_steps() {
+    let dli = format!("127.0.0.1:{}", free_udp_port());
+    let config = BRIDGE.replacen("127.0.0.1:0", &dli, 1)
+        + "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2, 3, 4, 5]\n[zeroize]\nby_message = true\nin_flight = true\n";
+    let folder = folder("vsm.toml", &config, "uav1.key");
+    let dir = folder.path();
+    let secret = fs::read_to_string(dir.join("uav1.key")).expect("the key");
+    let running = serving(dir, "vsm.toml", "run");
+    let script = "take\nzeroize arm\nzeroize execute\n";
+    fs::write(dir.join("lines.cucs"), script).expect("the script");
+    let mut cucs = Command::new(program("cucs"));
+    cucs.args(["--vsm", &dli, "script", "lines.cucs"])
+        .current_dir(dir);
+    let ordered = cucs.output().expect("cucs");
+    let printed = text(&ordered);
+    assert!(ordered.status.success(), "{printed}\n{}", running.output());
+    assert!(printed.contains("zeroize executed"), "{printed}");
+    has_erased_itself(dir, running, &secret);
 }
 
 const LIMIT: Duration = Duration::from_secs(30);

@@ -9,6 +9,7 @@ mod mission;
 mod payload;
 mod private;
 mod services;
+mod zeroize;
 
 use super::row::MessageSupport;
 
@@ -23,4 +24,5 @@ pub(super) static SUPPORT: &[&[MessageSupport]] = &[
     configuration::ROWS,
     private::ROWS,
     held::ROWS,
+    zeroize::ROWS,
 ];

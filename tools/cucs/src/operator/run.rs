@@ -11,6 +11,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::console::{Done, Operator, Style};
 use super::error::OperatorError;
 use super::file_kind::{self, Reader};
+use super::termination::Ordered;
 use super::verb::{Condition, ModeArguments, Verb};
 use crate::formats::Losses;
 use crate::route::model::Route;
@@ -137,8 +138,9 @@ impl<W: Write> Operator<W> {
                 let outcome = self.station.land(vehicle).await?;
                 self.finish(vehicle, "lands", outcome)
             }
-            Verb::Terminate { step } => self.terminate(*step).await,
             Verb::Payload(arguments) => self.payload(arguments).await,
+            Verb::Terminate { step } => self.two_steps(*step, Ordered::Termination).await,
+            Verb::Zeroize { step } => self.two_steps(*step, Ordered::Zeroize).await,
             Verb::Wait { condition, within } => self.wait(condition, seconds(*within)?).await,
             Verb::Watch {
                 seconds: span,

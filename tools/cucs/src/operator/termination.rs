@@ -1,25 +1,33 @@
-//! Flight termination (2005): the steps, each answered by the VSM, and what 3005 reports after it.
+//! Flight termination (2005) and zeroize (50024): the steps, each answered by the VSM.
 
 use std::io::Write;
 use std::time::Duration;
 
+use stanag_msgs::Id;
 use stanag_msgs::enums::FtState;
 use stanag_msgs::messages::{FlightTerminationModeReport, GenericInformationRequestMessage};
 
 use super::console::{Done, Operator};
-use super::verb::TerminationStep;
-use crate::station::outcome::Outcome;
+use super::verb::TwoSteps;
+use crate::station::outcome::{Outcome, StationError};
+
+/// What is ordered in two steps.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Ordered {
+    Termination,
+    Zeroize,
+}
 
 impl<W: Write> Operator<W> {
-    /// 2005.
-    pub(super) async fn terminate(&mut self, step: TerminationStep) -> Done {
+    /// 2005 or 50024.
+    pub(super) async fn two_steps(&mut self, step: TwoSteps, what: Ordered) -> Done {
         let vehicle = self.find_vehicle().await?;
-        let (state, what) = match step {
-            TerminationStep::Arm => (FtState::Arm, "flight termination armed"),
-            TerminationStep::Execute => (FtState::Execute, "flight termination executed"),
-            TerminationStep::Cancel => (FtState::Reset, "flight termination reset"),
+        let (state, done) = match step {
+            TwoSteps::Arm => (FtState::Arm, "armed"),
+            TwoSteps::Execute => (FtState::Execute, "executed"),
+            TwoSteps::Cancel => (FtState::Reset, "reset"),
         };
-        let mut outcome = self.station.terminate(vehicle, state).await?;
+        let mut outcome = self.order(vehicle, state, what).await?;
         if outcome_is_unmeasured(&outcome) {
             // A VSM takes what must be fresh only from a station whose clock it has seen run for some seconds. Any message
             // shows it; a request for 3005 is one in every edition.
@@ -32,9 +40,25 @@ impl<W: Write> Operator<W> {
                 let _ = self.query(vehicle, request, "3005").await;
                 self.station.idle(Duration::from_secs(1)).await?;
             }
-            outcome = self.station.terminate(vehicle, state).await?;
+            outcome = self.order(vehicle, state, what).await?;
         }
-        self.finish(vehicle, what, outcome)
+        let name = match what {
+            Ordered::Termination => "flight termination",
+            Ordered::Zeroize => "zeroize",
+        };
+        self.finish(vehicle, &format!("{name} {done}"), outcome)
+    }
+
+    async fn order(
+        &mut self,
+        vehicle: Id,
+        state: FtState,
+        what: Ordered,
+    ) -> Result<Outcome, StationError> {
+        match what {
+            Ordered::Termination => self.station.terminate(vehicle, state).await,
+            Ordered::Zeroize => self.station.zeroize(vehicle, state).await,
+        }
     }
 }
 

@@ -109,7 +109,13 @@ pub enum Verb {
     Terminate {
         /// Which step.
         #[command(subcommand)]
-        step: TerminationStep,
+        step: TwoSteps,
+    },
+    /// Erase keys, plans, recordings and logs of the whole VSM in two steps: `zeroize arm`, then `zeroize execute` (50024).
+    Zeroize {
+        /// Which step.
+        #[command(subcommand)]
+        step: TwoSteps,
     },
     /// Operate a payload station, such as `payload point 30 -45` (19001, 19100).
     Payload(PayloadArguments),
@@ -239,14 +245,15 @@ pub enum HandoverVerb {
     Decline,
 }
 
-/// A step of a flight termination.
+/// A step of a flight termination, or of a zeroize.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Subcommand)]
-pub enum TerminationStep {
+pub enum TwoSteps {
     /// Arm it; the VSM disarms it again unless it is executed in time.
     Arm,
-    /// Execute what is armed, and wait until the vehicle shows it. Final where the VSM is configured to terminate.
+    /// Execute what is armed: a termination until the vehicle shows it, final where the VSM is configured to terminate; a zeroize
+    /// until the order is stored, always final.
     Execute,
-    /// Disarm it, or withdraw or release what was executed, where that is possible.
+    /// Disarm it, or withdraw or release a termination that was executed, where that is possible.
     Cancel,
 }
 

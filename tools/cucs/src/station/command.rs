@@ -3,7 +3,9 @@
 use stanag_msgs::enums::{
     AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, FtMode, FtState, SpeedType,
 };
-use stanag_msgs::messages::{FlightTerminationCommand, VehicleOperatingModeCommand};
+use stanag_msgs::messages::{
+    FlightTerminationCommand, VehicleOperatingModeCommand, ZeroizeCommand,
+};
 use stanag_msgs::{Bam32, Id, Scaled};
 
 use super::endpoint::Station;
@@ -110,6 +112,20 @@ impl Station {
             ..FlightTerminationCommand::default()
         };
         let what = format!("flight termination state {} (2005)", state.raw());
+        let within = self.timeouts.command;
+        self.command(vehicle, command, what, within).await
+    }
+
+    /// 50024: resets, arms or executes a zeroize of the vehicle's whole VSM. Executed is that the order is stored there.
+    ///
+    /// # Errors
+    /// As [`Station::operate`].
+    pub async fn zeroize(&mut self, vehicle: Id, state: FtState) -> Result<Outcome, StationError> {
+        let command = ZeroizeCommand {
+            commanded_zeroize_state: Some(state),
+            ..ZeroizeCommand::default()
+        };
+        let what = format!("zeroize state {} (50024)", state.raw());
         let within = self.timeouts.command;
         self.command(vehicle, command, what, within).await
     }

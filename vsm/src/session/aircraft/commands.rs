@@ -87,7 +87,7 @@ impl Aircraft {
         contingency: bool,
     ) {
         // Neither by its own time nor by that of its station would it be fresh.
-        if is_termination(message) {
+        if is_never_held(message) {
             return self.effects(dli).refuse(Some(origin), NEVER_HELD);
         }
         let rights = self.authority.rights();
@@ -134,7 +134,7 @@ impl Aircraft {
             };
             return self.terminate(dli, input);
         }
-        if held::inner(message).is_some_and(|inner| is_termination(&inner)) {
+        if held::inner(message).is_some_and(|inner| is_never_held(&inner)) {
             return self.effects(dli).refuse(Some(origin), NEVER_HELD);
         }
         // Payload stations are still commanded: what they see of it is wanted.
@@ -209,8 +209,12 @@ impl Aircraft {
 
 /// Why nothing else is commanded.
 const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0) where it can be";
-const NEVER_HELD: &str = "a flight termination is never held: two orders of the moment command it";
+const NEVER_HELD: &str =
+    "a flight termination is never held, nor is a zeroize: two orders of the moment command it";
 
-fn is_termination(message: &Message) -> bool {
-    matches!(message, Message::FlightTerminationCommand(_))
+fn is_never_held(message: &Message) -> bool {
+    matches!(
+        message,
+        Message::FlightTerminationCommand(_) | Message::ZeroizeCommand(_)
+    )
 }

@@ -199,6 +199,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::AreaTransferCommand(_)
         // As the command in it, where that can be read: the caller looks into it.
         | Message::HoldCommand(_) => Some(LoiBitmap::LOI4),
+        Message::ZeroizeCommand(_) => Some(LoiBitmap::LOI5),
         // Of the station that it names: the payload machine looks at that.
         Message::PayloadSteeringCommand(_) | Message::EoIrLaserPayloadCommand(_) => {
             Some(LoiBitmap::LOI3)

@@ -106,6 +106,15 @@ impl Bridge {
                     }
                 }
             }
+            Message::ZeroizeCommand(order) => match meant {
+                Some(one) => {
+                    let vehicle = one.id();
+                    if admit(one, &mut dli, &origin, cucs, message) {
+                        self.order_zeroize(now, origin, vehicle, order, disk);
+                    }
+                }
+                None => dli.refuse(&origin, TO_ONE),
+            },
             command => match meant {
                 Some(one) => command_one(one, &mut dli, origin, cucs, command),
                 None => {
@@ -115,6 +124,8 @@ impl Bridge {
                 }
             },
         }
+        // Whoever has armed it may have lost control by this message.
+        self.watch_zeroize(now, disk);
     }
 }
 
@@ -212,12 +223,25 @@ fn command_one(
     cucs: Id,
     message: &Message,
 ) {
+    if admit(one, dli, &origin, cucs, message) {
+        one.command(dli, origin, message);
+    }
+}
+
+/// Whether a command may be carried out, by the right of its sender: then it is logged, else refused.
+fn admit(
+    one: &mut Aircraft,
+    dli: &mut DliEffects<'_>,
+    origin: &Origin,
+    cucs: Id,
+    message: &Message,
+) -> bool {
     match one.right_for(message) {
         Some(right) if one.authority.rights().holds(cucs, right) => {
-            accept(one, dli, &origin, true);
-            one.command(dli, origin, message);
+            accept(one, dli, origin, true);
+            return true;
         }
-        Some(right) => refuse_without_right(one, dli, &origin, cucs, right),
+        Some(right) => refuse_without_right(one, dli, origin, cucs, right),
         None => {
             dli.counters.count("not supported");
             let why = support::why_refused(message.id());
@@ -227,9 +251,10 @@ fn command_one(
                 if why.is_some() { ": " } else { "" },
                 why.unwrap_or_default()
             );
-            one.effects(dli).refuse_unprivileged(&origin, &why);
+            one.effects(dli).refuse_unprivileged(origin, &why);
         }
     }
+    false
 }
 
 /// Logs a message before it is carried out; `authorised`: its Time Stamp is used from here on. Raises an alert where that could not be logged, and

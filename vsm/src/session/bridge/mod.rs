@@ -4,7 +4,8 @@
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
 //! `forwards`: other ground stations; `files`: files of a vehicle;
-//! `guards`: CUCSs with a guard key; `editions`: stations of Edition 2.5; `status`: what the bridge is doing; `reload`: another configuration while it runs.
+//! `guards`: CUCSs with a guard key; `zeroize`: an order to erase all that this VSM has; `editions`: stations of Edition 2.5;
+//! `status`: what the bridge is doing; `reload`: another configuration while it runs.
 
 mod arrival;
 mod contingencies;
@@ -20,6 +21,7 @@ mod reload;
 pub(crate) mod status;
 mod vehicles;
 mod watch;
+mod zeroize;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -54,6 +56,7 @@ use super::paths::{Limits, Paths};
 use super::reports::VehicleSettings;
 use super::station::GroundStation;
 use super::trace;
+use super::zeroize::Zeroize;
 use crate::config::Config;
 
 /// The machine.
@@ -114,6 +117,7 @@ pub struct Bridge {
     sent_to_group: VecDeque<(u32, u32)>,
     /// Who holds each vehicle, as these stations were shown last.
     shown_holders: Vec<(Id, Id, LoiBitmap)>,
+    zeroize: Zeroize,
     /// What stands from the configuration.
     warnings: Vec<String>,
     started: Duration,
@@ -204,6 +208,7 @@ impl Bridge {
             translated: VecDeque::new(),
             sent_to_group: VecDeque::new(),
             shown_holders: Vec::new(),
+            zeroize: Zeroize::new(config.zeroize),
             warnings: config.warnings(),
             started: now.mono,
         };
@@ -288,6 +293,7 @@ impl Bridge {
             aircraft.handle_timeout(&mut dli);
         }
         dli.clear_answers();
+        self.watch_zeroize(now, disk);
         self.forget_heartbeats(now.mono);
         self.name_others(now, disk);
         self.introduce(now, disk);
@@ -370,6 +376,7 @@ impl Bridge {
         let each = self.aircraft.iter();
         each.filter_map(|aircraft| aircraft.poll_timeout(now, &self.stations))
             .chain(self.alerts.poll_timeout())
+            .chain(self.zeroize.poll_timeout())
             .chain(self.paths.poll_timeout(now))
             // It shares a wake-up with the reports where there are any.
             .chain([self.look_at + WATCH_SLACK])

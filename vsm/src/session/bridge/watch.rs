@@ -92,13 +92,8 @@ impl Bridge {
         }
     }
 
-    /// What is about no vehicle goes to everybody who listens to one, in the name of the first: every message of the DLI comes
-    /// from a vehicle, and a CUCS may drop what does not.
-    fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {
-        // The usual case, once a second: nothing is allocated.
-        if found.is_empty() && self.alerts.standing().next().is_none() {
-            return self.notified.clear();
-        }
+    /// Every station that listens to a vehicle, each with the first of these.
+    pub(super) fn all_listeners(&self) -> Vec<(usize, Id)> {
         let mut listeners: Vec<(usize, Id)> = Vec::new();
         for one in &self.aircraft {
             for station in one.listeners() {
@@ -107,6 +102,17 @@ impl Bridge {
                 }
             }
         }
+        listeners
+    }
+
+    /// What is about no vehicle goes to everybody who listens to one, in the name of the first: every message of the DLI comes
+    /// from a vehicle, and a CUCS may drop what does not.
+    fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {
+        // The usual case, once a second: nothing is allocated.
+        if found.is_empty() && self.alerts.standing().next().is_none() {
+            return self.notified.clear();
+        }
+        let listeners = self.all_listeners();
         let before = std::mem::take(&mut self.notified);
         let (mut dli, _) = self.effects(now, disk);
         for (station, vehicle) in listeners.iter().filter(|(one, _)| !before.contains(one)) {

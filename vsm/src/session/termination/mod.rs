@@ -30,12 +30,13 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, FtMode, FtState, SubsystemId};
 use stanag_msgs::messages::FlightTerminationCommand;
 
-use self::rules::{Circumstances, Order, Outcome, Plan, Refusal, Rules, Shows, Stage};
+use self::rules::{Circumstances, Outcome, Plan, Refusal, Rules, Shows, Stage};
 use super::alerts::Cause;
 use super::context::{Context, Origin, TerminationView};
 use super::effects::{Effects, Request};
 use super::log::LogLevel;
 use super::maneuver::set_mode;
+use super::two_steps::{self, Order};
 use crate::config::{Provisional, TerminationAction as Action};
 
 /// The machine.
@@ -184,7 +185,7 @@ impl Termination {
             Err(refusal) => {
                 let armed_s = armed_s(context);
                 let why = text::refusal(refusal, armed_s);
-                if refusal != Refusal::NotPlanned {
+                if refusal != Refusal::Steps(two_steps::Refusal::NotPlanned) {
                     // Who tries to end a flight is known to all.
                     let id = context.asker(origin.station).map(|asker| asker.id);
                     let by = id.map_or_else(String::new, |id| format!(" of {id}"));
@@ -420,16 +421,10 @@ fn order(command: &FlightTerminationCommand) -> Result<Order, String> {
             mode.raw()
         ));
     }
-    match command.commanded_flight_termination_state {
-        Some(FtState::Reset) => Ok(Order::Reset),
-        Some(FtState::Arm) => Ok(Order::Arm),
-        Some(FtState::Execute) => Ok(Order::Execute),
-        Some(other) => Err(format!(
-            "Commanded Flight Termination State {}, expected 0 to 2",
-            other.raw()
-        )),
-        None => Err("Commanded Flight Termination State is missing".to_owned()),
-    }
+    two_steps::order(
+        command.commanded_flight_termination_state,
+        "Commanded Flight Termination State",
+    )
 }
 
 fn circumstances(

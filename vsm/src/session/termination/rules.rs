@@ -14,11 +14,11 @@ mod every_state;
 
 use std::time::Duration;
 
+use stanag_msgs::Id;
 use stanag_msgs::enums::FtState;
-use stanag_msgs::{Id, TimeStamp};
 
 use crate::config::TerminationAction as Action;
-use crate::session::duplicates::{Delay, stamps_apart_ms};
+use crate::session::two_steps::{self, Latest, Order};
 
 /// How far a termination has gone.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -57,14 +57,6 @@ pub(crate) enum Stage {
     },
 }
 
-/// Commanded Flight Termination State of a 2005.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) enum Order {
-    Reset,
-    Arm,
-    Execute,
-}
-
 /// What the configuration plans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Plan {
@@ -76,23 +68,7 @@ pub(crate) struct Plan {
 }
 
 /// What is known when an order comes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Circumstances {
-    pub(crate) now: Duration,
-    pub(crate) by: Id,
-    pub(crate) stamp: TimeStamp,
-    /// It holds LOI 5, in control.
-    pub(crate) controls: bool,
-    /// Its holder hands control over to another CUCS, which is not in control yet.
-    pub(crate) handover: bool,
-    /// The station is where the order came from.
-    pub(crate) proven: bool,
-    pub(crate) delay: Delay,
-    /// The layout of 2005 may be used with this station.
-    pub(crate) layout: bool,
-    pub(crate) plan: Option<Plan>,
-    pub(crate) vehicle: Shows,
-}
+pub(crate) type Circumstances = two_steps::Circumstances<Plan, Shows>;
 
 /// What the vehicle shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -126,25 +102,18 @@ impl Shows {
 /// Why an order is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Refusal {
-    NotPlanned,
-    Layout,
-    NoRight,
-    Unproven,
-    Handover,
-    /// By the station's own clock.
-    Late(Duration),
-    Ahead,
-    Unmeasured,
-    /// No order to execute is taken before one to arm.
-    NotArmed,
-    /// It was made before the latest order of its CUCS that was taken.
-    Reversed,
-    /// Another CUCS has armed it.
-    ArmedByAnother(Id),
+    /// The two steps.
+    Steps(two_steps::Refusal),
     Disarmed,
     AlreadyCommanded,
     AlreadyExecuting,
     Final,
+}
+
+impl From<two_steps::Refusal> for Refusal {
+    fn from(refusal: two_steps::Refusal) -> Refusal {
+        Refusal::Steps(refusal)
+    }
 }
 
 /// What has become of it.
@@ -182,7 +151,7 @@ pub(crate) enum Outcome {
 pub(crate) struct Rules {
     stage: Stage,
     /// The latest order to arm or to execute that was taken: whose, and its Time Stamp.
-    ordered: Option<(Id, TimeStamp)>,
+    ordered: Latest,
 }
 
 impl Rules {
@@ -210,29 +179,24 @@ impl Rules {
 
     /// A 2005.
     pub(crate) fn order(&mut self, order: Order, at: &Circumstances) -> Result<Outcome, Refusal> {
-        let plan = may_order(order, at)?;
+        let plan = two_steps::may_order(order, at)?;
         let (stage, outcome) = match order {
             Order::Reset => self.reset(at)?,
-            Order::Arm => self.arm(plan.ok_or(Refusal::NotPlanned)?, at)?,
-            Order::Execute => self.execute(plan.ok_or(Refusal::NotPlanned)?, at)?,
+            Order::Arm => self.arm(plan.ok_or(two_steps::Refusal::NotPlanned)?, at)?,
+            Order::Execute => self.execute(plan.ok_or(two_steps::Refusal::NotPlanned)?, at)?,
         };
         self.ordered = Some((at.by, at.stamp));
         self.stage = stage;
         Ok(outcome)
     }
 
-    /// Whether an order was made after the latest that was taken, by the clock of its station. Of another station, which has
-    /// taken control over since, nothing can be compared.
-    fn follows(&self, at: &Circumstances) -> bool {
-        self.ordered
-            .is_none_or(|(by, stamp)| by != at.by || stamps_apart_ms(at.stamp, stamp) > 0)
-    }
-
     fn reset(&self, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
+        if self.stage != Stage::Safe {
+            // One that was made before, and was long on its way, must not undo what was ordered since.
+            two_steps::follows(self.ordered, at)?;
+        }
         let outcome = match self.stage {
             Stage::Safe => Outcome::Reset(at.by, false),
-            // One that was made before, and was long on its way, must not undo what was ordered since.
-            _ if !self.follows(at) => return Err(Refusal::Reversed),
             Stage::Armed { .. } => Outcome::Reset(at.by, true),
             Stage::Commanded { action, .. } => Outcome::Withdrawn(at.by, action),
             Stage::Executing {
@@ -245,15 +209,13 @@ impl Rules {
     }
 
     fn arm(&self, plan: Plan, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
-        match self.stage {
-            Stage::Armed { by, .. } if by != at.by => return Err(Refusal::ArmedByAnother(by)),
-            Stage::Safe | Stage::Armed { .. } => {}
+        let armed = match self.stage {
+            Stage::Armed { by, .. } => Some(by),
+            Stage::Safe => None,
             Stage::Commanded { .. } => return Err(Refusal::AlreadyCommanded),
             Stage::Executing { .. } => return Err(Refusal::AlreadyExecuting),
-        }
-        if !self.follows(at) {
-            return Err(Refusal::Reversed);
-        }
+        };
+        two_steps::may_arm(armed, self.ordered, at)?;
         if at.vehicle == Shows::Disarmed {
             return Err(Refusal::Disarmed);
         }
@@ -268,18 +230,13 @@ impl Rules {
     fn execute(&self, plan: Plan, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
         let (by, action, until) = match self.stage {
             Stage::Armed { by, action, until } => (by, action, until),
-            Stage::Safe => return Err(Refusal::NotArmed),
+            Stage::Safe => return Err(two_steps::Refusal::NotArmed.into()),
             Stage::Commanded { .. } => return Err(Refusal::AlreadyCommanded),
             Stage::Executing { .. } => return Err(Refusal::AlreadyExecuting),
         };
-        if by != at.by {
-            return Err(Refusal::ArmedByAnother(by));
-        }
-        if at.now >= until || action != plan.action {
-            return Err(Refusal::NotArmed);
-        }
-        if !self.follows(at) {
-            return Err(Refusal::Reversed);
+        two_steps::may_execute((by, until), self.ordered, at)?;
+        if action != plan.action {
+            return Err(two_steps::Refusal::NotArmed.into());
         }
         if at.vehicle == Shows::Disarmed {
             return Err(Refusal::Disarmed);
@@ -436,35 +393,6 @@ impl Rules {
     }
 }
 
-/// What every order needs, whatever the stage; a reset less: it is the safe direction, is judged by its stamp, and comes
-/// also of a CUCS whose layout of 2005 is not agreed on, which could command nothing else before it.
-fn may_order(order: Order, at: &Circumstances) -> Result<Option<Plan>, Refusal> {
-    if !at.layout && order != Order::Reset {
-        return Err(Refusal::Layout);
-    }
-    if !at.controls {
-        return Err(Refusal::NoRight);
-    }
-    if !at.proven {
-        return Err(Refusal::Unproven);
-    }
-    if order == Order::Reset {
-        return Ok(at.plan);
-    }
-    let plan = at.plan.ok_or(Refusal::NotPlanned)?;
-    if at.handover {
-        return Err(Refusal::Handover);
-    }
-    match at.delay {
-        Delay::Behind(by) if by <= MAX_DELAY => Ok(Some(plan)),
-        Delay::Behind(by) => Err(Refusal::Late(by)),
-        Delay::Ahead(_) => Err(Refusal::Ahead),
-        Delay::Unknown => Err(Refusal::Unmeasured),
-    }
-}
-
 /// A vehicle that has landed may show its next mode before it shows that it is disarmed: HEARTBEAT comes once a second, and
 /// some are lost.
 const LEFT_FOR: Duration = Duration::from_secs(3);
-/// An order to arm or to execute that was longer on its way is refused.
-pub(crate) const MAX_DELAY: Duration = Duration::from_secs(2);

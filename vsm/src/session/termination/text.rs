@@ -2,8 +2,9 @@
 
 use stanag_msgs::Id;
 
-use super::rules::{MAX_DELAY, Outcome, Refusal};
+use super::rules::{Outcome, Refusal};
 use crate::config::TerminationAction as Action;
+use crate::session::two_steps;
 
 /// What the vehicle is commanded, in words.
 pub(super) fn action(action: Action) -> &'static str {
@@ -17,36 +18,13 @@ pub(super) fn action(action: Action) -> &'static str {
 /// Why an order is refused.
 pub(super) fn refusal(refusal: Refusal, armed_s: f64) -> String {
     match refusal {
-        Refusal::NotPlanned => {
+        Refusal::Steps(two_steps::Refusal::NotPlanned) => {
             "flight termination is off: set [vehicle.termination] in the configuration of the VSM".into()
         }
-        Refusal::Layout => {
+        Refusal::Steps(two_steps::Refusal::Layout) => {
             "the layout of 2005 is derived from Edition 2: set provisional = \"all\" in [dli] or for this CUCS".into()
         }
-        Refusal::NoRight => "it needs LOI 5 in control of the vehicle".into(),
-        Refusal::Unproven => {
-            "the address that it came from is not proven: acknowledge the heartbeats (16002) of the VSM, or set \
-             cucs.address"
-                .into()
-        }
-        Refusal::Handover => "control is being handed over to another CUCS: wait for the end of the handover".into(),
-        Refusal::Late(by) => format!(
-            "it was {:.1} s on its way by this station's own clock, expected at most {} s: send it again",
-            by.as_secs_f64(),
-            MAX_DELAY.as_secs()
-        ),
-        Refusal::Ahead => {
-            "its Time Stamp is ahead of this station's clock: send it again once the clock is steady".into()
-        }
-        Refusal::Unmeasured => {
-            "this station's clock is not measured yet: send messages (16002 once a second) for 4 s, then send it again"
-                .into()
-        }
-        Refusal::NotArmed => format!(
-            "it is not armed: arm it (state 1), then execute it (state 2) within {armed_s} s"
-        ),
-        Refusal::Reversed => "its Time Stamp is not later than that of the order before it".into(),
-        Refusal::ArmedByAnother(id) => format!("{id} has armed it"),
+        Refusal::Steps(other) => other.words(armed_s),
         Refusal::Disarmed => "the vehicle is disarmed: there is no flight to end".into(),
         Refusal::AlreadyCommanded => {
             "it is commanded already, and commanded again until the vehicle shows it".into()

@@ -11,6 +11,7 @@ mod reload;
 mod shared;
 mod tasks;
 mod vehicle;
+mod zeroize;
 
 pub use error::StartError;
 
@@ -49,6 +50,7 @@ pub struct Server {
     status: UnixListener,
     settings: UnixListener,
     files: UnixListener,
+    zeroize: UnixListener,
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
@@ -103,7 +105,7 @@ impl Server {
             .map(|recording| recording.path().to_owned())
     }
 
-    /// Serves until `stop` is done, then gives the last status.
+    /// Serves until `stop` is done, or an order to zeroize is stored, then gives the last status.
     ///
     /// # Errors
     /// A task has ended or does not answer: what is left must not continue without it.
@@ -116,6 +118,7 @@ impl Server {
             status,
             settings,
             files,
+            zeroize,
             page,
             reload,
             resolver,
@@ -171,6 +174,10 @@ impl Server {
         tasks.spawn(&local, "file socket", |beat| {
             files::serve(of_all, beat, files)
         });
+        let of_all = shared.clone();
+        tasks.spawn(&local, "zeroize", |beat| {
+            zeroize::serve(of_all, beat, zeroize)
+        });
         if let Some((listener, hosts)) = page {
             let of_all = shared.clone();
             tasks.spawn(&local, "status page", |beat| {
@@ -183,7 +190,13 @@ impl Server {
                 reload::serve(of_all, beat, later, (path, resolver), listener)
             });
         }
-        let served = local.run_until(tasks.run(stop)).await;
+        let ended = async {
+            tokio::select! {
+                () = stop => {}
+                () = shared.ended.notified() => {}
+            }
+        };
+        let served = local.run_until(tasks.run(ended)).await;
         let mut core = shared.core.borrow_mut();
         core.flush();
         let end = Instant::now() + LAST_WRITES;

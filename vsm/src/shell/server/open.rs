@@ -101,6 +101,8 @@ impl Server {
             .map_err(StartError::Status)?;
         let files = status_socket::listen(&config.store.dir, status_socket::FILES)
             .map_err(StartError::Status)?;
+        let zeroize = status_socket::listen(&config.store.dir, status_socket::ZEROIZE)
+            .map_err(StartError::Status)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
         let key_stores = key_stores.into_iter().map(|keys| {
@@ -129,6 +131,8 @@ impl Server {
             outgoing: Notify::new(),
             timing: Notify::new(),
             stored,
+            zeroize: Notify::new(),
+            ended: Notify::new(),
         };
         Ok(Server {
             shared: Rc::new(shared),
@@ -138,6 +142,7 @@ impl Server {
             status,
             settings,
             files,
+            zeroize,
             page,
             reload: None,
             resolver: ask_system,

@@ -44,6 +44,10 @@ pub(super) struct Shared {
     pub(super) timing: Notify,
     /// The disk has made something durable, or cannot.
     pub(super) stored: Arc<Notify>,
+    /// An order to zeroize is to be stored.
+    pub(super) zeroize: Notify,
+    /// It is stored, and announced: the bridge ends.
+    pub(super) ended: Notify,
 }
 
 /// A link that is open; a task reads it.
@@ -154,6 +158,9 @@ impl Shared {
                 // Found out again at the next start.
                 Err(fault) => tracing::error!("{what}, but {fault}"),
             }
+        }
+        if core.bridge.zeroize_to_store() {
+            self.zeroize.notify_one();
         }
         self.outgoing.notify_one();
         self.timing.notify_one();

@@ -34,6 +34,7 @@ mod private;
 mod requests;
 mod routes;
 mod scenes;
+mod zeroize;
 
 use super::scene::Trial;
 
@@ -46,6 +47,7 @@ pub(super) fn trials() -> Vec<Trial> {
     all.extend(payload::payload());
     all.extend(private::private());
     all.extend(held::held());
+    all.extend(zeroize::zeroize());
     all
 }
 

@@ -2,7 +2,11 @@
 
 use std::collections::{HashSet, VecDeque};
 
+use stanag_msgs::TimeStamp;
+
 use super::*;
+use crate::session::duplicates::Delay;
+use crate::session::two_steps::MAX_DELAY;
 
 const US: Id = Id(0x1b00_00a0);
 const OTHER: Id = Id(0x1b00_00a1);
@@ -307,11 +311,14 @@ fn a_reset_needs_no_layout_and_everything_else_does() {
         layout: false,
         ..at(stamp)
     };
-    assert_eq!(rules.order(Order::Arm, &without(1)), Err(Refusal::Layout));
+    assert_eq!(
+        rules.order(Order::Arm, &without(1)),
+        Err(two_steps::Refusal::Layout.into())
+    );
     assert!(rules.order(Order::Arm, &at(1)).is_ok());
     assert_eq!(
         rules.order(Order::Execute, &without(2)),
-        Err(Refusal::Layout)
+        Err(two_steps::Refusal::Layout.into())
     );
     assert!(rules.order(Order::Execute, &at(2)).is_ok());
     assert_eq!(

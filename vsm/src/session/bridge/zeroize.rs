@@ -1,0 +1,203 @@
+//! Zeroize (50024): what a CUCS with LOI 5, or an operator of this computer, orders of the whole VSM.
+//!
+//! [`rules`](crate::session::zeroize) decides. Here an order becomes what it decides by, and what it decides becomes answers, alerts to
+//! every station that listens, and entries of every vehicle's audit log. The bridge itself erases nothing: it is asked whether it is
+//! ordered ([`Bridge::zeroize_to_store`]) by the shell, which stores the order, reports that back
+//! ([`Bridge::zeroize_stored`]), ends, and erases what lies on the disk.
+
+use mavlink_link::Now;
+use mavlink_link::store::Disk;
+use stanag_msgs::Id;
+use stanag_msgs::enums::{AckType, AlertPriority, SubsystemId};
+use stanag_msgs::messages::ZeroizeCommand;
+
+use super::Bridge;
+use crate::session::alerts::Cause;
+use crate::session::authority;
+use crate::session::context::Origin;
+use crate::session::two_steps::{self, Order};
+use crate::session::zeroize::{Circumstances, Fleet, Outcome, Refusal, Stage, text};
+
+impl Bridge {
+    /// 50024 of a CUCS that holds the right, to this vehicle.
+    pub(super) fn order_zeroize(
+        &mut self,
+        now: Now,
+        origin: Origin,
+        vehicle: Id,
+        command: &ZeroizeCommand,
+        disk: &mut dyn Disk,
+    ) {
+        let state = command.commanded_zeroize_state;
+        let done = two_steps::order(state, "Commanded Zeroize State").and_then(|order| {
+            let at = self.circumstances(now, &origin, vehicle);
+            let at = at.ok_or("it needs its Time Stamp (field 0)")?;
+            let armed_s = self.zeroize.settings.armed_s;
+            let done = self.zeroize.rules.order(order, &at);
+            done.map(|outcome| (order, outcome)).map_err(|refusal| {
+                let why = text::refusal(refusal, armed_s);
+                if refusal != Refusal::Steps(two_steps::Refusal::NotPlanned) {
+                    // Who tries to erase it is known to all.
+                    let text = format!("zeroize of {} refused: {why}", at.by);
+                    self.alert_of_zeroize(now, None, text, disk);
+                }
+                why
+            })
+        });
+        let (mut dli, aircraft) = self.effects(now, disk);
+        match done {
+            Err(why) => {
+                if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+                    one.effects(&mut dli).refuse(Some(origin), why);
+                }
+            }
+            Ok((order, outcome)) => {
+                match order {
+                    Order::Execute => {
+                        // 17000 type 2 follows once the order is stored.
+                        dli.acknowledge(vehicle, &origin, AckType::Received);
+                        self.zeroize.waiting = Some(Some((vehicle, origin)));
+                    }
+                    Order::Arm | Order::Reset => {
+                        dli.acknowledge(vehicle, &origin, AckType::CarriedOut);
+                        self.zeroize.vehicle = Some(vehicle);
+                    }
+                }
+                self.conclude_zeroize(now, outcome, disk);
+            }
+        }
+    }
+
+    /// An operator of this computer orders it. Nothing else confirms it: they have.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn zeroize_here(
+        &mut self,
+        now: Now,
+        in_flight: bool,
+        disk: &mut dyn Disk,
+    ) -> Result<(), String> {
+        let (fleet, armed_s) = (self.fleet(None), self.zeroize.settings.armed_s);
+        let outcome = self.zeroize.rules.order_here(in_flight, fleet);
+        let outcome = outcome.map_err(|refusal| text::refusal(refusal, armed_s))?;
+        self.zeroize.waiting = Some(None);
+        self.conclude_zeroize(now, outcome, disk);
+        Ok(())
+    }
+
+    /// Whether an order is to be stored now.
+    #[must_use]
+    pub fn zeroize_to_store(&self) -> bool {
+        self.zeroize.waiting.is_some()
+    }
+
+    /// The order is on the disk, and will be carried out whatever happens; or it could not be stored, and nothing is erased.
+    pub fn zeroize_stored(&mut self, now: Now, stored: Result<(), String>, disk: &mut dyn Disk) {
+        let waiting = self.zeroize.waiting.take().flatten();
+        if let Err(why) = &stored {
+            self.zeroize.rules.not_stored();
+            let text = format!("ZEROIZE NOT DONE: {why}");
+            self.alert_of_zeroize(now, Some(AlertPriority::Emergency), text, disk);
+        }
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let Some((vehicle, origin)) = waiting else {
+            return;
+        };
+        match stored {
+            Ok(()) => dli.acknowledge(vehicle, &origin, AckType::CarriedOut),
+            Err(why) => {
+                if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+                    one.effects(&mut dli).refuse(Some(origin), why);
+                }
+            }
+        }
+    }
+
+    pub(super) fn watch_zeroize(&mut self, now: Now, disk: &mut dyn Disk) {
+        let vehicle = self.zeroize.vehicle;
+        let mut all = self.aircraft.iter();
+        let armed_by = all.find(|one| Some(one.id()) == vehicle);
+        let controller = armed_by.and_then(|one| one.authority.controller());
+        let controls = |by| controller == Some(by);
+        if let Some(outcome) = self.zeroize.rules.watch(now.mono, controls) {
+            self.conclude_zeroize(now, outcome, disk);
+        }
+    }
+
+    fn conclude_zeroize(&mut self, now: Now, outcome: Outcome, disk: &mut dyn Disk) {
+        let words = text::outcome(outcome, self.zeroize.settings.armed_s);
+        let (what, by) = text::audit(outcome);
+        let (mut dli, aircraft) = self.effects(now, disk);
+        if !matches!(outcome, Outcome::Reset(_, false)) {
+            for one in aircraft.iter_mut() {
+                let why = &words;
+                one.ask_authority(&mut dli, authority::Input::Audit { what, by, why });
+            }
+        }
+        let priority = match self.zeroize.rules.stage() {
+            Stage::Safe => None,
+            Stage::Armed { .. } => Some(AlertPriority::Warning),
+            Stage::Ordered => Some(AlertPriority::Emergency),
+        };
+        self.alert_of_zeroize(now, priority, words, disk);
+    }
+
+    /// An alert to every station that listens to any vehicle; without a priority it happened once, and nothing stands.
+    fn alert_of_zeroize(
+        &mut self,
+        now: Now,
+        priority: Option<AlertPriority>,
+        text: String,
+        disk: &mut dyn Disk,
+    ) {
+        let listeners = self.all_listeners();
+        let safe = self.zeroize.rules.stage() == Stage::Safe;
+        let (mut dli, _) = self.effects(now, disk);
+        let subsystem = SubsystemId::VsmStatus;
+        if safe {
+            let raised = dli.alerts.clear(Cause::Zeroize, "zeroize is not armed");
+            dli.alert_each(&listeners, raised);
+        }
+        let raised = match priority {
+            Some(priority) if !safe => dli.alerts.raise(Cause::Zeroize, priority, subsystem, text),
+            _ => dli
+                .alerts
+                .notice(now.mono, AlertPriority::Warning, subsystem, text),
+        };
+        dli.alert_each(&listeners, raised);
+    }
+
+    fn circumstances(&self, now: Now, origin: &Origin, vehicle: Id) -> Option<Circumstances> {
+        let station = self.stations.get(origin.station)?;
+        let one = self.aircraft.iter().find(|one| one.id() == vehicle)?;
+        Some(Circumstances {
+            now: now.mono,
+            by: station.id(),
+            stamp: origin.stamp?,
+            controls: one.authority.controller() == Some(station.id()),
+            handover: one.authority.is_handed_over(),
+            proven: station.proven,
+            delay: station.delay,
+            // Its layout is this project's own.
+            layout: true,
+            plan: self.zeroize.plan(),
+            vehicle: self.fleet(Some(station.id())),
+        })
+    }
+
+    fn fleet(&self, own: Option<Id>) -> Fleet {
+        let disarmed = |one: &&super::Aircraft| {
+            one.vehicle.live() && one.vehicle.telemetry.armed == Some(false)
+        };
+        let flying = self.aircraft.iter().find(|one| !disarmed(one));
+        let mut others = self.aircraft.iter().filter_map(|one| {
+            let by = one.authority.controller().filter(|by| Some(*by) != own)?;
+            Some((one.id(), by))
+        });
+        Fleet {
+            flying: flying.map(super::Aircraft::id),
+            of_another: others.next(),
+        }
+    }
+}

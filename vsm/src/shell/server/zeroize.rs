@@ -1,0 +1,80 @@
+//! An order to zeroize, by message or by `vsm zeroize`: it is stored, and the bridge ends; who has run it erases what lies on the disk.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use tokio::io::AsyncReadExt as _;
+use tokio::net::{UnixListener, UnixStream};
+
+use super::shared::Shared;
+use crate::shell::erase::{self, Order};
+use crate::shell::status_socket::{self, IN_FLIGHT, Ordered};
+use crate::shell::tasks::Beat;
+
+pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
+    loop {
+        let step = async {
+            tokio::select! {
+                accepted = listener.accept() => Some(accepted),
+                () = shared.zeroize.notified() => None,
+            }
+        };
+        let mut asker = None;
+        match beat.during(step).await {
+            None => {}
+            Some(Ok((mut stream, _))) => {
+                let Some(in_flight) = beat.during(read_word(&mut stream)).await else {
+                    continue;
+                };
+                let refused = shared.with(|core, now| {
+                    let ordered = core.bridge.zeroize_here(now, in_flight, &mut core.store);
+                    ordered.err()
+                });
+                if refused.is_some() {
+                    let answer = Ordered { refused };
+                    status_socket::answer(stream, &answer, ANSWER_WITHIN).await;
+                    continue;
+                }
+                asker = Some(stream);
+            }
+            Some(Err(cause)) => {
+                tracing::warn!("the zeroize socket: {cause}");
+                beat.during(tokio::time::sleep(PAUSE)).await;
+            }
+        }
+        let stored = shared.with(|core, now| {
+            if !core.bridge.zeroize_to_store() {
+                return None;
+            }
+            let order = Order::of_bridge(&core.config);
+            // By this thread: whatever else waits for the disk is erased anyway.
+            let mut disk = core.store.files().shared();
+            let stored = erase::begin(&mut disk, &order).map_err(|fault| fault.to_string());
+            core.bridge
+                .zeroize_stored(now, stored.clone(), &mut core.store);
+            Some(stored)
+        });
+        let Some(stored) = stored else { continue };
+        let ended = stored.is_ok();
+        if let Some(stream) = asker {
+            let refused = stored.err();
+            status_socket::answer(stream, &Ordered { refused }, ANSWER_WITHIN).await;
+        }
+        if ended {
+            // What stations are sent of it leaves first.
+            beat.during(tokio::time::sleep(LAST_WORDS)).await;
+            shared.ended.notify_one();
+            beat.during(std::future::pending::<()>()).await;
+        }
+    }
+}
+
+/// Whether it is meant in flight, too.
+async fn read_word(stream: &mut UnixStream) -> Option<bool> {
+    let read = tokio::time::timeout(ANSWER_WITHIN, stream.read_u8()).await;
+    Some(read.ok()?.ok()? == IN_FLIGHT)
+}
+
+const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+const PAUSE: Duration = Duration::from_millis(500);
+const LAST_WORDS: Duration = Duration::from_millis(500);
