@@ -114,7 +114,7 @@ centre = [47.0, 8.0]
 radius_m = 10.0
 #vehicle.area
 [[vehicle.rally]]
-place = [47.0, 8.0]
+place = [47.1, 8.0]
 height_m = 1.0
 #vehicle.rally
 [[vehicle.payload]]
