@@ -17,6 +17,7 @@
 //! at most five times a second.
 
 use std::collections::VecDeque;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -43,6 +44,8 @@ pub struct GuardEnd {
     in_use: usize,
     /// Under which it sent what has verified last, believed or not: it can be lifted under that one.
     verified_by: usize,
+    /// What has verified first from elsewhere than where its sender is.
+    elsewhere: VecDeque<Elsewhere>,
     /// When an empty datagram may be sent again.
     lift_at: Duration,
     verified: u64,
@@ -57,6 +60,15 @@ struct Keyed {
     until: Option<Duration>,
     clock: SigningClock,
     window: Window,
+}
+
+/// A datagram that has come from elsewhere than where its sender is: it is believed once more from there, for a moment. Who
+/// copies what he hears, and is faster, would silence the sender otherwise.
+#[derive(Debug)]
+struct Elsewhere {
+    trailer: Trailer,
+    at: Duration,
+    sender: SocketAddr,
 }
 
 /// Why a datagram is not believed.
@@ -143,6 +155,7 @@ impl GuardEnd {
             keys: Vec::new(),
             in_use: 0,
             verified_by: 0,
+            elsewhere: VecDeque::new(),
             lift_at: Duration::ZERO,
             verified: 0,
             refused: Counters::default(),
@@ -223,6 +236,51 @@ impl GuardEnd {
         disk: &mut dyn Disk,
     ) -> Result<&'a [u8], GuardRefusal> {
         let opened = self.judge(now, guarded, disk);
+        self.count(opened)
+    }
+
+    /// As [`open`](Self::open), of a datagram that has come from this address. `sender`: where its sender is, if that is
+    /// known; what a copy from elsewhere has used up is taken once more from there.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_from<'a>(
+        &mut self,
+        now: Now,
+        guarded: &Guarded<'a>,
+        (from, sender): (SocketAddr, Option<SocketAddr>),
+        disk: &mut dyn Disk,
+    ) -> Result<&'a [u8], GuardRefusal> {
+        let trailer = guarded.trailer;
+        self.elsewhere.retain(|one| one.at + ELSEWHERE > now.mono);
+        let mut opened = self.judge(now, guarded, disk);
+        let copied = |one: &Elsewhere| one.trailer == trailer && one.sender == from;
+        // It has verified, as its copy did.
+        if opened == Err(GuardRefusal::Replayed)
+            && let Some(place) = self.elsewhere.iter().position(copied)
+        {
+            self.elsewhere.remove(place);
+            opened = Ok(guarded.datagram);
+        } else if opened.is_ok()
+            && let Some(sender) = sender.filter(|sender| *sender != from)
+        {
+            if self.elsewhere.len() == WINDOW {
+                self.elsewhere.pop_front();
+            }
+            let at = now.mono;
+            self.elsewhere.push_back(Elsewhere {
+                trailer,
+                at,
+                sender,
+            });
+        }
+        self.count(opened)
+    }
+
+    fn count<'a>(
+        &mut self,
+        opened: Result<&'a [u8], GuardRefusal>,
+    ) -> Result<&'a [u8], GuardRefusal> {
         match opened {
             Ok(_) => self.verified += 1,
             Err(why) => self.refused.count(why.name()),
@@ -411,6 +469,8 @@ fn stamp_of(stamp_us: u64) -> Option<Stamp> {
 const WINDOW: usize = 1_024;
 /// How long a datagram may be on its way, against the newest of its sender.
 const MAX_DELAY: Duration = Duration::from_secs(30);
+/// How long after its copy a datagram may come from where its sender is: no longer than what a candidate address holds back.
+const ELSEWHERE: Duration = Duration::from_secs(5);
 const LIFT_EVERY: Duration = Duration::from_millis(200);
 
 #[cfg(test)]

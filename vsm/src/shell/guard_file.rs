@@ -24,13 +24,18 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
     let mut keys = vec![(key_file::read(path)?, None)];
     let before = previous(path);
     if let Ok(about) = fs::metadata(&before) {
-        // A clock that was set back since makes it no younger than it was: a day from now at most.
-        let age = about.modified().and_then(|at| {
-            SystemTime::now()
-                .duration_since(at)
-                .map_err(io::Error::other)
-        });
-        let left = OVERLAP.saturating_sub(age.unwrap_or_default());
+        let today = SystemTime::now();
+        let age = match about.modified().map(|at| today.duration_since(at)) {
+            Ok(Ok(age)) => age,
+            // A clock that was set back since: its day counts from now, and must not begin again with each start.
+            Ok(Err(_))
+                if fs::File::open(&before).is_ok_and(|it| it.set_modified(today).is_ok()) =>
+            {
+                Duration::ZERO
+            }
+            _ => OVERLAP,
+        };
+        let left = OVERLAP.saturating_sub(age);
         let key = key_file::read(&before)?;
         let same = keys.iter().any(|(known, _)| known.same_as(&key));
         if !left.is_zero() && !same {
@@ -131,6 +136,14 @@ mod tests {
         assert_eq!(ids(&path), [&*second]);
         fs::copy(&path, previous(&path)).unwrap();
         assert_eq!(ids(&path), [&*second]);
+        // The clock was set back since: a day from now, and not from each start.
+        rotate(&path).unwrap();
+        let ahead = SystemTime::now() + 30 * OVERLAP;
+        let before = fs::File::open(previous(&path)).unwrap();
+        before.set_modified(ahead).unwrap();
+        assert_eq!(ids(&path).len(), 2);
+        let since = before.metadata().unwrap().modified().unwrap();
+        assert!(since < SystemTime::now() + Duration::from_secs(1));
         rotate(&path).unwrap();
         let third = revoke(&path).unwrap().id().to_string();
         assert_eq!(ids(&path), [third]);

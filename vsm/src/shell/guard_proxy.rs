@@ -9,7 +9,9 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
+use mavlink_link::Now;
 use mavlink_link::store::StoreError;
+use rustix::time::{ClockId, clock_gettime};
 use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED};
 use stanag_msgs::{Id, MAX_DATAGRAM, ed25, frames};
 use tokio::net::UdpSocket;
@@ -77,6 +79,8 @@ pub struct GuardProxy {
     end: GuardEnd,
     disk: FileDisk,
     clock: Clock,
+    /// Since boot.
+    started: Duration,
     /// Where the CUCS sent from last.
     cucs: Option<SocketAddr>,
     dropped: Counters,
@@ -93,7 +97,7 @@ impl GuardProxy {
         if !config.listen.ip().is_loopback() {
             return Err(GuardError::Open(config.listen));
         }
-        let clock = Clock::default();
+        let (clock, started) = (Clock::default(), since_boot());
         let now = clock.now();
         let keys = guard_file::read(&config.key_file, now)?;
         // The key before is the VSM's to accept: a guard that has the new one sends under that.
@@ -114,6 +118,7 @@ impl GuardProxy {
             end,
             disk,
             clock,
+            started,
             cucs: None,
             dropped: Counters::default(),
             logged: (0, 0),
@@ -129,6 +134,14 @@ impl GuardProxy {
         self.near.local_addr()
     }
 
+    /// Time runs on while the computer sleeps, as it does for the VSM: after an hour each would be too far ahead for the other.
+    fn now(&self) -> Now {
+        Now {
+            mono: since_boot().saturating_sub(self.started),
+            ..self.clock.now()
+        }
+    }
+
     /// Serves until `stop` is done.
     pub async fn serve(mut self, stop: impl Future<Output = ()>) {
         let mut second = interval(Duration::from_secs(1));
@@ -140,7 +153,7 @@ impl GuardProxy {
             tokio::select! {
                 () = &mut stop => return self.report(),
                 _ = second.tick() => {
-                    let now = self.clock.now();
+                    let now = self.now();
                     self.end.keep(now, &mut self.disk);
                     self.log_changes();
                 }
@@ -179,7 +192,7 @@ impl GuardProxy {
         bytes: &[u8],
         out: &mut [u8; MAX_GUARDED],
     ) -> Option<usize> {
-        let now = self.clock.now();
+        let now = self.now();
         if !self.peers.admits(now.mono, Peer::Udp(from)) {
             self.dropped.count("program of another user");
             return None;
@@ -207,7 +220,7 @@ impl GuardProxy {
 
     /// What of the VSM's datagram goes where.
     fn answer<'a>(&mut self, bytes: &'a [u8], out: &mut [u8; MAX_GUARDED]) -> Answer<'a> {
-        let now = self.clock.now();
+        let now = self.now();
         let Some(guarded) = Guarded::parse(bytes) else {
             self.dropped.count("no trailer");
             return Answer::None;
@@ -237,7 +250,7 @@ impl GuardProxy {
 
     /// Once a second at most: that the VSM verifies, and what was refused since.
     fn log_changes(&mut self) {
-        let status = self.end.status(self.clock.mono());
+        let status = self.end.status(self.now().mono);
         let refused = total(&status.refused) + total(&self.dropped);
         let (verified, before) = self.logged;
         if verified == 0 && status.verified > 0 {
@@ -251,7 +264,7 @@ impl GuardProxy {
     }
 
     fn report(&self) {
-        let status = self.end.status(self.clock.mono());
+        let status = self.end.status(self.now().mono);
         let refused = self.counted(&status);
         let refused = if refused.is_empty() {
             "nothing"
@@ -275,6 +288,11 @@ enum Answer<'a> {
     /// So many bytes that lift the VSM's stamps.
     Lift(usize),
     None,
+}
+
+fn since_boot() -> Duration {
+    let at = clock_gettime(ClockId::Boottime);
+    Duration::try_from(at).unwrap_or_default()
 }
 
 fn total(counters: &Counters) -> u64 {

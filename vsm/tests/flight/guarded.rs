@@ -1,12 +1,16 @@
 //! CUCSs with a guard: what is forged, replayed, or sent without it in their names leads to nothing, whatever it is.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
-use kit::bridge::{Rig, Setup, StationGuard, cucs, orders, station_address, vehicle_id};
+use kit::bridge::{Rig, Setup, StationGuard, VSM, cucs, orders, station_address, vehicle_id};
+use mavlink_link::signing::SigningKey;
 use serde_json::{Value, json};
 use stanag_msgs::enums::{AckType, FlightPathControlMode, LoiBitmap, RequestedAccess};
 use stanag_msgs::guard::TRAILER_BYTES;
-use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, Heartbeat, PositiveHandoverAuthorisationRequest,
+};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 
 const ELSEWHERE: ([u8; 4], u16) = ([127, 0, 0, 9], 9_999);
@@ -125,6 +129,135 @@ fn a_station_without_a_guard_takes_nothing_from_one_with() {
     rig.run(1.0);
     rig.stations[1].give_up(asked);
     assert_eq!(controller(&rig), Some(cucs(0).to_string()));
+}
+
+fn wish(acquirer: usize) -> PositiveHandoverAuthorisationRequest {
+    PositiveHandoverAuthorisationRequest {
+        requesting_cucs_id: Some(cucs(acquirer)),
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0c)),
+        ..PositiveHandoverAuthorisationRequest::default()
+    }
+}
+
+/// A datagram once, which nobody sends again.
+fn forge(rig: &mut Rig, station: usize, message: impl Into<Message>) {
+    let bytes = forged(rig, cucs(station), vehicle_id(0), message);
+    rig.deliver_from(station_address(station), &bytes);
+    rig.run(0.5);
+}
+
+#[test]
+fn a_wish_without_a_guard_is_fulfilled_neither_by_the_silence_nor_by_the_loss_of_a_guarded_holder()
+{
+    // Without any guard the silence of the holder is consent: the wish is one that can be fulfilled.
+    for guarded in [&[][..], &[0]] {
+        let mut rig = rig(2, guarded);
+        rig.stations[0].heartbeats = true;
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.run(3.0);
+        forge(&mut rig, 1, wish(1));
+        rig.stations[0].heartbeats = false;
+        rig.run(6.5);
+        let silent = controller(&rig);
+        rig.run(12.0);
+        if guarded.is_empty() {
+            assert_eq!(silent, Some(cucs(1).to_string()));
+        } else {
+            assert_eq!(silent, Some(cucs(0).to_string()));
+            assert_eq!(controller(&rig), None, "free, and of nobody who was first");
+        }
+    }
+}
+
+#[test]
+fn a_wish_without_a_guard_is_in_the_way_of_no_guarded_station() {
+    let mut rig = rig(3, &[0, 2]);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    // The holder names its successor, while another is wished for in the name of who has no guard.
+    forge(&mut rig, 1, wish(1));
+    rig.send(wish(2));
+    rig.run(1.0);
+    rig.send_as(2, 0, wish(2));
+    rig.run(2.0);
+    assert_eq!(controller(&rig), Some(cucs(2).to_string()));
+    // And one with a guard wishes it back.
+    forge(&mut rig, 1, wish(1));
+    rig.send(wish(0));
+    rig.run(1.0);
+    rig.send_as(2, 0, wish(0));
+    rig.run(2.0);
+    assert_eq!(controller(&rig), Some(cucs(0).to_string()));
+}
+
+#[test]
+fn a_key_that_cannot_be_used_leaves_its_station_without_one_and_the_others_with_theirs() {
+    let mut rig = rig(2, &[0, 1]);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    // Rotated and revoked: what is stored of the new key cannot be read.
+    let new = |byte| SigningKey::new([byte; 32]).expect("not all zero");
+    let clock = format!("clock-{}", new(1).id());
+    rig.store.records.insert(clock, b"words".to_vec());
+    let now = rig.now();
+    let keys = vec![
+        (cucs(0), vec![(new(1), None)]),
+        (cucs(1), vec![(new(2), None)]),
+    ];
+    let bridge = rig.bridge.as_mut().expect("it runs");
+    let given = bridge.set_guard_keys(keys, now, Duration::ZERO, &mut rig.store);
+    assert!(given.is_err());
+    let ids = bridge.guard_key_ids();
+    let second = Some(new(2).id().to_string());
+    assert_eq!(ids, [(cucs(0), None), (cucs(1), second)]);
+    let lost = rig.send(orders::launch(20.0));
+    rig.run(3.0);
+    rig.stations[0].give_up(lost);
+    assert!(rig.truth().landed, "not under the old key");
+    assert!(refused(&rig, "guard: sender without a guard key") > 0);
+}
+
+#[test]
+fn a_copy_that_is_faster_neither_silences_nor_diverts_a_station() {
+    // With an address of its own in the configuration, and without.
+    for address in ["", "address = \"127.0.0.10\"\n"] {
+        let mut rig = rig(1, &[0]);
+        let id = format!("id = \"{}\"\n", cucs(0));
+        let address = address.replace("127.0.0.10", &station_address(0).ip().to_string());
+        let text = rig.text.replace(&id, &format!("{id}{address}"));
+        rig.restart_with(&text);
+        rig.run(9.0);
+        rig.stations[0].heartbeats = true;
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.run(3.0);
+        let at = |rig: &Rig| status(rig)["stations"][0]["address"].clone();
+        let received = |rig: &Rig| status(rig)["received"]["16002"].as_u64();
+        let before = received(&rig).expect("it has heartbeats");
+        // All that it sends is overtaken by its copy; what the copier is asked, he has the station answer.
+        rig.stations[0].heartbeats = false;
+        for n in 0..20 {
+            let now = rig.station_now();
+            let stamp = TimeStamp::from_unix_ms(now.wall.as_millis() as u64);
+            let message = Message::from(Heartbeat::default()).stamped(stamp);
+            let envelope = Envelope::new(cucs(0), VSM);
+            let mut bytes = [0; MAX_DATAGRAM];
+            let length = message.encode(&envelope, &mut bytes).expect("it fits");
+            let guard = rig.guards.get_mut(&0).expect("it has one");
+            let sealed = guard.seal(now, &bytes[..length]);
+            rig.deliver_from(ELSEWHERE.into(), &sealed);
+            rig.deliver_from(station_address(0), &sealed);
+            // A recording of it is a recording, wherever it comes from.
+            rig.run(0.2);
+            rig.deliver_from(ELSEWHERE.into(), &sealed);
+            rig.deliver_from(station_address(0), &sealed);
+            rig.run(0.3);
+            assert_eq!(at(&rig), json!(station_address(0).to_string()), "{n}");
+        }
+        assert_eq!(received(&rig), Some(before + 20), "{address}");
+        assert_eq!(controller(&rig), Some(cucs(0).to_string()));
+    }
 }
 
 #[test]

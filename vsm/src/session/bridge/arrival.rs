@@ -16,7 +16,7 @@ use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp, ed25};
 
-use super::guards::Opened;
+use super::guards::{Opened, UNAUTHORISED_ADDRESS};
 use super::reach::Arriving;
 use super::{Bridge, destination_as_source};
 use crate::config::Edition;
@@ -390,7 +390,7 @@ impl Barred {
             Barred::Source { .. } => "unauthorised source",
             Barred::Unguarded => UNGUARDED,
             Barred::OtherSender => "guard: the source is not the sender",
-            Barred::Address(_) => "unauthorised address",
+            Barred::Address(_) => UNAUTHORISED_ADDRESS,
             Barred::Edition(_) => "another edition than configured",
             Barred::Misaddressed { .. } => "misaddressed",
         }

@@ -39,7 +39,7 @@ impl Bridge {
     /// Gives the CUCSs their guard keys, the one in force first; what is known of a key that stays is kept.
     ///
     /// # Errors
-    /// The clock of a key cannot be read; the stations before it have theirs.
+    /// The clock of a key cannot be read: its station has none then, and nothing of it is taken. The others have theirs.
     pub fn set_guard_keys(
         &mut self,
         keys: Vec<(Id, Vec<GuardKeyUntil>)>,
@@ -52,6 +52,7 @@ impl Bridge {
                 station.guard = None;
             }
         }
+        let mut given = Ok(());
         for (id, keys) in keys {
             let mut stations = self.stations.iter_mut();
             let guarded = |one: &&mut crate::session::station::GroundStation| {
@@ -60,15 +61,29 @@ impl Bridge {
             let Some(station) = stations.find(guarded) else {
                 continue;
             };
-            match &mut station.guard {
-                Some(end) => end.set_keys(keys, not_before, now, disk)?,
-                none => {
+            let set = match station.guard.take() {
+                Some(mut end) => end.set_keys(keys, not_before, now, disk).map(|()| end),
+                None => {
                     let (ids, sends) = ((self.vsm, id), Direction::ToCucs);
-                    *none = Some(GuardEnd::new(ids, sends, keys, not_before, now, disk)?);
+                    GuardEnd::new(ids, sends, keys, not_before, now, disk)
                 }
+            };
+            match set {
+                Ok(end) => station.guard = Some(end),
+                // Not its old key either: that may have been revoked.
+                Err(fault) => given = Err(fault),
             }
         }
-        Ok(())
+        given
+    }
+
+    /// The stations with a guard, and the id of the key that each has in force.
+    #[must_use]
+    pub fn guard_key_ids(&self) -> Vec<(Id, Option<String>)> {
+        let guarded = self.stations.iter().enumerate();
+        let guarded = guarded.filter(|(_, one)| one.config.guard.is_some() && !one.removed);
+        let key = |index| self.guard_status(index, Duration::ZERO)?.key_id;
+        guarded.map(|(index, one)| (one.id(), key(index))).collect()
     }
 
     /// Looks for a trailer, and verifies it.
@@ -86,13 +101,22 @@ impl Bridge {
         let mut stations = self.stations.iter_mut().enumerate();
         let found = stations.find_map(|(index, one)| {
             let listed = one.config.id == sender && !one.removed;
-            Some((index, one.guard.as_mut().filter(|_| listed)?))
+            let end = one.guard.as_mut().filter(|_| listed)?;
+            Some((index, end, one.config.address))
         });
-        let Some((index, end)) = found else {
+        let Some((index, end, address)) = found else {
             self.counters.count("guard: sender without a guard key");
             return Opened::Dropped;
         };
-        match end.open(now, &guarded, disk) {
+        // Before its stamp is used up: a copy from elsewhere that is faster must not cost the station its own datagram.
+        if let Some(expected) = address.filter(|one| *one != from.ip()) {
+            self.counters.count(UNAUTHORISED_ADDRESS);
+            let fault = Fault::Address(sender, expected);
+            self.evidence.note(now.mono, from, fault);
+            return Opened::Dropped;
+        }
+        let peer = self.paths.peer(index);
+        match end.open_from(now, &guarded, (from, peer), disk) {
             // It has lifted our stamps, and says nothing else.
             Ok([]) => Opened::Dropped,
             Ok(inside) => Opened::Verified(inside, index),
@@ -163,3 +187,5 @@ impl Bridge {
             .map(|end| end.status(now))
     }
 }
+
+pub(super) const UNAUTHORISED_ADDRESS: &str = "unauthorised address";

@@ -42,15 +42,22 @@ impl Bridge {
         let id = self.stations[index].id();
         let aircraft = &self.aircraft;
         let commands = LoiBitmap::LOI3.union(CONTROL);
+        // Copies of what a guard has sealed come from wherever they were heard, and may be faster: while the guard is heard
+        // where it is, no other computer takes its place, even if that passes our questions on.
+        let peer = self.paths.peer(index);
+        let copied = self.guarded.is_some()
+            && peer.is_some_and(|peer| peer.ip() != from.ip())
+            && !self.paths.is_quiet(now.mono, index);
         let controls = || {
             let mut all = aircraft.iter();
-            all.any(|one| {
-                one.authority
-                    .rights()
-                    .held(id)
-                    .levels()
-                    .intersects(commands)
-            })
+            copied
+                || all.any(|one| {
+                    one.authority
+                        .rights()
+                        .held(id)
+                        .levels()
+                        .intersects(commands)
+                })
         };
         let bytes = arriving.bytes.len();
         // Before anything is charged: it is answered in the edition in which it has come.
@@ -60,7 +67,7 @@ impl Bridge {
             self.moved(now, index, disk);
         }
         let mut taken = arrival != Arrival::Unproven;
-        if let Some(stamp) = arriving.answer {
+        if let Some(stamp) = arriving.answer.filter(|_| !copied) {
             match self.paths.answered(now, index, from, stamp) {
                 Proof::None => {}
                 Proof::Round => self.ask(now, index, from, true),

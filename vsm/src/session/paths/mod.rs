@@ -143,6 +143,13 @@ impl Paths {
         Some(self.stations.get(index)?.current.as_ref()?.address)
     }
 
+    /// Whether nothing has come of late from where the station is.
+    pub(crate) fn is_quiet(&self, now: Duration, index: usize) -> bool {
+        let station = self.stations.get(index);
+        let current = station.and_then(|one| one.current.as_ref());
+        current.is_none_or(|path| path.seen + QUIET <= now)
+    }
+
     /// Whether the station has proved to be there, or the operator vouches for it.
     pub(crate) fn is_proven(&self, index: usize) -> bool {
         let current = self

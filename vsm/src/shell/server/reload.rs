@@ -298,7 +298,7 @@ type Opened = Vec<(VehicleReader, OpenPort)>;
 
 fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
     let applied = shared.with(|core, now| {
-        let Changes { config, report } = new.changes;
+        let Changes { config, mut report } = new.changes;
         let (ahead, guard_keys) = (new.ahead, new.guard_keys);
         for (name, bytes) in ahead.named() {
             core.store.know(name, bytes);
@@ -326,11 +326,13 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         let receivers = applied.map_err(|fault| fault.to_string())?;
         let Core { bridge, store, .. } = core;
         let store = &mut Ahead::new(store, &ahead);
+        let before = bridge.guard_key_ids();
         let keyed = bridge.set_guard_keys(guard_keys, now, NOT_BEFORE, store);
         if let Err(fault) = keyed {
             // Nothing is taken of a station without its key: that is no reason to undo what else has changed.
             tracing::error!("a CUCS has no guard key: {fault}");
         }
+        report_guard_keys(&before, &bridge.guard_key_ids(), &mut report);
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
         Ok::<_, String>((report, receivers, readers))
@@ -354,6 +356,30 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
                 tracing::warn!("{warning}");
             }
             report
+        }
+    }
+}
+
+/// Key files are read again too, and the configuration does not show that one is another.
+fn report_guard_keys(
+    before: &[(Id, Option<String>)],
+    after: &[(Id, Option<String>)],
+    report: &mut Report,
+) {
+    for (id, key) in after {
+        let old = before.iter().find(|(known, _)| known == id);
+        match (old.and_then(|(_, old)| old.as_ref()), key) {
+            (Some(old), Some(key)) if old == key => {}
+            (Some(old), Some(key)) => {
+                let applied = format!("cucs {id} guard key {old} -> {key}");
+                report.applied.push(applied);
+            }
+            (None, Some(key)) => report.applied.push(format!("cucs {id} guard key {key}")),
+            (_, None) => {
+                let restart =
+                    format!("cucs {id} guard key (the log has why; nothing is taken of it)");
+                report.restart.push(restart);
+            }
         }
     }
 }
@@ -569,3 +595,27 @@ const PAUSE: Duration = Duration::from_millis(500);
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Forty tiles from a slow disk, or a name server after another; `vsm reload` waits a little longer.
 const READ_WITHIN: Duration = Duration::from_secs(100);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guard_key_that_is_another_or_none_is_reported() {
+        let key = |id, key: &str| (Id(id), Some(key.to_owned()));
+        let before = [key(1, "a"), key(2, "a"), key(3, "a")];
+        let after = [key(1, "b"), key(2, "a"), (Id(3), None), key(4, "d")];
+        let mut report = Report::default();
+        report_guard_keys(&before, &after, &mut report);
+        let [first, third, fourth] = [Id(1), Id(3), Id(4)];
+        assert_eq!(
+            report.applied,
+            [
+                format!("cucs {first} guard key a -> b"),
+                format!("cucs {fourth} guard key d")
+            ]
+        );
+        assert_eq!(report.restart.len(), 1);
+        assert!(report.restart[0].contains(&third.to_string()));
+    }
+}

@@ -69,12 +69,13 @@ impl Authority {
                 continue;
             }
             // One handover of a right at a time: the first is decided, the second is refused as busy.
-            if let Some(other) = self.claim(part) {
+            if let Some(other) = self.claim(at, asker.id, part) {
                 tally.refuse(part, Refusal::Busy(other));
             } else if control && at.launch_or_landing {
                 tally.refuse(part, Refusal::LaunchOrLanding);
             } else {
                 tally.wait();
+                self.overtake_wishes(at, asker.id, part, decision);
                 let until = at.now + CONSENT_WITHIN;
                 self.begin(
                     Some(holder),
@@ -150,12 +151,13 @@ impl Authority {
         if offered.is_empty() {
             return Err(Refusal::NoSuccessor(acquirer));
         }
-        if let Some(other) = self.claim(offered) {
+        if let Some(other) = self.claim(at, holder, offered) {
             return Err(Refusal::Busy(other));
         }
         if !offered.control().is_empty() && at.launch_or_landing {
             return Err(Refusal::LaunchOrLanding);
         }
+        self.overtake_wishes(at, holder, offered, decision);
         let until = at.now + CONSENT_WITHIN;
         self.begin(
             Some(holder),
@@ -282,12 +284,25 @@ impl Authority {
         });
     }
 
-    /// To whom rights are already being handed over.
-    fn claim(&self, rights: Rights) -> Option<Id> {
+    /// To whom rights are already being handed over, for one that begins another handover of them.
+    fn claim(&self, at: &Circumstances<'_>, by: Id, rights: Rights) -> Option<Id> {
         self.pending
             .iter()
-            .find(|handover| handover.rights.collides(rights))
+            .find(|handover| handover.rights.collides(rights) && !gives_way(at, handover, by))
             .map(|handover| handover.to)
+    }
+
+    /// Ends the wishes that are no claim against this one.
+    fn overtake_wishes(
+        &mut self,
+        at: &Circumstances<'_>,
+        by: Id,
+        rights: Rights,
+        decision: &mut Decision,
+    ) {
+        self.end_where(Outcome::Overtaken, decision, |handover| {
+            handover.rights.collides(rights) && gives_way(at, handover, by)
+        });
     }
 
     /// Looks at every handover again after something has changed: some can be done now, some never.
@@ -351,8 +366,9 @@ impl Authority {
             }
             // A silent holder cannot consent: who has requested it gets it, as one that requests it now would.
             Stage::Consent(_) | Stage::Acceptance(_)
-                if from.is_some_and(|from| self.silence(from) >= Silence::Offered)
-                    && matches!(stage, Stage::Consent(_))
+                if from.is_some_and(|from| {
+                    self.silence(from) >= Silence::Offered && at.is_fit(to, from)
+                }) && matches!(stage, Stage::Consent(_))
                     && !(control && at.launch_or_landing) =>
             {
                 Some(if blocked {
@@ -378,6 +394,12 @@ impl Authority {
             Stage::Load(why) => Some(Next::Complete(why)),
         }
     }
+}
+
+/// Whether it is a mere wish in the name of one without a guard, and this station has one: anybody could renew such a wish for
+/// ever, and no guarded station would hand over, or ask for, anything.
+fn gives_way(at: &Circumstances<'_>, handover: &Handover, by: Id) -> bool {
+    matches!(handover.stage, Stage::Consent(_)) && !at.is_fit(handover.to, by)
 }
 
 /// What becomes of a handover.

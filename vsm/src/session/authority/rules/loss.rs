@@ -18,7 +18,10 @@ impl Authority {
         } else if silence == Silence::Lost {
             self.silent.remove(&id);
             self.end_where(Outcome::Overtaken, &mut decision, |handover| {
-                handover.to == id
+                let asked =
+                    handover.from == Some(id) && matches!(handover.stage, Stage::Consent(_));
+                // A wish in the name of one without a guard is not first where a guarded holder is lost.
+                handover.to == id || (asked && !at.is_fit(handover.to, id))
             });
             let held = self.held(id);
             let monitor = held.both(Rights::monitor());

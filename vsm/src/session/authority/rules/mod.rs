@@ -105,6 +105,13 @@ impl Circumstances<'_> {
         self.roster.iter().find(|asker| asker.id == id)
     }
 
+    /// Whether one is as good as the other, where that is not asked for its consent: who can keep a guarded station silent
+    /// could ask in the name of one without a guard.
+    fn is_fit(&self, to: Id, holder: Id) -> bool {
+        let is_guarded = |id| self.asker(id).is_some_and(Asker::is_guarded);
+        is_guarded(to) || !is_guarded(holder)
+    }
+
     /// Whether control may not pass to this one before the load has ended.
     fn load_of_another(&self, to: Id) -> bool {
         self.loading.is_some_and(|owner| owner != to)

@@ -138,11 +138,10 @@ impl Authority {
             }
         }
         // LOI 3 that names no station means every free one: it takes none from a holder, not even for the controller.
-        if !control && explicit && self.controller() == Some(asker.id) {
+        let fit = at.is_fit(asker.id, holder);
+        if fit && !control && explicit && self.controller() == Some(asker.id) {
             return Ok(Reason::Controller);
         }
-        // Who can keep a guarded station silent could ask in the name of one without.
-        let fit = asker.is_guarded() || !holds.is_some_and(Asker::is_guarded);
         if fit && self.silence(holder) >= Silence::Offered {
             // During launch and landing only an override moves control, whether its holder is silent or not.
             return if control && at.launch_or_landing {
@@ -254,3 +253,41 @@ fn parts(wanted: Rights) -> [Rights; 2] {
 
 /// All rights that there are.
 const EVERYTHING: Rights = Rights::everything();
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use stanag_msgs::enums::LoiBitmap;
+
+    use super::super::rights::Stations;
+    use super::super::{CONTROL, GUARDED_RANK};
+    use super::*;
+
+    #[test]
+    fn a_controller_without_a_guard_takes_no_payload_station_of_one_with() {
+        for (rank, taken) in [(0, true), (GUARDED_RANK, false)] {
+            let asker = |id, rank| Asker {
+                id: Id(id),
+                authorised: LoiBitmap::LOI3.union(CONTROL),
+                may_override: false,
+                rank,
+            };
+            let roster = [asker(1, 0), asker(2, rank)];
+            let at = Circumstances {
+                now: Duration::ZERO,
+                roster: &roster,
+                loading: None,
+                launch_or_landing: false,
+            };
+            let mut authority = Authority::default();
+            let payload = Rights::of_stations(Stations::one(1));
+            let control = Rights::of_control(CONTROL);
+            authority.request(&at, &roster[0], Access::Control, control, false);
+            authority.request(&at, &roster[1], Access::Control, payload, true);
+            assert!(authority.holds_station(Id(2), 1));
+            authority.request(&at, &roster[0], Access::Control, payload, true);
+            assert_eq!(authority.holds_station(Id(1), 1), taken);
+        }
+    }
+}
