@@ -133,6 +133,14 @@ impl Dli {
             None => false,
         }
     }
+
+    /// The addresses at which others than programs of this computer reach it.
+    #[must_use]
+    pub fn open_at(&self) -> Vec<SocketAddr> {
+        let listen = Some(self.listen).filter(|at| !at.ip().is_loopback());
+        let group = self.multicast.filter(|_| !self.group_is_local());
+        listen.into_iter().chain(group).collect()
+    }
 }
 
 fn lease_s() -> f64 {
@@ -321,8 +329,7 @@ impl Config {
             .collect();
         let listen = self.dli.listen;
         let group = self.dli.multicast.filter(|_| !self.dli.group_is_local());
-        let open = [Some(listen).filter(|at| !at.ip().is_loopback()), group];
-        let open: Vec<String> = open.iter().flatten().map(ToString::to_string).collect();
+        let open: Vec<String> = self.dli.open_at().iter().map(ToString::to_string).collect();
         let unguarded = self.stations().filter(|cucs| cucs.guard.is_none());
         let unguarded: Vec<_> = unguarded.map(|cucs| cucs.id.to_string()).collect();
         if !open.is_empty() && !unguarded.is_empty() {
@@ -331,6 +338,13 @@ impl Config {
                  its vehicles; give it a guard, or keep the DLI on loopback, or behind a tunnel or firewall",
                 open.join(" and "),
                 unguarded.join(", ")
+            ));
+        }
+        if self.zeroize.by_message && !open.is_empty() && !unguarded.is_empty() {
+            warnings.push(format!(
+                "zeroize.by_message: refused of {}, which have no guard, while the DLI is open on {}",
+                unguarded.join(", "),
+                open.join(" and ")
             ));
         }
         let unreached = |cucs: &&Cucs| cucs.delivery.to_address();

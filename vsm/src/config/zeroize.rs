@@ -15,7 +15,8 @@ table! {
     pub struct Zeroize {
         /// Keep the audit logs and their key, `audit.key`; with `false` they are erased too
         pub keep_audit: bool => Value("false"),
-        /// Take the order from a CUCS that holds LOI 5 (50024, to arm and then to execute); with `false` it is refused, and only
+        /// Take the order from a CUCS that holds LOI 5 (50024, to arm and then to execute) and has a guard, or reaches the DLI on
+        /// loopback, where nobody else does; with `false` it is refused, and only
         /// `vsm zeroize` on this computer gives it ([zeroize.md](../guide/zeroize.md))
         pub by_message: bool => Value("false"),
         /// Take it also while a vehicle is not known to be disarmed: **that aircraft loses its link**, and flies PX4's own

@@ -80,8 +80,9 @@ fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
         announce("INFO", &ready);
         service::ready();
         server.serve(stop).await.map_err(failed)?;
-        service::stopping();
+        // As `vsm run`.
         zeroize::finish(&config.store.dir)?;
+        service::stopping();
         tracing::info!("stopped");
         Ok(())
     })

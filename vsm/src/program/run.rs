@@ -37,8 +37,9 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         announce("INFO", &ready);
         service::ready();
         server.serve(stop).await.map_err(failed)?;
-        service::stopping();
+        // Before it counts as stopping: to erase may take longer than a service manager waits then.
         zeroize::finish(&config.store.dir)?;
+        service::stopping();
         tracing::info!("stopped");
         Ok(())
     })

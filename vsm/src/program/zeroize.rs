@@ -14,6 +14,7 @@ use crate::config::Config;
 use crate::config::airside::AirsideConfig;
 use crate::shell::disk::{FileDisk, OpenError};
 use crate::shell::erase::{self, EraseError, Erased, Order};
+use crate::shell::service;
 use crate::shell::status_socket::{self, IN_FLIGHT, Ordered, ZEROIZE};
 
 #[derive(Debug, Args)]
@@ -27,6 +28,9 @@ pub(crate) struct Arguments {
     /// link, and flies PX4's own failsafe
     #[arg(long)]
     in_flight: bool,
+    /// Erase nothing: let what has been zeroized be served again, with a new key
+    #[arg(long, conflicts_with_all = ["yes", "in_flight"])]
+    clear: bool,
 }
 
 /// Whose store it is, where that is, and what is to be erased.
@@ -39,6 +43,11 @@ struct Target {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = arguments.config.path();
     let Target { id, store, order } = load(path)?;
+    if arguments.clear {
+        erase::clear(&store).map_err(failed)?;
+        print_line("it may be served again");
+        return Ok(());
+    }
     // One that was cut off is finished first: it may name other files than this configuration.
     if let Some(erased) = erase::finish_before_start(&store).map_err(failed)? {
         print_line("finished an earlier zeroize:");
@@ -56,17 +65,32 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     match disk {
-        Some(mut disk) => erase::begin(&mut disk, &order).map_err(failed)?,
+        Some(mut disk) => {
+            if let Some(doubt) = erase::begin(&mut disk, &order).map_err(failed)? {
+                print_line(&doubt);
+            }
+        }
         None => order_running(&store, arguments.in_flight)?,
     }
     // Whoever comes first to the store erases: this command, or the bridge that has ended.
-    let erased = once_unlocked(&store).map_err(failed)?;
-    let there = |file: &&PathBuf| std::fs::symlink_metadata(file).is_ok();
-    if let Some(left) = files.iter().find(there) {
+    let erased = match once_unlocked(&store) {
+        Err(EraseError::Open(OpenError::Locked { .. })) => {
+            return Err(failed(anyhow!(
+                "it is ordered, and the program that runs on {} still erases: start this again to see it finished",
+                store.display()
+            )));
+        }
+        erased => erased.map_err(failed)?,
+    };
+    let there = |file: &PathBuf| std::fs::symlink_metadata(file).is_ok_and(|found| !found.is_dir());
+    let (left, files): (Vec<_>, Vec<_>) = files.into_iter().partition(there);
+    if let Some(left) = left.iter().find(|file| order.needs(file)) {
         return Err(failed(anyhow!("{} is still there", left.display())));
     }
-    report(&erased.unwrap_or(Erased {
+    let why = || "it could not be erased".to_owned();
+    report(&erased.unwrap_or_else(|| Erased {
         files,
+        left: left.into_iter().map(|file| (file, why())).collect(),
         ..Erased::default()
     }));
     Ok(())
@@ -176,16 +200,19 @@ fn lines(erased: &Erased) -> Vec<String> {
     lines
 }
 
-/// A start that finds an order finishes it, and ends: what it would have served is gone. So does a bridge that has stored one.
+/// A start that finds an order finishes it, and ends: what it would have served is gone. So does a bridge that has stored one. And
+/// so does each start after that, whoever has finished it, until a person says otherwise: a service would take up its credential.
 pub(super) fn finish(store: &Path) -> Result<(), Failure> {
-    let Some(erased) = once_unlocked(store).map_err(failed)? else {
-        return Ok(());
-    };
-    for line in lines(&erased) {
+    let erased = service::while_busy(|| once_unlocked(store)).map_err(failed)?;
+    for line in erased.iter().flat_map(lines) {
         tracing::warn!("{line}");
     }
+    if erased.is_none() && !erase::is_zeroized(store) {
+        return Ok(());
+    }
     Err(Failure::Zeroized(anyhow!(
-        "zeroized: an order stood in {}, and is carried out; nothing is served. A later start begins anew, with new keys",
+        "zeroized: an order stood in {}, and is carried out; nothing is served until it has a new key and `vsm zeroize --clear` \
+         was run",
         store.display()
     )))
 }

@@ -3,7 +3,8 @@
 //! [`Order`] names what is to be erased. [`begin`] writes it into the store's folder, durably, before the first file is
 //! touched: from then on nothing is served from that store, and each start finishes it first ([`finish_before_start`]),
 //! however often power fails in between. A file is overwritten, synchronised, then deleted, keys first; one that is gone is
-//! done. The folders are synchronised, and only then the order goes.
+//! done. The folders are synchronised, and only then the order goes; a mark stays ([`is_zeroized`]), so that nothing is served by
+//! a start that nobody has meant.
 //!
 //! Symbolic links are not followed: the link is deleted, and what it leads to is reported. A file of another user is refused by
 //! name. What could not be erased keeps the order standing, but for recordings: others may write where they lie.
@@ -16,7 +17,7 @@ use mavlink_link::store::{Disk as _, Durability, StoreError};
 use serde::{Deserialize, Serialize};
 
 use super::disk::{ERASE_ORDER, FileDisk, FileSystem, NativeFileSystem, OpenError};
-use super::disk::{folder_of, is_to_be_erased};
+use super::disk::{folder_of, is_to_be_erased, replace};
 use super::key_store;
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, Signing};
@@ -50,7 +51,7 @@ pub enum EraseError {
     /// The store cannot be used.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The order is not durable: nothing has been erased.
+    /// The order does not stand: nothing has been erased, and nothing will be.
     #[error("the order to zeroize cannot be stored, and nothing is erased: {0}")]
     Begin(StoreError),
     /// The order cannot be read.
@@ -119,7 +120,7 @@ impl Order {
         let is_identity = |path: &Path| named(path, |name| name.starts_with("exchange"));
         stored.sort_by_key(|path| (!is_identity(path), path.clone()));
         for path in stored {
-            let kept = named(&path, |name| name == LOCK || name == ERASE_ORDER);
+            let kept = named(&path, |name| [LOCK, ERASE_ORDER, MARK].contains(&name));
             if kept || files.contains(&path) {
                 continue;
             }
@@ -139,21 +140,59 @@ impl Order {
 
     /// Whether a file that cannot be erased keeps the order standing. Whoever may write into the folder of recordings could keep
     /// it standing for ever.
-    fn needs(&self, path: &Path) -> bool {
+    #[must_use]
+    pub fn needs(&self, path: &Path) -> bool {
         let within = |folder: &PathBuf| folder_of(path) == folder;
         !self.recordings.as_ref().is_some_and(within)
     }
 }
 
-/// Writes the order into the store, which nobody else holds: from here on nothing is served from it.
+/// Writes the order into the store, which nobody else holds: from here on nothing is served from it. `Some`: it stands, but a
+/// power cut may undo it, and why.
 ///
 /// # Errors
-/// It is not durable; nothing has been erased.
-pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<(), EraseError> {
+/// It does not stand, also after a power cut: nothing will be erased.
+pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<Option<String>, EraseError> {
     let fault = |cause: serde_json::Error| EraseError::Begin(StoreError::new(ERASE_ORDER, cause));
     let text = serde_json::to_vec(order).map_err(fault)?;
-    disk.replace(ERASE_ORDER, &text, Durability::Power)
-        .map_err(EraseError::Begin)
+    let Err(cause) = disk.replace(ERASE_ORDER, &text, Durability::Power) else {
+        return Ok(None);
+    };
+    // It has its name already where only that could not be synchronised: the next start would carry out what is reported as
+    // refused.
+    let (store, system) = (disk.folder(), disk.system());
+    let withdrawn = match is_to_be_erased(store) {
+        true => system
+            .remove(&store.join(ERASE_ORDER))
+            .and_then(|()| system.sync(store)),
+        false => Ok(()),
+    };
+    match withdrawn {
+        Ok(()) => Err(EraseError::Begin(cause)),
+        // Nobody can take it back: it is carried out, as it was ordered.
+        Err(fault) => Ok(Some(format!(
+            "{cause}; it cannot be withdrawn either ({fault}): it is carried out now, and where power fails before, perhaps at the \
+             next start"
+        ))),
+    }
+}
+
+/// Whether a store has been zeroized, and no person has said since that it is to be used again. Also where that cannot be looked at.
+#[must_use]
+pub fn is_zeroized(store: &Path) -> bool {
+    let found = fs::symlink_metadata(store.join(MARK));
+    !matches!(found, Err(cause) if cause.kind() == io::ErrorKind::NotFound)
+}
+
+/// A person says that a store which has been zeroized is to be used again.
+///
+/// # Errors
+/// Another process has it, an order stands in it, or it cannot be written.
+pub fn clear(store: &Path) -> anyhow::Result<()> {
+    let disk = FileDisk::open(store)?;
+    let system = disk.system();
+    system.remove(&store.join(MARK))?;
+    Ok(system.sync(store)?)
 }
 
 /// Finishes what is ordered of a store, before anything of it is read or served; the store is locked meanwhile. `None` where
@@ -219,8 +258,10 @@ fn finish(store: &Path, system: &dyn FileSystem) -> Result<Option<Erased>, Erase
         }
     }
     if erased.failed.is_empty() {
-        // Only now: a start that finds no order serves.
-        let removed = system.remove(&path).and_then(|()| system.sync(store));
+        // Only now: a start that finds neither an order nor the mark serves.
+        let removed = replace(system, &store.join(MARK), b"", true)
+            .and_then(|()| system.remove(&path))
+            .and_then(|()| system.sync(store));
         if let Err(cause) = removed {
             erased.failed.push((path, cause.to_string()));
         }
@@ -313,6 +354,8 @@ pub fn medium(folder: &Path) -> Option<&'static str> {
 
 /// The store's lock, which holds nothing and is never removed.
 const LOCK: &str = "lock";
+/// It has been zeroized.
+const MARK: &str = "zeroized";
 /// A path for each vehicle and station.
 const MAX_ORDER_BYTES: u64 = 1 << 20;
 

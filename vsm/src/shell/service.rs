@@ -1,5 +1,6 @@
 //! Notifies a service manager: ready, alive, stopping. Without one nothing is sent.
 
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use sd_notify::NotifyState;
@@ -20,6 +21,23 @@ pub fn alive() {
     notify(NotifyState::Watchdog);
 }
 
+/// Keeps a service manager from ending this program while `work` takes its time, at a start too.
+pub fn while_busy<T>(work: impl FnOnce() -> T) -> T {
+    let (done, ended) = std::sync::mpsc::channel::<()>();
+    std::thread::scope(move |scope| {
+        scope.spawn(move || {
+            let pause = ping_interval().unwrap_or(BUSY).min(BUSY);
+            while ended.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
+                alive();
+                notify(NotifyState::ExtendTimeoutUsec(EXTENDED_US));
+            }
+        });
+        let result = work();
+        drop(done);
+        result
+    })
+}
+
 /// How often [`alive`] is expected: twice in each period that the service manager waits; `None` where it does not wait.
 #[must_use]
 pub fn ping_interval() -> Option<Duration> {
@@ -35,4 +53,6 @@ fn notify(state: NotifyState<'_>) {
     }
 }
 
+const BUSY: Duration = Duration::from_secs(2);
+const EXTENDED_US: u32 = 30_000_000;
 const SHORTEST: Duration = Duration::from_millis(10);

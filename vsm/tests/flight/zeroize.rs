@@ -66,7 +66,7 @@ fn is_ordered(rig: &Rig) -> bool {
 }
 
 /// What the shell does of it, here without a file.
-fn store(rig: &mut Rig, stored: Result<(), String>) {
+fn store(rig: &mut Rig, stored: Result<Option<String>, String>) {
     let now = rig.now();
     let Rig { bridge, store, .. } = rig;
     let bridge = bridge.as_mut().expect("a bridge");
@@ -105,7 +105,7 @@ fn two_orders_on_the_ground_zeroize_and_every_station_knows() {
     };
     assert!(place("zeroize armed") < place("zeroize ordered"));
     // It is carried out for its CUCS once it is stored, and not before.
-    store(&mut rig, Ok(()));
+    store(&mut rig, Ok(None));
     assert_eq!(rig.end(ticket), DONE);
     assert!(!is_ordered(&rig), "stored once");
 }
@@ -122,6 +122,18 @@ fn an_order_that_cannot_be_stored_is_refused_and_all_is_as_it_was() {
     assert!(!is_ordered(&rig));
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
     assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+}
+
+#[test]
+fn an_order_that_may_be_undone_by_a_power_cut_is_neither_refused_nor_promised() {
+    let mut rig = controlled(ALLOWED, 1);
+    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    let ticket = rig.send(order(FtState::Execute));
+    rig.run(0.5);
+    store(&mut rig, Ok(Some("Input/output error".into())));
+    assert_eq!(rig.end(ticket), None);
+    assert!(rig.stations[1].has_alert("NOT SURELY STORED: Input/output error"));
+    assert_eq!(rig.carry_out(order(FtState::Reset)), NO, "it stands");
 }
 
 #[test]
@@ -214,6 +226,29 @@ fn no_aircraft_loses_its_link_in_flight_unless_the_configuration_allows_it_and_a
     rig.send(order(FtState::Execute));
     rig.run(0.5);
     assert!(is_ordered(&rig));
+}
+
+#[test]
+fn where_others_reach_the_dli_only_a_station_with_a_guard_zeroizes() {
+    for (guard, answer) in [("", NO), ("guard = { key_file = \"a.key\" }\n", DONE)] {
+        let mut rig = controlled(ALLOWED, 1);
+        let id = format!("id = \"{}\"\n", cucs(0));
+        let text = rig
+            .text
+            .replace("listen = \"127.0.0.1:", "listen = \"0.0.0.0:");
+        assert_ne!(text, rig.text);
+        let text = text.replace(&id, &format!("{id}{guard}"));
+        rig.restart_with(&text);
+        rig.run(9.0);
+        assert_eq!(rig.carry_out(orders::request_control()), DONE);
+        rig.run(5.0);
+        assert_eq!(rig.carry_out(order(FtState::Arm)), answer);
+        let said = rig.station().has_alert("give this station a guard");
+        assert_eq!(said, guard.is_empty());
+        rig.send(order(FtState::Execute));
+        rig.run(0.5);
+        assert_eq!(is_ordered(&rig), answer == DONE);
+    }
 }
 
 #[test]

@@ -110,10 +110,12 @@ fn what_a_bridge_has_written_is_listed_and_erased_once_it_is_confirmed() {
         assert!(text(&done).contains(part), "{part}: {}", text(&done));
     }
     assert!(!text(&done).contains(key.trim()));
-    assert_eq!(names(&dir.join("state")), ["lock"]);
+    assert_eq!(names(&dir.join("state")), ["lock", "zeroized"]);
     assert_eq!(names(&dir.join("record")), [""; 0]);
     assert_eq!(names(dir), ["record", "state", "uav1.key.lock", "vsm.toml"]);
-    // What is gone is not served, and a bridge with a new key is.
+    // What is gone is not served, and a bridge with a new key is, once a person has cleared it.
+    let cleared = vsm(dir, &["zeroize", "--clear"]);
+    assert!(cleared.status.success(), "{}", text(&cleared));
     let refused = vsm(dir, &["run"]);
     assert!(
         text(&refused).contains("there is no key file"),
@@ -121,8 +123,19 @@ fn what_a_bridge_has_written_is_listed_and_erased_once_it_is_confirmed() {
         text(&refused)
     );
     assert!(vsm(dir, &["keygen", "uav1.key"]).status.success());
+    // A recording of somebody else's is left, and that is no failure.
+    let theirs = dir.join("record/1b000101-1.tlog");
+    fs::write(&theirs, "theirs").expect("a recording");
+    let given = std::os::unix::fs::chown(&theirs, Some(12_345), None).is_ok();
     let again = vsm(dir, &["zeroize", "--config", "vsm.toml", "--yes"]);
-    assert!(text(&again).contains("erased 1 files"), "{}", text(&again));
+    assert!(again.status.success(), "{}", text(&again));
+    let erased = if given {
+        "erased 1 files"
+    } else {
+        "erased 2 files"
+    };
+    assert!(text(&again).contains(erased), "{}", text(&again));
+    assert_eq!(given, theirs.exists());
 }
 
 #[test]
@@ -151,7 +164,11 @@ fn a_start_that_finds_an_order_finishes_it_and_serves_nothing() {
         );
         assert!(!text(&ended).contains("ready"), "{}", text(&ended));
         assert!(!dir.join(key).exists());
-        assert_eq!(names(&dir.join("state")), ["lock"]);
+        assert_eq!(names(&dir.join("state")), ["lock", "zeroized"]);
+        // Each later start, too, until a person clears it: by then another process may have finished it.
+        let ended = vsm(dir, &[command]);
+        assert_eq!(ended.status.code(), Some(3), "{}", text(&ended));
+        assert!(text(&ended).contains("--clear"), "{}", text(&ended));
         // By the other way, too.
         fs::write(dir.join("state/exchange-identity"), "5a".repeat(32)).expect("a secret");
         fs::write(dir.join("state/zeroize.order"), order.to_string()).expect("an order");
@@ -161,7 +178,7 @@ fn a_start_that_finds_an_order_finishes_it_and_serves_nothing() {
             "{}",
             text(&ended)
         );
-        assert_eq!(names(&dir.join("state")), ["lock"]);
+        assert_eq!(names(&dir.join("state")), ["lock", "zeroized"]);
     }
 }
 
@@ -183,7 +200,7 @@ fn has_erased_itself(dir: &Path, mut running: Running, key: &str) {
     assert_eq!(status.code(), Some(3), "{log}");
     assert!(log.contains("ZEROIZE ORDERED by"), "{log}");
     assert!(!log.contains(key.trim()), "{log}");
-    assert_eq!(names(&dir.join("state")), ["lock"]);
+    assert_eq!(names(&dir.join("state")), ["lock", "zeroized"]);
     assert!(names(dir).iter().all(|name| !name.ends_with(".key")));
 }
 

@@ -92,12 +92,24 @@ impl Bridge {
         self.zeroize.waiting.is_some()
     }
 
-    /// The order is on the disk, and will be carried out whatever happens; or it could not be stored, and nothing is erased.
-    pub fn zeroize_stored(&mut self, now: Now, stored: Result<(), String>, disk: &mut dyn Disk) {
+    /// The order is on the disk, and will be carried out whatever happens; or that is not certain (why), and it is carried out; or
+    /// it could not be stored, and nothing is erased.
+    pub fn zeroize_stored(
+        &mut self,
+        now: Now,
+        stored: Result<Option<String>, String>,
+        disk: &mut dyn Disk,
+    ) {
         let waiting = self.zeroize.waiting.take().flatten();
-        if let Err(why) = &stored {
-            self.zeroize.rules.not_stored();
-            let text = format!("ZEROIZE NOT DONE: {why}");
+        let text = match &stored {
+            Ok(None) => None,
+            Ok(Some(why)) => Some(format!("ZEROIZE ORDERED, BUT NOT SURELY STORED: {why}")),
+            Err(why) => {
+                self.zeroize.rules.not_stored();
+                Some(format!("ZEROIZE NOT DONE: {why}"))
+            }
+        };
+        if let Some(text) = text {
             self.alert_of_zeroize(now, Some(AlertPriority::Emergency), text, disk);
         }
         let (mut dli, aircraft) = self.effects(now, disk);
@@ -105,7 +117,9 @@ impl Bridge {
             return;
         };
         match stored {
-            Ok(()) => dli.acknowledge(vehicle, &origin, AckType::CarriedOut),
+            Ok(None) => dli.acknowledge(vehicle, &origin, AckType::CarriedOut),
+            // Neither promise of 17000 would hold: the alert says what does.
+            Ok(Some(_)) => {}
             Err(why) => {
                 if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
                     one.effects(&mut dli).refuse(Some(origin), why);
@@ -181,7 +195,7 @@ impl Bridge {
             delay: station.delay,
             // Its layout is this project's own.
             layout: true,
-            plan: self.zeroize.plan(),
+            plan: self.zeroize.plan(self.guarded == Some(origin.station)),
             vehicle: self.fleet(Some(station.id())),
         })
     }

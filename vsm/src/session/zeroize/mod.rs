@@ -18,6 +18,8 @@ use crate::config::Zeroize as Settings;
 #[derive(Debug, Default)]
 pub(crate) struct Zeroize {
     pub(crate) settings: Settings,
+    /// Nobody reaches the DLI but from this computer.
+    local: bool,
     pub(crate) rules: Rules,
     /// The vehicle that it was armed by.
     pub(crate) vehicle: Option<Id>,
@@ -26,9 +28,10 @@ pub(crate) struct Zeroize {
 }
 
 impl Zeroize {
-    pub(crate) fn new(settings: Settings) -> Zeroize {
+    pub(crate) fn new(settings: Settings, local: bool) -> Zeroize {
         Zeroize {
             settings,
+            local,
             ..Zeroize::default()
         }
     }
@@ -37,14 +40,18 @@ impl Zeroize {
         self.rules.poll_timeout()
     }
 
-    /// What the configuration allows.
-    pub(crate) fn plan(&self) -> Option<Plan> {
+    /// What the configuration allows of a station, by whether its guard has verified the order.
+    pub(crate) fn plan(&self, verified: bool) -> Option<Plan> {
         let Settings {
             by_message,
             in_flight,
             ..
         } = self.settings;
         let armed = self.settings.armed();
-        by_message.then_some(Plan { armed, in_flight })
+        by_message.then_some(Plan {
+            armed,
+            in_flight,
+            authentic: verified || self.local,
+        })
     }
 }

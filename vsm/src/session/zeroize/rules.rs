@@ -2,7 +2,8 @@
 //!
 //! Promised, and checked by `every_state` over every state that can be reached:
 //! - A CUCS orders it only by two orders, to arm and then to execute, as [`two_steps`] has them: LOI 5 in control, from a
-//!   proven address, fresh, in order, within [`Plan::armed`] of each other.
+//!   proven address, fresh, in order, within [`Plan::armed`] of each other; and whose guard has verified both, where others than
+//!   programs of this computer reach the DLI.
 //! - No order is taken while another CUCS controls any vehicle of this VSM, or one of them is not known to be disarmed, unless the
 //!   configuration allows that: the link of each ends with it.
 //! - What is armed and not executed in time, or changes hands, is not armed any more. A restart arms nothing.
@@ -41,6 +42,8 @@ pub(crate) struct Plan {
     pub(crate) armed: Duration,
     /// Also while a vehicle is not known to be disarmed.
     pub(crate) in_flight: bool,
+    /// The sender is who it says: its guard has verified the order, or none but programs of this computer can send one.
+    pub(crate) authentic: bool,
 }
 
 /// The vehicles of this VSM.
@@ -59,6 +62,7 @@ pub(crate) type Circumstances = two_steps::Circumstances<Plan, Fleet>;
 pub(crate) enum Refusal {
     /// The two steps.
     Steps(two_steps::Refusal),
+    Unguarded,
     InFlight(Id),
     /// Another CUCS controls a vehicle.
     OfAnother(Id, Id),
@@ -121,7 +125,7 @@ impl Rules {
                 (Stage::Safe, Outcome::Reset(at.by, armed.is_some()))
             }
             Order::Arm => {
-                let plan = plan.ok_or(two_steps::Refusal::NotPlanned)?;
+                let plan = authentic(plan)?;
                 two_steps::may_arm(armed.map(|(by, _)| by), self.latest, at)?;
                 spares(&at.vehicle, plan.in_flight)?;
                 let (by, until) = (at.by, at.now + plan.armed);
@@ -129,7 +133,7 @@ impl Rules {
                 (Stage::Armed { by, until }, Outcome::Armed { by, flying })
             }
             Order::Execute => {
-                let plan = plan.ok_or(two_steps::Refusal::NotPlanned)?;
+                let plan = authentic(plan)?;
                 let armed = armed.ok_or(two_steps::Refusal::NotArmed)?;
                 two_steps::may_execute(armed, self.latest, at)?;
                 spares(&at.vehicle, plan.in_flight)?;
@@ -190,6 +194,12 @@ impl Rules {
             Stage::Safe | Stage::Ordered => None,
         }
     }
+}
+
+/// What is allowed, of a sender that cannot be another: what is erased by two forged datagrams is gone for good.
+fn authentic(plan: Option<Plan>) -> Result<Plan, Refusal> {
+    let plan = plan.ok_or(two_steps::Refusal::NotPlanned)?;
+    plan.authentic.then_some(plan).ok_or(Refusal::Unguarded)
 }
 
 /// Whether nobody loses a vehicle by it that is not theirs to give up, and none loses its link in flight.

@@ -12,6 +12,11 @@ pub(crate) fn refusal(refusal: Refusal, armed_s: f64) -> String {
             "zeroize by message is off: set zeroize.by_message in the configuration of the VSM, or run `vsm zeroize` there".into()
         }
         Refusal::Steps(other) => other.words(armed_s),
+        Refusal::Unguarded => {
+            "whoever can send to the DLI could have sent it: give this station a guard (cucs.guard), or run `vsm zeroize` on the \
+             VSM's computer"
+                .into()
+        }
         Refusal::InFlight(vehicle) => format!(
             "vehicle {vehicle} is not known to be disarmed, and would lose its link: land and disarm it (or allow \
              zeroize.in_flight, or `vsm zeroize --in-flight`)"

@@ -13,7 +13,15 @@ const OTHER: Id = Id(0x1b00_00a1);
 const VEHICLE: Id = Id(0x1b00_0101);
 const NOW: Duration = Duration::from_secs(1_000);
 const STAMP: u64 = 1_000_000;
-const PLANS: [Option<Plan>; 3] = [None, Some(plan(false)), Some(plan(true))];
+const PLANS: [Option<Plan>; 4] = [
+    None,
+    Some(plan(false)),
+    Some(plan(true)),
+    Some(Plan {
+        authentic: false,
+        ..plan(true)
+    }),
+];
 const FLEETS: [Fleet; 4] = [
     fleet(None, None),
     fleet(Some(VEHICLE), None),
@@ -25,6 +33,7 @@ const fn plan(in_flight: bool) -> Plan {
     Plan {
         armed: Duration::from_secs(2),
         in_flight,
+        authentic: true,
     }
 }
 
@@ -118,7 +127,7 @@ fn seen_now(mut rules: Rules, later: Duration) -> Rules {
 
 fn is_good(at: &Circumstances) -> bool {
     let spared = at.vehicle.of_another.is_none();
-    let allowed = |plan: Plan| plan.in_flight || at.vehicle.flying.is_none();
+    let allowed = |plan: Plan| plan.authentic && (plan.in_flight || at.vehicle.flying.is_none());
     at.controls
         && !at.handover
         && at.proven
