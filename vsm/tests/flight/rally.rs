@@ -130,6 +130,30 @@ fn a_reload_brings_and_clears_them_beside_a_fence() {
 }
 
 #[test]
+fn points_removed_from_the_file_are_cleared_after_a_restart_once() {
+    let mut rig = Rig::ready();
+    let (before, key) = (rig.text.clone(), "signing = { key_file = \"uav.key\" }\n");
+    let keys = "rally = [{ place = [47.4002634, 8.5455939], height_m = 0 }]\n";
+    let with = before.replacen(key, &format!("{key}{keys}"), 1);
+    rig.reload(&with).expect("applied");
+    assert!(rig.until(10.0, |rig| shown(rig) == Some((1, true))));
+    rig.restart_with(&before);
+    assert!(rig.until(15.0, |rig| held(rig).is_empty()));
+    let text = "the rally points are cleared: the vehicle returns to home";
+    let cleared = |rig: &Rig| {
+        let alerts = rig.station().alerts();
+        alerts.iter().filter(|alert| alert.contains(text)).count()
+    };
+    assert!(rig.until(1.0, |rig| cleared(rig) == 1));
+    rig.run(8.0);
+    let unknown = "holds rally points that the configuration does not have";
+    assert!(!rig.station().has_alert(unknown));
+    rig.restart_bridge();
+    rig.run(12.0);
+    assert_eq!(cleared(&rig), 1);
+}
+
+#[test]
 fn points_that_cannot_be_used_are_refused_with_line_and_value() {
     let refused = |keys: &str| {
         let rig = Rig::ready().text;

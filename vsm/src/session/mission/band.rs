@@ -6,14 +6,18 @@
 //! `vehicle.limits.outside = "hold"` a vehicle that flies by itself is put on hold.
 //!
 //! Every flight begins and most end below the floor: below counts only a vehicle that was above it in this flight, and that
-//! neither returns nor lands.
+//! neither returns nor lands. A hold below the floor would keep a vehicle low that lands, so it is commanded in a mission only
+//! where the item flown is known, fresh, of the uploaded route and no landing. Nor is a vehicle put on hold that nobody
+//! controls (nothing would end it), or for which the VSM does something else already: there is the alert alone.
+
+use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::input::Context;
 use super::record::UploadedMission;
-use super::watchdog::banks;
+use super::watchdog::{FRESH_S, banks, flown, seconds};
 use crate::config::Outside;
 use crate::session::alerts::Cause;
 use crate::session::effects::{Effects, Request};
@@ -25,8 +29,19 @@ pub(super) struct BandWatch {
     entered: bool,
     /// It is outside.
     outside: bool,
+    /// Since when it is below the floor, by its own clock, s.
+    below_s: Option<f64>,
     /// It was put on hold for that.
-    held: bool,
+    held: Option<Held>,
+}
+
+/// How far a hold has come.
+#[derive(Debug, Clone, Copy)]
+enum Held {
+    /// It was commanded then.
+    Commanded(Duration),
+    /// The vehicle has left the mode that it was in: what it flies from there on, somebody has commanded.
+    Shown,
 }
 
 /// What the vehicle shows, m above home.
@@ -37,6 +52,12 @@ struct Sample {
     highest_m: f64,
     /// It lands, or returns to land.
     descends: bool,
+    /// The vehicle's clock, s since its boot.
+    time_s: Option<f64>,
+    /// It flies a mission.
+    in_mission: bool,
+    /// When a MISSION_CURRENT last named the item flown, by the same clock; none where that is not ours, or a landing.
+    route_named_s: Option<f64>,
 }
 
 impl Sample {
@@ -61,6 +82,7 @@ impl BandWatch {
         &mut self,
         context: &Context<'_>,
         uploaded: Option<&UploadedMission>,
+        transferring: bool,
         effects: &mut Effects<'_>,
     ) {
         let telemetry = &context.vehicle.telemetry;
@@ -86,21 +108,39 @@ impl BandWatch {
         } else {
             HOVERING_M
         };
+        let mode = context.vehicle.settled_mode();
+        let by_itself = mode.map(|mode| BY_ITSELF.contains(&mode));
+        let flight = &context.flight;
+        // What is under way is somebody's recovery, perhaps from this.
+        let idle = !transferring && !flight.maneuver && !flight.loss_action;
         let acts = context.bounds.outside == Outside::Hold
             && sample.beyond_m() > swing_m
-            && telemetry.mode.is_some_and(|mode| BY_ITSELF.contains(&mode))
-            && !context.flight.maneuver;
-        if acts && !self.held {
-            self.held = true;
+            && by_itself == Some(true)
+            && idle
+            && context.controller.is_some()
+            && !context.termination.holds
+            && self.is_no_landing(&sample);
+        if let (Some(Held::Commanded(_)), Some(false)) = (self.held, by_itself) {
+            self.held = Some(Held::Shown);
+        }
+        let now = context.mono();
+        let due = match self.held {
+            None => true,
+            Some(Held::Commanded(at)) => now >= at + AGAIN,
+            Some(Held::Shown) => false,
+        };
+        let first = acts && self.held.is_none();
+        if acts && due {
+            self.held = Some(Held::Commanded(now));
             effects.request(Request::Hold);
         }
-        let end = if self.held { "; commanding hold" } else { "" };
+        let end = if first { "; commanding hold" } else { "" };
         let text = format!(
             "the vehicle left its altitude band of {lowest_m:.0} to {highest_m:.0} m above home (vehicle.limits): it was at \
              {height_m:.0} m{end}"
         );
         // One text for each way out, and a further one where it is held: an alert that counts metres is a stream.
-        if !self.outside || acts {
+        if !self.outside || first {
             self.outside = true;
             let (priority, about) = (AlertPriority::Warning, SubsystemId::VsmStatus);
             effects.raise(Cause::AltitudeBand, priority, about, text);
@@ -115,9 +155,26 @@ impl BandWatch {
         let edge_m = if self.outside { 0.0 } else { NOISE_M };
         let outside = self.entered && beyond_m > edge_m;
         if !outside {
-            (self.outside, self.held) = (false, false);
+            (self.outside, self.held) = (false, None);
         }
+        self.below_s = match outside && sample.height_m < sample.lowest_m {
+            true => self.below_s.or(sample.time_s),
+            false => None,
+        };
         outside
+    }
+
+    /// Whether a hold ends no landing.
+    fn is_no_landing(&self, sample: &Sample) -> bool {
+        if sample.height_m > sample.highest_m || !sample.in_mission {
+            return true;
+        }
+        let times = (self.below_s, sample.time_s, sample.route_named_s);
+        let (Some(below_s), Some(time_s), Some(named_s)) = times else {
+            return false;
+        };
+        // The MISSION_CURRENT that begins a landing may have been lost: the item was named since, and just now.
+        named_s >= below_s && time_s - named_s <= FRESH_S
     }
 }
 
@@ -131,6 +188,12 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
         lowest_m: limits.floor_m(),
         highest_m: limits.highest_m,
         descends: lands || descends,
+        time_s: context.vehicle.boot_ms().map(seconds),
+        in_mission: telemetry.mode == Some(Px4Mode::MISSION),
+        route_named_s: uploaded
+            .filter(|uploaded| !lands && flown(context, uploaded).is_some())
+            .and_then(|_| context.vehicle.progress_boot_ms())
+            .map(seconds),
     })
 }
 
@@ -146,10 +209,16 @@ const NOISE_M: f64 = 1.0;
 /// How far PX4 swings about an altitude by itself, of a multicopter and of wings (`descent`), m.
 const HOVERING_M: f64 = 5.0;
 const WINGS_M: f64 = 20.0;
+/// A hold that is not shown by then is commanded again.
+const AGAIN: Duration = Duration::from_secs(10);
 
 #[cfg(test)]
 mod tests {
+    use mapping::telemetry::Place;
+
     use super::*;
+    use crate::session::context::FlightView;
+    use crate::session::testing::World;
 
     fn at(height_m: f64) -> Sample {
         Sample {
@@ -157,6 +226,9 @@ mod tests {
             lowest_m: 30.0,
             highest_m: 120.0,
             descends: false,
+            time_s: Some(10.0),
+            in_mission: false,
+            route_named_s: None,
         }
     }
 
@@ -180,5 +252,98 @@ mod tests {
         };
         assert!(!judge(landing(10.0)));
         assert!(judge(landing(125.0)), "a return above the ceiling");
+    }
+    #[test]
+    fn a_mission_below_the_floor_is_held_only_where_its_item_is_known_and_fresh() {
+        let in_mission = |time_s, route_named_s| Sample {
+            time_s: Some(time_s),
+            in_mission: true,
+            route_named_s,
+            ..at(10.0)
+        };
+        for (route_named_s, expected) in [
+            (None, false),       // unknown, another station's, or a landing
+            (Some(9.5), false),  // not named since it is below: a landing may have begun
+            (Some(11.0), false), // no longer fresh
+            (Some(19.0), true),
+        ] {
+            let mut watch = BandWatch::default();
+            watch.judge(&at(60.0));
+            assert!(watch.judge(&in_mission(10.0, Some(10.0))));
+            let later = in_mission(20.0, route_named_s);
+            assert!(watch.judge(&later));
+            assert_eq!(watch.is_no_landing(&later), expected, "{route_named_s:?}");
+        }
+        let mut watch = BandWatch::default();
+        watch.judge(&at(60.0));
+        assert!(watch.judge(&at(10.0)));
+        assert!(watch.is_no_landing(&at(10.0)), "no mission is flown");
+    }
+
+    /// Well above its ceiling, in this mode, with a hold configured.
+    fn above(mode: Px4Mode) -> World {
+        let mut world = World::airborne(mode);
+        world.bounds.outside = Outside::Hold;
+        let highest_m = world.bounds.limits.highest_m;
+        let home = world.vehicle.telemetry.home.expect("a home");
+        world.vehicle.telemetry.position = Some(Place {
+            amsl_m: home.amsl_m + highest_m + 50.0,
+            ..home
+        });
+        world
+    }
+
+    /// Whether a look commands a hold.
+    fn looks(world: &mut World, watch: &mut BandWatch, transferring: bool, loss: bool) -> bool {
+        world.requests.clear();
+        world.act(|common, views, effects| {
+            let context = Context {
+                common,
+                flight: FlightView {
+                    loss_action: loss,
+                    ..views.flight
+                },
+                parameters: views.parameters,
+            };
+            watch.watch(&context, None, transferring, effects);
+        });
+        assert!(watch.outside());
+        let mut requests = world.requests.iter();
+        requests.any(|request| matches!(request, Request::Hold))
+    }
+
+    #[test]
+    fn nothing_that_is_under_way_is_superseded_and_no_vehicle_without_a_controller_is_held() {
+        let held = |change: fn(&mut World), transferring, loss| {
+            let mut world = above(Px4Mode::MISSION);
+            change(&mut world);
+            looks(&mut world, &mut BandWatch::default(), transferring, loss)
+        };
+        assert!(held(|_| {}, false, false));
+        assert!(!held(|_| {}, true, false), "an upload");
+        assert!(!held(|_| {}, false, true), "the loss action");
+        assert!(!held(|world| world.maneuver = true, false, false));
+        assert!(!held(|world| world.controller = None, false, false));
+        assert!(!held(|world| world.termination.holds = true, false, false));
+        assert!(
+            !held(World::command_was_sent, false, false),
+            "an older mode"
+        );
+    }
+
+    #[test]
+    fn a_hold_that_is_not_shown_is_commanded_again_and_one_that_was_is_not() {
+        let (mut world, mut watch) = (above(Px4Mode::MISSION), BandWatch::default());
+        assert!(looks(&mut world, &mut watch, false, false));
+        for (wait_s, expected) in [(9, false), (2, true), (1, false)] {
+            world.advance(Duration::from_secs(wait_s));
+            assert_eq!(looks(&mut world, &mut watch, false, false), expected);
+        }
+        world.show_mode(Px4Mode::LOITER);
+        assert!(!looks(&mut world, &mut watch, false, false));
+        // Resumed by its operator.
+        world.show_mode(Px4Mode::MISSION);
+        world.advance(Duration::from_secs(20));
+        assert!(!looks(&mut world, &mut watch, false, false));
     }
 }

@@ -91,7 +91,8 @@ impl Kept {
     /// Whether the vehicle names these items: PX4 does by a checksum, so that what it still holds is not sent again.
     pub(super) fn holds(&mut self, context: &Context<'_>, items: &[Item]) -> bool {
         let id = plan_id(items);
-        let same = self.named(context) == Some(id);
+        // 0 is named by a vehicle that holds none, and by one without ids, whatever it holds: that is cleared.
+        let same = !items.is_empty() && self.named(context) == Some(id);
         if same {
             self.id = Some(id);
         }

@@ -114,7 +114,8 @@ impl Mission {
     /// A record exists and cannot be read.
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         self.store.restore(effects)?;
-        self.fence.restore(effects)
+        self.fence.restore(effects)?;
+        self.rally.restore(effects)
     }
 
     /// Whether the vehicle is outside its altitude band.
@@ -239,7 +240,7 @@ impl Mission {
                 let transferring = transfers.is_running();
                 watchdog.watch(context, uploaded, transferring, effects);
                 descent.watch(context, uploaded, transferring, effects);
-                band.watch(context, uploaded, effects);
+                band.watch(context, uploaded, transferring, effects);
             }
             Input::CompareWithVehicle => {
                 let uploaded = store.uploaded.as_ref();

@@ -1,15 +1,21 @@
 //! The rally points of one vehicle: those of the configuration, uploaded, read back and compared as the fence is.
+//!
+//! That the vehicle may hold points of here is stored before it is given any: those that the configuration has lost are
+//! cleared on it also after a restart.
 
 use std::time::Duration;
 
 use mapping::rally::{self, RallyPoint};
 use mavlink_link::service::mission::{self, MavMissionType};
+use mavlink_link::store::{Store as _, StoreError};
+use serde::{Deserialize, Serialize};
 
 use super::input::Context;
 use super::kept::{Kept, Seen};
 use super::upload::{Progress, Upload};
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
+use crate::session::store::vehicle_record;
 
 /// The machine.
 #[derive(Debug)]
@@ -17,7 +23,19 @@ pub(super) struct Rally {
     points: Vec<RallyPoint>,
     kept: Kept,
     upload: Option<Upload>,
+    /// As it is on disk.
+    stored: Record,
+    /// Since when the vehicle names points where the configuration has none.
+    strange_since: Option<Duration>,
 }
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Record {
+    /// The vehicle may hold points of here.
+    wanted: bool,
+}
+
+vehicle_record!(Record, "rally", Process);
 
 impl Rally {
     /// With the points of the configuration.
@@ -26,7 +44,32 @@ impl Rally {
             kept: Kept::new(KIND, !points.is_empty()),
             points,
             upload: None,
+            stored: Record::default(),
+            strange_since: None,
         }
+    }
+
+    /// What is known from before a restart.
+    ///
+    /// # Errors
+    /// The record is there and cannot be read.
+    pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let vehicle = effects.id;
+        self.stored = effects.disk().load(&vehicle)?.unwrap_or_default();
+        // Without points in the configuration they are cleared.
+        self.kept.wanted |= self.stored.wanted;
+        Ok(())
+    }
+
+    fn store(&mut self, wanted: bool, effects: &mut Effects<'_>) -> Result<(), String> {
+        let record = Record { wanted };
+        if self.stored != record {
+            let vehicle = effects.id;
+            let saved = effects.disk().save(&vehicle, &record);
+            saved.map_err(|fault| format!("what the vehicle holds cannot be stored: {fault}"))?;
+            self.stored = record;
+        }
+        Ok(())
     }
 
     /// The points of the configuration are others: the vehicle is given them as soon as it can be.
@@ -92,18 +135,44 @@ impl Rally {
         let items = rally::items(&self.points);
         match self.kept.look(context, may_change) {
             Seen::Nothing => {}
-            Seen::Due if self.kept.holds(context, &items) => {}
-            Seen::Due => match self.kept.send(context.mono(), &items, effects.vehicle) {
-                Ok(upload) => self.upload = Some(upload),
-                Err(why) => self.failed(context, &why, effects),
-            },
+            Seen::Due => {
+                let stored = self.store(true, effects);
+                if stored.is_ok() && self.kept.holds(context, &items) {
+                    return self.compare(context, effects);
+                }
+                let now = context.mono();
+                match stored.and_then(|()| self.kept.send(now, &items, effects.vehicle)) {
+                    Ok(upload) => self.upload = Some(upload),
+                    Err(why) => self.failed(context, &why, effects),
+                }
+            }
             Seen::Other => effects.warn(
                 Cause::Rally,
                 "the vehicle's rally points are not those of the configuration: restart this VSM, or its link, to upload them",
             ),
             Seen::Same => effects.clear(Cause::Rally, UPLOADED),
         }
+        self.compare(context, effects);
+    }
+
+    fn compare(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.compare_return(context, effects);
+        // Left alone: but the vehicle may return to them.
+        let unknown = self.points.is_empty() && !self.kept.wanted && context.vehicle.live();
+        let named = self.kept.named(context).filter(|_| unknown);
+        match named {
+            Some(0) | None => self.strange_since = None,
+            Some(_) => {
+                let since = *self.strange_since.get_or_insert(context.mono());
+                // A MISSION_CURRENT of before a clearing may still be the latest.
+                if context.mono() >= since + STRANGE_AFTER {
+                    effects.warn(Cause::Rally, STRANGE);
+                }
+            }
+        }
+        if named == Some(0) {
+            effects.clear(Cause::Rally, "the vehicle holds no rally points");
+        }
     }
 
     fn follow(&mut self, context: &Context<'_>, progress: Progress, effects: &mut Effects<'_>) {
@@ -114,6 +183,9 @@ impl Rally {
                 self.kept.wanted = !self.points.is_empty();
                 self.kept.uploaded(id);
                 effects.clear(Cause::Rally, UPLOADED);
+                if let Err(why) = self.store(self.kept.wanted, effects) {
+                    effects.advise(format!("rally points: {why}"));
+                }
                 effects.advise(match self.points.len() {
                     0 => "the rally points are cleared: the vehicle returns to home".to_owned(),
                     1 => "1 rally point is aboard".to_owned(),
@@ -154,3 +226,7 @@ impl Rally {
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_RALLY;
 /// Why the warning is cleared.
 const UPLOADED: &str = "the rally points are uploaded";
+/// MISSION_CURRENT comes at 1 Hz at least, and some are lost.
+const STRANGE_AFTER: Duration = Duration::from_secs(5);
+const STRANGE: &str = "the vehicle holds rally points that the configuration does not have: it may return to them; clear them, \
+                       or name them there";

@@ -529,3 +529,63 @@ fn the_watches_of_a_mission_judge_nothing_while_a_flight_termination_holds() {
         assert_eq!(judged, !holds);
     }
 }
+
+/// PX4 names none by 0, and a vehicle without ids whatever it holds.
+#[test]
+fn rally_points_that_the_configuration_has_lost_are_cleared_also_where_the_vehicle_names_none() {
+    let mut world = World::new();
+    world.vehicle.telemetry.mission = named(0, 0);
+    let point = RallyPoint {
+        place: (47.0, 8.0),
+        height: mapping::rally::Height::AboveHome(2.0),
+    };
+    let looked = |world: &mut World, mission: &mut Mission| {
+        handle(world, mission, Input::LinkUp);
+        world.advance(4 * SECOND);
+        handle(world, mission, Input::WatchFence);
+        world.services.missions.busy()
+    };
+    let mut before = Mission::new(Vec::new(), vec![point]);
+    let busy = looked(&mut world, &mut before);
+    assert_eq!(busy, Some(Operation::Upload));
+    // Killed in the midst of it.
+    world.services.missions.cancel();
+    while world.services.missions.poll_event().is_some() {}
+    let restarted = |world: &mut World| {
+        let mut mission = Mission::new(Vec::new(), Vec::new());
+        let restored = world.act(|_, _, effects| mission.restore(effects));
+        restored.expect("its records");
+        mission
+    };
+    let mut after = restarted(&mut world);
+    let busy = looked(&mut world, &mut after);
+    assert_eq!(busy, Some(Operation::Clear));
+    let kind = MavMissionType::MAV_MISSION_TYPE_RALLY;
+    let cleared = Event::Cleared { kind };
+    ended(&mut world, &mut after, Operation::Clear, cleared);
+    let mut once = restarted(&mut world);
+    assert_eq!(looked(&mut world, &mut once), None);
+}
+
+#[test]
+fn rally_points_that_nobody_configured_are_left_alone_with_an_alert() {
+    let mut world = World::new();
+    let mut mission = Mission::new(Vec::new(), Vec::new());
+    world.vehicle.telemetry.mission = named(0, 0).map(|named| MissionProgress {
+        rally_points_id: 5,
+        ..named
+    });
+    world.sent_to(0);
+    let unknown = |world: &mut World, mission: &mut Mission| {
+        handle(world, mission, Input::WatchFence);
+        assert_eq!(world.services.missions.busy(), None);
+        let (_, texts) = reports(world);
+        texts.contains("rally points that the configuration does not have")
+    };
+    assert!(
+        !unknown(&mut world, &mut mission),
+        "perhaps cleared just now"
+    );
+    world.advance(6 * SECOND);
+    assert!(unknown(&mut world, &mut mission));
+}

@@ -360,7 +360,7 @@ const UNCOMMANDED_M_S: f64 = 1.0;
 /// A slower command is judged as this, m/s.
 const SLOWEST_M_S: f64 = 0.01;
 /// MISSION_CURRENT comes each second and on change, s.
-const FRESH_S: f64 = 3.0;
+pub(super) const FRESH_S: f64 = 3.0;
 const NAV_LOITER_UNLIM: u16 = 17;
 const NAV_DELAY: u16 = 93;
 const NAV_LOITER_TIME: u16 = 19;
