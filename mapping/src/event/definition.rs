@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use mavlink_link::service::event::Received;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use super::packed::{UnpackError, unpack};
-use super::text::{Argument, Values, sentence};
+use super::text::{Argument, MAX_TEXT, Values, sentence};
 use super::{Described, Group};
 
 /// Why metadata cannot be used.
@@ -24,6 +24,11 @@ pub enum MetadataError {
     /// It is somewhere else.
     #[error("the vehicle's events are at {0:?}: expected a file of the vehicle itself (mftp://)")]
     Elsewhere(String),
+    /// More than a vehicle has.
+    #[error(
+        "{0} groups of a component and {1} events: expected at most {MAX_GROUPS} and {MAX_EVENTS}"
+    )]
+    TooMany(usize, usize),
 }
 
 /// Where the vehicle has its definitions of events, by its general metadata: a path for MAVLink FTP.
@@ -88,7 +93,7 @@ struct Events {
 
 #[derive(Debug, Clone, Deserialize)]
 struct Definition {
-    #[serde(default)]
+    #[serde(default, deserialize_with = "cut")]
     message: String,
     #[serde(default)]
     arguments: Vec<ArgumentType>,
@@ -113,7 +118,7 @@ struct Enumeration {
 
 #[derive(Debug, Clone, Deserialize)]
 struct Entry {
-    #[serde(default)]
+    #[serde(default, deserialize_with = "cut")]
     description: String,
 }
 
@@ -122,14 +127,27 @@ struct File {
     components: BTreeMap<u8, Component>,
 }
 
+/// No more of a text than an alert shows, with room for the marks in it: whoever sends the file must not fill the memory.
+fn cut<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
+    let text = String::deserialize(from)?;
+    Ok(text.chars().take(2 * MAX_TEXT).collect())
+}
+
 impl Catalogue {
     /// The definitions of a file, packed or not.
     ///
     /// # Errors
-    /// It does not unpack, or is not of this form.
+    /// It does not unpack, is not of this form, or has more than a vehicle has.
     pub fn read(file: &[u8]) -> Result<Self, MetadataError> {
         let File { components } = serde_json::from_slice(&unpack(file)?)?;
-        Ok(Self { components })
+        let read = Self { components };
+        // Each event is looked for in all groups of its component.
+        let all = read.components.values();
+        let groups = all.map(|one| one.groups.len()).max().unwrap_or(0);
+        if groups > MAX_GROUPS || read.len() > MAX_EVENTS {
+            return Err(MetadataError::TooMany(groups, read.len()));
+        }
+        Ok(read)
     }
 
     /// How many events it defines.
@@ -207,6 +225,10 @@ impl Catalogue {
 
 /// MAVLink's COMP_METADATA_TYPE_EVENTS.
 const EVENTS: u32 = 4;
+/// PX4 has 6.
+const MAX_GROUPS: usize = 16;
+/// PX4 has some 500.
+const MAX_EVENTS: usize = 20_000;
 
 #[cfg(test)]
 mod tests {
@@ -280,6 +302,32 @@ mod tests {
         assert_eq!(found("mftp://[;comp=100]/a.json"), None);
         assert_eq!(found("https://example.org/a.json"), None);
         assert!(matches!(find(b"{}"), Err(MetadataError::NoEvents)));
+    }
+
+    #[test]
+    fn definitions_that_would_fill_the_memory_describe_one_line_or_are_refused() {
+        let long = FILE
+            .replace("external command", &"x".repeat(1_000_000))
+            .replace("Armed by {1}", &"{1}".repeat(600_000));
+        let long = Catalogue::read(long.as_bytes()).expect("the form is right");
+        let text = long.describe(&event(42, &[4])).expect("it is defined").text;
+        assert_eq!(text, "x".repeat(MAX_TEXT));
+        let with = |groups: &str| {
+            let file = format!(r#"{{"components": {{"1": {{"event_groups": {{{groups}}}}}}}}}"#);
+            Catalogue::read(file.as_bytes())
+        };
+        let groups: Vec<String> = (0..17).map(|at| format!(r#""{at}": {{}}"#)).collect();
+        assert!(matches!(
+            with(&groups.join(",")),
+            Err(MetadataError::TooMany(17, 0))
+        ));
+        assert!(with(&groups[..16].join(",")).is_ok());
+        let events: Vec<String> = (0..20_001).map(|at| format!(r#""{at}": {{}}"#)).collect();
+        let events = format!(r#""default": {{"events": {{{}}}}}"#, events.join(","));
+        assert!(matches!(
+            with(&events),
+            Err(MetadataError::TooMany(1, 20_001))
+        ));
     }
 
     #[test]

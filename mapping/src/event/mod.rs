@@ -72,7 +72,7 @@ pub fn plain(event: &Received) -> String {
 }
 
 /// Whether a STATUSTEXT says what an event says. PX4 words most of them alike, some by one word or two differently, and
-/// numbers with other units: half of the words of the shorter one must be in the other.
+/// numbers with other units: more than half of the words of the shorter one must be in the other.
 #[must_use]
 pub fn says_the_same(one: &str, other: &str) -> bool {
     let (one, other) = (words(one), words(other));
@@ -82,7 +82,7 @@ pub fn says_the_same(one: &str, other: &str) -> bool {
         (other, one)
     };
     let common = short.iter().filter(|word| long.contains(word)).count();
-    !short.is_empty() && common * 2 >= short.len()
+    !short.is_empty() && common * 2 > short.len()
 }
 
 fn words(text: &str) -> Vec<String> {
@@ -161,6 +161,7 @@ mod tests {
             "Armed by external command"
         ));
         assert!(!says_the_same("Low battery", "GPS fix lost"));
+        assert!(!says_the_same("Landing detected", "Takeoff detected"));
         assert!(!says_the_same("", ""));
     }
 

@@ -46,7 +46,10 @@ impl<'a> Values<'a> {
 pub(super) fn sentence(message: &str, arguments: &[Argument]) -> String {
     let mut out = String::new();
     let mut rest = message.chars();
-    while let Some(c) = rest.next() {
+    // Bounded while it grows: a message of nothing but arguments is as long as all their texts.
+    while out.len() < MAX_BYTES
+        && let Some(c) = rest.next()
+    {
         match c {
             '\\' => out.extend(rest.next()),
             '{' => {
@@ -94,7 +97,9 @@ fn argument(form: &str, arguments: &[Argument]) -> String {
 }
 
 /// Three messages of 16000: PX4's longest has 111 characters without arguments.
-const MAX_TEXT: usize = 3 * crate::alert::TEXT;
+pub(super) const MAX_TEXT: usize = 3 * crate::alert::TEXT;
+/// As many characters, of four bytes each.
+const MAX_BYTES: usize = 4 * MAX_TEXT;
 
 #[cfg(test)]
 mod tests {
@@ -114,6 +119,9 @@ mod tests {
             assert_eq!(sentence(message, &arguments), text);
         }
         assert_eq!(sentence(&"ä".repeat(10_000), &[]).chars().count(), MAX_TEXT);
+        // All of it would have 100 GB.
+        let long = [Argument::Named("x".repeat(1_000_000))];
+        assert_eq!(sentence(&"{1}".repeat(100_000), &long).len(), MAX_TEXT);
         let mut values = Values::new(&[1, 2, 3]);
         assert_eq!(values.take("uint16_t"), Some(Argument::Whole(513)));
         assert_eq!(values.take("uint32_t"), None);

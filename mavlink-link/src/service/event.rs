@@ -23,6 +23,8 @@ pub enum Event {
     Received(Received),
     /// So many did not arrive, and cannot be had any more.
     Lost(u16),
+    /// The vehicle counts anew: what it had begun to report is not continued.
+    Restarted,
 }
 
 /// An event of the vehicle, without its meaning: that is in the vehicle's metadata.
@@ -50,6 +52,8 @@ pub struct Client {
     /// The newest number that is known, as a distance from `next`: 0, nothing is missing.
     newest: u16,
     request: Option<Request>,
+    /// When a number of before `next` was named as the newest.
+    behind_at: Option<Duration>,
     events: Bounded<Event>,
     /// What did not fit in `events`.
     dropped: u16,
@@ -74,6 +78,7 @@ impl Client {
             ahead: BTreeMap::new(),
             newest: 0,
             request: None,
+            behind_at: None,
             events: Bounded::new(MAX_EVENTS),
             dropped: 0,
             out: Bounded::new(MAX_OUT),
@@ -86,6 +91,7 @@ impl Client {
         self.ahead.clear();
         self.newest = 0;
         self.request = None;
+        self.behind_at = None;
     }
 
     /// Whether the vehicle has shown that it sends events.
@@ -196,21 +202,37 @@ impl Client {
     fn note_newest(&mut self, now: Duration, sequence: u16, reset: bool) {
         let after = sequence.wrapping_add(1);
         let Some(next) = self.next.filter(|_| !reset) else {
-            self.reset();
-            self.next = Some(after);
-            return;
+            return self.begin_at(after);
         };
+        if after.wrapping_sub(next) <= u16::MAX / 2 {
+            self.behind_at = None;
+        }
         match after.wrapping_sub(next) {
             0 => {}
-            // It counts from an earlier number than before: it has restarted.
+            // It counts from an earlier number than before: it has restarted. Unless the message was only overtaken by
+            // events, of which it is told by the next one, 3 s later.
             behind if behind > u16::MAX / 2 => {
-                self.reset();
-                self.next = Some(after);
+                let since = *self.behind_at.get_or_insert(now);
+                if behind.wrapping_neg() > MAX_OVERTAKEN || now >= since + AGAIN {
+                    return self.begin_at(after);
+                }
             }
             missing if missing > MAX_AHEAD => self.abandon(missing),
             missing => self.newest = self.newest.max(missing),
         }
         self.follow(now);
+    }
+
+    /// The vehicle counts from this number. What waits beyond a gap is delivered, and the gap counted, before.
+    fn begin_at(&mut self, next: u16) {
+        if self.next.is_some_and(|before| before != next) {
+            if self.gap() > 0 {
+                self.abandon(self.newest);
+            }
+            self.deliver(Event::Restarted);
+        }
+        self.reset();
+        self.next = Some(next);
     }
 
     /// The vehicle has none of these numbers, up to `oldest`.
@@ -296,6 +318,7 @@ impl Client {
         let count = match event {
             Event::Received(_) => 1,
             Event::Lost(count) => count,
+            Event::Restarted => 0,
         };
         if !self.events.push(event) {
             self.dropped = self.dropped.saturating_add(count);
@@ -305,6 +328,8 @@ impl Client {
 
 /// Beyond a gap so wide nothing is requested or kept: PX4 keeps 20 events.
 const MAX_AHEAD: u16 = 64;
+/// As many events may overtake the message that names an earlier one: PX4 keeps no more.
+const MAX_OVERTAKEN: u16 = 20;
 const MAX_EVENTS: usize = 128;
 const MAX_OUT: usize = 4;
 /// How often a gap is requested.
@@ -320,6 +345,7 @@ mod tests {
 
     const US: Node = Node::new(245, 190);
     const VEHICLE: Node = Node::new(1, 1);
+    const RESTARTED: i32 = 1_000_000;
 
     fn client() -> Client {
         Client::new(US, VEHICLE)
@@ -351,6 +377,7 @@ mod tests {
             .map(|event| match event {
                 Event::Received(event) => i32::from(event.sequence),
                 Event::Lost(count) => -i32::from(count),
+                Event::Restarted => RESTARTED,
             })
             .collect()
     }
@@ -450,13 +477,39 @@ mod tests {
     }
 
     #[test]
+    fn a_restart_with_a_gap_counts_it_and_keeps_what_is_there() {
+        let (mut client, now) = (client(), Duration::ZERO);
+        event(&mut client, now, 500);
+        event(&mut client, now, 503);
+        current(&mut client, now, 3, false);
+        assert_eq!(delivered(&mut client), [500, 503, -2, RESTARTED]);
+    }
+
+    #[test]
+    fn a_number_that_its_events_overtook_is_no_restart_but_one_named_twice_is() {
+        let (mut client, now) = (client(), Duration::ZERO);
+        event(&mut client, now, 500);
+        event(&mut client, now, 501);
+        current(&mut client, now, 500, false);
+        current(&mut client, now, 500, false);
+        assert_eq!(delivered(&mut client), [500, 501]);
+        assert_eq!(requested(&mut client), []);
+        current(&mut client, now, 501, false);
+        let later = now + Duration::from_secs(3);
+        current(&mut client, later, 490, false);
+        assert_eq!(delivered(&mut client), []);
+        current(&mut client, later + Duration::from_secs(3), 490, false);
+        assert_eq!(delivered(&mut client), [RESTARTED]);
+    }
+
+    #[test]
     fn a_restart_begins_the_numbers_again_and_nothing_counts_as_lost() {
         let (mut client, now) = (client(), Duration::ZERO);
         event(&mut client, now, 500);
         // Its flag may be lost with its message: the number alone shows it.
         current(&mut client, now, 3, false);
         event(&mut client, now, 4);
-        assert_eq!(delivered(&mut client), [500, 4]);
+        assert_eq!(delivered(&mut client), [500, RESTARTED, 4]);
         assert!(!client.handle_message(
             now,
             Node::new(2, 1),

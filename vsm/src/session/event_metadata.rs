@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use mapping::event::{Catalogue, MetadataError, find};
+use mapping::event::{Catalogue, MetadataError, find, path_of};
 use mavlink_link::dialect::{COMPONENT_METADATA_DATA, MavCmd};
 use mavlink_link::service::command::{Command, Payload, Repetition};
 use mavlink_link::service::ftp::{Event, FilePath, Operation};
@@ -22,6 +22,8 @@ pub(crate) struct EventMetadata {
     known: Option<u32>,
     /// Of what is being read.
     crc: u32,
+    /// What was read is not, or may not be, of the firmware that runs now.
+    outdated: bool,
 }
 
 #[derive(Debug, Default)]
@@ -36,6 +38,8 @@ enum Stage {
     /// To be read as soon as no other file is.
     Next(File, FilePath),
     Reading(File, Vec<u8>),
+    /// What the vehicle names cannot be read.
+    Refused(String),
     /// Read, or not to be had.
     Done,
 }
@@ -74,14 +78,18 @@ impl EventMetadata {
             self.stage = Stage::Done;
             return;
         }
+        self.outdated |= self.known.take().is_some();
         let uri = named.uri.to_str().unwrap_or_default();
-        let path = mapping::event::path_of(uri).ok();
-        // An address of somewhere else is no file that can be read here.
-        self.stage = match path.and_then(|path| FilePath::new(&path).ok()) {
-            Some(path) => Stage::Next(File::General, path),
-            None => Stage::Done,
+        self.stage = match readable(path_of(uri)) {
+            Ok(path) => Stage::Next(File::General, path),
+            Err(why) => Stage::Refused(why),
         };
         self.crc = named.file_crc;
+    }
+
+    /// Whether what was read before is over, once.
+    pub(crate) fn take_outdated(&mut self) -> bool {
+        std::mem::take(&mut self.outdated)
     }
 
     /// Does what is due. What it returns is the end: the definitions, or why there are none.
@@ -90,7 +98,23 @@ impl EventMetadata {
         now: Duration,
         services: &mut Services,
     ) -> Option<Result<Catalogue, String>> {
+        let ended = self.step(now, services);
+        if let Some(Err(_)) = ended {
+            self.outdated |= self.known.take().is_some();
+        }
+        ended
+    }
+
+    fn step(
+        &mut self,
+        now: Duration,
+        services: &mut Services,
+    ) -> Option<Result<Catalogue, String>> {
         match &mut self.stage {
+            Stage::Refused(why) => {
+                let why = std::mem::take(why);
+                return Some(Err(self.end(services, why)));
+            }
             Stage::Unused if services.events.is_in_use() => self.stage = Stage::Waiting(now),
             Stage::Waiting(at) if *at <= now => {
                 self.tries += 1;
@@ -154,7 +178,7 @@ impl EventMetadata {
             return self.try_again(now, &failure.to_string());
         }
         match file {
-            File::General => match Self::events_in(&content) {
+            File::General => match readable(find(&content)) {
                 Ok(path) => {
                     self.stage = Stage::Next(File::Events, path);
                     None
@@ -168,11 +192,6 @@ impl EventMetadata {
                 Some(read.map_err(|why: MetadataError| why.to_string()))
             }
         }
-    }
-
-    fn events_in(general: &[u8]) -> Result<FilePath, String> {
-        let path = find(general).map_err(|why| why.to_string())?;
-        FilePath::new(&path).map_err(|why| why.to_string())
     }
 
     fn try_again(&mut self, now: Duration, why: &str) -> Option<Result<Catalogue, String>> {
@@ -198,6 +217,17 @@ impl EventMetadata {
     }
 }
 
+/// A path that the vehicle names, as one to read; the link is not encrypted, and a key is not for it.
+fn readable(named: Result<String, MetadataError>) -> Result<FilePath, String> {
+    let path = named.map_err(|why| why.to_string())?;
+    if path.to_ascii_lowercase().contains(KEY_FILE) {
+        return Err(format!(
+            "the vehicle names {path:?}: expected a file of metadata, not its key"
+        ));
+    }
+    FilePath::new(&path).map_err(|why| why.to_string())
+}
+
 fn request() -> Command {
     Command {
         command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
@@ -207,9 +237,67 @@ fn request() -> Command {
 }
 
 const COMPONENT_METADATA: f32 = 397.0;
-/// PX4's definitions have 18 kB packed.
-const MAX_FILE: u32 = 512 * 1024;
+/// A part of the name of PX4's key file, `/fs/microsd/mavlink/mavlink-signing-key.bin`.
+pub(super) const KEY_FILE: &str = "mavlink-signing-key";
+/// PX4's definitions have 18 kB packed; they are read in flight, too.
+const MAX_FILE: u32 = super::files::MAX_IN_FLIGHT;
 const TRIES: u32 = 5;
 const AGAIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 const AFTER_AN_OPERATOR: Duration = Duration::from_secs(10);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mavlink_link::frame::Node;
+
+    fn named(known: Option<u32>, crc: u32, uri: &str) -> (EventMetadata, Services) {
+        let mut machine = EventMetadata {
+            stage: Stage::Asking(Duration::from_secs(5)),
+            known,
+            ..EventMetadata::default()
+        };
+        machine.named(&COMPONENT_METADATA_DATA {
+            time_boot_ms: 0,
+            file_crc: crc,
+            uri: uri.into(),
+        });
+        let services = Services::new(Node::new(245, 190), Node::new(1, 1));
+        (machine, services)
+    }
+
+    #[test]
+    fn what_was_read_is_over_where_the_firmware_is_another_or_cannot_be_asked() {
+        let now = Duration::ZERO;
+        let (mut same, mut services) = named(Some(1), 1, "mftp://a.json");
+        assert!(same.advance(now, &mut services).is_none() && !same.take_outdated());
+        let (mut other, _) = named(Some(1), 2, "mftp://a.json");
+        assert!(other.take_outdated() && other.known.is_none());
+        let (mut silent, mut services) = (
+            EventMetadata {
+                stage: Stage::Asking(now),
+                tries: TRIES,
+                known: Some(1),
+                ..EventMetadata::default()
+            },
+            services,
+        );
+        assert!(matches!(silent.advance(now, &mut services), Some(Err(_))));
+        assert!(silent.take_outdated() && silent.known.is_none());
+    }
+
+    #[test]
+    fn neither_the_key_of_the_vehicle_nor_an_address_elsewhere_is_read() {
+        for uri in [
+            "mftp://fs/microsd/mavlink/MAVLINK-signing-key.bin",
+            "https://example.org/a.json",
+        ] {
+            let (mut machine, mut services) = named(None, 1, uri);
+            let ended = machine.advance(Duration::ZERO, &mut services);
+            assert!(matches!(ended, Some(Err(_))), "{uri}");
+            assert!(!services.files.is_active());
+        }
+        let key = Ok("/fs/microsd/mavlink/mavlink-signing-key.bin".to_owned());
+        assert!(readable(key).is_err());
+    }
+}

@@ -2,13 +2,15 @@
 //!
 //! PX4 sends most of what it reports twice: as an EVENT, which names it by a number, and as a STATUSTEXT that ends with a tab,
 //! for ground stations without events. Some is sent as one of the two alone. Here:
-//! - with the vehicle's definitions an event is alerted by its own text and level, and the text that says the same is
-//!   dropped, if it comes after; where it came before, the event is;
-//! - without definitions the text stands for the event that comes with it. An event without one is alerted by its numbers;
+//! - with the vehicle's definitions an event is alerted by its own text and level, and the text of the same priority that
+//!   says the same is dropped, if it comes after; where it came before, the event is;
+//! - without definitions a text stands for the event of its priority that comes with it. An event without one is alerted by
+//!   its numbers;
+//! - what is as urgent as an error or more is never dropped: rather twice than not at all;
 //! - reports on health and on the checks before arming, which PX4 repeats whole whenever one of them changes, are one alert
 //!   that stands while something keeps a disarmed vehicle from arming. In flight what is new in them is alerted.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use mapping::event::{self, CHECKS_BEGIN, CHECKS_END, Catalogue, Group};
@@ -30,21 +32,30 @@ pub(super) struct EventAlerts {
     /// Events without definition, each until its text would have come.
     unnamed: VecDeque<(Duration, Received)>,
     /// The report on health and arming checks that is arriving.
-    report: Option<Vec<Check>>,
+    report: Option<(Duration, Vec<Check>)>,
     /// The last one.
     checks: Vec<Check>,
     allowance: Allowance,
+    emergencies: Allowance,
     left_out: u32,
 }
 
 #[derive(Debug)]
 struct Alerted {
     until: Duration,
+    priority: AlertPriority,
     text: String,
     as_text: bool,
 }
 
-type Check = (AlertPriority, String);
+#[derive(Debug, PartialEq)]
+struct Check {
+    priority: AlertPriority,
+    id: u32,
+    text: String,
+    /// Whether the text is the vehicle's own.
+    named: bool,
+}
 
 impl EventAlerts {
     /// What the vehicle's events mean.
@@ -56,23 +67,26 @@ impl EventAlerts {
     pub(super) fn restart(&mut self, effects: &mut Effects<'_>) {
         (self.report, self.checks) = (None, Vec::new());
         self.unnamed.clear();
-        effects.clear(Cause::ArmingChecks, CHECKS_OVER);
+        let text = "the vehicle has restarted: it checks itself anew before arming";
+        effects.clear(Cause::ArmingChecks, text);
     }
 
     /// A text of the vehicle.
     pub(super) fn text(&mut self, context: &Context<'_>, text: Text, effects: &mut Effects<'_>) {
         let now = context.mono();
+        let priority = mapping::alert::priority(text.severity);
         if text.is_event_twin {
-            if self.take(now, |one| {
+            if self.take(now, priority, |one| {
                 !one.as_text && event::says_the_same(&one.text, &text.text)
             }) {
                 return;
             }
-            if self.unnamed.pop_front().is_none() {
-                self.remember(now, text.text.clone(), true);
+            let mut unnamed = self.unnamed.iter();
+            match unnamed.position(|(_, one)| event::priority(one.level) == Some(priority)) {
+                Some(twin) => drop(self.unnamed.remove(twin)),
+                None => self.remember(now, priority, text.text.clone(), true),
             }
         }
-        let priority = mapping::alert::priority(text.severity);
         effects.notify(priority, AUTOPILOT_SUBSYSTEM, text.text);
     }
 
@@ -91,6 +105,7 @@ impl EventAlerts {
                 let text = format!("{count} events of the vehicle were lost");
                 self.alert(context.mono(), AlertPriority::Caution, text, effects);
             }
+            Event::Restarted => self.report = None,
         }
     }
 
@@ -102,21 +117,28 @@ impl EventAlerts {
         {
             self.alert_plain(now, &event, effects);
         }
+        // Its end was lost: what comes now is no part of it.
+        self.report.take_if(|(until, _)| *until <= now);
         if context.vehicle.telemetry.armed == Some(true) {
-            effects.clear(Cause::ArmingChecks, CHECKS_OVER);
+            let text = "the vehicle is armed: what its checks before arming reported is over";
+            effects.clear(Cause::ArmingChecks, text);
         }
     }
 
     /// When [`EventAlerts::watch`] is next needed.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        self.unnamed.front().map(|(due, _)| *due)
+        let unnamed = self.unnamed.front().map(|(due, _)| *due);
+        let report = self.report.as_ref().map(|(until, _)| *until);
+        unnamed.into_iter().chain(report).min()
     }
 
     fn received(&mut self, context: &Context<'_>, event: &Received, effects: &mut Effects<'_>) {
+        let now = context.mono();
+        self.report.take_if(|(until, _)| *until <= now);
         match event.id {
-            CHECKS_BEGIN => self.report = Some(Vec::new()),
+            CHECKS_BEGIN => self.report = Some((now + REPORT_WITHIN, Vec::new())),
             CHECKS_END => {
-                if let Some(checks) = self.report.take() {
+                if let Some((_, checks)) = self.report.take() {
                     self.judge_checks(context, checks, effects);
                 }
             }
@@ -125,7 +147,6 @@ impl EventAlerts {
         let Some(priority) = event::priority(event.level) else {
             return;
         };
-        let now = context.mono();
         let known = self.catalogue.as_ref().and_then(|all| all.describe(event));
         match (known, &mut self.report) {
             (Some(known), _) if known.group == Group::Other => {}
@@ -133,23 +154,29 @@ impl EventAlerts {
             (Some(known), _) if known.group == Group::Default => {
                 let twin =
                     |one: &Alerted| one.as_text && event::says_the_same(&one.text, &known.text);
-                if !self.take(now, twin) {
-                    self.remember(now, known.text.clone(), false);
+                if !self.take(now, priority, twin) {
+                    self.remember(now, priority, known.text.clone(), false);
                     self.alert(now, priority, known.text, effects);
                 }
             }
-            (known, Some(report)) => {
+            (known, Some((_, report))) => {
                 // Its first argument is the modes that it keeps from being flown: most vehicles have no sticks, and need none.
                 let [a, b, c, d, ..] = event.arguments;
                 let modes = u32::from_le_bytes([a, b, c, d]);
                 if modes & COMMANDED_MODES != 0 && report.len() < MAX_CHECKS {
-                    let text = known.map_or_else(|| event::plain(event), |known| known.text);
-                    report.push((priority, text));
+                    let named = known.is_some();
+                    report.push(Check {
+                        priority,
+                        id: event.id,
+                        text: known.map_or_else(|| event::plain(event), |known| known.text),
+                        named,
+                    });
                 }
             }
+            (_, None) if !may_be_dropped(priority) => self.alert_plain(now, event, effects),
             // Its text may have come, or be on its way.
             (_, None) => {
-                if !self.take(now, |one| one.as_text) {
+                if !self.take(now, priority, |one| one.as_text) {
                     if self.unnamed.len() >= MAX_WAITING
                         && let Some((_, oldest)) = self.unnamed.pop_front()
                     {
@@ -168,28 +195,35 @@ impl EventAlerts {
         checks: Vec<Check>,
         effects: &mut Effects<'_>,
     ) {
-        let fails = |check: &&Check| check.0 != AlertPriority::Nominal;
+        let fails = |check: &&Check| check.priority != AlertPriority::Nominal;
         if context.vehicle.telemetry.armed == Some(true) {
             for check in checks.iter().filter(fails) {
                 if !self.checks.contains(check) {
-                    self.alert(context.mono(), check.0, check.1.clone(), effects);
+                    self.alert(context.mono(), check.priority, check.text.clone(), effects);
                 }
             }
         } else {
-            let mut texts: Vec<&str> = checks
-                .iter()
-                .filter(fails)
-                .map(|one| one.1.as_str())
-                .collect();
+            let failed = || checks.iter().filter(fails);
+            let named = failed().filter(|one| one.named);
+            let mut texts: Vec<&str> = named.map(|one| one.text.as_str()).collect();
             // One is reported for each group of modes that it keeps from being flown.
             texts.dedup();
-            match texts.split_at_checked(NAMED_CHECKS) {
-                _ if texts.is_empty() => effects.clear(Cause::ArmingChecks, CHECKS_OVER),
-                Some((named, more)) if !more.is_empty() => {
-                    let text = format!("{}; and {} more", named.join("; "), more.len());
+            let unnamed = failed().filter(|one| !one.named).map(|one| one.id);
+            let unnamed = unnamed.collect::<BTreeSet<_>>().len();
+            let shown = &texts[..texts.len().min(NAMED_CHECKS)];
+            let more = texts.len() - shown.len() + unnamed;
+            match (shown, more) {
+                ([], 0) => effects.clear(Cause::ArmingChecks, CHECKS_OVER),
+                // Numbers of events are of no use to an operator.
+                ([], _) => {
+                    let text = format!("{unnamed} (their texts have not been read)");
                     Self::raise_checks(&text, effects);
                 }
-                _ => Self::raise_checks(&texts.join("; "), effects),
+                (_, 0) => Self::raise_checks(&shown.join("; "), effects),
+                _ => {
+                    let text = format!("{}; and {more} more", shown.join("; "));
+                    Self::raise_checks(&text, effects);
+                }
             }
         }
         self.checks = checks;
@@ -207,7 +241,7 @@ impl EventAlerts {
         }
     }
 
-    /// Alerts, but of a storm only some, so that other alarms are seen; never fewer emergencies.
+    /// Alerts, but of a storm only some, so that other alarms are seen; of emergencies far more.
     fn alert(
         &mut self,
         now: Duration,
@@ -215,7 +249,12 @@ impl EventAlerts {
         mut text: String,
         effects: &mut Effects<'_>,
     ) {
-        if !self.allowance.take(now, EVENTS) && priority != AlertPriority::Emergency {
+        let passes = if priority == AlertPriority::Emergency {
+            self.emergencies.take(now, EMERGENCIES)
+        } else {
+            self.allowance.take(now, EVENTS)
+        };
+        if !passes {
             self.left_out += 1;
             return;
         }
@@ -226,30 +265,47 @@ impl EventAlerts {
         effects.notify(priority, AUTOPILOT_SUBSYSTEM, text);
     }
 
-    fn remember(&mut self, now: Duration, text: String, as_text: bool) {
+    fn remember(&mut self, now: Duration, priority: AlertPriority, text: String, as_text: bool) {
         if self.alerted.len() >= MAX_WAITING {
             self.alerted.pop_front();
         }
         let until = now + TWIN_WITHIN;
         self.alerted.push_back(Alerted {
             until,
+            priority,
             text,
             as_text,
         });
     }
 
-    /// Whether one like this was alerted just now. It answers for one twin.
-    fn take(&mut self, now: Duration, like: impl Fn(&Alerted) -> bool) -> bool {
+    /// Whether one like this was alerted just now, with the same priority. It answers for one twin.
+    fn take(
+        &mut self,
+        now: Duration,
+        priority: AlertPriority,
+        like: impl Fn(&Alerted) -> bool,
+    ) -> bool {
         self.alerted.retain(|one| one.until > now);
-        let place = self.alerted.iter().position(like);
+        if !may_be_dropped(priority) {
+            return false;
+        }
+        let twin = |one: &Alerted| one.priority == priority && like(one);
+        let place = self.alerted.iter().position(twin);
         place.is_some_and(|place| self.alerted.remove(place).is_some())
     }
+}
+
+/// Whether an alert of this priority may be left to another one that says the same, as far as can be judged.
+fn may_be_dropped(priority: AlertPriority) -> bool {
+    matches!(priority, AlertPriority::Caution | AlertPriority::Nominal)
 }
 
 /// Subsystem ID of what the autopilot reports of itself: VSM specific.
 pub(super) const AUTOPILOT_SUBSYSTEM: SubsystemId = SubsystemId::from_raw(20);
 /// PX4 sends both in the same round of its loop; a lost event is requested again for up to 2.5 s.
 const TWIN_WITHIN: Duration = Duration::from_secs(3);
+/// PX4 sends a report in one go; what is lost of it is requested again for up to 2.5 s.
+const REPORT_WITHIN: Duration = Duration::from_secs(3);
 /// Events, and texts, that wait for their twins.
 const MAX_WAITING: usize = 32;
 /// PX4's navigation states that a CUCS commands, as bits: mission, loiter, return, take-off, land.
@@ -262,4 +318,9 @@ const CHECKS_OVER: &str = "the vehicle's checks before arming no longer fail";
 const EVENTS: Rate = Rate {
     cost: Duration::from_millis(250),
     burst: Duration::from_secs(8),
+};
+/// Sixteen a second, 64 at once: more than anybody reads, and less than drowns the stations.
+const EMERGENCIES: Rate = Rate {
+    cost: Duration::from_micros(62_500),
+    burst: Duration::from_secs(4),
 };
