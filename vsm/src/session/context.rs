@@ -11,6 +11,7 @@ use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
 use mapping::area::Areas;
 use mapping::limits::{Limits, Performance};
+use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::payload::Equipment;
 use mapping::plan::Plan;
@@ -277,6 +278,13 @@ impl ParameterView<'_> {
         let mut names = Performance::NAMES.iter().chain(&Limits::NAMES).chain(wings);
         self.reading && names.any(|name| self.get(name).is_none())
     }
+}
+
+/// Whether a wing flies a mission whose item is not known, as after each silence: it may be the touch-down.
+pub(crate) fn may_be_on_final(telemetry: &Telemetry) -> bool {
+    telemetry.airframe().has_wings()
+        && telemetry.mode == Some(Px4Mode::MISSION)
+        && telemetry.mission.is_none()
 }
 
 impl MissionView<'_> {

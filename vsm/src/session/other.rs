@@ -14,6 +14,9 @@ use mapping::mode::Px4Mode;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavState;
 
+/// A failsafe of PX4 that holds: what it was to do may follow, or nothing ever.
+pub(crate) const FAILSAFE_HOLD: Other = Other::Failsafe(Px4Mode::LOITER);
+
 /// Who has the vehicle, and the mode that it is in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Other {

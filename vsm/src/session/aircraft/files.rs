@@ -4,11 +4,13 @@
 //! serial lines everything is requested piece by piece at a set rate, and the checksum of a large file, during which PX4
 //! receives nothing, is left for the ground. Nothing is written or removed while the vehicle may be armed.
 
+use mapping::event::Catalogue;
 use mavlink_link::service::ftp::{Event, Operation};
 
 use super::Aircraft;
 use crate::config::LinkAddress;
 use crate::session::effects::{DliEffects, Effects};
+use crate::session::event_metadata::KEY_FILE;
 use crate::session::files::{FileAccess, FileEvent, FileRefusal, MAX_IN_FLIGHT};
 use crate::session::log::LogLevel;
 use crate::session::reports;
@@ -86,6 +88,10 @@ impl Aircraft {
         }
         let now = dli.now.mono;
         let ended = self.event_metadata.advance(now, &mut self.services);
+        if self.event_metadata.take_outdated() {
+            // Numbers alone are better than the texts of another firmware.
+            self.observe(dli, reports::Input::DefineEvents(Catalogue::default()));
+        }
         match ended {
             None => {}
             Some(Ok(catalogue)) => {
@@ -119,6 +125,10 @@ impl Aircraft {
             return;
         }
         self.set_file_rate();
+        // What is known of an operator's last file says nothing of the metadata, which is never large.
+        if self.event_metadata.is_reading() {
+            return;
+        }
         let Some(state) = self.may_fly() else {
             return;
         };
@@ -156,5 +166,3 @@ impl Aircraft {
 
 /// Requested and answered in flight, bytes a second on the wire: a seventh of a radio of 57 600 baud downwards, less upwards.
 const IN_FLIGHT_BYTES_PER_S: u32 = 8_000;
-/// A part of the name of PX4's key file, `/fs/microsd/mavlink/mavlink-signing-key.bin`.
-const KEY_FILE: &str = "mavlink-signing-key";

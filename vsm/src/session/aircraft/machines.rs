@@ -57,6 +57,8 @@ impl Aircraft {
             common: context!(self, dli),
             mission: self.mission.view(&self.vehicle, &self.services),
             flight: self.flight.view(),
+            other: self.flight.shown_other(&self.vehicle, dli.now.mono),
+            only_holds: self.flight.only_holds(dli.now.mono),
             rights: self.authority.rights(),
         };
         self.held.handle(&context, input, effects!(self, dli));

@@ -10,8 +10,9 @@ use super::rules::{Handover, Silence};
 use super::{AuthorityMachine, Context, Of, Unstored};
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
+use crate::session::context::may_be_on_final;
 use crate::session::effects::{Effects, Request};
-use crate::session::other::Other;
+use crate::session::other::{FAILSAFE_HOLD, Other};
 
 impl AuthorityMachine {
     pub(super) fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -131,6 +132,10 @@ fn what_follows(context: &Context<'_>) -> String {
     if interrupts && mission.is_on_final(telemetry) {
         return "vehicle is on its final approach, which it completes".to_owned();
     }
+    if interrupts && may_be_on_final(telemetry) {
+        return "nothing is commanded before it is known whether the vehicle is on its final approach"
+            .to_owned();
+    }
     if let (true, Some(mode)) = (context.shows_loss_action, telemetry.mode) {
         return format!(
             "vehicle is in {} already, nothing is commanded",
@@ -140,6 +145,9 @@ fn what_follows(context: &Context<'_>) -> String {
     if interrupts || context.steering {
         match context.other {
             Some(other @ Other::Pilot(_)) => return format!("{other}; nothing is commanded"),
+            Some(other) if other == FAILSAFE_HOLD => {
+                return format!("{other}; nothing is commanded before it ends, for 30 s at most");
+            }
             Some(other) => return format!("{other}; nothing is commanded before it ends"),
             None => {}
         }
@@ -165,6 +173,7 @@ const DISK_WITHIN: Duration = Duration::from_secs(1);
 #[cfg(test)]
 mod tests {
     use mapping::mode::Px4Mode;
+    use mavlink_link::dialect::MavType;
 
     use super::*;
     use crate::session::testing::World;
@@ -187,10 +196,13 @@ mod tests {
     fn nothing_is_announced_that_is_not_commanded() {
         let mut world = World::airborne(Px4Mode::MISSION);
         assert_eq!(announced(&mut world, None), "commanding return");
+        world.vehicle.telemetry.vehicle_type = Some(MavType::MAV_TYPE_FIXED_WING);
+        assert!(announced(&mut world, None).starts_with("nothing is commanded before"));
+        world.vehicle.telemetry.vehicle_type = Some(MavType::MAV_TYPE_QUADROTOR);
         let pilot = Some(Other::Pilot(Px4Mode::POSCTL));
         assert!(announced(&mut world, pilot).ends_with("nothing is commanded"));
         let failsafe = Some(Other::Failsafe(Px4Mode::LOITER));
-        assert!(announced(&mut world, failsafe).ends_with("nothing is commanded before it ends"));
+        assert!(announced(&mut world, failsafe).ends_with("before it ends, for 30 s at most"));
         world.show_mode(Px4Mode::RTL);
         let text = announced(&mut world, None);
         assert_eq!(text, "vehicle is in AUTO.RTL already, nothing is commanded");

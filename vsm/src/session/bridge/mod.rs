@@ -208,7 +208,7 @@ impl Bridge {
             translated: VecDeque::new(),
             sent_to_group: VecDeque::new(),
             shown_holders: Vec::new(),
-            zeroize: Zeroize::new(config.zeroize),
+            zeroize: Zeroize::new(config.zeroize, config.dli.open_at().is_empty()),
             warnings: config.warnings(),
             started: now.mono,
         };

@@ -16,16 +16,28 @@ use crate::session::context::MissionView;
 use crate::session::effects::{Effects, Request};
 use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{self, Maneuver};
-use crate::session::other::Other;
+use crate::session::other::{FAILSAFE_HOLD, Other};
 
 impl Flight {
-    /// Who else has the vehicle, by a report that is newer than the last command. POSCTL with the sticks (2010) of a CUCS is
-    /// commanded from here.
+    /// Who else has the vehicle, as it showed that last. POSCTL with the sticks (2010) of a CUCS is commanded from here.
+    pub(crate) fn shown_other(&self, vehicle: &VehicleState, now: Duration) -> Option<Other> {
+        let telemetry = &vehicle.telemetry;
+        let by_sticks = telemetry.mode == Some(Px4Mode::POSCTL) && self.sticks.steer(now);
+        Other::of(telemetry).filter(|other| !(by_sticks && matches!(other, Other::Pilot(_))))
+    }
+
+    /// The same by a report that is newer than the last command, and no more where a failsafe only holds: a hold of PX4 that
+    /// was to lead to a return or a landing has done so by then, any other lasts until somebody commands a mode.
     pub(crate) fn other(&self, vehicle: &VehicleState, now: Duration) -> Option<Other> {
-        let mode = vehicle.settled_mode()?;
-        let by_sticks = mode == Px4Mode::POSCTL && self.sticks.steer(now);
-        Other::of(&vehicle.telemetry)
-            .filter(|other| !(by_sticks && matches!(other, Other::Pilot(_))))
+        vehicle.settled_mode()?;
+        let other = self.shown_other(vehicle, now);
+        other.filter(|other| !(*other == FAILSAFE_HOLD && self.only_holds(now)))
+    }
+
+    /// Whether a failsafe of PX4 has held the vehicle for so long that nothing follows from it.
+    pub(crate) fn only_holds(&self, now: Duration) -> bool {
+        let since = self.watched.holds_since;
+        since.is_some_and(|since| now.saturating_sub(since) >= FAILSAFE_ACTS_WITHIN)
     }
 
     /// Whether the vehicle flies already what would be commanded for a lost controller, so that nothing is.
@@ -62,6 +74,10 @@ impl Flight {
 
     pub(super) fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let telemetry = &context.vehicle.telemetry;
+        let item_unknown = self
+            .watched
+            .item_unknown_since
+            .is_some_and(|since| context.mono().saturating_sub(since) < ITEM_WITHIN);
         let loss = LossContext {
             now: context.mono(),
             live: context.vehicle.live(),
@@ -72,7 +88,7 @@ impl Flight {
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
             // A command of the VSM itself that waits for its route is the action's own.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
-            on_final: context.mission.is_on_final(telemetry),
+            on_final: context.mission.is_on_final(telemetry) || item_unknown,
             may_change_mission: context.mission.may_change.is_ok(),
             other: self.other(context.vehicle, context.mono()),
         };
@@ -110,7 +126,9 @@ impl Flight {
             return;
         }
         // A launch puts it on hold before it arms it.
-        if let (false, Some(Other::Pilot(mode))) = (flies, Other::of(telemetry)) {
+        if let (false, Some(Other::Pilot(mode))) =
+            (flies, self.shown_other(context.vehicle, context.mono()))
+        {
             return effects.warn_of_link(format!(
                 "the launch that a restart of the VSM interrupted: the vehicle is armed on the ground in {}, and left to its \
                  pilot",
@@ -129,11 +147,16 @@ impl Flight {
     }
 
     /// Drops a command that waits for its route where a pilot or a failsafe has taken the vehicle meanwhile: an upload takes many
-    /// seconds on a slow radio, and the command would then take the vehicle from them.
-    pub(super) fn give_way(context: &Context<'_>, effects: &mut Effects<'_>) {
+    /// seconds on a slow radio, and the command would then take the vehicle from them. By a report since the last command: an
+    /// earlier one may show POSCTL by sticks that this command has released.
+    pub(super) fn give_way(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if !self.watched.mode_changed || context.vehicle.settled_mode().is_none() {
+            return;
+        }
+        self.watched.mode_changed = false;
         if let (true, Some(other)) = (
             context.mission.waiting_command().is_some(),
-            Other::of(&context.vehicle.telemetry),
+            self.other(context.vehicle, context.mono()),
         ) {
             effects.request(Request::DropWaitingCommand {
                 why: other.to_string(),
@@ -142,3 +165,8 @@ impl Flight {
         }
     }
 }
+
+/// PX4 holds for COM_FAIL_ACT_T, 25 s at most, before it does what a failsafe is to do.
+const FAILSAFE_ACTS_WITHIN: Duration = Duration::from_secs(30);
+/// MISSION_CURRENT comes once a second, and may be lost.
+const ITEM_WITHIN: Duration = Duration::from_secs(5);

@@ -6,7 +6,8 @@
 //! is silent nothing can be commanded: it flies its own failsafe, and the action resumes when the link is back. A wing on
 //! its final approach lands: any other mode would turn it, or circle it, a few metres above the ground. Where PX4 aborts
 //! that landing, the action is flown. A pilot who has taken the vehicle keeps it, and the action is over: they have it in
-//! sight, and must not lose it to a mode that nobody commands. While PX4 flies a failsafe the action waits for its end.
+//! sight, and must not lose it to a mode that nobody commands. While PX4 flies a failsafe the action waits for its end; of one
+//! that only holds, and would do so for ever, not for long (`by_itself`).
 //!
 //! ```text
 //! idle --begin--> trying(action, n) --shown / on the ground / controlled / a pilot's--> idle
@@ -22,7 +23,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
-use crate::session::other::Other;
+use crate::session::other::{FAILSAFE_HOLD, Other};
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -60,7 +61,7 @@ pub(super) struct LossContext {
     /// A maneuver is in progress, or a route is being uploaded for a mode command: another command now would conflict
     /// with it.
     pub(super) busy: bool,
-    /// A wing flies to its touch-down.
+    /// A wing flies to its touch-down, or may do so.
     pub(super) on_final: bool,
     /// A route can be uploaded now.
     pub(super) may_change_mission: bool,
@@ -135,8 +136,13 @@ impl LossAction {
         let next_at = context.now + RETRY_INTERVAL;
         if let Some(other) = other {
             let (priority, comms) = (AlertPriority::Warning, SubsystemId::Comms);
+            let held = if other == FAILSAFE_HOLD {
+                ", 30 s at most"
+            } else {
+                ""
+            };
             let text = format!(
-                "nobody controls the vehicle, and {other}: the loss action waits for its end"
+                "nobody controls the vehicle, and {other}: the loss action waits for its end{held}"
             );
             effects.raise(Cause::LossAction, priority, comms, text);
         }
@@ -158,7 +164,7 @@ impl LossAction {
             action = Action::Return;
         }
         if before.tries == 0 {
-            effects.clear(Cause::LossAction, "PX4's failsafe has ended");
+            effects.clear(Cause::LossAction, "PX4's failsafe has ended, or only holds");
         } else {
             let text = if before.action == action {
                 format!(

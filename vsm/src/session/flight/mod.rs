@@ -22,6 +22,7 @@ mod steering;
 mod sticks;
 #[cfg(test)]
 mod tests;
+mod watched;
 mod wings;
 
 use std::ops::Deref;
@@ -48,6 +49,7 @@ use self::loss_action::LossAction;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
+use self::watched::Watched;
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
 use super::duplicates::Seen;
 use super::effects::{Effects, Request};
@@ -77,6 +79,7 @@ pub(crate) struct Flight {
     /// The last 2008.
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
+    watched: Watched,
     /// Where AUTO.LAND began, while the vehicle is in it, m above mean sea level.
     landing_from_m: Option<f64>,
     /// A restart of the VSM cut off a launch, and what became of it is not known yet.
@@ -234,6 +237,7 @@ impl Flight {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
+        self.watched.note(context.vehicle, context.mono());
         self.held = context.termination.holds;
         if self.held {
             match input {
@@ -262,7 +266,17 @@ impl Flight {
                 origin,
                 command,
                 just_loaded,
-            } => self.operate(context, origin, command, just_loaded, effects),
+            } => {
+                // A failsafe that holds changes no mode while the vehicle is on hold for the upload.
+                if let (None, true, Some(other)) = (
+                    origin,
+                    just_loaded,
+                    self.other(context.vehicle, context.mono()),
+                ) {
+                    return effects.refuse(None, other.to_string());
+                }
+                self.operate(context, origin, command, just_loaded, effects);
+            }
             Input::Hold => {
                 let hold = maneuver::enter(&[Px4Mode::LOITER]);
                 let maneuver = Maneuver::new(hold, Commanded::default());
@@ -309,7 +323,8 @@ impl Flight {
             }
             Input::ModeChanged => {
                 self.forget_commanded(context);
-                Self::give_way(context, effects);
+                self.watched.mode_changed = true;
+                self.give_way(context, effects);
                 // Also where PX4's own failsafe lands.
                 let telemetry = &context.vehicle.telemetry;
                 let lands = telemetry.mode == Some(Px4Mode::LAND);
@@ -320,6 +335,7 @@ impl Flight {
                 // Streams before modes: PX4 rejects POSCTL without sticks and OFFBOARD without set points.
                 self.stream_sticks(context, effects);
                 self.stream_set_points(context, effects);
+                self.give_way(context, effects);
                 self.advance(context, effects);
             }
             Input::WatchLossAction => self.fly_loss_action(context, effects),

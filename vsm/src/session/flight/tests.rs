@@ -1,6 +1,7 @@
 //! The machine without the others: commands go in, the vehicle's side is played by the test.
 
-use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult, MavState, MavType};
+use mapping::telemetry::MissionProgress;
+use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult, MavState, MavType, MissionState};
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
 use stanag_msgs::scalar::{Bam16, Scaled};
@@ -677,5 +678,127 @@ fn a_pilot_who_takes_over_between_two_steps_keeps_the_aircraft() {
             Some(_) => &[],
         };
         assert_eq!(world.commanded_modes(), expected, "{taken:?}");
+    }
+}
+
+/// The controller is lost, and the vehicle is to return.
+fn lose(world: &mut World, flight: &mut Flight) {
+    world.settings.authority.on_loss = OnLoss::Rtl;
+    world.controller = None;
+    handle(world, flight, Input::ControllerLost);
+}
+
+/// What is commanded in so many seconds.
+fn watch(world: &mut World, flight: &mut Flight, seconds: u64) -> Vec<Px4Mode> {
+    for _ in 0..seconds {
+        world.advance(Duration::from_secs(1));
+        handle(world, flight, Input::WatchLossAction);
+        handle(world, flight, Input::Advance);
+    }
+    world.commanded_modes()
+}
+
+#[test]
+fn a_failsafe_that_only_holds_is_respected_for_half_a_minute_and_one_that_does_more_for_ever() {
+    for (mode, acts) in [
+        (Px4Mode::LOITER, true),
+        (Px4Mode::MISSION, false),
+        (Px4Mode::TERMINATION, false),
+    ] {
+        let (mut world, mut flight) = (World::airborne(mode), Flight::default());
+        world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+        lose(&mut world, &mut flight);
+        assert_eq!(watch(&mut world, &mut flight, 28), [], "{mode:?}");
+        let expected: &[Px4Mode] = if acts { &[Px4Mode::RTL] } else { &[] };
+        let commanded = watch(&mut world, &mut flight, 5);
+        assert_eq!(commanded.first(), expected.first(), "{mode:?}");
+    }
+}
+
+#[test]
+fn a_failsafe_that_returns_after_its_hold_is_the_end_of_the_loss_action() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+    lose(&mut world, &mut flight);
+    assert_eq!(watch(&mut world, &mut flight, 25), []);
+    world.show_mode(Px4Mode::RTL);
+    assert_eq!(watch(&mut world, &mut flight, 20), []);
+    assert!(!flight.view().loss_action);
+}
+
+#[test]
+fn a_wing_that_may_be_on_its_final_approach_is_not_taken_off_it() {
+    let wing = || {
+        let mut world = World::airborne(Px4Mode::MISSION);
+        world.vehicle.telemetry.vehicle_type = Some(MavType::MAV_TYPE_FIXED_WING);
+        (world, Flight::default())
+    };
+    let (mut world, mut flight) = wing();
+    lose(&mut world, &mut flight);
+    assert_eq!(watch(&mut world, &mut flight, 4), []);
+    // Its link was gone once more.
+    world.vehicle.set_silent();
+    assert_eq!(watch(&mut world, &mut flight, 10), []);
+    world.vehicle.set_live();
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(watch(&mut world, &mut flight, 4), []);
+    assert!(flight.view().loss_action);
+    let commanded = watch(&mut world, &mut flight, 4);
+    assert_eq!(commanded.first(), Some(&Px4Mode::RTL), "it reports none");
+    // The item is known, and no touch-down of a mission of ours.
+    let (mut world, mut flight) = wing();
+    lose(&mut world, &mut flight);
+    assert_eq!(watch(&mut world, &mut flight, 1), []);
+    world.vehicle.telemetry.mission = Some(MissionProgress {
+        seq: 1,
+        total: Some(3),
+        state: MissionState::MISSION_STATE_ACTIVE,
+        mission_id: 0,
+        fence_id: 0,
+        rally_points_id: 0,
+    });
+    let commanded = watch(&mut world, &mut flight, 2);
+    assert_eq!(commanded.first(), Some(&Px4Mode::RTL));
+}
+
+#[test]
+fn a_route_of_the_loss_action_is_not_flown_over_a_failsafe_that_began_during_its_upload() {
+    for failsafe in [true, false] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        if failsafe {
+            world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+        }
+        let fly = Input::Fly {
+            origin: None,
+            command: &select(Mode::AutolandEngage),
+            just_loaded: true,
+        };
+        handle(&mut world, &mut flight, fly);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(flight.view().maneuver, !failsafe);
+    }
+}
+
+#[test]
+fn a_late_report_of_sticks_that_were_released_drops_no_command_that_waits_for_its_route() {
+    for taken in [false, true] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        world.transfer = context::Transfer::Running {
+            owner: None,
+            waiting_command: Some(None),
+        };
+        // The hold of the upload has been sent; this report was made before.
+        world.show_mode(Px4Mode::POSCTL);
+        world.command_was_sent();
+        handle(&mut world, &mut flight, Input::ModeChanged);
+        assert!(world.requests.is_empty());
+        let newer = if taken {
+            Px4Mode::POSCTL
+        } else {
+            Px4Mode::LOITER
+        };
+        world.show_mode(newer);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.requests.is_empty(), !taken);
     }
 }

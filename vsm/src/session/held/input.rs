@@ -7,6 +7,7 @@ use stanag_msgs::enums::AckType;
 
 use crate::session::authority::rules::Authority;
 use crate::session::context::{self, FlightView, MissionView, Origin};
+use crate::session::other::Other;
 
 /// What it reads.
 #[derive(Debug, Clone, Copy)]
@@ -14,6 +15,10 @@ pub(crate) struct Context<'a> {
     pub(crate) common: context::Context<'a>,
     pub(crate) mission: MissionView<'a>,
     pub(crate) flight: FlightView<'a>,
+    /// Who else has the vehicle, as it showed that last.
+    pub(crate) other: Option<Other>,
+    /// Its failsafe has held it for so long that nothing follows from it.
+    pub(crate) only_holds: bool,
     /// Who holds which right now.
     pub(crate) rights: &'a Authority,
 }

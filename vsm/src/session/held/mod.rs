@@ -44,7 +44,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::flight;
 use super::mission::record::unhex;
-use super::other::Other;
+use super::other::{FAILSAFE_HOLD, Other};
 use crate::config::OnLoss;
 
 /// The machine.
@@ -431,11 +431,20 @@ impl Held {
             Look::Nearer => true,
             // It waits on until the vehicle is received, or its time is over.
             Look::Met if !context.vehicle.live() => false,
+            // It is there for this loss: the hold of what was steered comes first, and a failsafe of PX4 that may only hold.
+            Look::Met if self.is_for_loss(index) && moves(&message) && holds_first(context) => {
+                false
+            }
             Look::Met => {
                 self.carry_out(context, index, message, effects);
                 false
             }
         }
+    }
+
+    fn is_for_loss(&self, index: usize) -> bool {
+        let entry = self.entries.get(index);
+        entry.is_some_and(|entry| entry.condition == Condition::LinkLost)
     }
 
     fn carry_out(
@@ -445,7 +454,7 @@ impl Held {
         message: Message,
         effects: &mut Effects<'_>,
     ) {
-        if let Err(why) = undisturbed(context, &message) {
+        if let Err(why) = undisturbed(context, &message, self.is_for_loss(index)) {
             return self.end(context, index, State::Refused, &why, effects);
         }
         let Some(entry) = self.entries.get_mut(index) else {
@@ -493,9 +502,9 @@ impl Held {
                 }
                 // What waits for the loss of the CUCS begins with the loss action, all else gives way to it.
                 (true, true) if self.entries[index].condition == Condition::LinkLost => {
-                    flown_from_here(context, &one.message)
+                    flown_from_here(context, &one.message, true)
                 }
-                (true, true) => undisturbed(context, &one.message),
+                (true, true) => undisturbed(context, &one.message, false),
             };
             match result {
                 Ok(()) => self.request(context, index, one.message, effects),
@@ -735,30 +744,39 @@ fn moves(message: &Message) -> bool {
 
 /// Whether nobody else flies the vehicle: a command that arrives is an operator's who sees what it does; one that was given
 /// an hour ago does not know that a pilot or a failsafe has taken it since.
-fn undisturbed(context: &Context<'_>, message: &Message) -> Result<(), String> {
+fn undisturbed(context: &Context<'_>, message: &Message, for_loss: bool) -> Result<(), String> {
     if !moves(message) {
         return Ok(());
     }
     if context.flight.loss_action {
         return Err("the vehicle flies the loss action".to_owned());
     }
-    flown_from_here(context, message)
+    flown_from_here(context, message, for_loss)
 }
 
 /// The same without the loss action, which may begin with what is due when the CUCS is lost.
-fn flown_from_here(context: &Context<'_>, message: &Message) -> Result<(), String> {
+fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> Result<(), String> {
     let telemetry = &context.vehicle.telemetry;
     let armed = telemetry.armed == Some(true);
     if !moves(message) || !(armed || telemetry.airborne()) {
         return Ok(());
     }
-    match Other::of(telemetry) {
+    let ends_never = for_loss && context.only_holds;
+    match context
+        .other
+        .filter(|other| !(ends_never && *other == FAILSAFE_HOLD))
+    {
         // On the ground a failsafe means nothing yet; who has armed it by hand is about to take off.
         Some(other @ Other::Pilot(_)) => Err(other.to_string()),
         Some(other) if telemetry.airborne() => Err(other.to_string()),
         None if telemetry.mode.is_none() => Err("the mode of the vehicle is not known".to_owned()),
         _ => Ok(()),
     }
+}
+
+/// Whether the vehicle is put on hold, or held by a failsafe that may yet do more.
+fn holds_first(context: &Context<'_>) -> bool {
+    context.flight.loss_action || (context.other == Some(FAILSAFE_HOLD) && !context.only_holds)
 }
 
 /// Whether it is a launch.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
-use mavlink_link::dialect::MavLandedState;
+use mavlink_link::dialect::{MavLandedState, MavState};
 use mavlink_link::store::MemoryDisk;
 use proptest::prelude::*;
 use stanag_msgs::enums::{
@@ -14,11 +14,13 @@ use stanag_msgs::messages::{HeldCommandCancel, HoldCommand, VehicleOperatingMode
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, Text, TimeStamp};
 
 use super::{Context, Held, Input};
+use crate::config::OnLoss;
 use crate::session::authority::rules::{
     Access, Asker, Authority, CONTROL, Circumstances, Rights, Stations,
 };
 use crate::session::context::Origin;
 use crate::session::effects::Request;
+use crate::session::other::{FAILSAFE_HOLD, Other};
 use crate::session::testing::{CUCS, World, acknowledgements, origin};
 
 /// What happens.
@@ -82,6 +84,8 @@ struct Scene {
     given: BTreeMap<u64, Given>,
     stamp: u64,
     running: Vec<u32>,
+    only_holds: bool,
+    loss_action: bool,
 }
 
 impl Scene {
@@ -93,6 +97,8 @@ impl Scene {
             given: BTreeMap::new(),
             stamp: 1_000_000,
             running: Vec::new(),
+            only_holds: false,
+            loss_action: false,
         };
         scene.control(1);
         scene
@@ -130,11 +136,15 @@ impl Scene {
     /// Lets the machine act, and holds what it wants carried out against what it may.
     fn act(&mut self, input: Input<'_>) {
         let (held, rights) = (&mut self.held, &self.rights);
-        self.world.act(|common, views, effects| {
+        let (only_holds, loss_action) = (self.only_holds, self.loss_action);
+        self.world.act(|common, mut views, effects| {
+            views.flight.loss_action = loss_action;
             let context = Context {
                 common,
                 mission: views.mission,
                 flight: views.flight,
+                other: Other::of(&common.vehicle.telemetry),
+                only_holds,
                 rights,
             };
             held.handle(&context, input, effects);
@@ -370,4 +380,85 @@ fn what_a_pilot_has_armed_on_the_ground_is_theirs() {
         let given = scene.given.values().next().expect("given");
         assert_eq!(given.carried_out, carried_out, "{mode:?}");
     }
+}
+
+/// A contingency of a lost CUCS, and how often it has been carried out.
+fn for_loss() -> (Scene, impl Fn(&mut Scene) -> u32) {
+    let mut scene = Scene::new();
+    scene.world.settings.authority.on_loss = OnLoss::Continue;
+    scene.stamp += 1;
+    let Message::HoldCommand(command) = hold(scene.stamp, 1, None, 200, true) else {
+        panic!("it is a 50020");
+    };
+    let command = HoldCommand {
+        hold_condition: Some(HoldCondition::LinkLost),
+        condition_percent: None,
+        ..command
+    };
+    assert!(scene.send(&command.into()).contains(&AckType::Received));
+    let given = Given {
+        number: 1,
+        until: scene.world.now.mono + Duration::from_secs(200),
+        contingency: true,
+        cancelled: false,
+        carried_out: 0,
+    };
+    scene.given.insert(scene.stamp, given);
+    let station = &mut scene.world.stations[0];
+    (station.received, station.sends_heartbeats) = (Some(scene.world.now.mono), true);
+    scene.world.advance(Duration::from_secs(60));
+    scene.control(0);
+    let count = |scene: &mut Scene| {
+        scene.play(&Step::Pass(2_000));
+        scene.given.values().next().expect("given").carried_out
+    };
+    (scene, count)
+}
+
+#[test]
+fn a_contingency_of_a_lost_cucs_waits_for_a_failsafe_that_may_only_hold_and_for_the_hold_of_what_was_steered()
+ {
+    let (mut scene, count) = for_loss();
+    scene.world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+    for _ in 0..5 {
+        assert_eq!(count(&mut scene), 0, "it may return, or land");
+    }
+    scene.only_holds = true;
+    assert_eq!(count(&mut scene), 1);
+
+    let (mut scene, count) = for_loss();
+    scene.loss_action = true;
+    assert_eq!(count(&mut scene), 0);
+    scene.loss_action = false;
+    assert_eq!(count(&mut scene), 1);
+}
+
+#[test]
+fn a_contingency_of_a_lost_cucs_is_refused_where_a_failsafe_returns() {
+    let (mut scene, count) = for_loss();
+    scene.world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+    scene.world.show_mode(Px4Mode::RTL);
+    assert_eq!(count(&mut scene), 0);
+    scene.world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_ACTIVE);
+    scene.world.show_mode(Px4Mode::LOITER);
+    assert_eq!(count(&mut scene), 0, "it has ended");
+}
+
+#[test]
+fn a_command_that_is_no_contingency_of_a_loss_is_never_carried_out_against_a_failsafe() {
+    let mut scene = Scene::new();
+    scene.world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+    assert_eq!(
+        Other::of(&scene.world.vehicle.telemetry),
+        Some(FAILSAFE_HOLD)
+    );
+    scene.only_holds = true;
+    scene.play(&Step::Give {
+        number: 1,
+        after_s: Some(2),
+        valid_s: 10,
+        contingency: true,
+    });
+    scene.play(&Step::Pass(3_000));
+    assert_eq!(scene.given.values().next().expect("given").carried_out, 0);
 }

@@ -52,7 +52,7 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
             let stored = erase::begin(&mut disk, &order).map_err(|fault| fault.to_string());
             core.bridge
                 .zeroize_stored(now, stored.clone(), &mut core.store);
-            Some(stored)
+            Some(stored.map(|_| ()))
         });
         let Some(stored) = stored else { continue };
         let ended = stored.is_ok();

@@ -1,0 +1,31 @@
+//! What a vehicle has shown for how long: a hold of PX4 that nothing follows, a wing that may be on its final approach.
+
+use std::time::Duration;
+
+use crate::session::context::may_be_on_final;
+use crate::session::link::state::VehicleState;
+use crate::session::other::{FAILSAFE_HOLD, Other};
+
+/// What the vehicle has shown for how long.
+#[derive(Debug, Default)]
+pub(super) struct Watched {
+    /// It holds, as a failsafe of PX4, since then.
+    pub(super) holds_since: Option<Duration>,
+    /// A wing flies a mission and has not reported which item, since then.
+    pub(super) item_unknown_since: Option<Duration>,
+    /// Its mode has changed, and no report since the last command has shown that yet.
+    pub(super) mode_changed: bool,
+}
+
+impl Watched {
+    pub(super) fn note(&mut self, vehicle: &VehicleState, now: Duration) {
+        let since = |before: Option<Duration>, so: bool| so.then(|| before.unwrap_or(now));
+        let unknown = vehicle.live() && may_be_on_final(&vehicle.telemetry);
+        self.item_unknown_since = since(self.item_unknown_since, unknown);
+        // A report of before the last command shows no end of it.
+        if vehicle.live() && vehicle.settled_mode().is_some() {
+            let holds = Other::of(&vehicle.telemetry) == Some(FAILSAFE_HOLD);
+            self.holds_since = since(self.holds_since, holds);
+        }
+    }
+}
