@@ -1,6 +1,6 @@
 //! The key files of the DLI guard: made, rotated and revoked on the VSM's computer, and copied to the CUCS's by its operator.
 //!
-//! Beside a file that was rotated lies `FILE.previous`: it is accepted until [`OVERLAP`] after the rotation, so that the copy may
+//! Beside a file that was rotated lies `FILE.previous`: it is accepted until `OVERLAP` after the rotation, so that the copy may
 //! take its time while the station flies.
 
 use std::ffi::OsString;

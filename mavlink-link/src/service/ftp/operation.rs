@@ -15,7 +15,7 @@ use super::write::{MAX_WRITE, Writing};
 pub struct Resume {
     /// Bytes that it had, from the beginning.
     pub offset: u32,
-    /// Their [`crc32`]: that of the whole file shows at the end whether they belong to it.
+    /// Their `crc32`: that of the whole file shows at the end whether they belong to it.
     pub crc: u32,
 }
 
@@ -71,7 +71,7 @@ pub enum Done {
     Created,
 }
 
-/// What a [`Client`] reports; every operation ends in exactly one [`Event::Ended`].
+/// What a `Client` reports; every operation ends in exactly one [`Event::Ended`].
 #[derive(Clone, PartialEq, Debug)]
 pub enum Event {
     /// A file is open.
