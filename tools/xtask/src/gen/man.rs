@@ -286,6 +286,7 @@ const EXAMPLES: &[&str] = &[
     "curve-plan fit track.csv fitted.route.toml --height 30 --g1",
     "curve-plan check everland.route.toml --speed 8",
     "curve-plan plot everland.route.toml everland.svg",
+    "curve-plan rally field.plan",
     "curve-plan convert survey.plan survey.route.toml",
     "curve-plan send everland.route.toml --vsm 127.0.0.1:4586",
 ];
