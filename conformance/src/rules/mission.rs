@@ -298,7 +298,7 @@ fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
     a_refusal_does_not_end_the_flight(t)
 }
 
-/// The route that is flown goes on when another upload is refused.
+/// The route that is flown continues when another upload is refused.
 fn a_refusal_does_not_end_the_flight(t: &Trial) -> Judged {
     if !t
         .bench

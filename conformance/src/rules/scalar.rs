@@ -327,7 +327,7 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
         .filter(|rate| *rate != 0)
         .collect();
     hold(t, &a)?;
-    // Where half a turn may lie between two positions of a fast simulation, neither way can be told.
+    // Where half a turn may lie between two positions of a fast simulation, neither way can be excluded.
     let Some(moved) = moved.filter(|fix| turned(fix).abs() < 2.0) else {
         t.note("the way of the turn is not seen between two positions");
         return Ok(());

@@ -23,7 +23,7 @@ pub enum Event {
     Received(Received),
     /// So many did not arrive, and cannot be had any more.
     Lost(u16),
-    /// The vehicle counts anew: what it had begun to report is not continued.
+    /// The vehicle counts from the beginning: what it had begun to report is not continued.
     Restarted,
 }
 
@@ -85,7 +85,7 @@ impl Client {
         }
     }
 
-    /// The vehicle has restarted, or may have: its numbers begin anew with its next message.
+    /// The vehicle has restarted, or may have: its numbers begin again with its next message.
     pub fn reset(&mut self) {
         self.next = None;
         self.ahead.clear();
@@ -210,7 +210,7 @@ impl Client {
         match after.wrapping_sub(next) {
             0 => {}
             // It counts from an earlier number than before: it has restarted. Unless the message was only overtaken by
-            // events, of which it is told by the next one, 3 s later.
+            // events, which the next one names, 3 s later.
             behind if behind > u16::MAX / 2 => {
                 let since = *self.behind_at.get_or_insert(now);
                 if behind.wrapping_neg() > MAX_OVERTAKEN || now >= since + AGAIN {

@@ -63,7 +63,7 @@ struct Keyed {
 }
 
 /// A datagram that has come from elsewhere than where its sender is: it is believed once more from there, for a moment. Who
-/// copies what he hears, and is faster, would silence the sender otherwise.
+/// copies what he receives, and is faster, would silence the sender otherwise.
 #[derive(Debug)]
 struct Elsewhere {
     trailer: Trailer,

@@ -42,7 +42,7 @@ impl Bridge {
         let id = self.stations[index].id();
         let aircraft = &self.aircraft;
         let commands = LoiBitmap::LOI3.union(CONTROL);
-        // Copies of what a guard has sealed come from wherever they were heard, and may be faster: while the guard is heard
+        // Copies of what a guard has sealed come from wherever they were received, and may be faster: while the guard is received
         // where it is, no other computer takes its place, even if that passes our questions on.
         let peer = self.paths.peer(index);
         let copied = self.guarded.is_some()

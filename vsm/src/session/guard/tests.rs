@@ -153,7 +153,7 @@ fn another_order_is_taken_and_what_was_held_back_is_not() {
     assert_eq!(vsm.open(s(39), &held), Ok(b"held".to_vec()));
     // Also where the station is silent meanwhile: its newest is carried on.
     assert_eq!(vsm.open(s(42), &longer), Err(GuardRefusal::Late));
-    // Behind a thousand others what was never delivered cannot be told from what was.
+    // Behind a thousand others what was never delivered looks like what was.
     let old = cucs.seal(s(60), b"old");
     for n in 0..=WINDOW as u64 {
         let at = s(60) + Duration::from_millis(n);
@@ -325,7 +325,7 @@ fn two_keys_overlap_and_the_answer_has_the_one_that_the_other_end_has() {
     let keys = vec![(key(2), None), (key(1), until)];
     let set = vsm.end.set_keys(keys, Duration::ZERO, now, &mut vsm.disk);
     set.unwrap();
-    // What was taken before stays taken, and the station goes on under its old key.
+    // What was taken before stays taken, and the station continues under its old key.
     assert!(passes(&mut vsm, &mut cucs, s(11)) && passes(&mut cucs, &mut vsm, s(12)));
     assert!(vsm.end.status(s(12)).uses_previous);
     // A restart forgets which one the station has: it is lifted under that which has verified.
