@@ -108,12 +108,12 @@ fn handover_is_reported(t: &Trial) -> Judged {
         },
     )?;
     // Neither of the two is left without it.
-    let told = a.wait(mark, Duration::from_millis(10), |seen| seen.kind() == 35000);
-    let told = told.map_or_else(|| a.query(35000), Ok)?;
-    let taking = told
+    let reported = a.wait(mark, Duration::from_millis(10), |seen| seen.kind() == 35000);
+    let reported = reported.map_or_else(|| a.query(35000), Ok)?;
+    let taking = reported
         .raw("CUCS ID (acquiring control)")
         .map(|raw| stanag_msgs::Id(raw as u32));
-    t.expect_of(&told, taking.is_none_or(|id| id == b.id), || {
+    t.expect_of(&reported, taking.is_none_or(|id| id == b.id), || {
         format!(
             "expected {} as acquiring CUCS in the 35000 to {}, which handed over; got {taking:?}",
             b.id, a.id

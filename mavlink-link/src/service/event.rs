@@ -129,7 +129,7 @@ impl Client {
         if request.left > 0 {
             self.ask(now, request.left - 1);
         } else {
-            // Nothing answers: go on with what is there, or after the newest.
+            // Nothing answers: continue with what is there, or after the newest.
             let missing = self.gap();
             self.skip(missing);
             self.follow(now);

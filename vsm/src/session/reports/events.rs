@@ -67,7 +67,7 @@ impl EventAlerts {
     pub(super) fn restart(&mut self, effects: &mut Effects<'_>) {
         (self.report, self.checks) = (None, Vec::new());
         self.unnamed.clear();
-        let text = "the vehicle has restarted: it checks itself anew before arming";
+        let text = "the vehicle has restarted: it checks itself again before arming";
         effects.clear(Cause::ArmingChecks, text);
     }
 
