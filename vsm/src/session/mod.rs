@@ -113,6 +113,7 @@ pub use authority::rules::{
     Stations,
 };
 pub(crate) use authority::trail::Kind as AuditKind;
+pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap};
 pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
 pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_config};
 pub use counters::{ByType, Counters};

@@ -4,7 +4,7 @@
 //! `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file` and
 //! `key_store` are the signing keys, `guard_file` those of the DLI guard, `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` who is at their
 //! other end; `recording` and `dli_recording` write what passes, `log_pipe` the log; `status_socket`, `pairing_socket`,
-//! `http` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
+//! `web` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
 //! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `guard_proxy` (`vsm guard`), `pairing` (`vsm pair`),
 //! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`). `self_check` is what `vsm doctor` looks at
 //! without a bridge, `erase` what `vsm zeroize` and an order to zeroize do with what these have written.
@@ -18,7 +18,6 @@ pub mod erase;
 pub mod files_socket;
 pub mod guard_file;
 pub mod guard_proxy;
-pub mod http;
 pub mod interfaces;
 pub mod key_file;
 pub mod key_link;
@@ -40,3 +39,4 @@ pub mod status_socket;
 pub mod tasks;
 pub mod tcp;
 mod test_fault;
+pub mod web;

@@ -5,7 +5,7 @@
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
 //! `forwards`: other ground stations; `files`: files of a vehicle;
 //! `guards`: CUCSs with a guard key; `zeroize`: an order to erase all that this VSM has; `editions`: stations of Edition 2.5;
-//! `status`: what the bridge is doing; `reload`: another configuration while it runs.
+//! `status`: what the bridge is doing; `map`: what a map shows beside it; `reload`: another configuration while it runs.
 
 mod arrival;
 mod contingencies;
@@ -15,6 +15,7 @@ mod files;
 mod forwards;
 mod guards;
 mod keys;
+pub(crate) mod map;
 mod port;
 mod reach;
 mod reload;

@@ -1,9 +1,13 @@
 //! What the bridge is doing, for `vsm status` and /status.json. Keys are named by their id only.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use mapping::mode::Px4Mode;
+use mapping::payload::report::Station;
 use mapping::route::Curved;
+use mapping::telemetry::Telemetry;
 use serde::Serialize;
 
 use super::Bridge;
@@ -14,6 +18,7 @@ use crate::session::findings::Finding;
 use crate::session::forward::ForwardStatus;
 use crate::session::guard::GuardStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
+use crate::session::payload;
 
 /// The whole bridge.
 #[derive(Debug, Clone, Serialize)]
@@ -78,6 +83,18 @@ pub struct VehicleStatus {
     pub armed: Option<bool>,
     /// Degrees north, degrees east, metres above mean sea level.
     pub position: Option<[f64; 3]>,
+    /// How it moves.
+    pub motion: MotionStatus,
+    /// Energy left, 0 to 100 %.
+    pub battery_percent: Option<u8>,
+    /// Whether it is on the ground.
+    pub on_ground: Option<bool>,
+    /// The waypoint that it flies to, by the CUCS's number.
+    pub flies_to: Option<u16>,
+    /// Alerts that stand, the most urgent first.
+    pub alerts: Vec<AlertStatus>,
+    /// Where its sensors look.
+    pub looks_at: Vec<FootprintStatus>,
     /// The CUCS that holds LOI 4 or 5.
     pub controller: Option<String>,
     /// The MAVLink system that may command it, 0 for nobody; none where the vehicle does not report it.
@@ -98,6 +115,43 @@ pub struct VehicleStatus {
     pub rally_points: Option<RallyStatus>,
     /// Its MAVLink.
     pub link: LinkStatus,
+}
+
+/// How a vehicle moves, as it reports it.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct MotionStatus {
+    /// Where its nose points, 0 to 360 degrees from true north.
+    pub heading_deg: Option<f64>,
+    /// m/s.
+    pub ground_speed_m_s: Option<f64>,
+    /// m/s.
+    pub air_speed_m_s: Option<f64>,
+    /// Upwards, m/s.
+    pub climb_m_s: Option<f64>,
+    /// Metres above home.
+    pub above_home_m: Option<f64>,
+}
+
+/// An alert that stands.
+#[derive(Debug, Clone, Serialize)]
+pub struct AlertStatus {
+    /// Warning ID of its 16000.
+    pub id: i32,
+    /// Its priority, by name: "emergency", "warning", "caution", ..
+    pub priority: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// Where a sensor of a vehicle looks.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct FootprintStatus {
+    /// The payload station, 1 to 32.
+    pub station: u8,
+    /// The centre of its image on the ground: degrees north and east, metres above mean sea level.
+    pub centre: [f64; 3],
+    /// Distance from the vehicle to it, m.
+    pub range_m: f64,
 }
 
 /// The altitudes that a vehicle must stay within.
@@ -247,11 +301,19 @@ impl Bridge {
                 id: aircraft.id().to_string(),
                 tail_number: aircraft.config.tail_number.clone(),
                 live: aircraft.vehicle.live(),
-                mode: telemetry.mode.map(mapping::mode::Px4Mode::name),
+                mode: telemetry.mode.map(Px4Mode::name),
                 armed: telemetry.armed,
                 position: telemetry
                     .position
                     .map(|at| [at.latitude, at.longitude, at.amsl_m]),
+                motion: motion(telemetry),
+                battery_percent: telemetry.battery,
+                on_ground: telemetry.landed.map(|_| telemetry.stands()),
+                flies_to: (telemetry.mode == Some(Px4Mode::MISSION))
+                    .then(|| aircraft.mission.flies_to(telemetry))
+                    .flatten(),
+                alerts: alerts(aircraft),
+                looks_at: looks_at(aircraft, now),
                 controller: rights.controller().map(|id| id.to_string()),
                 operator_control: link.operator_control.owner(now),
                 rights: rights
@@ -328,6 +390,51 @@ fn set_aside(refused: &Counters) -> Counters {
     set_aside
 }
 
+fn motion(telemetry: &Telemetry) -> MotionStatus {
+    let yaw = telemetry.attitude.map(|attitude| attitude.yaw);
+    MotionStatus {
+        heading_deg: yaw.map(|yaw| yaw.to_degrees().rem_euclid(360.0)),
+        ground_speed_m_s: telemetry.groundspeed,
+        air_speed_m_s: telemetry.airspeed,
+        climb_m_s: telemetry.velocity_ned.map(|[_, _, down]| -down),
+        above_home_m: telemetry.above_home_m,
+    }
+}
+
+fn alerts(aircraft: &Aircraft) -> Vec<AlertStatus> {
+    let mut standing: Vec<_> = aircraft.alerts.standing().collect();
+    standing.sort_by_key(|alert| Reverse(alert.priority.raw()));
+    let shown = standing.into_iter().map(|alert| AlertStatus {
+        id: alert.id,
+        priority: alert.priority.to_string(),
+        text: alert.text.clone(),
+    });
+    shown.collect()
+}
+
+/// By what gimbals and cameras report now: none of a vehicle that is not received.
+fn looks_at(aircraft: &Aircraft, now: Duration) -> Vec<FootprintStatus> {
+    let vehicle = &aircraft.vehicle;
+    let ground = payload::ground(&aircraft.bounds, &vehicle.telemetry);
+    let Some(ground) = ground.filter(|_| vehicle.live()) else {
+        return Vec::new();
+    };
+    let configured: Vec<_> = (aircraft.config.payload.iter())
+        .map(|one| one.equipment())
+        .collect();
+    let seen = vehicle.payloads.stations(&configured).into_iter();
+    let seen = seen.filter_map(|one| {
+        let station = Station::of(one, &vehicle.payloads, now);
+        let at = station.footprint(&vehicle.telemetry, &ground)?;
+        Some(FootprintStatus {
+            station: one.number,
+            centre: [at.place.latitude, at.place.longitude, at.place.amsl_m],
+            range_m: at.range_m,
+        })
+    });
+    seen.collect()
+}
+
 fn altitude_band(aircraft: &Aircraft) -> BandStatus {
     let parameters = aircraft.reports.parameters().values;
     let limits = aircraft.bounds.limits.of(parameters);
@@ -339,7 +446,8 @@ fn altitude_band(aircraft: &Aircraft) -> BandStatus {
 }
 
 fn rally_points(aircraft: &Aircraft) -> Option<RallyStatus> {
-    let (count, id) = aircraft.mission.rally();
+    let (points, id) = aircraft.mission.rally();
+    let count = points.len();
     let shown = aircraft.vehicle.telemetry.mission;
     let named = shown.map(|mission| mission.rally_points_id);
     (count > 0).then(|| RallyStatus {

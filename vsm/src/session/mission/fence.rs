@@ -79,6 +79,19 @@ impl Fence {
         &self.sent
     }
 
+    /// All that the vehicle should hold: those of the configuration, and those that were loaded last.
+    pub(super) fn areas(&self) -> Vec<Area> {
+        // What was loaded was whole.
+        let loaded = self.loaded.whole().unwrap_or_default().into_iter();
+        let loaded = loaded.map(|(_, area)| area);
+        self.configured.iter().cloned().chain(loaded).collect()
+    }
+
+    /// The id under which the vehicle was read back to hold them.
+    pub(super) fn id(&self) -> Option<u32> {
+        self.kept.id().filter(|_| !self.busy())
+    }
+
     /// Whether a fence is on its way.
     pub(super) fn busy(&self) -> bool {
         self.work.is_some()

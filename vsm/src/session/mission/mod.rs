@@ -43,6 +43,7 @@ use std::time::Duration;
 use mapping::area::Area;
 use mapping::plan::Plan;
 use mapping::rally::RallyPoint;
+use mapping::telemetry::Telemetry;
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::enums::AckType;
@@ -88,9 +89,14 @@ impl Mission {
         self.rally.set_configured(points, now);
     }
 
-    /// The rally points of the configuration: how many there are, and by which id the vehicle names them once it holds them.
-    pub(crate) fn rally(&self) -> (usize, Option<u32>) {
-        (self.rally.count(), self.rally.id())
+    /// The rally points of the configuration, and by which id the vehicle names them once it holds them.
+    pub(crate) fn rally(&self) -> (&[RallyPoint], Option<u32>) {
+        (self.rally.points(), self.rally.id())
+    }
+
+    /// The areas of the fence, and by which id the vehicle names them once it holds them.
+    pub(crate) fn fence(&self) -> (Vec<Area>, Option<u32>) {
+        (self.fence.areas(), self.fence.id())
     }
 
     /// With the fence areas and the rally points of the configuration.
@@ -121,6 +127,13 @@ impl Mission {
     /// Whether the vehicle is outside its altitude band.
     pub(crate) fn outside_band(&self) -> bool {
         self.band.outside()
+    }
+
+    /// The waypoint that it flies to along its route, by the CUCS's number.
+    pub(crate) fn flies_to(&self, telemetry: &Telemetry) -> Option<u16> {
+        let compiled = &self.uploaded()?.compiled;
+        let to = self.progress.along(compiled, telemetry).to?;
+        compiled.order.get(to).map(|leg| leg.number)
     }
 
     /// What the vehicle carries.

@@ -83,9 +83,9 @@ impl Rally {
         self.kept.look_again(now);
     }
 
-    /// How many the configuration has.
-    pub(super) fn count(&self) -> usize {
-        self.points.len()
+    /// Those of the configuration.
+    pub(super) fn points(&self) -> &[RallyPoint] {
+        &self.points
     }
 
     /// Whether points are on their way.

@@ -23,6 +23,7 @@ use std::time::Duration;
 use mapping::altitude::{Altimeter, Datum};
 use mapping::payload::Equipment;
 use mapping::payload::report::{self, Ground, Station};
+use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavResult;
 use mavlink_link::service::command::{Event, Outcome, Ticket};
 use stanag_msgs::enums::{
@@ -34,7 +35,7 @@ use self::discovery::Discovery;
 use self::judge::{Judged, Situation};
 use self::step::{Before, Drive, Motion, Order, Slew, Step, Zoom, request};
 use super::authority::rules::{Authority, Stations};
-use super::context::{self, Origin};
+use super::context::{self, Bounds, Origin};
 use super::effects::Effects;
 use crate::config::Provisional;
 
@@ -264,7 +265,7 @@ impl Payload {
         let situation = Situation {
             station: Station::of(equipment, &context.vehicle.payloads, context.mono()),
             telemetry: &context.vehicle.telemetry,
-            ground: ground(context),
+            ground: ground(context.bounds, &context.vehicle.telemetry),
             datum: Datum {
                 geoid_m: context.vehicle.telemetry.geoid_m,
                 agl: context.bounds.agl,
@@ -740,11 +741,11 @@ fn ask(component: u8, message: u16, now: Duration, effects: &mut Effects<'_>) {
 }
 
 /// The ground that sensors look at: of elevation files where there are some, else flat at home's height.
-pub(crate) fn ground<'a>(context: &context::Context<'a>) -> Option<Ground<'a>> {
-    match &context.bounds.terrain {
+pub(crate) fn ground<'a>(bounds: &'a Bounds, telemetry: &Telemetry) -> Option<Ground<'a>> {
+    match &bounds.terrain {
         Some(terrain) => Some(Ground::Terrain(terrain)),
         None => {
-            let home = context.vehicle.telemetry.home?;
+            let home = telemetry.home?;
             Some(Ground::Flat(home.amsl_m))
         }
     }

@@ -229,7 +229,7 @@ fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_
     let context = &sources.common;
     let (vehicle, live) = (context.vehicle, context.vehicle.live());
     let all = context.equipment();
-    let ground = ground(context);
+    let ground = ground(context.bounds, &context.vehicle.telemetry);
     let mut reports = Vec::new();
     for equipment in all.iter().filter(|one| one.bit() != 0) {
         let station = Station::of(*equipment, &vehicle.payloads, context.mono());

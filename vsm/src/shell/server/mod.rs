@@ -32,10 +32,10 @@ use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
     tell_status, watch_group,
 };
-use super::http;
 use super::sockets::{DliSockets, Resolver, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
+use super::web;
 use crate::session::Status;
 
 /// A bridge with its sockets open, ready to serve.
@@ -181,7 +181,7 @@ impl Server {
         if let Some((listener, hosts)) = page {
             let of_all = shared.clone();
             tasks.spawn(&local, "status page", |beat| {
-                http::serve(listener, hosts, beat, move || of_all.status())
+                web::serve(listener, hosts, beat, of_all)
             });
         }
         if let Some((path, listener)) = reload {

@@ -116,6 +116,7 @@ impl Server {
         let shared = Shared {
             clock,
             vsm: config.dli.vsm_id.to_string(),
+            events: RefCell::default(),
             core: RefCell::new(Core {
                 bridge,
                 config: config.clone(),

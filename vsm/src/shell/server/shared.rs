@@ -11,7 +11,7 @@ use tokio::sync::Notify;
 use super::forward::OpenForward;
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
-use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status};
+use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
@@ -19,8 +19,9 @@ use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::VehicleWriter;
+use crate::shell::web::{Event, Events, Source};
 
-/// Writes what a machine has to report.
+/// Writes to the log what a machine has to report.
 pub(super) fn write_log(entry: &LogEntry) {
     let LogEntry { level, about, text } = entry;
     match level {
@@ -38,6 +39,8 @@ pub(super) struct Shared {
     /// Of this VSM, as the status shows it.
     pub(super) vsm: String,
     pub(super) core: RefCell<Core>,
+    /// What was logged of late, for the page.
+    pub(super) events: RefCell<Events>,
     /// Something waits to be sent.
     pub(super) outgoing: Notify,
     /// The next time-out may have moved.
@@ -85,7 +88,7 @@ pub(super) struct Core {
 
 impl Core {
     /// The key exchanges take what has come in for them, and do what is due.
-    fn step_exchanges(&mut self, now: Now, in_use: Option<usize>) {
+    fn step_exchanges(&mut self, now: Now, in_use: Option<usize>, events: &RefCell<Events>) {
         for (index, exchange) in &mut self.exchanges {
             let Some(Some(keys)) = self.key_stores.get_mut(*index) else {
                 continue;
@@ -103,6 +106,7 @@ impl Core {
             }
             exchange.handle(now, &mut with);
             while let Some(entry) = exchange.poll_log() {
+                events.borrow_mut().push(now.wall, &entry);
                 write_log(&entry);
             }
         }
@@ -130,8 +134,9 @@ impl Shared {
         let mut core = self.core.borrow_mut();
         let now = self.clock.now();
         let done = act(&mut core, now);
-        core.step_exchanges(now, None);
+        core.step_exchanges(now, None, &self.events);
         while let Some(entry) = core.bridge.poll_log() {
+            self.events.borrow_mut().push(now.wall, &entry);
             write_log(&entry);
         }
         while let Some((index, change)) = core.bridge.poll_key_change() {
@@ -153,7 +158,7 @@ impl Shared {
                     }
                     // The exchange learns of it after the commit, and sends nothing before that is durable.
                     let in_use = (change == KeyChange::Commit).then_some(index);
-                    core.step_exchanges(now, in_use);
+                    core.step_exchanges(now, in_use, &self.events);
                 }
                 // Found out again at the next start.
                 Err(fault) => tracing::error!("{what}, but {fault}"),
@@ -178,5 +183,19 @@ impl Shared {
             recording.count(&mut status.recordings);
         }
         status
+    }
+}
+
+impl Source for Rc<Shared> {
+    fn status(&self) -> Status {
+        Shared::status(self)
+    }
+
+    fn map(&self) -> Vec<VehicleMap> {
+        self.core.borrow().bridge.map()
+    }
+
+    fn events(&self, from: u64) -> Vec<Event> {
+        self.events.borrow().from(from).cloned().collect()
     }
 }

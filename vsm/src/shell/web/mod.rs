@@ -1,4 +1,9 @@
-//! `[http] listen`: the status page, /status.json and /metrics. Nothing can be commanded here, only read.
+//! `[http] listen`: the operator's page, /status.json, /map.json, /events.json and /metrics. Nothing can be commanded here,
+//! only read.
+//!
+//! `routes` is what is answered to which request, `events` what the bridge has logged of late, `metrics` the format of
+//! Prometheus; `page` holds the page itself: HTML, style, ES modules, and Leaflet for the map. All of it is in the
+//! program: no other host is asked for anything.
 //!
 //! What can be read is for who asks by the address or by a name of the configuration. A web page that has its own name
 //! point to this computer (DNS rebinding) sends that name as Host, and is refused.
@@ -6,49 +11,66 @@
 //! A connection has one answer. Of those that are open the one that has sent no request for longest makes room for the
 //! next: however many send nothing, a request is answered.
 
+mod events;
+mod metrics;
+mod routes;
+
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::convert::Infallible;
-use std::fmt::Write as _;
 use std::net::{IpAddr, SocketAddr};
 use std::panic::resume_unwind;
 use std::rc::Rc;
 use std::time::Duration;
 
-use bytes::Bytes;
-use http_body_util::Full;
+use axum::Router;
+use axum::http::header::{HOST, HeaderValue, ORIGIN};
+use axum::http::uri::Authority;
+use axum::http::{HeaderMap, Request, StatusCode};
 use hyper::body::Incoming;
-use hyper::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN};
-use hyper::http::uri::Authority;
 use hyper::server::conn::http1;
-use hyper::service::service_fn;
-use hyper::{HeaderMap, Method, Request, Response, StatusCode};
+use hyper::service::{Service as _, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinError, JoinSet};
 
+pub use self::events::{Event, Events};
+use self::routes::Query;
 use super::tasks::Beat;
 use super::test_fault;
-use crate::session::Status;
+use crate::session::{Status, VehicleMap};
 
-/// Serves until it is dropped; `status` gives a picture of now. `hosts`: names that it may be asked by, beside
-/// `localhost` and its addresses.
+/// What the page shows, as the bridge has it now.
+pub trait Source {
+    /// How everything stands.
+    fn status(&self) -> Status;
+    /// What a map shows beside it.
+    fn map(&self) -> Vec<VehicleMap>;
+    /// What was logged of late, from this number on.
+    fn events(&self, from: u64) -> Vec<Event>;
+}
+
+/// Serves until it is dropped. `hosts`: names that it may be asked by, beside `localhost` and its addresses.
 ///
 /// # Panics
 /// Where a connection has panicked: this task ends by it, and with it the program.
-pub async fn serve(
-    listener: TcpListener,
-    hosts: Vec<String>,
-    beat: Rc<Beat>,
-    status: impl Fn() -> Status + 'static,
-) {
-    let (status, hosts): (Rc<dyn Fn() -> Status>, Rc<[String]>) = (Rc::new(status), hosts.into());
+pub async fn serve(listener: TcpListener, hosts: Vec<String>, beat: Rc<Beat>, source: impl Source) {
+    let hosts: Rc<[String]> = hosts.into();
+    // Handlers of axum may run on any thread, the bridge is of this one: they ask, and it is answered here.
+    let (queries, mut asked) = mpsc::channel(MAX_CONNECTIONS);
+    let routes = routes::all(queries);
     let mut connections = JoinSet::new();
     let mut open: VecDeque<Connection> = VecDeque::new();
     loop {
         let accepted = beat.during(async {
             tokio::select! {
                 accepted = listener.accept() => Some(accepted),
+                Some(query) = asked.recv() => {
+                    Query::answer(query, &source);
+                    None
+                }
                 Some(ended) = connections.join_next() => {
                     // One that was dropped to make room has not panicked.
                     if let Some(Ok(cause)) = ended.err().map(JoinError::try_into_panic) {
@@ -62,15 +84,15 @@ pub async fn serve(
             None => open.retain(|connection| !connection.task.is_finished()),
             Some(Ok((stream, _))) => {
                 if open.len() >= MAX_CONNECTIONS {
-                    let idle = open.iter().position(|connection| !connection.asked.get());
+                    let idle = open.iter().position(|connection| !connection.sent.get());
                     if let Some(connection) = open.remove(idle.unwrap_or(0)) {
                         connection.task.abort();
                     }
                 }
-                let asked = Rc::new(Cell::new(false));
-                let served = answer_one(stream, hosts.clone(), status.clone(), asked.clone());
+                let sent = Rc::new(Cell::new(false));
+                let served = answer_one(stream, hosts.clone(), routes.clone(), sent.clone());
                 let task = connections.spawn_local(test_fault::broken("page connection", served));
-                open.push_back(Connection { asked, task });
+                open.push_back(Connection { sent, task });
             }
             Some(Err(cause)) => {
                 tracing::warn!("the status page: {cause}");
@@ -82,26 +104,24 @@ pub async fn serve(
 
 /// An open connection, and whether its request is there.
 struct Connection {
-    asked: Rc<Cell<bool>>,
+    sent: Rc<Cell<bool>>,
     task: AbortHandle,
 }
 
-async fn answer_one(
-    stream: TcpStream,
-    hosts: Rc<[String]>,
-    status: Rc<dyn Fn() -> Status>,
-    asked: Rc<Cell<bool>>,
-) {
+async fn answer_one(stream: TcpStream, hosts: Rc<[String]>, routes: Router, sent: Rc<Cell<bool>>) {
     let Ok(here) = stream.local_addr() else {
         return;
     };
     let answer = service_fn(move |request: Request<Incoming>| {
-        asked.set(true);
-        let answered = match check_source(&request, here, &hosts) {
-            Ok(()) => answer(&request, &*status),
-            Err((code, why)) => text(code, "text/plain", why.to_owned()),
-        };
-        async move { Ok::<_, Infallible>(answered) }
+        sent.set(true);
+        let checked = check_source(&request, here, &hosts);
+        let routes = TowerToHyperService::new(routes.clone());
+        async move {
+            match checked {
+                Ok(()) => routes.call(request).await,
+                Err((code, why)) => Ok::<_, Infallible>(routes::text(code, why)),
+            }
+        }
     });
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
@@ -128,7 +148,7 @@ fn check_source<T>(
         return Err((StatusCode::MISDIRECTED_REQUEST, NOT_OURS));
     }
     let mut origins = request.headers().get_all(ORIGIN).iter();
-    let same = |origin: &hyper::header::HeaderValue| {
+    let same = |origin: &HeaderValue| {
         let origin = origin.to_str().unwrap_or_default();
         let rest = (origin.strip_prefix("http://")).or_else(|| origin.strip_prefix("https://"));
         rest.is_some_and(|rest| rest.eq_ignore_ascii_case(host.as_str()))
@@ -171,91 +191,6 @@ fn is_ours(host: &str, here: SocketAddr, hosts: &[String]) -> bool {
     }
 }
 
-fn answer(request: &Request<Incoming>, status: &dyn Fn() -> Status) -> Response<Full<Bytes>> {
-    // Commands go through the DLI alone, where the level of interoperability is checked.
-    if request.method() != Method::GET {
-        return text(
-            StatusCode::METHOD_NOT_ALLOWED,
-            "text/plain",
-            "only GET: nothing is commanded here\n".to_owned(),
-        );
-    }
-    match request.uri().path() {
-        "/" => text(StatusCode::OK, "text/html; charset=utf-8", PAGE.to_owned()),
-        "/status.json" => {
-            let json = serde_json::to_string(&status()).unwrap_or_default();
-            text(StatusCode::OK, "application/json", json)
-        }
-        "/metrics" => text(
-            StatusCode::OK,
-            "text/plain; version=0.0.4",
-            metrics(&status()),
-        ),
-        _ => text(
-            StatusCode::NOT_FOUND,
-            "text/plain",
-            "there are /, /status.json and /metrics\n".to_owned(),
-        ),
-    }
-}
-
-fn text(code: StatusCode, kind: &'static str, body: String) -> Response<Full<Bytes>> {
-    let mut response = Response::new(Full::new(Bytes::from(body)));
-    *response.status_mut() = code;
-    let headers = response.headers_mut();
-    headers.insert(CONTENT_TYPE, hyper::header::HeaderValue::from_static(kind));
-    headers.insert(
-        CACHE_CONTROL,
-        hyper::header::HeaderValue::from_static("no-store"),
-    );
-    // The page holds its script and style itself, and fetches nothing but /status.json.
-    let policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src 'self'";
-    headers.insert(
-        CONTENT_SECURITY_POLICY,
-        hyper::header::HeaderValue::from_static(policy),
-    );
-    response
-}
-
-/// The counters in the text format of Prometheus.
-fn metrics(status: &Status) -> String {
-    let mut text = String::from("# TYPE vsm_uptime_seconds gauge\n");
-    let _ = writeln!(text, "vsm_uptime_seconds {}", status.uptime_s);
-    text.push_str("# TYPE vsm_dli_received_total counter\n");
-    for (kind, count) in status.received.iter() {
-        let _ = writeln!(text, "vsm_dli_received_total{{type=\"{kind}\"}} {count}");
-    }
-    text.push_str("# TYPE vsm_dli_sent_total counter\n");
-    for (kind, count) in status.sent.iter() {
-        let _ = writeln!(text, "vsm_dli_sent_total{{type=\"{kind}\"}} {count}");
-    }
-    text.push_str("# TYPE vsm_dli_refused_total counter\n");
-    for (reason, count) in status.refused.iter() {
-        let _ = writeln!(text, "vsm_dli_refused_total{{reason=\"{reason}\"}} {count}");
-    }
-    text.push_str("# TYPE vsm_vehicle_live gauge\n");
-    for vehicle in &status.vehicles {
-        let _ = writeln!(
-            text,
-            "vsm_vehicle_live{{vehicle=\"{}\"}} {}",
-            vehicle.id,
-            u8::from(vehicle.live)
-        );
-    }
-    text.push_str("# TYPE vsm_mavlink_frames_total counter\n");
-    for vehicle in &status.vehicles {
-        for (what, count) in &vehicle.link.frames {
-            let _ = writeln!(
-                text,
-                "vsm_mavlink_frames_total{{vehicle=\"{}\",what=\"{what}\"}} {count}",
-                vehicle.id
-            );
-        }
-    }
-    text
-}
-
-const PAGE: &str = include_str!("status.html");
 const NOT_OURS: &str =
     "this page is read by its address, by localhost or by a name of [http] hosts\n";
 const MAX_CONNECTIONS: usize = 64;
@@ -273,21 +208,33 @@ mod tests {
 
     use super::*;
 
-    fn status() -> Status {
-        Status {
-            vsm: "1b:00:00:01".to_owned(),
-            uptime_s: 1.0,
-            warnings: Vec::new(),
-            findings: Vec::new(),
-            refused: Default::default(),
-            set_aside: Default::default(),
-            received: Default::default(),
-            sent: Default::default(),
-            stations: Vec::new(),
-            vehicles: Vec::new(),
-            forwards: Vec::new(),
-            recordings: Default::default(),
-            held: Default::default(),
+    struct Nothing;
+
+    impl Source for Nothing {
+        fn status(&self) -> Status {
+            Status {
+                vsm: "1b:00:00:01".to_owned(),
+                uptime_s: 1.0,
+                warnings: Vec::new(),
+                findings: Vec::new(),
+                refused: Default::default(),
+                set_aside: Default::default(),
+                received: Default::default(),
+                sent: Default::default(),
+                stations: Vec::new(),
+                vehicles: Vec::new(),
+                forwards: Vec::new(),
+                recordings: Default::default(),
+                held: Default::default(),
+            }
+        }
+
+        fn map(&self) -> Vec<VehicleMap> {
+            Vec::new()
+        }
+
+        fn events(&self, _from: u64) -> Vec<Event> {
+            Vec::new()
         }
     }
 
@@ -295,7 +242,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("its address");
         let hosts = vec!["vsm.example".to_owned()];
-        tokio::task::spawn_local(serve(listener, hosts, Rc::default(), status));
+        tokio::task::spawn_local(serve(listener, hosts, Rc::default(), Nothing));
         address
     }
 
@@ -308,7 +255,12 @@ mod tests {
             .expect("it reads");
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer).await;
-        let answer = String::from_utf8_lossy(&answer).into_owned();
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+
+    /// The status code alone.
+    async fn code(address: SocketAddr, target: &str, headers: &str) -> String {
+        let answer = get(address, target, headers).await;
         answer.get(9..12).unwrap_or(&answer).to_owned()
     }
 
@@ -340,19 +292,68 @@ mod tests {
                 ("user@127.0.0.1@attacker.example".to_owned(), "421"),
                 (String::new(), "400"),
             ] {
-                let code = get(address, "/status.json", &format!("Host: {host}\r\n")).await;
+                let code = code(address, "/status.json", &format!("Host: {host}\r\n")).await;
                 codes.insert(host, (code, expected.to_owned()));
             }
             assert!(
                 codes.values().all(|(is, expected)| is == expected),
                 "{codes:?}"
             );
-            assert_eq!(get(address, "/", "").await, "400", "no Host");
+            assert_eq!(code(address, "/", "").await, "400", "no Host");
             let two = "Host: localhost\r\nHost: attacker.example\r\n";
-            assert_eq!(get(address, "/", two).await, "400", "two of them");
+            assert_eq!(code(address, "/", two).await, "400", "two of them");
             let url = "http://attacker.example/status.json";
-            assert_eq!(get(address, url, "Host: localhost\r\n").await, "400");
-            assert_eq!(get(address, url, "Host: attacker.example\r\n").await, "421");
+            assert_eq!(code(address, url, "Host: localhost\r\n").await, "400");
+            assert_eq!(
+                code(address, url, "Host: attacker.example\r\n").await,
+                "421"
+            );
+        });
+    }
+
+    #[test]
+    fn every_file_of_the_page_is_served_and_names_no_other_host() {
+        run(async {
+            let address = page().await;
+            let host = format!("Host: {address}\r\n");
+            let mut open = vec!["/".to_owned()];
+            let mut seen = Vec::new();
+            while let Some(target) = open.pop() {
+                let answer = get(address, &target, &host).await;
+                assert!(answer.starts_with("HTTP/1.1 200"), "{target}: {answer:.80}");
+                assert!(
+                    answer.contains("script-src 'self'"),
+                    "{target} has the policy"
+                );
+                // What the page loads: of an attribute, an import, or fetched.
+                let quoted = answer
+                    .split(['"', '\''])
+                    .filter(|_| !target.contains("leaflet"));
+                for name in
+                    quoted.filter(|name| name.starts_with("page/") || name.starts_with("./"))
+                {
+                    let name = format!(
+                        "/page/{}",
+                        name.trim_start_matches("page/").trim_start_matches("./")
+                    );
+                    if !seen.contains(&name) {
+                        seen.push(name.clone());
+                        open.push(name);
+                    }
+                }
+                if !target.contains("leaflet") {
+                    // The name of SVG is one, and no address.
+                    let others = answer.replace("http://www.w3.org/2000/svg", "");
+                    assert!(!others.contains("://"), "{target} names another host");
+                }
+            }
+            assert!(seen.len() >= 7, "{seen:?}");
+            assert_eq!(code(address, "/page/../mod.rs", &host).await, "404");
+            assert_eq!(code(address, "/events.json?from=x", &host).await, "400");
+            assert_eq!(code(address, "/events.json?from=7", &host).await, "200");
+            assert_eq!(code(address, "/map.json", &host).await, "200");
+            let metrics = get(address, "/metrics", &host).await;
+            assert!(metrics.contains("# HELP vsm_uptime_seconds"), "{metrics}");
         });
     }
 
@@ -362,10 +363,10 @@ mod tests {
             let address = page().await;
             let with = |origin: &str| format!("Host: {address}\r\nOrigin: {origin}\r\n");
             let own = with(&format!("http://{address}"));
-            assert_eq!(get(address, "/status.json", &own).await, "200");
+            assert_eq!(code(address, "/status.json", &own).await, "200");
             for other in ["http://attacker.example", "null", "http://127.0.0.1:1", ""] {
                 assert_eq!(
-                    get(address, "/status.json", &with(other)).await,
+                    code(address, "/status.json", &with(other)).await,
                     "403",
                     "{other}"
                 );
@@ -395,11 +396,15 @@ mod tests {
                 slow.push(stream);
                 if number % 50 == 0 {
                     let host = format!("Host: {address}\r\n");
-                    assert_eq!(get(address, "/status.json", &host).await, "200", "{number}");
+                    assert_eq!(
+                        code(address, "/status.json", &host).await,
+                        "200",
+                        "{number}"
+                    );
                 }
             }
             let host = format!("Host: {address}\r\n");
-            let answered = tokio::time::timeout(Duration::from_secs(10), get(address, "/", &host));
+            let answered = tokio::time::timeout(Duration::from_secs(10), code(address, "/", &host));
             assert_eq!(answered.await.expect("in time"), "200");
             drop(slow);
         });

@@ -1,0 +1,93 @@
+//! What the bridge has logged of late, for the page: who took control, what was refused and why, which alerts came and went.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::session::{LogEntry, LogLevel};
+
+/// The newest log entries; older ones are left out.
+#[derive(Debug, Default)]
+pub struct Events {
+    kept: VecDeque<Event>,
+    next: u64,
+}
+
+/// One log entry.
+#[derive(Debug, Clone, Serialize)]
+pub struct Event {
+    /// Rises by one with each.
+    pub number: u64,
+    /// When, ms since 1970.
+    pub at_ms: u64,
+    /// "info", "warning" or "error".
+    pub level: &'static str,
+    /// The vehicle, CUCS or VSM that it is about.
+    pub about: String,
+    /// What happened.
+    pub text: String,
+}
+
+impl Events {
+    /// Keeps an entry; what only a debug log shows is left out.
+    pub fn push(&mut self, wall: Duration, entry: &LogEntry) {
+        let level = match entry.level {
+            LogLevel::Debug => return,
+            LogLevel::Info => "info",
+            LogLevel::Warning => "warning",
+            LogLevel::Error => "error",
+        };
+        if self.kept.len() >= MAX_EVENTS {
+            self.kept.pop_front();
+        }
+        self.kept.push_back(Event {
+            number: self.next,
+            at_ms: u64::try_from(wall.as_millis()).unwrap_or(u64::MAX),
+            level,
+            about: entry.about.to_string(),
+            text: entry.text.chars().take(MAX_TEXT).collect(),
+        });
+        self.next += 1;
+    }
+
+    /// Those from this number on, the oldest first.
+    pub fn from(&self, number: u64) -> impl Iterator<Item = &Event> {
+        self.kept.iter().filter(move |one| one.number >= number)
+    }
+}
+
+/// A page shows the last of them; a flood of them costs no more memory than this.
+const MAX_EVENTS: usize = 400;
+/// No text of ours is longer.
+const MAX_TEXT: usize = 400;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(level: LogLevel, text: &str) -> LogEntry {
+        LogEntry {
+            level,
+            about: 0x1b00_0001_u32.into(),
+            text: text.to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_flood_leaves_the_newest_and_their_numbers_rise_on() {
+        let mut events = Events::default();
+        events.push(Duration::ZERO, &entry(LogLevel::Debug, "left out"));
+        for _ in 0..3 * MAX_EVENTS {
+            events.push(Duration::from_secs(1), &entry(LogLevel::Warning, "x"));
+        }
+        let numbers: Vec<u64> = events.from(0).map(|one| one.number).collect();
+        let newest = 3 * MAX_EVENTS as u64;
+        assert_eq!(numbers.len(), MAX_EVENTS);
+        assert_eq!(numbers.last(), Some(&(newest - 1)));
+        assert_eq!(events.from(newest - 2).count(), 2);
+        events.push(Duration::ZERO, &entry(LogLevel::Info, &"x".repeat(9_999)));
+        let last = events.from(newest).next().expect("the last");
+        assert_eq!((last.text.len(), last.level), (MAX_TEXT, "info"));
+    }
+}

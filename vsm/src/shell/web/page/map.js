@@ -1,0 +1,137 @@
+// The map: vehicles with their tracks, routes, fences, home, rally points and what cameras look at. Without a network it has a
+// grid and a scale; nothing is loaded from elsewhere.
+
+/* global L */
+
+const TRACK_POINTS = 2000;
+const GRID_STEPS_DEG = [10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001];
+
+const latitude = (value) => `${Math.abs(value).toFixed(4)}° ${value < 0 ? "S" : "N"}`;
+const longitude = (value) => `${Math.abs(value).toFixed(4)}° ${value < 0 ? "W" : "E"}`;
+
+/** Lines of latitude and longitude, at steps that suit the zoom. */
+function drawGrid(map, grid) {
+  grid.clearLayers();
+  const bounds = map.getBounds();
+  const wide = bounds.getEast() - bounds.getWest();
+  const step = GRID_STEPS_DEG.find((each) => wide / each >= 4) ?? GRID_STEPS_DEG.at(-1);
+  const line = (from, to, text, at) => {
+    L.polyline([from, to], { className: "grid", interactive: false, weight: 1 }).addTo(grid);
+    L.marker(at, { interactive: false, keyboard: false, icon: L.divIcon({ className: "grid-text", html: "", iconSize: [0, 0] }) })
+      .addTo(grid).getElement().textContent = text;
+  };
+  const [south, north, west, east] = [bounds.getSouth(), bounds.getNorth(), bounds.getWest(), bounds.getEast()];
+  for (let at = Math.ceil(south / step) * step; at <= north; at += step)
+    line([at, west], [at, east], latitude(at), [at, west]);
+  for (let at = Math.ceil(west / step) * step; at <= east; at += step)
+    line([south, at], [north, at], longitude(at), [south, at]);
+}
+
+const icon = (className, text, size) => {
+  const made = L.divIcon({ className, html: "", iconSize: [size, size] });
+  made.fill = text;
+  return made;
+};
+
+/** A marker with a text: set as text, never as HTML. */
+function marker(at, className, text, title, size = 22) {
+  const made = L.marker(at, { icon: icon(className, text, size), title, alt: title, keyboard: false });
+  made.on("add", () => { made.getElement().textContent = text; });
+  return made;
+}
+
+export class VehiclesMap {
+  #map;
+  #grid;
+  #shapes;
+  #moving;
+  #vehicles = new Map();
+  #placed = false;
+
+  constructor(node) {
+    this.#map = L.map(node, { preferCanvas: false, zoomControl: true, attributionControl: true, zoomSnap: 0.5, maxZoom: 21 });
+    this.#map.attributionControl.setPrefix("Leaflet");
+    L.control.scale({ metric: true, imperial: true }).addTo(this.#map);
+    this.#grid = L.layerGroup().addTo(this.#map);
+    this.#shapes = L.layerGroup().addTo(this.#map);
+    this.#moving = L.layerGroup().addTo(this.#map);
+    this.#map.setView([0, 0], 2);
+    this.#map.on("moveend zoomend resize", () => drawGrid(this.#map, this.#grid));
+    drawGrid(this.#map, this.#grid);
+  }
+
+  /** What changes seldom. */
+  drawShapes(vehicles, chosen) {
+    this.#shapes.clearLayers();
+    const all = L.latLngBounds([]);
+    for (const { id, home, route, fence, rally } of vehicles) {
+      const faded = id === chosen ? "" : " faded";
+      for (const area of fence.areas) {
+        const options = { className: `${area.keep_in ? "keep-in" : "keep-out"}${fence.aboard ? "" : " not-aboard"}${faded}` };
+        const shape = area.radius_m === null
+          ? L.polygon(area.corners, options)
+          : L.circle(area.corners[0], { radius: area.radius_m, ...options });
+        shape.bindTooltip(`${area.keep_in ? "stay inside" : "stay outside"}${fence.aboard ? "" : ": not shown by the vehicle"}`);
+        shape.addTo(this.#shapes);
+      }
+      if (route) {
+        const path = route.path.map((one) => one.at);
+        const aboard = route.aboard === false ? " not-aboard" : "";
+        L.polyline(path, { className: `route${aboard}${faded}`, interactive: false }).addTo(this.#shapes);
+        for (const at of path) all.extend(at);
+        for (const one of route.waypoints) {
+          marker(one.at, `waypoint${faded}`, String(one.number), `waypoint ${one.number}`).addTo(this.#shapes);
+        }
+      }
+      rally.forEach((one) => marker(one.at, `rally${faded}`, "R", "rally point").addTo(this.#shapes));
+      if (home) {
+        all.extend([home[0], home[1]]);
+        marker([home[0], home[1]], `home${faded}`, "H", "home").addTo(this.#shapes);
+      }
+    }
+    this.#bounds = all;
+    this.#show();
+  }
+
+  #bounds = null;
+
+  /** The first thing that has a place is shown; after that the map is the operator's. */
+  #show() {
+    if (this.#placed || !this.#bounds?.isValid()) return;
+    this.#placed = true;
+    this.#map.fitBounds(this.#bounds.pad(0.25), { animate: false, maxZoom: 18 });
+  }
+
+  /** Where the vehicles are now. */
+  drawVehicles(vehicles, chosen) {
+    this.#moving.clearLayers();
+    for (const { id, position, motion, live, tail_number, looks_at } of vehicles) {
+      const known = this.#vehicles.get(id) ?? { track: [] };
+      this.#vehicles.set(id, known);
+      if (!position) continue;
+      const at = [position[0], position[1]];
+      const last = known.track.at(-1);
+      if (live && (!last || last[0] !== at[0] || last[1] !== at[1])) known.track.push(at);
+      if (known.track.length > TRACK_POINTS) known.track.shift();
+      const faded = id === chosen ? "" : " faded";
+      L.polyline(known.track, { className: `track${faded}`, interactive: false }).addTo(this.#moving);
+      for (const seen of looks_at) {
+        const centre = [seen.centre[0], seen.centre[1]];
+        L.polyline([at, centre], { className: `sight${faded}`, interactive: false }).addTo(this.#moving);
+        marker(centre, `footprint${faded}`, "+", `centre of the image of station ${seen.station}`).addTo(this.#moving);
+      }
+      const shape = marker(at, `aircraft${live ? "" : " stale"}${faded}`, "", `${tail_number || id}${live ? "" : ": no data"}`, 30);
+      shape.addTo(this.#moving);
+      const body = document.createElement("i");
+      body.textContent = motion.heading_deg === null ? "●" : "▲";
+      body.style.transform = `rotate(${motion.heading_deg ?? 0}deg)`;
+      const label = document.createElement("b");
+      label.textContent = tail_number || id;
+      shape.getElement().replaceChildren(body, label);
+      if (!this.#placed && (this.#bounds === null || !this.#bounds.isValid())) {
+        this.#placed = true;
+        this.#map.setView(at, 16);
+      }
+    }
+  }
+}

@@ -1,0 +1,78 @@
+// The altitude along the route, and where the vehicle is beside it.
+
+import { distance, height } from "./units.js";
+
+// The name of a language, not an address: nothing is loaded from there.
+const SVG = "http://www.w3.org/2000/svg";
+const EARTH_M = 6_371_008.8;
+const WIDTH = 600;
+const HEIGHT = 130;
+const MARGIN = { left: 56, right: 12, top: 12, bottom: 22 };
+
+const radians = (deg) => (deg * Math.PI) / 180;
+
+/** Metres between two places: flat, as a route is short. */
+export function metres([north, east], [toNorth, toEast]) {
+  const y = radians(toNorth - north);
+  const x = radians(toEast - east) * Math.cos(radians((north + toNorth) / 2));
+  return EARTH_M * Math.hypot(x, y);
+}
+
+function svg(name, attributes, text) {
+  const node = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  if (text !== undefined) node.textContent = text;
+  return node;
+}
+
+/** The point of the route nearest to a place, as a distance along it. */
+function nearest(points, at) {
+  let best = null;
+  for (let i = 1; i < points.length; i += 1) {
+    const [a, b] = [points[i - 1], points[i]];
+    const length = b.along - a.along;
+    const scale = Math.cos(radians(a.at[0]));
+    const d = [b.at[0] - a.at[0], (b.at[1] - a.at[1]) * scale];
+    const p = [at[0] - a.at[0], (at[1] - a.at[1]) * scale];
+    const square = d[0] ** 2 + d[1] ** 2;
+    const part = square > 0 ? Math.min(1, Math.max(0, (d[0] * p[0] + d[1] * p[1]) / square)) : 0;
+    const off = metres(at, [a.at[0] + part * d[0], a.at[1] + (part * d[1]) / scale]);
+    if (best === null || off < best.off) best = { off, along: a.along + part * length };
+  }
+  return best;
+}
+
+export function drawProfile(node, caption, route, vehicle) {
+  const points = [];
+  for (const { at, amsl_m } of route?.path ?? []) {
+    const before = points.at(-1);
+    const along = before ? before.along + metres(before.at, at) : 0;
+    points.push({ at, along, amsl_m });
+  }
+  const drawn = points.filter((point) => point.amsl_m !== null);
+  if (drawn.length < 2) {
+    node.replaceChildren();
+    caption.textContent = route ? "the altitudes of the route are above a home that is not known yet" : "no route";
+    return;
+  }
+  const altitudes = drawn.map((point) => point.amsl_m);
+  if (vehicle.position) altitudes.push(vehicle.position[2]);
+  const low = Math.min(...altitudes) - 5;
+  const high = Math.max(...altitudes) + 5;
+  const length = Math.max(points.at(-1).along, 1);
+  const x = (m) => MARGIN.left + (m / length) * (WIDTH - MARGIN.left - MARGIN.right);
+  const y = (m) => HEIGHT - MARGIN.bottom - ((m - low) / (high - low)) * (HEIGHT - MARGIN.top - MARGIN.bottom);
+  const parts = [];
+  for (const m of [low + 5, high - 5]) {
+    parts.push(svg("line", { x1: MARGIN.left, x2: WIDTH - MARGIN.right, y1: y(m), y2: y(m), class: "grid" }));
+    parts.push(svg("text", { x: MARGIN.left - 6, y: y(m) + 4, "text-anchor": "end" }, height(m)));
+  }
+  parts.push(svg("text", { x: WIDTH - MARGIN.right, y: HEIGHT - 6, "text-anchor": "end" }, distance(length)));
+  parts.push(svg("polyline", { class: "route", points: drawn.map((p) => `${x(p.along)},${y(p.amsl_m)}`).join(" ") }));
+  const at = vehicle.live && vehicle.position ? nearest(points, vehicle.position) : null;
+  if (at) parts.push(svg("circle", { class: "vehicle", cx: x(at.along), cy: y(vehicle.position[2]), r: 5 }));
+  node.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
+  node.replaceChildren(...parts);
+  const beside = at ? `; the vehicle is ${distance(at.off)} beside it` : "";
+  caption.textContent = `altitude above mean sea level along the route, ${distance(length)}${beside}`;
+}

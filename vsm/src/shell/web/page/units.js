@@ -1,0 +1,43 @@
+// Quantities as a person reads them. What is not known reads "unknown", never as a number.
+
+const FEET = 1 / 0.3048;
+const KNOTS = 3600 / 1852;
+
+let units = localStorage.getItem("units") === "aviation" ? "aviation" : "metric";
+
+export const chosenUnits = () => units;
+
+export function chooseUnits(choice) {
+  units = choice;
+  localStorage.setItem("units", choice);
+}
+
+const known = (value) => value !== null && value !== undefined;
+const shown = (value, factor, digits, unit) =>
+  known(value) ? `${(value * factor).toFixed(digits)} ${unit}` : "unknown";
+
+export const height = (m) => (units === "aviation" ? shown(m, FEET, 0, "ft") : shown(m, 1, 1, "m"));
+export const speed = (m_s) => (units === "aviation" ? shown(m_s, KNOTS, 1, "kt") : shown(m_s, 1, 1, "m/s"));
+export const heading = (deg) => (known(deg) ? `${String(Math.round(deg) % 360).padStart(3, "0")}°` : "unknown");
+export const percent = (value) => shown(value, 1, 0, "%");
+export const place = ([north, east]) =>
+  `${Math.abs(north).toFixed(5)}° ${north < 0 ? "S" : "N"}, ${Math.abs(east).toFixed(5)}° ${east < 0 ? "W" : "E"}`;
+export const age = (s) => (known(s) ? `${s < 10 ? s.toFixed(1) : Math.round(s)} s ago` : "never");
+
+/** Of a distance on the ground. */
+export function distance(m) {
+  if (units === "aviation") return m < 1852 ? shown(m, FEET, 0, "ft") : shown(m, 1 / 1852, 1, "NM");
+  return m < 1000 ? shown(m, 1, 0, "m") : shown(m, 1e-3, 1, "km");
+}
+
+/** A time of day of the bridge's clock, in UTC. */
+export const time = (ms) => (known(ms) ? `${new Date(ms).toISOString().slice(11, 19)} UTC` : "unknown");
+
+const LEVELS = [[2, "monitor"], [4, "payload"], [8, "control"], [16, "launch and recovery"]];
+
+/** Bits of a LOI bitmap by name, the raw value beside what has none. */
+export function levels(bits, stations) {
+  const named = LEVELS.filter(([bit]) => bits & bit).map(([bit, name]) =>
+    bit === 4 && stations.length > 0 ? `${name} (station ${stations.join(", ")})` : name);
+  return named.length > 0 ? named.join(", ") : `none (raw ${bits})`;
+}
