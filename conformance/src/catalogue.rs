@@ -242,7 +242,10 @@ mod tests {
         for rule in &catalogue.rule {
             assert!(catalogue.groups.contains_key(rule.group()), "{}", rule.id);
             let key = rule.disputed.as_deref();
-            let known = key.is_none_or(|key| stanag_msgs::disputed::Disputed::find(key).is_some());
+            let known = key.is_none_or(|key| {
+                use stanag_msgs::disputed::{Disputed, Settled};
+                Disputed::find(key).is_some() || Settled::find(key).is_some()
+            });
             assert!(known, "{}: {key:?} is no disputed point", rule.id);
         }
     }

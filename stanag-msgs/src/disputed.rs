@@ -3,6 +3,9 @@
 //! Each entry of [`DISPUTED`] has a key `dli.disputed.<name>` in the configuration. A CUCS that
 //! reads the standard differently is supported by setting it: [`Profile`](crate::Profile) translates
 //! between the wire and the values that the messages have here, so nothing else ever sees them.
+//!
+//! What has one reading only is no setting: [`SETTLED`] says which, and by which clause. A configuration that names such a
+//! point is taken where it names this reading, and refused with the clause where it names another.
 
 use crate::field::Confidence::{self, B, C, NotFound};
 
@@ -44,16 +47,56 @@ impl Disputed {
     }
 }
 
-/// All open questions.
-pub static DISPUTED: &[Disputed] = &[
-    Disputed {
+/// A point that was open, or looks as if it were, and has one reading.
+#[derive(Debug)]
+pub struct Settled {
+    /// Its name in a configuration.
+    pub name: &'static str,
+    /// What is settled.
+    pub question: &'static str,
+    /// The reading, as a configuration may still name it.
+    pub reading: &'static str,
+    /// What it means.
+    pub meaning: &'static str,
+    /// By which clause, or for want of which other source.
+    pub by: &'static str,
+}
+
+impl Settled {
+    /// The entry of this name.
+    pub fn find(name: &str) -> Option<&'static Settled> {
+        SETTLED.iter().find(|settled| settled.name == name)
+    }
+}
+
+/// All points that have one reading.
+pub static SETTLED: &[Settled] = &[
+    Settled {
         name: "loi_bits",
         question: "the bits of LOI 2, 3, 4, 5 in messages 1, 2, 4, 5",
-        default: "ed2",
-        choices: Choices::OneOf(&["ed2", "m"]),
-        sources: "E2 and F: 1, 2, 4, 8; M, perhaps after Edition 3: 2, 4, 8, 16, and 1 for none",
-        confidence: C,
+        reading: "ed2",
+        meaning: "1, 2, 4, 8",
+        by: "Edition 2.5, #1 field 8 (0001.08) and #21 fields 6 and 7 (0021.06, 0021.07): the same fields, which Edition 4 keeps",
     },
+    Settled {
+        name: "altitude_type_3",
+        question: "the datum of altitude type 3, WGS-84",
+        reading: "ellipsoid",
+        meaning: "height above the ellipsoid",
+        by: "Edition 2.5 names it WGS-84 wherever an altitude is commanded (0043.17, 0802.09); the word geoid of 0101.07 is the \
+             height that types 0 and 1 have",
+    },
+    Settled {
+        name: "heartbeat_type",
+        question: "the Message Type of the heartbeat",
+        reading: "16002",
+        meaning: "16002",
+        by: "no source names another; Edition 2.5 has no heartbeat",
+    },
+];
+
+/// All open questions.
+pub static DISPUTED: &[Disputed] = &[
     Disputed {
         name: "checksum_1",
         question: "what checksum code 1 means",
@@ -142,22 +185,6 @@ pub static DISPUTED: &[Disputed] = &[
         sources: "KP: the names; the values follow on from E2's 22",
         confidence: C,
     },
-    Disputed {
-        name: "altitude_type_3",
-        question: "the datum of altitude type 3, WGS-84",
-        default: "ellipsoid",
-        choices: Choices::OneOf(&["ellipsoid"]),
-        sources: "E2, E3 and F: WGS-84; E3's text adds the word geoid",
-        confidence: B,
-    },
-    Disputed {
-        name: "heartbeat_type",
-        question: "the Message Type of the heartbeat",
-        default: "16002",
-        choices: Choices::OneOf(&["16002"]),
-        sources: "T, with a table reference that cannot be right; K does not list it",
-        confidence: C,
-    },
 ];
 
 #[cfg(test)]
@@ -175,7 +202,18 @@ mod tests {
             }
             assert_eq!(Disputed::find(disputed.name).unwrap().key(), disputed.key());
         }
-        assert_eq!(DISPUTED[0].key(), "dli.disputed.loi_bits");
+        assert_eq!(DISPUTED[0].key(), "dli.disputed.checksum_1");
         assert!(Disputed::find("nothing").is_none());
+    }
+
+    /// A setting that can take one value is no setting.
+    #[test]
+    fn what_is_open_has_a_choice_and_what_is_settled_is_not_open() {
+        for disputed in DISPUTED {
+            if let Choices::OneOf(choices) = disputed.choices {
+                assert!(choices.len() > 1, "{}", disputed.name);
+            }
+            assert!(Settled::find(disputed.name).is_none(), "{}", disputed.name);
+        }
     }
 }

@@ -16,8 +16,7 @@
 //! ```
 
 use crate::bytes::{Reader, Writer};
-use crate::disputed::{Choices, DISPUTED, Disputed};
-use crate::enums::LoiBitmap;
+use crate::disputed::{Choices, DISPUTED, Disputed, Settled};
 use crate::error::{DecodeError, EncodeError};
 use crate::field::Field;
 use crate::scalar::{FineAngularRate, Integer};
@@ -29,7 +28,6 @@ use crate::wrapper::{self, Envelope, Frames, Sum16Variant, frames_with};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     checksum_1: Sum16Variant,
-    loi_shift: u32,
     turn_rate_factor: i64,
     message_5_presence_bytes: usize,
     ack_type: ValueMap,
@@ -44,7 +42,6 @@ pub struct Profile {
 
 const DEFAULT: Profile = Profile {
     checksum_1: Sum16Variant::Sum,
-    loi_shift: 0,
     turn_rate_factor: 1,
     message_5_presence_bytes: 2,
     ack_type: ValueMap::SAME,
@@ -68,8 +65,16 @@ impl Profile {
     /// its [`Disputed::default`].
     ///
     /// # Errors
-    /// There is no such entry, or the reading is not one of its choices.
+    /// There is no such entry, the reading is not one of its choices, or the point is [`Settled`] otherwise.
     pub fn set(&mut self, name: &str, reading: &str) -> Result<(), ProfileError> {
+        if let Some(settled) = Settled::find(name) {
+            let found = reading.to_owned();
+            return if reading == settled.reading {
+                Ok(())
+            } else {
+                Err(ProfileError::Settled { settled, found })
+            };
+        }
         let unknown = || ProfileError::Name {
             name: name.to_owned(),
         };
@@ -86,7 +91,6 @@ impl Profile {
             }
         };
         match (name, ours) {
-            ("loi_bits", _) => self.loi_shift = u32::from(reading == "m"),
             ("checksum_1", _) => {
                 self.checksum_1 = if reading == "crc16" {
                     Sum16Variant::Crc16
@@ -108,7 +112,6 @@ impl Profile {
             ("loiter_length_units", Some(map)) => self.loiter_length_units = map,
             ("presence_vector_support", Some(map)) => self.presence_vector_support = map,
             ("contingency_modes", Some(map)) => self.flight_mode = map,
-            // The other entries have one choice only: nothing to store.
             _ => {}
         }
         Ok(())
@@ -232,26 +235,21 @@ impl Profile {
         }
         match message {
             Message::CucsAuthorisationRequest(m) => {
-                self.loi(&mut m.requested_handover_loi, way);
                 self.flight_mode
                     .translate(&mut m.requested_flight_mode, way);
                 self.presence_vector_support
                     .translate(&mut m.presence_vector_support, way);
             }
             Message::VsmAuthorisationResponse(m) => {
-                self.loi(&mut m.loi_authorized, way);
-                self.loi(&mut m.loi_granted, way);
                 self.flight_mode.translate(&mut m.flight_modes_granted, way);
                 self.presence_vector_support
                     .translate(&mut m.presence_vector_support, way);
             }
             Message::PositiveHandoverAuthorisationRequest(m) => {
-                self.loi(&mut m.requested_handover_loi, way);
                 self.presence_vector_support
                     .translate(&mut m.presence_vector_support, way);
             }
             Message::PositiveHandoverAuthorisationGranted(m) => {
-                self.loi(&mut m.loi_authorized, way);
                 self.presence_vector_support
                     .translate(&mut m.presence_vector_support, way);
             }
@@ -280,18 +278,6 @@ impl Profile {
         }
     }
 
-    fn loi(&self, bits: &mut Option<LoiBitmap>, way: Way) {
-        let (Some(bits), true) = (bits, self.loi_shift > 0) else {
-            return;
-        };
-        *bits = LoiBitmap::from_raw(match (way, bits.raw()) {
-            // Reading "m" has a bit of its own for "none".
-            (Way::Out, 0) => 1,
-            (Way::Out, raw) => raw << self.loi_shift,
-            (Way::In, raw) => raw >> self.loi_shift,
-        });
-    }
-
     fn turn_rate(&self, rate: &mut Option<FineAngularRate>, way: Way) {
         let Some(rate) = rate else { return };
         let raw = rate.raw().to_i64();
@@ -312,6 +298,14 @@ pub enum ProfileError {
     Name {
         /// The name.
         name: String,
+    },
+    /// The point has one reading, and this is another.
+    #[error("{}: found {found:?}, expected {:?}, which is settled: {} by {}", settled.name, settled.reading, settled.meaning, settled.by)]
+    Settled {
+        /// The entry.
+        settled: &'static Settled,
+        /// The reading.
+        found: String,
     },
     /// The reading is not one of the choices.
     #[error("{}: found {found:?}, expected {}", disputed.name, expectation(disputed))]
@@ -414,7 +408,7 @@ impl ValueMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::enums::{AckType, FlightPathControlMode};
+    use crate::enums::{AckType, FlightPathControlMode, LoiBitmap};
     use crate::messages::*;
     use crate::{ChecksumStyle, Id};
 
@@ -434,25 +428,6 @@ mod tests {
         let frame = profile.frames(&out[..length]).next().unwrap().unwrap();
         assert_eq!(profile.decode(message.id(), frame.data), Ok(message));
         frame.data.to_vec()
-    }
-
-    #[test]
-    fn loi_bits_shift_and_none_has_its_own_bit() {
-        let m = profile("loi_bits", "m");
-        let response = |bits| VsmAuthorisationResponse {
-            loi_granted: Some(bits),
-            ..Default::default()
-        };
-        assert_eq!(
-            wire(&m, response(LoiBitmap::LOI4 | LoiBitmap::LOI5)),
-            [0, 0, 0x40, 0x18]
-        );
-        assert_eq!(wire(&m, response(LoiBitmap::NONE)), [0, 0, 0x40, 0x01]);
-        let ours = Profile::default();
-        assert_eq!(
-            wire(&ours, response(LoiBitmap::LOI4 | LoiBitmap::LOI5)),
-            [0, 0, 0x40, 0x0C]
-        );
     }
 
     #[test]
@@ -530,10 +505,16 @@ mod tests {
         let mut profile = Profile::default();
         let mut refuse =
             |name: &str, reading: &str| profile.set(name, reading).unwrap_err().to_string();
-        assert!(refuse("loi", "m").starts_with("loi: no such entry, expected one of loi_bits, "));
+        assert!(refuse("ack", "m").starts_with("ack: no such entry, expected one of checksum_1, "));
         assert_eq!(
-            refuse("loi_bits", "x"),
-            "loi_bits: found \"x\", expected ed2 or m"
+            refuse("checksum_1", "x"),
+            "checksum_1: found \"x\", expected sum or crc16"
+        );
+        // One reading, by a clause.
+        let settled = refuse("loi_bits", "m");
+        assert!(
+            settled.contains("settled: 1, 2, 4, 8") && settled.contains("0001.08"),
+            "{settled}"
         );
         for reading in ["", "1", "1,1,2", "1,2,256", "1,2,3,4", "a,b,c"] {
             assert!(
@@ -543,6 +524,9 @@ mod tests {
         }
         for disputed in DISPUTED {
             profile.set(disputed.name, disputed.default).unwrap();
+        }
+        for settled in crate::disputed::SETTLED {
+            profile.set(settled.name, settled.reading).unwrap();
         }
         assert_eq!(profile, Profile::default());
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use serde_json::Value;
-use stanag_msgs::disputed::{Choices, Disputed};
+use stanag_msgs::disputed::{Choices, Disputed, Settled};
 
 use super::junit::escape;
 use super::{Report, RuleReport, utc};
@@ -326,6 +326,9 @@ fn section(
 
 /// The reading that was judged by, and the other, with who has which.
 fn disputed(key: &str, readings: &BTreeMap<String, String>) -> String {
+    if let Some(point) = Settled::find(key) {
+        return format!("{}: {}, by {}.", point.question, point.meaning, point.by);
+    }
     let Some(point) = Disputed::find(key) else {
         return key.to_owned();
     };

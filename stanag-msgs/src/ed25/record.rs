@@ -181,15 +181,30 @@ impl Record {
         self.put(field, Some(Value::Text(text.into())));
     }
 
-    /// Sets its Time Stamp, field 1 of every message.
+    /// Sets its Time Stamp, field 1 of every message, in the first period of its count.
     pub fn set_stamp(&mut self, stamp: TimeStamp) {
         self.set(1, stamp.unix_ms() as f64 / 1e3);
     }
 
-    /// Its Time Stamp; `None` where it has none, or one that Edition 4 cannot name.
+    /// Its Time Stamp; `None` where it has none, or one that is no moment.
     #[must_use]
     pub fn stamp(&self) -> Option<TimeStamp> {
         stamp_of(self.number(1)?)
+    }
+
+    /// Sets its Time Stamp in the period of the count of Edition 4 that is nearest to `near_ms`, a Unix time in milliseconds.
+    pub fn set_stamp_near(&mut self, stamp: TimeStamp, near_ms: u64) {
+        self.set(1, stamp.unix_ms_near(near_ms) as f64 / 1e3);
+    }
+
+    /// Puts the moments of a message of Edition 4 ([`Record::of`]) into the period that is nearest to `near_ms`.
+    pub fn move_times_near(&mut self, near_ms: u64) {
+        for field in self.info.fields.iter().filter(|field| is_time(field)) {
+            let number = field.bit + 1;
+            if let Some(stamp) = self.number(number).and_then(stamp_of) {
+                self.set(number, stamp.unix_ms_near(near_ms) as f64 / 1e3);
+            }
+        }
     }
 
     /// Takes the value of a field away.
@@ -358,7 +373,7 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
     if !number.is_finite() {
         return Err(Fault::NotANumber(field));
     }
-    if is_time(field) && !times().contains(&number) {
+    if is_time(field) && !is_moment(number) {
         // 0 is how a time that has no meaning in this message is filled.
         return match number {
             0.0 if field.bit > 0 => Ok(None),
@@ -379,25 +394,35 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
     }
 }
 
-/// The moments that Edition 4 can name, s since 1970.
+/// Whether a number of seconds since 1970 is a moment, and no duration or milliseconds.
+///
+/// None is before 2000, where the count of Edition 4 begins. That count rolls over in 2034, and what is after it is counted
+/// modulo its period there: this edition's own Double does not roll over.
 #[must_use]
-pub fn times() -> std::ops::Range<f64> {
-    let epoch = TimeStamp(0).unix_ms() as f64 / 1e3;
-    epoch..epoch + TimeStamp::PERIOD_MS as f64 / 1e3
+pub fn is_moment(seconds: f64) -> bool {
+    moments().contains(&seconds)
 }
 
-/// A moment as Edition 2.5 has it, s since 1970, as Edition 4 has it; `None` for one that it cannot name.
+/// Four periods of the count of Edition 4: until 2139.
+fn moments() -> std::ops::Range<f64> {
+    let epoch = TimeStamp(0).unix_ms() as f64 / 1e3;
+    epoch..epoch + 4.0 * PERIOD_S
+}
+
+/// A moment as Edition 2.5 has it, s since 1970, as Edition 4 has it; `None` for what is no moment.
 #[must_use]
 pub fn stamp_of(seconds: f64) -> Option<TimeStamp> {
-    let ms = seconds * 1e3;
-    let first = TimeStamp(0).unix_ms() as f64;
-    // Not a number is in no range.
-    let fits = (first..first + TimeStamp::PERIOD_MS as f64).contains(&ms.round());
-    fits.then(|| TimeStamp::from_unix_ms(ms.round() as u64))
+    // To the millisecond first: what rounds up to 2000 is a moment.
+    let ms = (seconds * 1e3).round();
+    is_moment(ms / 1e3).then(|| TimeStamp::from_unix_ms(ms as u64))
 }
 
+/// After so many seconds the five bytes of Edition 4 begin again.
+const PERIOD_S: f64 = TimeStamp::PERIOD_MS as f64 / 1e3;
+
+/// In this edition, or in Edition 4.
 fn is_time(field: &FieldInfo) -> bool {
-    field.unit == Some("s since 1970")
+    [Some("s since 1970"), Some(TimeStamp::UNIT)].contains(&field.unit)
 }
 
 /// A field as it is on the wire of its edition.
@@ -482,7 +507,7 @@ fn write(
         _ => {
             let (low, high) = field.wire.integers().unwrap_or_default();
             let raw = if field.unit == Some(TimeStamp::UNIT) {
-                let seconds = within(times().start, times().end)?;
+                let seconds = within(moments().start, moments().end)?;
                 TimeStamp::from_unix_ms((seconds * 1e3).round() as u64).0 as i64
             } else if field.identification {
                 number as i64

@@ -261,6 +261,16 @@ impl TimeStamp {
     pub const fn unix_ms(self) -> u64 {
         self.0.saturating_add(Self::EPOCH_UNIX_MS)
     }
+
+    /// The Unix time in milliseconds, of the period that puts it nearest to `near_ms`: the five bytes do not say in which
+    /// they are.
+    pub const fn unix_ms_near(self, near_ms: u64) -> u64 {
+        let first = self.unix_ms();
+        let beyond = near_ms
+            .saturating_add(Self::PERIOD_MS / 2)
+            .saturating_sub(first);
+        first.saturating_add(beyond / Self::PERIOD_MS * Self::PERIOD_MS)
+    }
 }
 
 /// Only the low 40 bits are written.
@@ -364,5 +374,12 @@ mod tests {
         let last = TimeStamp(TimeStamp::PERIOD_MS - 1);
         assert_eq!(last.unix_ms(), 2_046_196_427_775);
         assert_eq!(TimeStamp::from_unix_ms(last.unix_ms() + 1), TimeStamp(0));
+        for unix_ms in [last.unix_ms(), last.unix_ms() + 1, 4_000_000_000_000] {
+            for apart in [-86_400_000, 0, 86_400_000] {
+                let near = unix_ms.saturating_add_signed(apart);
+                let stamp = TimeStamp::from_unix_ms(unix_ms);
+                assert_eq!(stamp.unix_ms_near(near), unix_ms, "{apart}");
+            }
+        }
     }
 }

@@ -40,7 +40,7 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(sent <= MAX_DATAGRAM);
 
         let mut profile = Profile::default();
-        profile.set("loi_bits", "m").expect("a choice");
+        profile.set("ack_type", "0,1,2").expect("a choice");
         profile.set("checksum_1", "crc16").expect("a choice");
         let _ = profile.decode(header.message_type, frame.data);
     }

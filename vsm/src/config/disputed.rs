@@ -71,7 +71,7 @@ impl<'de> Deserialize<'de> for Readings {
             type Value = Readings;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a table of readings, each a text, such as loi_bits = \"ed2\"")
+                f.write_str("a table of readings, each a text, such as checksum_1 = \"sum\"")
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Readings, A::Error> {
@@ -106,9 +106,9 @@ mod tests {
 
     #[test]
     fn readings_are_kept_and_the_rest_is_the_default() {
-        let config = parse("loi_bits = \"m\"\nack_type = \"0,1,2\"").unwrap();
+        let config = parse("turn_rate_step = \"0.005\"\nack_type = \"0,1,2\"").unwrap();
         let all: Vec<_> = config.dli.disputed.all().collect();
-        assert!(all.contains(&("loi_bits", "m", true)));
+        assert!(all.contains(&("turn_rate_step", "0.005", true)));
         assert!(all.contains(&("ack_type", "0,1,2", true)));
         assert!(all.contains(&("checksum_1", "sum", false)));
         assert_ne!(config.dli.disputed.profile, stanag_msgs::Profile::default());
@@ -118,14 +118,18 @@ mod tests {
 
     #[test]
     fn what_is_no_reading_is_refused_with_what_was_expected() {
-        let fault = parse("loi_bits = \"x\"").unwrap_err();
+        let fault = parse("checksum_1 = \"x\"").unwrap_err();
         assert!(
-            fault.contains("loi_bits") && fault.contains("ed2 or m"),
+            fault.contains("checksum_1") && fault.contains("sum or crc16"),
             "{fault}"
         );
+        // Settled by Edition 2.5: a file that names what holds anyway is taken.
+        assert!(parse("loi_bits = \"ed2\"").is_ok());
+        let fault = parse("loi_bits = \"m\"").unwrap_err();
+        assert!(fault.contains("settled"), "{fault}");
         let fault = parse("loi = \"m\"").unwrap_err();
         assert!(fault.contains("no such entry"), "{fault}");
-        assert!(parse("loi_bits = 3").is_err());
+        assert!(parse("checksum_1 = 3").is_err());
         assert!(parse("ack_type = \"1,1,2\"").is_err());
     }
 }

@@ -36,8 +36,9 @@ impl View {
         }
     }
 
-    /// Takes a message of the vehicle; a 4000 with a time stamp makes a set.
-    pub fn take(&mut self, message: &Message) -> Option<LocalSet> {
+    /// Takes a message of the vehicle; a 4000 with a time stamp makes a set. `unix_us`: about now, since the set counts from
+    /// 1970 and the five bytes of a stamp roll over.
+    pub fn take(&mut self, message: &Message, unix_us: u64) -> Option<LocalSet> {
         match message {
             Message::VehicleId(new) => self.identity = Some(new.clone()),
             Message::EoIrLaserOperatingState(new)
@@ -45,15 +46,15 @@ impl View {
             {
                 self.payload = Some(new.clone());
             }
-            Message::InertialStates(new) => return self.set(new),
+            Message::InertialStates(new) => return self.set(new, unix_us),
             _ => {}
         }
         None
     }
 
-    fn set(&self, states: &InertialStates) -> Option<LocalSet> {
+    fn set(&self, states: &InertialStates, unix_us: u64) -> Option<LocalSet> {
         let stamp = states.time_stamp?;
-        let mut set = LocalSet::at(stamp.unix_ms() * 1_000);
+        let mut set = LocalSet::at(stamp.unix_ms_near(unix_us / 1_000) * 1_000);
         set.platform_designation = self.designation.clone();
         if let Some(identity) = &self.identity {
             set.mission_id = text(identity.mission_id.as_ref().map(|text| text.as_str()));
@@ -156,6 +157,9 @@ mod tests {
 
     use super::*;
 
+    /// 2001, when the stamps of these tests are of their first period.
+    const NOW_US: u64 = 978_307_200_000_000;
+
     fn inertial(stamp: u64) -> InertialStates {
         InertialStates {
             time_stamp: Some(TimeStamp(stamp)),
@@ -175,7 +179,7 @@ mod tests {
     }
 
     fn azimuth(view: &mut View, at: u64) -> Option<f64> {
-        let set = view.take(&inertial(at).into()).expect("a set");
+        let set = view.take(&inertial(at).into(), NOW_US).expect("a set");
         assert_eq!(
             set.frame_center_latitude_deg, None,
             "0302.15 says that it is not known"
@@ -186,9 +190,9 @@ mod tests {
     #[test]
     fn the_payload_is_of_the_same_time_and_station_or_absent() {
         let mut view = View::new(2, None);
-        assert_eq!(view.take(&payload(1_000, 0b01).into()), None);
+        assert_eq!(view.take(&payload(1_000, 0b01).into(), NOW_US), None);
         assert_eq!(azimuth(&mut view, 1_000), None, "another station");
-        assert_eq!(view.take(&payload(1_000, 0b10).into()), None);
+        assert_eq!(view.take(&payload(1_000, 0b10).into(), NOW_US), None);
         for (at, expected) in [
             (500, Some(270.0)),
             (1_500, Some(270.0)),
@@ -197,7 +201,7 @@ mod tests {
         ] {
             assert_eq!(azimuth(&mut view, at), expected, "{at}");
         }
-        view.take(&payload(TimeStamp::PERIOD_MS - 100, 0b10).into());
+        view.take(&payload(TimeStamp::PERIOD_MS - 100, 0b10).into(), NOW_US);
         assert_eq!(
             azimuth(&mut view, 100),
             Some(270.0),
@@ -209,16 +213,19 @@ mod tests {
     fn what_4000_leaves_out_is_absent_and_each_angle_and_height_has_one_item() {
         let mut view = View::new(1, Some("quad".to_owned()));
         assert_eq!(
-            view.take(&InertialStates::default().into()),
+            view.take(&InertialStates::default().into(), NOW_US),
             None,
             "of no time"
         );
-        let empty = view.take(&inertial(5).into()).expect("a set");
+        let empty = view.take(&inertial(5).into(), NOW_US).expect("a set");
         let expected = LocalSet {
             platform_designation: Some("quad".to_owned()),
             ..LocalSet::at((TimeStamp::EPOCH_UNIX_MS + 5) * 1_000)
         };
         assert_eq!(empty, expected);
+        let later_us = (TimeStamp(5).unix_ms() + TimeStamp::PERIOD_MS) * 1_000;
+        let set = View::new(1, None).take(&inertial(5).into(), later_us + 1_000_000);
+        assert_eq!(set, Some(LocalSet::at(later_us)), "after the roll-over");
         let of = |pitch: f64, roll: f64, kind| {
             let states = InertialStates {
                 pitch: Some(Bam16::from_degrees(pitch)),
@@ -227,7 +234,9 @@ mod tests {
                 altitude_type: Some(kind),
                 ..inertial(5)
             };
-            View::new(1, None).take(&states.into()).expect("a set")
+            View::new(1, None)
+                .take(&states.into(), NOW_US)
+                .expect("a set")
         };
         let level = of(10.0, -10.0, AltitudeType::Wgs84);
         assert!(level.platform_pitch_deg.is_some() && level.platform_pitch_full_deg.is_none());

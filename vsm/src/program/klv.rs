@@ -234,7 +234,7 @@ impl Watch {
                     if matches!(*message, Message::InertialStates(_)) {
                         heard = Instant::now();
                     }
-                    if let Some(set) = self.view.take(&message)
+                    if let Some(set) = self.view.take(&message, unix_us())
                         && sets.send(set).await.is_err()
                     {
                         return Ok(());

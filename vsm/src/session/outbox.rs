@@ -162,6 +162,11 @@ impl Outbox {
         TimeStamp::from_unix_ms(self.last_stamp_ms)
     }
 
+    /// When the latest message was stamped, ms since 1970: it does not roll over as the stamp does.
+    pub(crate) fn last_stamp_ms(&self) -> u64 {
+        self.last_stamp_ms
+    }
+
     /// The stamp of a report of what was measured at `at`, by the monotonic clock: that time, and later than that of the
     /// report before it in its series. Stamps of one message type rise; a measurement is older than an answer of now.
     pub(crate) fn stamp_measured(&mut self, now: Now, at: Duration, series: Series) -> TimeStamp {

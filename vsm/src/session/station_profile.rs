@@ -256,7 +256,7 @@ mod tests {
 
     fn profile(keys: &str) -> StationProfile {
         let text = format!(
-            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:0\"\ndisputed = {{ loi_bits = \"m\", ack_type = \"0,1,2\" }}\n\
+            "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:0\"\ndisputed = {{ turn_rate_step = \"0.005\", ack_type = \"0,1,2\" }}\n\
              [[cucs]]\nid = \"{CUCS}\"\nloi = [2]\n{keys}\n[store]\ndir = \"s\"\n"
         );
         let config = Config::parse(&text, Path::new("")).expect("a configuration");
@@ -300,7 +300,7 @@ mod tests {
         let of_all = profile("");
         let own = profile("disputed = { ack_type = \"1,2,3\" }");
         let mut expected = Profile::default();
-        expected.set("loi_bits", "m").expect("a reading");
+        expected.set("turn_rate_step", "0.005").expect("a reading");
         assert_eq!(own.readings, expected);
         assert_ne!(of_all.readings, own.readings);
     }

@@ -290,7 +290,8 @@ fn an_operator_points_zooms_and_records_while_another_flies() {
 fn metadata_shows(rig: &Rig, seen: &EoIrLaserOperatingState) {
     let mut view = View::new(1, None);
     let received = rig.stations[OPERATOR].received.iter();
-    let made = received.filter_map(|(_, _, message)| Some((message, view.take(message)?)));
+    let now_us = rig.now().wall.as_micros() as u64;
+    let made = received.filter_map(|(_, _, message)| Some((message, view.take(message, now_us)?)));
     let (message, set) = made.last().expect("a 4000");
     let Message::InertialStates(states) = message else {
         panic!("{message:?}");

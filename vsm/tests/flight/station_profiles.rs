@@ -167,11 +167,10 @@ fn types(sent: &[(Destination, Vec<u8>)], to_group: bool) -> Vec<u16> {
 
 #[test]
 fn two_makes_are_served_at_once_each_as_it_speaks() {
-    let of_first = "address = \"127.0.0.1\"\ndisputed = { loi_bits = \"m\", ack_type = \"0,1,2\" }";
+    let of_first = "address = \"127.0.0.1\"\ndisputed = { ack_type = \"0,1,2\" }";
     let of_second = "address = \"127.0.0.1\"\ndisputed = { checksum_1 = \"crc16\" }";
     let mut scene = Scene::new("", of_first, of_second);
     let (mut first, mut second) = (Profile::default(), Profile::default());
-    first.set("loi_bits", "m").expect("a reading");
     first.set("ack_type", "0,1,2").expect("a reading");
     second.set("checksum_1", "crc16").expect("a reading");
     let answers = [2, 17_000];

@@ -408,6 +408,9 @@ impl Sender {
         self.last_stamp_ms = unix_ms
             .max(TimeStamp::EPOCH_UNIX_MS)
             .max(self.last_stamp_ms + apart);
+        if let Some(border) = &mut self.border {
+            border.keep_time(self.last_stamp_ms);
+        }
         TimeStamp::from_unix_ms(self.last_stamp_ms)
     }
 

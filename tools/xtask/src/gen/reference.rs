@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use mapping::support;
-use stanag_msgs::disputed::{Choices, DISPUTED};
+use stanag_msgs::disputed::{Choices, DISPUTED, SETTLED};
 use stanag_msgs::ed25;
 use stanag_msgs::enums::{EnumInfo, EnumKind};
 use stanag_msgs::table::{FieldInfo, MESSAGES, MessageInfo};
@@ -409,6 +409,21 @@ fn disputed() -> String {
             escaped(&choices),
             escaped(entry.sources),
             entry.confidence.letter(),
+        );
+    }
+    page.push_str(
+        "\n## What is settled\n\nThese have one reading. A configuration may name it, and no other.\n\n\
+         | name | what is settled | reading | by |\n|---|---|---|---|\n",
+    );
+    for entry in SETTLED {
+        let _ = writeln!(
+            page,
+            "| `{}` | {} | `{}`: {} | {} |",
+            entry.name,
+            escaped(entry.question),
+            entry.reading,
+            escaped(entry.meaning),
+            escaped(entry.by),
         );
     }
     page

@@ -140,6 +140,7 @@ impl Bridge {
         };
         let answered = (standing.named, standing.stamp);
         let translator = &mut self.stations[index].translator;
+        translator.keep_time(self.outbox.last_stamp_ms());
         let mut aircraft = self.aircraft.iter();
         let vehicle = aircraft.find(|one| one.id() == at.vehicle);
         let live = vehicle.filter(|one| one.vehicle.live());
@@ -293,6 +294,7 @@ impl Bridge {
         let (vsm, stamp) = (self.vsm, self.outbox.stamp(now));
         let named = self.shown_as(vehicle);
         let translator = &mut self.stations[index].translator;
+        translator.keep_time(self.outbox.last_stamp_ms());
         let line = translator.holder(vsm, named, holder, levels, stamp);
         self.effects(now, disk).0.send_translated(index, &line);
     }
@@ -388,6 +390,7 @@ impl Bridge {
                     mapping::report::fill_commanded(states, telemetry, last);
                 }
             }
+            station.translator.keep_time(self.outbox.last_stamp_ms());
             let translated = station.translator.outbound(&envelope, of, &message);
             let question = matches!(message, Message::Heartbeat(_)) && envelope.ack_requested;
             let charged = if question {

@@ -25,7 +25,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use stanag_msgs::ed25::record::{stamp_of, times};
+use stanag_msgs::ed25::record::{is_moment, stamp_of};
 use stanag_msgs::ed25::{self, Parties, Record, Version};
 use stanag_msgs::enums::{EoirSystemMode, FlightPathControlMode, LoiBitmap};
 use stanag_msgs::messages::CucsAuthorisationRequest;
@@ -58,6 +58,8 @@ pub(crate) struct Translator {
     cautions: u32,
     /// The Message Instance ID that was used last.
     instance: u32,
+    /// About now, ms since 1970: in which period of their count the stamps of Edition 4 are.
+    about_ms: u64,
     /// Alerts whose text took several messages: how many of each.
     parts: BTreeMap<(Id, u32), u8>,
 }
@@ -104,6 +106,11 @@ impl Translator {
         self.version = Some(version);
     }
 
+    /// What is translated from here on is of about this time, ms since 1970.
+    pub(crate) fn keep_time(&mut self, about_ms: u64) {
+        self.about_ms = about_ms;
+    }
+
     /// Takes a message of the station.
     ///
     /// # Errors
@@ -138,7 +145,10 @@ impl Translator {
         }
         let record = Record::read(info, frame.data)?;
         if record.number(1).is_none() {
-            return Err(Refusal::new("no time stamp", "Time Stamp is before 2000"));
+            return Err(Refusal::new(
+                "no time stamp",
+                "Time Stamp is no moment: expected seconds since 1970, from 2000 on",
+            ));
         }
         self.version = Some(frame.header.version);
         self.vsm = Some(standing.vsm);
@@ -228,10 +238,7 @@ impl Translator {
             600 => {
                 // A moment or a duration (4.1.4.2.1 does not say): Edition 4 has the moment.
                 let mut record = record.clone();
-                if !record
-                    .number(12)
-                    .is_some_and(|limit| times().contains(&limit))
-                {
+                if !record.number(12).is_some_and(is_moment) {
                     record.clear(12);
                 }
                 Some(generic(&record)?)
@@ -337,6 +344,7 @@ impl Translator {
     fn translate(&mut self, envelope: &Envelope, of: Id, message: &Message) -> Vec<Vec<u8>> {
         let (vehicle, cucs) = (envelope.source, envelope.destination);
         let mut record = Record::of(message);
+        record.move_times_near(self.about_ms);
         let mut before = Vec::new();
         self.note(of, message, &mut before);
         match message {
@@ -362,7 +370,10 @@ impl Translator {
             | Message::VehicleSpecificWaypoint(_) => {
                 let plans = self.plans.entry(of).or_default();
                 match plans.sent(message) {
-                    Ok(Some(waypoint)) => before.push(waypoint),
+                    Ok(Some(mut part)) => {
+                        part.move_times_near(self.about_ms);
+                        before.push(part);
+                    }
                     Ok(None) => {}
                     Err(what) => {
                         let caution = self.caution(&record, &what);
@@ -506,14 +517,7 @@ impl Translator {
         let stamp = of.number(1).unwrap_or_default();
         // 50001 has milliseconds as a float.
         let later = TimeStamp(stamp as u64).unix_ms() as f64 / 1e3;
-        alert.set(
-            1,
-            if times().contains(&stamp) {
-                stamp
-            } else {
-                later
-            },
-        );
+        alert.set(1, if is_moment(stamp) { stamp } else { later });
         for (field, value) in [(4, 2.0), (5, -1.0), (6, 9.0), (7, 3.0), (10, 30.0)] {
             alert.set(field, value);
         }
@@ -547,6 +551,10 @@ impl Translator {
         let Some(info) = ed25::message(number, version) else {
             return Vec::new();
         };
+        // What it returns of the station's own stays as it came.
+        if let Some(stamp) = record.stamp() {
+            record.set_stamp_near(stamp, self.about_ms);
+        }
         let data = record.data(info);
         // Stamps of ours rise strictly, so their low bits tell the messages of a mission apart, after a restart too.
         let stamp = record.stamp().map_or(0, |stamp| stamp.0 as u32);

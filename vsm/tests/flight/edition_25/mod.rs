@@ -1,6 +1,7 @@
 //! Stations of Edition 2.5: whole flights, which fields of a command count, what is refused by name, and one vehicle
 //! between a station of Edition 2.5 and one of Edition 4.
 
+mod after_2034;
 mod border;
 mod commands;
 mod mixed;

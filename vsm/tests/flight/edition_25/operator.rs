@@ -15,6 +15,7 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Bam32, Message, Scaled};
 
+use super::after_2034::set_clock;
 use super::{CUCS, rig};
 
 /// A session on the network of the rig.
@@ -469,4 +470,16 @@ fn the_scriptable_station_operates_a_payload_and_commands_nothing_beside() {
     assert_eq!(operator.send(&mut rig, stow), Delivery::Refused);
     let said = operator.texts.join("|");
     assert!(said.contains("retract"), "{said}");
+}
+
+#[test]
+fn the_scriptable_station_flies_after_the_roll_over_of_2034() {
+    let (mut rig, station) = rig();
+    set_clock(&mut rig, 2_240_000_000.0);
+    let mut operator = Operator::new(station.address);
+    let taken = operator.send(&mut rig, orders::request_control());
+    assert_eq!(taken, Delivery::CarriedOut, "{:?}", operator.texts);
+    let launched = operator.send(&mut rig, orders::launch(20.0));
+    assert_eq!(launched, Delivery::CarriedOut, "{:?}", operator.texts);
+    assert!(operator.until(&mut rig, 60.0, |_, rig| -rig.truth().position.d > 18.0));
 }

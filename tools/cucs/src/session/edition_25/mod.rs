@@ -52,6 +52,8 @@ pub(crate) struct Border {
     own: VecDeque<(u32, u32)>,
     out: VecDeque<Vec<u8>>,
     last_stamp: TimeStamp,
+    /// About now, ms since 1970: in which period of their count stamps are.
+    about_ms: u64,
 }
 
 impl Border {
@@ -63,7 +65,13 @@ impl Border {
             own: VecDeque::new(),
             out: VecDeque::new(),
             last_stamp: TimeStamp(0),
+            about_ms: 0,
         }
+    }
+
+    /// What is sent from here on is of about this time, ms since 1970.
+    pub(crate) fn keep_time(&mut self, about_ms: u64) {
+        self.about_ms = about_ms;
     }
 
     /// Whether a message can be said.
@@ -108,7 +116,9 @@ impl Border {
         let mut datagram = Vec::new();
         for (record, later) in records.iter_mut().zip((0..count).rev()) {
             // Each its own moment, so that none is taken for a repetition; the last one has that of the message.
-            record.set_stamp(TimeStamp(stamp.0.saturating_sub(later)));
+            let earlier = stamp.0.wrapping_sub(later) % TimeStamp::PERIOD_MS;
+            record.move_times_near(self.about_ms);
+            record.set_stamp(TimeStamp(earlier));
             datagram.extend(self.whole(record, destination));
         }
         self.last_stamp = stamp;
@@ -120,6 +130,9 @@ impl Border {
         let mut record = record.clone();
         record.set(2, vehicle.0);
         record.set(3, self.id.0);
+        if let Some(stamp) = record.stamp() {
+            record.set_stamp_near(stamp, self.about_ms);
+        }
         let number = u32::from(record.id());
         let Some(info) = ed25::message(number, VERSION) else {
             return Vec::new();
