@@ -9,21 +9,39 @@ use std::ops::RangeInclusive;
 
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::{
-    CurveSegment, CurveSegmentPaper, UaLoiterWaypoint, UaPositionWaypoint, UaRoute,
-    VehicleSpecificWaypoint,
+    CurveSegment, CurveSegmentPaper, PayloadActionWaypoint, UaLoiterWaypoint, UaPositionWaypoint,
+    UaRoute, VehicleSpecificWaypoint,
 };
 use stanag_msgs::{Id, Message};
 
 use crate::action::{self, Action};
+use crate::payload::waypoint::PayloadAction;
 
-/// Routes (13001), waypoints (13002), their loiters (13003), actions (13006) and curves (50001, 50002).
+/// Routes (13001), waypoints (13002), their loiters (13003), actions (13004, 13006) and curves (50001, 50002).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Plan {
     routes: Vec<UaRoute>,
     waypoints: BTreeMap<u16, UaPositionWaypoint>,
     loiters: BTreeMap<u16, UaLoiterWaypoint>,
     curves: BTreeMap<(u16, u16), Curve>,
-    specifics: BTreeMap<u16, VehicleSpecificWaypoint>,
+    actions: BTreeMap<u16, Actions>,
+}
+
+/// What is done at a waypoint beside flying there, as it came.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Actions {
+    payload: Option<PayloadActionWaypoint>,
+    specific: Option<VehicleSpecificWaypoint>,
+}
+
+impl Actions {
+    fn messages(&self) -> impl Iterator<Item = Message> + use<> {
+        let payload = self.payload.clone().map(Message::PayloadActionWaypoint);
+        let specific = self.specific.clone();
+        payload
+            .into_iter()
+            .chain(specific.map(Message::VehicleSpecificWaypoint))
+    }
 }
 
 /// A curved leg as it came.
@@ -50,6 +68,7 @@ enum Part<'m> {
     Waypoint(u16, &'m UaPositionWaypoint),
     Loiter(u16, &'m UaLoiterWaypoint),
     Curve((u16, u16), Curve),
+    Payload(u16, &'m PayloadActionWaypoint),
     Specific(u16, &'m VehicleSpecificWaypoint),
 }
 
@@ -95,9 +114,9 @@ pub enum StoreError {
         /// What the wrapper holds.
         expected: Id,
     },
-    /// A 13006 that asks for nothing that is known.
+    /// A 13004 or 13006 that asks for something that no mission of PX4 does.
     #[error("{0}")]
-    Tag(String),
+    Action(String),
     /// The plan is full: a bound on memory, beyond what any vehicle carries.
     #[error("more than {0} {1} in one plan")]
     Full(usize, &'static str),
@@ -144,8 +163,11 @@ impl Plan {
             Part::Curve(ends, curve) => {
                 self.curves.insert(ends, curve);
             }
+            Part::Payload(number, payload) => {
+                self.actions.entry(number).or_default().payload = Some(payload.clone());
+            }
             Part::Specific(number, specific) => {
-                self.specifics.insert(number, specific.clone());
+                self.actions.entry(number).or_default().specific = Some(specific.clone());
             }
         }
         Ok(())
@@ -210,9 +232,15 @@ impl Plan {
             }
             Message::VehicleSpecificWaypoint(specific) => {
                 let number = numbered(13006, "Waypoint Number", specific.waypoint_number)?;
-                action::tagged(specific).map_err(StoreError::Tag)?;
-                has_room(&self.specifics, &number, "vehicle specific waypoints")?;
+                action::tagged(specific).map_err(StoreError::Action)?;
+                has_room(&self.actions, &number, "waypoints with actions")?;
                 Ok(Part::Specific(number, specific))
+            }
+            Message::PayloadActionWaypoint(payload) => {
+                let number = numbered(13004, "Waypoint Number", payload.waypoint_number)?;
+                PayloadAction::of(payload).map_err(StoreError::Action)?;
+                has_room(&self.actions, &number, "waypoints with actions")?;
+                Ok(Part::Payload(number, payload))
             }
             other => Err(StoreError::NotAPlanMessage(other.id())),
         }
@@ -247,8 +275,13 @@ impl Plan {
         if !sent.loiters.contains_key(&number) {
             self.loiters.remove(&number);
         }
-        if !sent.specifics.contains_key(&number) {
-            self.specifics.remove(&number);
+        if let Some(known) = self.actions.get_mut(&number) {
+            let sent = sent.actions.get(&number).cloned().unwrap_or_default();
+            known.payload.take_if(|_| sent.payload.is_none());
+            known.specific.take_if(|_| sent.specific.is_none());
+            if *known == Actions::default() {
+                self.actions.remove(&number);
+            }
         }
         // Only the curves at this waypoint are looked at: a CUCS sends ten thousand of both.
         let here = self.curves.range(curves_at(number)).map(|(ends, _)| *ends);
@@ -340,10 +373,17 @@ impl Plan {
     #[must_use]
     pub fn actions(&self, number: u16) -> Vec<Action> {
         // Another one was not stored.
-        let specific = self.specifics.get(&number);
+        let specific = self.actions.get(&number);
         specific
-            .and_then(|specific| action::tagged(specific).ok())
+            .and_then(|known| action::tagged(known.specific.as_ref()?).ok())
             .unwrap_or_default()
+    }
+
+    /// What a payload station does from the leg to the waypoint of this number on (13004).
+    #[must_use]
+    pub fn payload_action(&self, number: u16) -> Option<PayloadAction> {
+        // Another one was not stored.
+        PayloadAction::of(self.actions.get(&number)?.payload.as_ref()?).ok()
     }
 
     /// The curved legs that start at this waypoint: (P4's number, curve).
@@ -375,8 +415,8 @@ impl Plan {
             if let Some(loiter) = self.loiters.get(&number) {
                 part.loiters.insert(number, loiter.clone());
             }
-            if let Some(specific) = self.specifics.get(&number) {
-                part.specifics.insert(number, specific.clone());
+            if let Some(actions) = self.actions.get(&number) {
+                part.actions.insert(number, actions.clone());
             }
             for (to, curve) in self.curves_from(number) {
                 part.curves.insert((number, to), curve.clone());
@@ -409,30 +449,30 @@ impl Plan {
             waypoints,
             loiters,
             curves,
-            specifics,
+            actions,
         } = upper;
         let covers = |number: &u16| waypoints.contains_key(number);
         self.loiters.retain(|number, _| !covers(number));
-        self.specifics.retain(|number, _| !covers(number));
+        self.actions.retain(|number, _| !covers(number));
         self.curves.retain(|(p1, _), _| !covers(p1));
         self.routes.extend(routes);
         self.waypoints.extend(waypoints);
         self.loiters.extend(loiters);
         self.curves.extend(curves);
-        self.specifics.extend(specifics);
+        self.actions.extend(actions);
     }
 
     /// The messages that are about one waypoint: it, its loiter and actions, the curves that start at it.
     pub fn messages_about(&self, number: u16) -> impl Iterator<Item = Message> + '_ {
         let waypoint = self.waypoint(number).cloned();
         let loiter = self.loiter(number).cloned();
-        let specific = self.specifics.get(&number).cloned();
+        let actions = self.actions.get(&number).into_iter();
         let curves = self.curves_from(number).map(|(_, curve)| curve.message());
         waypoint
             .map(Message::UaPositionWaypoint)
             .into_iter()
             .chain(loiter.map(Message::UaLoiterWaypoint))
-            .chain(specific.map(Message::VehicleSpecificWaypoint))
+            .chain(actions.flat_map(Actions::messages))
             .chain(curves)
     }
 
@@ -453,12 +493,12 @@ impl Plan {
             .filter(|(number, _)| !self.waypoints.contains_key(number));
         let without_waypoint =
             without_waypoint.map(|(_, loiter)| Message::UaLoiterWaypoint(loiter.clone()));
-        let specifics = self.specifics.values().cloned();
+        let actions = self.actions.values().flat_map(Actions::messages);
         let curves = self.curves.values().map(Curve::message);
         routes
             .chain(waypoints)
             .chain(without_waypoint)
-            .chain(specifics.map(Message::VehicleSpecificWaypoint))
+            .chain(actions)
             .chain(curves)
     }
 }

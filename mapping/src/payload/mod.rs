@@ -3,6 +3,7 @@
 //! - [`state`]: what gimbals and cameras have reported of themselves, and which stations that makes.
 //! - [`pointing`]: where a sensor looks: its direction in the frames of both standards, and its footprint on the ground.
 //! - [`report`]: messages 21000, 21100 and 21101 from that.
+//! - [`waypoint`]: what a 13004 asks of a station at a waypoint.
 //!
 //! A station is a gimbal, a camera or both. Without a configuration a station has the number of its device among the component
 //! ids of MAVLink: camera 100 or gimbal 154 is station 1, camera 101 or gimbal 171 is station 2. A number that depended on the
@@ -11,6 +12,7 @@
 pub mod pointing;
 pub mod report;
 pub mod state;
+pub mod waypoint;
 
 pub use pointing::{Direction, Footprint};
 pub use state::{Camera, Equipment, Gimbal, Payloads};

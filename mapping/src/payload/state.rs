@@ -11,7 +11,7 @@ use mavlink_link::dialect::{
     MavMessage, MavType, StorageStatus, VideoStreamStatusFlags,
 };
 
-use super::pointing::{Frame, GimbalAttitude};
+use super::pointing::{Direction, Frame, GimbalAttitude};
 
 /// Everything that reports as a payload of one vehicle.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -42,6 +42,29 @@ pub struct Regard {
     pub pitch: Option<[f64; 2]>,
     /// The same of yaw, right of the vehicle's heading positive.
     pub yaw: Option<[f64; 2]>,
+}
+
+impl Regard {
+    /// Whether a gimbal can look there. `names`: of the fields for azimuth and elevation.
+    ///
+    /// # Errors
+    /// It reaches not so far: which field, its value, and the range.
+    pub fn reaches(&self, to: Direction, names: [&str; 2]) -> Result<(), String> {
+        let axes = [(to.elevation, self.pitch), (to.azimuth, self.yaw)];
+        for (name, (angle, range)) in names.into_iter().rev().zip(axes) {
+            if let Some([low, high]) = range
+                && !(low - SLACK..=high + SLACK).contains(&angle)
+            {
+                return Err(format!(
+                    "{name} {:.1} degrees, expected {:.1} to {:.1}: the gimbal reaches no farther",
+                    angle.to_degrees(),
+                    low.to_degrees(),
+                    high.to_degrees()
+                ));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A camera.
@@ -374,6 +397,8 @@ fn level(percent: f32) -> Option<f64> {
         .then_some(f64::from(percent))
 }
 
+/// Half a degree, rad: a step of the wire, and what a gimbal rounds.
+const SLACK: f64 = 0.009;
 /// Devices of each kind that are kept.
 const MAX_DEVICES: usize = 32;
 

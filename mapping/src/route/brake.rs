@@ -57,7 +57,7 @@ pub(crate) fn missed_at(
     performance: &Performance,
 ) -> Option<usize> {
     let mut places = items.iter().enumerate().skip(start);
-    let first = places.find_map(|(at, item)| item.is_global().then_some(at));
+    let first = places.find_map(|(at, item)| item.is_flown_to().then_some(at));
     let changes = |at: usize| match level.filter(|_| first == Some(at)) {
         Some(level) => !level || next_differs(items, at),
         None => changes_height(items, at, false),
@@ -96,20 +96,20 @@ fn is_passed(item: &Item) -> bool {
 
 /// Whether it is reached, or left, by a climb or a descent. `first_is_level` applies where no waypoint is before it.
 fn changes_height(items: &[Item], at: usize, first_is_level: bool) -> bool {
-    let before = items.iter().take(at).rev().find(|item| item.is_global());
+    let before = items.iter().take(at).rev().find(|item| item.is_flown_to());
     before.map_or(!first_is_level, |before| differs(items, at, before)) || next_differs(items, at)
 }
 
 /// Whether it is left by one. After the last one, and after a loop, comes something that is not known here.
 fn next_differs(items: &[Item], at: usize) -> bool {
     let mut after = items.iter().skip(at + 1);
-    let next = after.find(|item| item.is_global() || item.command == DO_JUMP);
+    let next = after.find(|item| item.is_flown_to() || item.command == DO_JUMP);
     next.is_some_and(|next| differs(items, at, next))
 }
 
 fn differs(items: &[Item], at: usize, other: &Item) -> bool {
     items.get(at).is_some_and(|item| {
-        !other.is_global() || other.frame != item.frame || (other.z - item.z).abs() > LEVEL_M
+        !other.is_flown_to() || other.frame != item.frame || (other.z - item.z).abs() > LEVEL_M
     })
 }
 

@@ -15,8 +15,9 @@ use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
 use super::{brake, curve, loiter, waypoint};
 use crate::action::{Action, Transition};
-use crate::altitude::Level;
+use crate::altitude::{AltitudeError, Level};
 use crate::limits::{Performance, metres};
+use crate::payload::waypoint::{Pointing, camera_of};
 use crate::plan::Plan;
 
 /// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
@@ -180,6 +181,7 @@ impl<'a> Draft<'a> {
         self.on_wings(&leg).map_err(at)?;
         curve::check(plan, number, waypoint).map_err(at)?;
         let begun_at = self.compiled.items.len();
+        self.point(number, site).map_err(at)?;
         if let Some(speed_m_s) = leg.speed_m_s {
             self.compiled
                 .push(number, change_speed(speed_m_s, site.hovers()));
@@ -217,6 +219,48 @@ impl<'a> Draft<'a> {
             return Err(at(Reason::TooManyItems(site.limits.items)));
         }
         Ok(next)
+    }
+
+    /// What a payload station does from the leg to this waypoint on (13004): before the leg begins.
+    ///
+    /// # Errors
+    /// The altitude of a place that is looked at has no usable reference.
+    fn point(&mut self, number: u16, site: &Site<'_>) -> Result<(), Reason> {
+        let Some(action) = self.plan.payload_action(number) else {
+            return Ok(());
+        };
+        match action.pointing {
+            Some(Pointing::Angles(direction)) => {
+                for item in item::point_gimbal(direction) {
+                    self.compiled.push(number, item);
+                }
+            }
+            Some(Pointing::Place(at)) => {
+                let level = site
+                    .datum()
+                    .level(at.altitude_m, at.altitude_type, [at.place]);
+                let level = level.map_err(|fault| match fault {
+                    // Reported within seconds: a load waits for it.
+                    AltitudeError::NoGeoid => Reason::Altitude(fault),
+                    other => Reason::StarePoint(other),
+                })?;
+                self.compiled.push(number, item::take_gimbal());
+                self.compiled.push(number, item::look_at(at.place, level));
+                // PX4 leaves MIS_MNT_YAW_CTL at 0.
+                if site.hovers() {
+                    self.compiled.notes.push(format!(
+                        "waypoint {number}: the vehicle turns its nose to its starepoint (13004) until another 13004 or ROI OFF, \
+                         unless MIS_MNT_YAW_CTL is 1"
+                    ));
+                }
+            }
+            None => {}
+        }
+        if let Some(thermal) = action.thermal {
+            let camera = item::show_sensor(camera_of(action.station), thermal);
+            self.compiled.push(number, camera);
+        }
+        Ok(())
     }
 
     /// What is done at a waypoint once it is reached, and its loiter is over.
@@ -375,7 +419,7 @@ impl<'a> Draft<'a> {
         let compiled = &mut self.compiled;
         // P1 is a vertex of the curve too.
         let before = compiled.items.iter_mut().take(begun_at).enumerate();
-        if let Some((p1, item)) = before.filter(|(_, item)| item.is_global()).last() {
+        if let Some((p1, item)) = before.filter(|(_, item)| item.is_flown_to()).last() {
             curve::accept(item, chords);
             self.ends.extend(site.hovers().then_some(p1));
         }
@@ -444,7 +488,7 @@ fn stop_where_missed(
 ) {
     let braked = brake::where_height_changes(&mut compiled.items, straight, performance);
     // The first waypoint is not braked for because of what the route does there.
-    let leads_there = |at: usize| compiled.items.iter().take(at).any(Item::is_global);
+    let leads_there = |at: usize| compiled.items.iter().take(at).any(Item::is_flown_to);
     let mut numbers: Vec<u16> = braked
         .into_iter()
         .filter(|at| leads_there(*at))

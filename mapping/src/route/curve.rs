@@ -118,7 +118,7 @@ pub(super) fn widen(items: &mut [Item], end: usize, performance: &Performance) {
         .rev()
         .find(|item| item.command == DO_CHANGE_SPEED)
         .map_or(performance.cruise_m_s as f32, |item| item.params[1]);
-    let next = items.iter().skip(end + 1).find(|item| item.is_global());
+    let next = items.iter().skip(end + 1).find(|item| item.is_flown_to());
     let differs = items
         .get(end)
         .zip(next)
@@ -383,7 +383,7 @@ pub(super) fn flown_m(plan: &Plan, compiled: &CompiledMission, site: &Site) -> O
         if item.command == DO_CHANGE_SPEED {
             speed_mps = f64::from(item.params[1]);
         }
-        if !item.is_global() {
+        if !item.is_flown_to() {
             continue;
         }
         let own_m = f64::from(item.params[1]);

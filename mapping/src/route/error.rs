@@ -142,6 +142,9 @@ pub enum Reason {
         "an action (13006) after its loiter, which has no end: PX4 would never come to it; give the loiter a duration (13003)"
     )]
     ActionAfterLoiter,
+    /// Its payload looks at a place whose altitude has no usable reference.
+    #[error("its starepoint (13004): {0}")]
+    StarePoint(AltitudeError),
     /// A delay of what cannot stand still.
     #[error(
         "DELAY (13006) on wings: PX4 flies on meanwhile; send a loiter with a duration (13003)"

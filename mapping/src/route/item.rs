@@ -1,10 +1,11 @@
 //! Mission items as PX4 takes them.
 
 use curve_paths::Position;
-use mavlink_link::service::mission::{FRAME_MISSION, Item};
+use mavlink_link::service::mission::{DO_SET_ROI_LOCATION, FRAME_MISSION, Item};
 
 use crate::action::Action;
 use crate::altitude::Level;
+use crate::payload::Direction;
 
 /// An item at a place, degrees north and east.
 pub(super) fn placed(place: (f64, f64), level: Level, command: u16, params: [f32; 4]) -> Item {
@@ -63,13 +64,7 @@ pub(super) fn transition(to_hover: bool) -> Item {
 
 /// The items of an action at a waypoint.
 pub(super) fn action(action: &Action) -> Vec<Item> {
-    let plain = |command, params: [f64; 4]| Item {
-        frame: FRAME_MISSION,
-        command,
-        autocontinue: true,
-        params: params.map(|param| param as f32),
-        ..Item::default()
-    };
+    let plain = |command, params: [f64; 4]| plain(command, params.map(|param| param as f32));
     let one = |command, params| vec![plain(command, params)];
     match *action {
         Action::Transition(_) => Vec::new(),
@@ -96,6 +91,60 @@ pub(super) fn action(action: &Action) -> Vec<Item> {
     }
 }
 
+/// An item without a place.
+fn plain(command: u16, params: [f32; 4]) -> Item {
+    Item {
+        frame: FRAME_MISSION,
+        command,
+        autocontinue: true,
+        params,
+        ..Item::default()
+    }
+}
+
+/// The autopilot takes primary control of the gimbal from whoever has it: -2 is its own system and component. Secondary control
+/// stays.
+pub(super) fn take_gimbal() -> Item {
+    plain(DO_GIMBAL_MANAGER_CONFIGURE, [-2.0, -2.0, -1.0, -1.0])
+}
+
+/// The gimbal to these angles. What it looked at before is looked at no more, by it and by the nose of a multicopter; that
+/// centres the gimbal, and so comes first.
+pub(super) fn point_gimbal(to: Direction) -> [Item; 3] {
+    let [pitch, yaw] = [to.elevation, to.azimuth].map(|angle| angle.to_degrees() as f32);
+    // NaN: as fast as it can. Flags (param5) 0: the angles follow the vehicle.
+    let angles = [pitch, yaw, f32::NAN, f32::NAN];
+    [
+        plain(DO_SET_ROI_NONE, [0.0; 4]),
+        take_gimbal(),
+        plain(DO_GIMBAL_MANAGER_PITCHYAW, angles),
+    ]
+}
+
+/// A place to look at: an item in a frame with a place that is not flown to.
+pub(super) fn look_at(place: (f64, f64), level: Level) -> Item {
+    placed(place, level, DO_SET_ROI_LOCATION, [0.0; 4])
+}
+
+/// Which sensor of a camera is shown: CAMERA_SOURCE_IR (2), or CAMERA_SOURCE_RGB (1).
+pub(super) fn show_sensor(camera: u8, thermal: bool) -> Item {
+    let source = if thermal { 2.0 } else { 1.0 };
+    plain(SET_CAMERA_SOURCE, [camera.into(), source, 0.0, 0.0])
+}
+
+/// Whether an item that precedes a waypoint's own belongs to the leg there: its speed, and where a sensor looks on it.
+pub(super) fn prepares_leg(item: &Item) -> bool {
+    matches!(
+        item.command,
+        DO_CHANGE_SPEED
+            | DO_SET_ROI_NONE
+            | DO_SET_ROI_LOCATION
+            | DO_GIMBAL_MANAGER_CONFIGURE
+            | DO_GIMBAL_MANAGER_PITCHYAW
+            | SET_CAMERA_SOURCE
+    )
+}
+
 /// MISSION_ITEM_INT's unit of latitude and longitude.
 pub(crate) fn degrees_e7(degrees: f64) -> i32 {
     (degrees * 1e7).round() as i32
@@ -117,6 +166,9 @@ const NAV_DELAY: u16 = 93;
 const DO_SET_ROI_NONE: u16 = 197;
 const DO_SET_CAM_TRIGG_DIST: u16 = 206;
 const DO_SET_CAM_TRIGG_INTERVAL: u16 = 214;
+const SET_CAMERA_SOURCE: u16 = 534;
+const DO_GIMBAL_MANAGER_PITCHYAW: u16 = 1000;
+const DO_GIMBAL_MANAGER_CONFIGURE: u16 = 1001;
 const IMAGE_START_CAPTURE: u16 = 2000;
 const IMAGE_STOP_CAPTURE: u16 = 2001;
 const DO_TRIGGER_CONTROL: u16 = 2003;

@@ -167,14 +167,14 @@ fn approach(route: CompiledMission, wings: &Wings, site: &Site) -> Result<Items,
         }
     }
     // A loiter without end would never let the vehicle land: down to its altitude, then on.
-    if let Some((_, item)) = items.iter_mut().rev().find(|(_, item)| item.is_global())
+    if let Some((_, item)) = items.iter_mut().rev().find(|(_, item)| item.is_flown_to())
         && item.command == NAV_LOITER_UNLIM
     {
         let radius = item.params[2];
         item.command = NAV_LOITER_TO_ALT;
         item.params = [1.0, radius, 0.0, 1.0];
     }
-    let entry = items.iter().rev().find(|(_, item)| item.is_global());
+    let entry = items.iter().rev().find(|(_, item)| item.is_flown_to());
     let (_, entry) = entry.ok_or_else(|| at(Reason::ShortApproach))?;
     let entry = Entry {
         command: entry.command,

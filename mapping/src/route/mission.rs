@@ -5,8 +5,8 @@ use mavlink_link::service::mission::Item;
 use super::brake;
 use super::error::{Reason, RouteError};
 use super::item::{
-    self, DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM,
-    NAV_VTOL_LAND, VTOL_STATE_MC, degrees_e7,
+    self, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM, NAV_VTOL_LAND,
+    VTOL_STATE_MC, degrees_e7,
 };
 use super::site::Site;
 use crate::altitude::Level;
@@ -107,14 +107,11 @@ impl CompiledMission {
             .iter()
             .zip(&self.waypoint_of)
             .position(|(item, number)| {
-                *number == waypoint && item.is_global() && (item.x, item.y) == (x, y)
+                *number == waypoint && item.is_flown_to() && (item.x, item.y) == (x, y)
             })?;
         while let Some(before) = at.checked_sub(1)
             && self.waypoint_of.get(before) == Some(&waypoint)
-            && self
-                .items
-                .get(before)
-                .is_some_and(|item| item.command == DO_CHANGE_SPEED)
+            && self.items.get(before).is_some_and(item::prepares_leg)
         {
             at = before;
         }
@@ -140,7 +137,7 @@ impl CompiledMission {
     #[must_use]
     pub fn place_from(&self, seq: u16) -> u16 {
         let on = self.items.iter().skip(usize::from(seq));
-        let steps = on.take_while(|item| !item.is_global()).count();
+        let steps = on.take_while(|item| !item.is_flown_to()).count();
         seq.saturating_add(u16::try_from(steps).unwrap_or(0))
     }
 
@@ -151,8 +148,8 @@ impl CompiledMission {
         let at = usize::from(seq);
         let number = self.waypoint_of.get(at)?;
         let mut after = self.items.iter().zip(&self.waypoint_of).skip(at + 1);
-        let more = after.any(|(item, of)| of == number && item.is_global());
-        (self.items.get(at)?.is_global() && !more).then(|| self.leg_of_item(seq))?
+        let more = after.any(|(item, of)| of == number && item.is_flown_to());
+        (self.items.get(at)?.is_flown_to() && !more).then(|| self.leg_of_item(seq))?
     }
 
     /// The loop of the route: (its last leg, its first leg, how often it leads back), legs as indices of `order`.
@@ -252,7 +249,7 @@ impl CompiledMission {
         let route = self.landing_start().map_or(self.items.len(), usize::from);
         let items = self.items.iter().zip(&self.waypoint_of).take(route);
         items
-            .filter(|(item, number)| item.is_global() && !touches_down(item) && **number != 0)
+            .filter(|(item, number)| item.is_flown_to() && !touches_down(item) && **number != 0)
             .filter_map(|(item, waypoint)| {
                 Some((Level::of_frame(item.frame, item.z.into())?, *waypoint))
             })

@@ -35,7 +35,7 @@ impl CompiledMission {
         let position = |item: &Item| {
             let level = Level::of_frame(item.frame, item.z.into())?;
             let (lat_deg, lon_deg) = (f64::from(item.x) * 1e-7, f64::from(item.y) * 1e-7);
-            let flown = item.is_global() && !touches_down(item);
+            let flown = item.is_flown_to() && !touches_down(item);
             flown.then(|| Position::new(lat_deg, lon_deg, level.amsl(home_amsl_m)))
         };
         let mut before = None;

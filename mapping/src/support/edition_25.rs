@@ -82,10 +82,6 @@ static REFUSED: &[(&[u16], &str)] = &[
         "data links are the link's own matter, no radio is connected to this VSM",
     ),
     (
-        &[804],
-        "pointing at waypoints is not supported: command the payload in flight (#200, #201), camera and trigger by #806",
-    ),
-    (
         &[805],
         "PX4's missions switch no lights and no data links, and their actuator items would move the outputs 5 and 6 too",
     ),

@@ -14,10 +14,6 @@ static REFUSED: &[(&[u16], &str)] = &[
         "no transponder is connected to this VSM: PX4 reports the state of none",
     ),
     (
-        &[13_004],
-        "pointing at waypoints is not supported: command the payload in flight (19001, 19100), camera and trigger by 13006",
-    ),
-    (
         &[13_005],
         "PX4's missions switch no lights and no data links, and their actuator items would move the outputs 5 and 6 too",
     ),

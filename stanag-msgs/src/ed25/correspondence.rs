@@ -93,7 +93,7 @@ pub fn ed4_of(number: u32) -> Option<u16> {
     info.ed4_messages.first().copied()
 }
 
-/// A part of a plan (13001, 13002, 13003) as #801, #802 or #803; `Ok(None)` for every other message.
+/// A part of a plan (13001 to 13004, 13006) as #801 to #804 or #806; `Ok(None)` for every other message.
 ///
 /// Where a waypoint goes on contingency is left open (#802.13, #802.14): Edition 4 has routes for that.
 ///
@@ -128,6 +128,7 @@ pub fn plan_record(part: &Message) -> Result<Option<Record>, String> {
             }
             (803, None)
         }
+        Message::PayloadActionWaypoint(_) => (804, None),
         Message::VehicleSpecificWaypoint(_) => (806, None),
         _ => return Ok(None),
     };

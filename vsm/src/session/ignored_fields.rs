@@ -7,8 +7,9 @@ use mapping::support::{Received, field};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType};
 use stanag_msgs::messages::{
-    EoIrLaserPayloadCommand, LoiterConfiguration, PayloadSteeringCommand, UaLoiterWaypoint,
-    UaPositionWaypoint, UaStickCommand, VehicleOperatingModeCommand, VehicleSpecificWaypoint,
+    EoIrLaserPayloadCommand, LoiterConfiguration, PayloadActionWaypoint, PayloadSteeringCommand,
+    UaLoiterWaypoint, UaPositionWaypoint, UaStickCommand, VehicleOperatingModeCommand,
+    VehicleSpecificWaypoint,
 };
 use stanag_msgs::table::{self, FieldInfo, MessageInfo};
 use stanag_msgs::wrapper::MAX_DATA;
@@ -96,6 +97,7 @@ const ASKING: &[u16] = &[
     LoiterConfiguration::ID,
     UaPositionWaypoint::ID,
     UaLoiterWaypoint::ID,
+    PayloadActionWaypoint::ID,
     VehicleSpecificWaypoint::ID,
     PayloadSteeringCommand::ID,
     EoIrLaserPayloadCommand::ID,

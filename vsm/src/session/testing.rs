@@ -22,6 +22,7 @@ use stanag_msgs::messages::LoiterConfiguration;
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::alerts::Alerts;
+use super::authority::rules::Authority;
 use super::context::{
     Bounds, Context, FlightView, MissionView, Origin, ParameterView, Settings, TerminationView,
     Transfer,
@@ -60,6 +61,7 @@ pub(crate) struct World {
     pub(crate) log: VecDeque<LogEntry>,
     pub(crate) disk: Box<dyn Disk>,
     pub(crate) parameters: Parameters,
+    pub(crate) rights: Authority,
     pub(crate) loiter: LoiterConfiguration,
     /// A maneuver is in progress.
     pub(crate) maneuver: bool,
@@ -79,6 +81,7 @@ pub(crate) struct Views<'a> {
     pub(crate) mission: MissionView<'a>,
     pub(crate) flight: FlightView<'a>,
     pub(crate) parameters: ParameterView<'a>,
+    pub(crate) rights: &'a Authority,
 }
 
 impl World {
@@ -133,6 +136,7 @@ impl World {
             log: VecDeque::new(),
             disk: Box::new(MemoryDisk::default()),
             parameters: Parameters::default(),
+            rights: Authority::default(),
             loiter: LoiterConfiguration::default(),
             maneuver: false,
             plan: Plan::default(),
@@ -282,6 +286,7 @@ impl World {
             mission,
             flight,
             parameters,
+            rights: &self.rights,
         };
         let mut effects = Effects {
             dli: DliEffects {

@@ -12,7 +12,7 @@
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
-//! - payload stations: `payload`
+//! - payload stations: `payload`, `payload_at_waypoints`
 //! - a station of Edition 2.5: `edition_25`
 //! - reports: `status`, `equipment`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
 //!   `vehicle_services`
@@ -53,6 +53,7 @@ mod mode_retries;
 mod operator_control;
 mod overtaken_commands;
 mod payload;
+mod payload_at_waypoints;
 mod plan_actions;
 mod rally;
 mod refusals_have_reasons;

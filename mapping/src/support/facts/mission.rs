@@ -83,8 +83,41 @@ facts! {
         "Loiter Duration Units": AS_RECEIVED;
         "Activity ID": AS_RECEIVED;
     }
+    13004 taken "dli.provisional = all: stored; what a payload station does from the leg to the waypoint with its number on: \
+                 DO_GIMBAL_MANAGER_CONFIGURE, DO_GIMBAL_MANAGER_PITCHYAW, DO_SET_ROI_LOCATION, SET_CAMERA_SOURCE; needs LOI 3 of the station \
+                 beside LOI 4, and a gimbal that PX4's own manager steers" {
+        "Time Stamp": RECEIVED_STAMP;
+        "Waypoint Number": "1 to 65534";
+        "Station Number (1-16)": "one station, which the sender holds";
+        "Set Sensor 1 Mode": "1 (on); off and standby are refused: no mission item switches a sensor off";
+        "Set Sensor 2 Mode": "1 (on); off and standby are refused: no mission item switches a sensor off";
+        "Sensor Output": "0 none, 1 sensor 1 (EO), 2 sensor 2 (IR): SET_CAMERA_SOURCE; both is refused";
+        "Set Sensor Pointing Mode": "0 nil, 1 angles, 4 place; the others are refused: slew rates, target, stow and line search have no mission item";
+        "Starepoint Latitude": "in mode 4: DO_SET_ROI_LOCATION, to which a multicopter turns its nose too";
+        "Starepoint Longitude": "in mode 4";
+        "Starepoint Altitude": "in mode 4";
+        "Starepoint Altitude Type": "in mode 4, as of a waypoint";
+        "Payload Az (wrt UA)": "in mode 1, right of the x axis; beyond the gimbal's range it is refused";
+        "Payload El (wrt UA)": "in mode 1, above the waterline; beyond the gimbal's range it is refused";
+        "Payload Sensor Rotation Angle": "0 in mode 1; others are refused";
+    } sends "on download" {
+        "Time Stamp": STAMP;
+        "Waypoint Number": AS_RECEIVED;
+        "Station Number (1-16)": AS_RECEIVED;
+        "Set Sensor 1 Mode": AS_RECEIVED;
+        "Set Sensor 2 Mode": AS_RECEIVED;
+        "Sensor Output": AS_RECEIVED;
+        "Set Sensor Pointing Mode": AS_RECEIVED;
+        "Starepoint Latitude": AS_RECEIVED;
+        "Starepoint Longitude": AS_RECEIVED;
+        "Starepoint Altitude": AS_RECEIVED;
+        "Starepoint Altitude Type": AS_RECEIVED;
+        "Payload Az (wrt UA)": AS_RECEIVED;
+        "Payload El (wrt UA)": AS_RECEIVED;
+        "Payload Sensor Rotation Angle": AS_RECEIVED;
+    }
     13006 taken "stored; what is done at the waypoint with its number: camera (IMAGE_START_CAPTURE, VIDEO_START_CAPTURE), camera trigger \
-                 (DO_SET_CAM_TRIGG_DIST, DO_SET_CAM_TRIGG_INTERVAL), outputs (DO_SET_ACTUATOR), NAV_DELAY, and a transition of a VTOL \
+                 (DO_SET_CAM_TRIGG_DIST, DO_SET_CAM_TRIGG_INTERVAL), NAV_DELAY, and a transition of a VTOL \
                  (DO_VTOL_TRANSITION), which flies the legs from there so" {
         "Time Stamp": RECEIVED_STAMP;
         "Waypoint Number": "1 to 65534; 0, mission generic data, is refused";

@@ -12,6 +12,8 @@ use crate::frame::Node;
 pub const FRAME_GLOBAL: u8 = 0;
 /// MAV_FRAME_MISSION: the item has no position; x, y and z are plain parameters.
 pub const FRAME_MISSION: u8 = 2;
+/// MAV_CMD_DO_SET_ROI_LOCATION: in a frame with a place, and not flown to.
+pub const DO_SET_ROI_LOCATION: u16 = 195;
 /// MAV_FRAME_GLOBAL_RELATIVE_ALT: degE7 and metres above home.
 pub const FRAME_GLOBAL_RELATIVE: u8 = 3;
 /// MAV_FRAME_GLOBAL_INT, the older synonym of [`FRAME_GLOBAL`] in MISSION_ITEM_INT.
@@ -67,6 +69,11 @@ impl Item {
                 | 10
                 | 11
         )
+    }
+
+    /// Whether the vehicle flies to x and y: the place of DO_SET_ROI_LOCATION is only looked at.
+    pub const fn is_flown_to(&self) -> bool {
+        self.is_global() && self.command != DO_SET_ROI_LOCATION
     }
 
     /// Checks that a message can carry the item.

@@ -20,8 +20,8 @@ mod upload;
 pub use client::Client;
 pub use event::{Event, Failure, Operation, StartError, Timing};
 pub use item::{
-    FRAME_GLOBAL, FRAME_GLOBAL_INT, FRAME_GLOBAL_RELATIVE, FRAME_GLOBAL_RELATIVE_INT,
-    FRAME_MISSION, Item, UnknownInDialect, extend_plan_id, plan_id,
+    DO_SET_ROI_LOCATION, FRAME_GLOBAL, FRAME_GLOBAL_INT, FRAME_GLOBAL_RELATIVE,
+    FRAME_GLOBAL_RELATIVE_INT, FRAME_MISSION, Item, UnknownInDialect, extend_plan_id, plan_id,
 };
 pub use mavlink::dialects::development::{MavMissionResult, MavMissionType};
 pub use readback::{Difference, Field, px4_read_back, verify};

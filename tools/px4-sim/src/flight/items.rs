@@ -179,6 +179,8 @@ pub(crate) const DELAY: u16 = 93;
 pub(crate) const JUMP: u16 = 177;
 pub(crate) const CHANGE_SPEED: u16 = 178;
 pub(crate) const LAND_START: u16 = 189;
+pub(crate) const SET_ROI_LOCATION: u16 = 195;
+pub(crate) const SET_ROI_NONE: u16 = 197;
 pub(crate) const TRANSITION: u16 = 3000;
 
 #[cfg(test)]

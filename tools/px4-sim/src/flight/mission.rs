@@ -8,8 +8,8 @@ use mavlink_link::service::mission::{Item, plan_id};
 use super::feasibility;
 use super::items::{
     CHANGE_SPEED, DELAY, JUMP, LAND, LOITER_TIME, LOITER_TO_ALT, LOITER_UNLIM, RETURN_TO_LAUNCH,
-    TAKEOFF, TRANSITION, VTOL_LAND, acceptance, has_place, hold_time, loiter_radius, place,
-    turn_switch_distance,
+    SET_ROI_LOCATION, SET_ROI_NONE, TAKEOFF, TRANSITION, VTOL_LAND, VTOL_TAKEOFF, acceptance,
+    has_place, hold_time, loiter_radius, place, turn_switch_distance,
 };
 use super::view::{Note, View, loiter};
 use crate::config::{Airframe, Param};
@@ -49,6 +49,8 @@ pub(crate) struct Mission {
     speed: Option<f64>,
     hold: Option<Ned>,
     disarmed_inactive: bool,
+    /// The place that a multicopter turns its nose to.
+    roi: Option<Ned>,
 }
 
 impl Mission {
@@ -199,6 +201,8 @@ impl Mission {
         self.reached_at = None;
         self.hold = None;
         self.reached = None;
+        // PX4 forgets it too, while its gimbal still looks there (mission_base.cpp, reset_vroi).
+        self.roi = None;
         if !self.is_valid() {
             let then = if view.landed {
                 "refusing takeoff"
@@ -315,7 +319,7 @@ impl Mission {
                     self.transit(&item, view, notes);
                 }
                 if self.item_done(&item, view) {
-                    self.apply(&item, notes);
+                    self.apply(&item, view, notes);
                     self.complete(view, notes);
                 }
             }
@@ -447,7 +451,12 @@ impl Mission {
     }
 
     /// What a command without a place does.
-    fn apply(&mut self, item: &Item, notes: &mut Vec<Note>) {
+    fn apply(&mut self, item: &Item, view: &View<'_>, notes: &mut Vec<Note>) {
+        match item.command {
+            SET_ROI_LOCATION => self.roi = Some(place(item, view)),
+            SET_ROI_NONE => self.roi = None,
+            _ => {}
+        }
         match item.command {
             CHANGE_SPEED => {
                 let speed = f64::from(item.params[1]);
@@ -478,7 +487,13 @@ impl Mission {
         let heading = if yaw.is_finite() && has_place(item) && item.command != TAKEOFF {
             Heading::To(yaw.to_radians())
         } else {
-            Heading::Along
+            // MIS_MNT_YAW_CTL is 0 (mission_base.cpp, heading_sp_update): of multicopters, and of no take-off or landing.
+            match self.roi.filter(|_| view.airframe != Airframe::Plane) {
+                Some(roi) if !matches!(item.command, TAKEOFF | VTOL_TAKEOFF | TRANSITION) => {
+                    Heading::To((roi - view.position).bearing())
+                }
+                _ => Heading::Along,
+            }
         };
         match self.work {
             Work::Climb(top) => {

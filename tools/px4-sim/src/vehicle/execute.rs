@@ -6,6 +6,7 @@ use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MavSeverity};
 use mavlink::{MavlinkVersion, Message as _, MessageData as _};
 use mavlink_link::service::Node;
+use mavlink_link::service::mission::Item;
 
 use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL, is_for};
 use super::state::{Outgoing, Vehicle};
@@ -84,6 +85,45 @@ impl Vehicle {
         };
         self.acknowledge_by(command.target.component, command, answer);
         self.send_of_components(sent);
+    }
+
+    /// A mission item for a gimbal or a camera, as PX4's navigator publishes it: a command of the autopilot to itself, or to the
+    /// camera that param1 names, 0 being the first (mission_block.cpp, issue_command; navigator_main.cpp,
+    /// publish_vehicle_command).
+    pub(crate) fn point_by_item(&mut self, item: &Item) {
+        let [p1, p2, p3, p4] = item.params.map(f64::from);
+        let own = self.node();
+        let mut command = Command {
+            id: item.command,
+            params: [p1, p2, p3, p4, item.x.into(), item.y.into(), item.z.into()],
+            target: own,
+            from: own,
+            garbled: false,
+        };
+        match item.command {
+            gimbal::SET_ROI_LOCATION => {
+                command.params[4] /= 1e7;
+                command.params[5] /= 1e7;
+                if matches!(item.frame, 3 | 6) {
+                    command.params[6] += self.frame.origin().altitude_m - self.home_or_zero().d;
+                }
+                let placed = gimbal::place(&command, &self.carrier());
+                self.payloads.execute_by_px4(&placed);
+            }
+            gimbal::CONFIGURE | gimbal::PITCHYAW | gimbal::SET_ROI_NONE => {
+                self.payloads.execute_by_px4(&command);
+            }
+            SET_CAMERA_SOURCE => {
+                let camera = if p1 > 0.0 { p1 as u8 } else { FIRST_CAMERA };
+                command.target = Node::new(own.system, camera);
+                let carrier = self.carrier();
+                // Its acknowledgement is for the autopilot, and goes no further.
+                if let Some((_, sent)) = self.payloads.execute(&command, &carrier) {
+                    self.send_of_components(sent);
+                }
+            }
+            _ => {}
+        }
     }
 
     fn acknowledge(&mut self, command: &Command, answer: Answer) {
@@ -542,6 +582,9 @@ impl Vehicle {
     }
 }
 
+const SET_CAMERA_SOURCE: u16 = 534;
+/// MAV_COMP_ID_CAMERA.
+const FIRST_CAMERA: u8 = 100;
 /// How many commands wait for the commander: the depth of PX4's queue.
 const QUEUE: usize = 8;
 /// COMPONENT_ARM_DISARM.param2: do it in the air, too.

@@ -424,6 +424,7 @@ impl Vehicle {
                 Note::Action(item) => {
                     let (now, here) = (self.now(), self.body.motion().position);
                     self.actions.take(&item, now, here);
+                    self.point_by_item(&item);
                 }
                 Note::Transition { to_wings } => self.body.turn(to_wings),
             }

@@ -39,6 +39,7 @@ impl Aircraft {
             common: context!(self, dli),
             flight: self.flight.view(),
             parameters: self.reports.parameters(),
+            rights: self.authority.rights(),
         };
         self.mission.handle(&context, input, effects!(self, dli));
     }

@@ -145,6 +145,6 @@ impl Aircraft {
 pub(crate) fn may_come_again(message_type: u16) -> bool {
     matches!(
         message_type,
-        2000 | 2017 | 13001 | 13002 | 13003 | 13006 | 50001 | 50002 | 50016
+        2000 | 2017 | 13001 | 13002 | 13003 | 13004 | 13006 | 50001 | 50002 | 50016
     )
 }

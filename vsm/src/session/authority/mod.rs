@@ -191,6 +191,8 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::UaRoute(_)
         | Message::UaPositionWaypoint(_)
         | Message::UaLoiterWaypoint(_)
+        // Its station besides: the mission machine looks at that.
+        | Message::PayloadActionWaypoint(_)
         | Message::VehicleSpecificWaypoint(_)
         | Message::CurveSegment(_)
         | Message::CurveSegmentPaper(_)

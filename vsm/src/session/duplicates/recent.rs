@@ -303,6 +303,7 @@ fn thing(message: &Message) -> Option<u64> {
         }),
         Message::UaPositionWaypoint(waypoint) => waypoint.waypoint_number.map(u64::from),
         Message::UaLoiterWaypoint(loiter) => loiter.waypoint_number.map(u64::from),
+        Message::PayloadActionWaypoint(action) => action.waypoint_number.map(u64::from),
         Message::VehicleSpecificWaypoint(specific) => specific.waypoint_number.map(u64::from),
         Message::CurveSegment(curve) => pair(curve.p1_waypoint_no, curve.p4_waypoint_no),
         Message::CurveSegmentPaper(curve) => pair(curve.p1_waypoint_no, curve.p4_waypoint_no),

@@ -367,6 +367,7 @@ impl Translator {
             Message::UaRoute(_)
             | Message::UaPositionWaypoint(_)
             | Message::UaLoiterWaypoint(_)
+            | Message::PayloadActionWaypoint(_)
             | Message::VehicleSpecificWaypoint(_) => {
                 let plans = self.plans.entry(of).or_default();
                 match plans.sent(message) {

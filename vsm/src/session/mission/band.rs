@@ -304,6 +304,7 @@ mod tests {
                     ..views.flight
                 },
                 parameters: views.parameters,
+                rights: views.rights,
             };
             watch.watch(&context, None, transferring, effects);
         });

@@ -142,6 +142,10 @@ fn restamped(message: Message, stamp: TimeStamp, cucs: Id, vehicle: Id) -> Messa
             loiter.time_stamp = Some(stamp);
             Message::UaLoiterWaypoint(loiter)
         }
+        Message::PayloadActionWaypoint(mut action) => {
+            action.time_stamp = Some(stamp);
+            Message::PayloadActionWaypoint(action)
+        }
         Message::VehicleSpecificWaypoint(mut specific) => {
             specific.time_stamp = Some(stamp);
             Message::VehicleSpecificWaypoint(specific)

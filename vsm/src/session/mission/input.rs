@@ -7,6 +7,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+use crate::session::authority::rules::Authority;
 use crate::session::context::{self, FlightView, Origin, ParameterView};
 
 /// What it reads.
@@ -15,6 +16,7 @@ pub(crate) struct Context<'a> {
     pub(crate) common: context::Context<'a>,
     pub(crate) flight: FlightView<'a>,
     pub(crate) parameters: ParameterView<'a>,
+    pub(crate) rights: &'a Authority,
 }
 
 impl<'a> Deref for Context<'a> {
@@ -28,7 +30,7 @@ impl<'a> Deref for Context<'a> {
 /// What happens to it.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
-    /// 13000 to 13003, 50001, 50002, 50016 or 50017 of a CUCS that holds the right.
+    /// 13000 to 13004, 13006, 50001, 50002, 50016 or 50017 of a CUCS that holds the right.
     Command {
         origin: Origin,
         message: &'a Message,

@@ -1,12 +1,13 @@
 //! The mission of one vehicle: the plan that CUCSs send, its way to the vehicle and back, and the geofence.
 //!
-//! A plan is staged as it comes (13001 to 13003, curves). 13000 compiles a route of it whole, uploads it, reads it back
+//! A plan is staged as it comes (13001 to 13004, 13006, curves). 13000 compiles a route of it whole, uploads it, reads it back
 //! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded, and what
 //! was staged is stored. What is refused, cancelled or left by its CUCS leaves nothing behind. Parts, in the order of a
 //! route's life:
 //!
 //! - [`input`]: what the machine reads, and what happens to it
 //! - [`staged`]: an upload as a CUCS sends it; [`received`]: it beside the stored plan, and how it ends
+//! - [`payload_action`]: whether a payload station can do what a 13004 asks of it
 //! - [`store`]: it, what is loaded and what the vehicle carries, in memory and on disk ([`plan_files`], [`record`])
 //! - [`transfer`]: 13000, the load or clearing that it begins, and how that ends, reported by 14000 ([`status`]);
 //!   [`download`]: the way back to a station
@@ -22,6 +23,7 @@ mod download;
 mod fence;
 mod input;
 mod kept;
+mod payload_action;
 mod plan_files;
 pub(crate) mod progress;
 mod rally;
@@ -303,8 +305,14 @@ impl Mission {
                     return;
                 };
                 let cucs = station.id();
-                let stored = store
-                    .refuse_late(context.mono(), cucs, origin.stamp)
+                let fitted = match message {
+                    Message::PayloadActionWaypoint(action) => {
+                        payload_action::admit(context, &origin, action, effects)
+                    }
+                    _ => Ok(()),
+                };
+                let stored = fitted
+                    .and_then(|()| store.refuse_late(context.mono(), cucs, origin.stamp))
                     .and_then(|()| store.store(message, cucs, effects));
                 match stored {
                     Ok(()) => effects.acknowledge(&origin, AckType::CarriedOut),

@@ -67,7 +67,7 @@ impl MissionStore {
         Ok(())
     }
 
-    /// 13001, 13002, 13003, 50001, 50002: staged at once, stored and flown after 13000.
+    /// 13001 to 13004, 13006, 50001, 50002: staged at once, stored and flown after 13000.
     ///
     /// # Errors
     /// The plan does not take it, or the disk does not: nothing has changed.

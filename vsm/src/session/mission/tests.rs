@@ -29,6 +29,7 @@ fn handle(world: &mut World, mission: &mut Mission, input: Input<'_>) {
             common,
             flight: views.flight,
             parameters: views.parameters,
+            rights: views.rights,
         };
         mission.handle(&context, input, effects);
     });
@@ -523,6 +524,7 @@ fn the_watches_of_a_mission_judge_nothing_while_a_flight_termination_holds() {
                 common,
                 flight: views.flight,
                 parameters: views.parameters,
+                rights: views.rights,
             };
             watchdog::flown(&context, uploaded).is_some()
         });

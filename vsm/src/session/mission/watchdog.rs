@@ -276,7 +276,7 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
         None => f64::from(item.z),
     };
     let (latitude, longitude) = (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
-    let away = item.is_global().then(|| Away {
+    let away = item.is_flown_to().then(|| Away {
         ground_m: metres((here.latitude, here.longitude), (latitude, longitude)),
         height_m: (amsl_m - here.amsl_m).abs(),
     });

@@ -105,29 +105,12 @@ fn angles(
             }
         }
     };
-    let regard = at.station.gimbal.and_then(|gimbal| gimbal.regard);
-    for (name, angle, range) in [
-        (
-            "Set Centreline Elevation Angle",
-            wanted.elevation,
-            regard.and_then(|regard| regard.pitch),
-        ),
-        (
+    if let Some(regard) = at.station.gimbal.and_then(|gimbal| gimbal.regard) {
+        let names = [
             "Set Centreline Azimuth Angle",
-            wanted.azimuth,
-            regard.and_then(|regard| regard.yaw),
-        ),
-    ] {
-        if let Some([low, high]) = range
-            && !(low - SLACK..=high + SLACK).contains(&angle)
-        {
-            return Err(format!(
-                "{name} {:.1} degrees, expected {:.1} to {:.1}: the gimbal reaches no farther",
-                angle.to_degrees(),
-                low.to_degrees(),
-                high.to_degrees()
-            ));
-        }
+            "Set Centreline Elevation Angle",
+        ];
+        regard.reaches(wanted, names)?;
     }
     Ok(Some(wanted))
 }
@@ -516,6 +499,4 @@ fn camera<'a>(
     }
 }
 
-/// Half a degree: a step of the wire, and what a gimbal rounds.
-const SLACK: f64 = 0.009;
 const MIN_ROOM_MIB: f64 = 16.0;

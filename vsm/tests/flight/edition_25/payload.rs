@@ -116,3 +116,67 @@ fn an_operator_of_edition_2_5_points_zooms_and_records() {
     let alerts = station.alerts(&rig).join("|");
     assert!(alerts.contains("System Operating Mode 6"), "{alerts}");
 }
+
+/// #804 with all fields, as this edition sends it.
+fn at_waypoint(number: u16, mode: u8) -> Value {
+    json!({
+        "Waypoint Number": number, "Station Number": 1, "Set Sensor 1 Mode": 1, "Set Sensor 2 Mode": 1, "Sensor Output": 0,
+        "Set Sensor Pointing Mode": mode, "Starepoint Latitude": 0.0, "Starepoint Longitude": 0.0,
+        "Starepoint Altitude": 0.0, "Starepoint Altitude Type": 2, "Payload Az (wrt AV)": 0.5, "Payload El (wrt AV)": -0.5,
+        "Payload Sensor Rotation Angle": 0.0,
+    })
+}
+
+#[test]
+fn what_a_payload_does_at_a_waypoint_goes_up_and_comes_back() {
+    let (mut rig, mut station) = operating();
+    // The station of Edition 4 gives up control, and this one takes it beside its payload station.
+    let release = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(LOI_4_AND_5)),
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        ..CucsAuthorisationRequest::default()
+    };
+    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    let fields = json!({
+        "VSM ID": -1, "Requested/Handover LOI": 0x0e, "Controlled Station": 1, "Controlled Station Mode": 1,
+    });
+    station.send(&mut rig, vehicle_id(0), 1, &fields);
+    rig.run(1.0);
+    station.send(&mut rig, vehicle_id(0), 804, &at_waypoint(1, 6));
+    rig.run(0.5);
+    let alerts = station.alerts(&rig).concat();
+    assert!(
+        alerts.contains("#804 refused: Set Sensor Pointing Mode 6 (stow)"),
+        "{alerts}"
+    );
+    for (number, fields) in [
+        (801, route(1, "R1", 2)),
+        (802, waypoint(1, 2, 40.0, 0.0)),
+        (804, at_waypoint(1, 1)),
+        (802, waypoint(2, 0, 90.0, 0.0)),
+    ] {
+        station.send(&mut rig, vehicle_id(0), number, &fields);
+    }
+    rig.run(0.5);
+    let loaded = transfer(&mut rig, &mut station, 2);
+    assert_eq!(loaded, Some(1), "{:?}", station.alerts(&rig));
+    assert_eq!(transfer(&mut rig, &mut station, 3), Some(1));
+    let back = station.take(&rig, 804);
+    assert_eq!(back.len(), 1, "{back:?}");
+    let sent = at_waypoint(1, 1);
+    for field in [
+        "Waypoint Number",
+        "Station Number",
+        "Set Sensor Pointing Mode",
+        "Set Sensor 2 Mode",
+    ] {
+        assert_eq!(back[0][field], sent[field], "{field}");
+    }
+    let azimuth = back[0]["Payload Az (wrt AV)"].as_f64().expect("an angle");
+    assert!((azimuth - 0.5).abs() < 2e-4, "{azimuth}");
+    mode(&mut rig, &mut station, 11);
+    assert!(rig.until(30.0, |rig| {
+        let [.., down] = rig.vehicles[0].vehicle().payloads()[0].sight;
+        (0.3..0.75).contains(&down)
+    }));
+}

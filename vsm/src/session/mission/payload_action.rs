@@ -1,0 +1,81 @@
+//! Whether a payload station can do what a 13004 asks of it: asked when it is sent, since a mission reports nothing of it later.
+//!
+//! What no mission of PX4 does is refused by [`PayloadAction::of`] already. Here is what depends on this vehicle and its
+//! sender: a mission reaches PX4's own gimbal manager and no other, and a gimbal no farther than its drives. LOI 4 is needed as
+//! for every part of a plan, and LOI 3 of the station besides: who flies must not turn a sensor that another CUCS looks through.
+
+use mapping::payload::report::Station;
+use mapping::payload::waypoint::{PayloadAction, Pointing, camera_of};
+use mavlink_link::dialect::CameraCapFlags;
+use stanag_msgs::messages::PayloadActionWaypoint;
+
+use super::Context;
+use crate::config::Provisional;
+use crate::session::context::Origin;
+use crate::session::effects::Effects;
+
+/// Whether a 13004 may become a part of a plan.
+///
+/// # Errors
+/// Why not, for its sender.
+pub(super) fn admit(
+    context: &Context<'_>,
+    origin: &Origin,
+    message: &PayloadActionWaypoint,
+    effects: &mut Effects<'_>,
+) -> Result<(), String> {
+    if context.provisional(origin.station) != Provisional::All {
+        return Err(
+            "its layout is derived from Edition 2: it is stored with dli.provisional = \"all\" only"
+                .to_owned(),
+        );
+    }
+    let action = PayloadAction::of(message)?;
+    let number = action.station;
+    let by = context.asker(origin.station).map(|asker| asker.id);
+    let by = by.ok_or("its sender is not configured")?;
+    if !context.rights.holds_station(by, number) {
+        return Err(format!(
+            "it needs LOI 3 (payload) of station {number} beside LOI 4, held is {}",
+            context.rights.held(by).in_words()
+        ));
+    }
+    if !context.vehicle.live() {
+        return Err("no data from the vehicle".to_owned());
+    }
+    let all = context.equipment();
+    let equipment = all.into_iter().find(|one| one.number == number);
+    let equipment =
+        equipment.ok_or_else(|| format!("the vehicle has no payload station {number}"))?;
+    let station = Station::of(equipment, &context.vehicle.payloads, context.mono());
+    if let Some(pointing) = action.pointing {
+        let autopilot = effects.vehicle.autopilot().component;
+        let gimbal = (station.gimbal).filter(|gimbal| gimbal.manager == Some(autopilot));
+        let gimbal = gimbal.ok_or_else(|| {
+            format!(
+                "station {number} has no gimbal that the autopilot steers (GIMBAL_MANAGER_INFORMATION), and a mission points no \
+                 other: command it in flight (19100, 19001)"
+            )
+        })?;
+        if let (Pointing::Angles(to), Some(regard)) = (pointing, gimbal.regard) {
+            regard.reaches(to, ["Payload Az", "Payload El"])?;
+        }
+    }
+    if action.thermal.is_some() {
+        let thermal_too = CameraCapFlags::CAMERA_CAP_FLAGS_HAS_THERMAL_RANGE;
+        let known = station.camera.and_then(|camera| camera.information);
+        if !known.is_some_and(|known| known.can.contains(thermal_too)) {
+            return Err(format!(
+                "Sensor Output: the camera of station {number} reports no second sensor (CAMERA_INFORMATION), expected 0"
+            ));
+        }
+        let camera = camera_of(number);
+        if equipment.camera != Some(camera) {
+            return Err(format!(
+                "Sensor Output: a mission switches the sensor of station {number} by camera {camera}, and its camera is {}",
+                equipment.camera.unwrap_or(0)
+            ));
+        }
+    }
+    Ok(())
+}
