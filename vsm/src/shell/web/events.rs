@@ -69,7 +69,7 @@ mod tests {
     fn entry(level: LogLevel, text: &str) -> LogEntry {
         LogEntry {
             level,
-            about: 0x1b00_0001_u32.into(),
+            about: stanag_msgs::Id(0x1b00_0001),
             text: text.to_owned(),
         }
     }

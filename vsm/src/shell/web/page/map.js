@@ -15,16 +15,16 @@ function drawGrid(map, grid) {
   const bounds = map.getBounds();
   const wide = bounds.getEast() - bounds.getWest();
   const step = GRID_STEPS_DEG.find((each) => wide / each >= 4) ?? GRID_STEPS_DEG.at(-1);
-  const line = (from, to, text, at) => {
+  const line = (from, to, text, at, kind) => {
     L.polyline([from, to], { className: "grid", interactive: false, weight: 1 }).addTo(grid);
-    L.marker(at, { interactive: false, keyboard: false, icon: L.divIcon({ className: "grid-text", html: "", iconSize: [0, 0] }) })
+    L.marker(at, { interactive: false, keyboard: false, icon: L.divIcon({ className: `grid-text ${kind}`, html: "", iconSize: [0, 0] }) })
       .addTo(grid).getElement().textContent = text;
   };
   const [south, north, west, east] = [bounds.getSouth(), bounds.getNorth(), bounds.getWest(), bounds.getEast()];
   for (let at = Math.ceil(south / step) * step; at <= north; at += step)
-    line([at, west], [at, east], latitude(at), [at, west]);
+    line([at, west], [at, east], latitude(at), [at, west], "parallel");
   for (let at = Math.ceil(west / step) * step; at <= east; at += step)
-    line([south, at], [north, at], longitude(at), [south, at]);
+    line([south, at], [north, at], longitude(at), [north, at], "meridian");
 }
 
 const icon = (className, text, size) => {

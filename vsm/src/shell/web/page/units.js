@@ -33,11 +33,14 @@ export function distance(m) {
 /** A time of day of the bridge's clock, in UTC. */
 export const time = (ms) => (known(ms) ? `${new Date(ms).toISOString().slice(11, 19)} UTC` : "unknown");
 
-const LEVELS = [[2, "monitor"], [4, "payload"], [8, "control"], [16, "launch and recovery"]];
+const LEVELS = [[1, "monitor"], [2, "payload"], [4, "control"], [8, "launch and recovery"]];
+const PAYLOAD = 2;
+const ALL_STATIONS = 32;
 
-/** Bits of a LOI bitmap by name, the raw value beside what has none. */
+/** Bits of a LOI bitmap (0001.08) by name; the raw value of one that has none. */
 export function levels(bits, stations) {
+  const which = stations.length === ALL_STATIONS ? "all stations" : `station ${stations.join(", ")}`;
   const named = LEVELS.filter(([bit]) => bits & bit).map(([bit, name]) =>
-    bit === 4 && stations.length > 0 ? `${name} (station ${stations.join(", ")})` : name);
+    bit === PAYLOAD && stations.length > 0 ? `${name} (${which})` : name);
   return named.length > 0 ? named.join(", ") : `none (raw ${bits})`;
 }
