@@ -115,7 +115,7 @@ rows! {
     1100 "16000, with the numbers of Edition 2.5; each part of a long text is an alert with a number of its own";
     1200 "40000, by the numbers of Edition 2.5; #1303 at once for what has no place in Edition 4";
     1201 "acknowledged: there are no remote displays beside the status page";
-    1202 "answered by #1304 with the status page" [6];
+    1202 "answered by #1304 with the status page, whatever it lists";
     1300 "41000 and 41003, in the units of the field";
     1301 "41000, 41001 and 41003 of a field that is a float here, in its unit";
     1302 "41002";

@@ -8,7 +8,7 @@ use stanag_msgs::ed25;
 
 use super::*;
 
-fn count(rig: &Rig, name: &str) -> u64 {
+pub(super) fn count(rig: &Rig, name: &str) -> u64 {
     let bridge = rig.bridge.as_ref().unwrap();
     bridge
         .status(String::new(), rig.now().mono)

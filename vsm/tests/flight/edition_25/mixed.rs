@@ -17,6 +17,15 @@ fn shown(rig: &Rig, station: &mut StationEd25) -> Vec<(u64, u64)> {
     pairs.collect()
 }
 
+/// The holder of Edition 4 lets the station of Edition 2.5 have it.
+fn consent() -> PositiveHandoverAuthorisationRequest {
+    PositiveHandoverAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(LOI_4_AND_5)),
+        requesting_cucs_id: Some(CUCS),
+        ..PositiveHandoverAuthorisationRequest::default()
+    }
+}
+
 #[test]
 fn each_sees_the_other_hold_the_vehicle_and_hands_it_over() {
     let (mut rig, mut station) = rig();
@@ -43,13 +52,8 @@ fn each_sees_the_other_hold_the_vehicle_and_hands_it_over() {
         }),
     );
     rig.run(1.0);
-    let consent = PositiveHandoverAuthorisationRequest {
-        requested_handover_loi: Some(LoiBitmap::from_raw(LOI_4_AND_5)),
-        requesting_cucs_id: Some(CUCS),
-        ..PositiveHandoverAuthorisationRequest::default()
-    };
     assert_eq!(
-        rig.carry_out(Message::from(consent)),
+        rig.carry_out(Message::from(consent())),
         Some(AckType::CarriedOut)
     );
     rig.run(1.0);
@@ -125,11 +129,20 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
         "{:?}",
         station.alerts(&rig)
     );
-    // To the station of Edition 4: field by field what was sent.
-    request(&mut rig, &mut station, 0, 0);
+    // Handed over to the station of Edition 4 (#600), which downloads field by field what was sent.
+    let acquires = json!({ "Acquiring CUCS ID": cucs(0).0 as i32 });
+    station.send(&mut rig, vehicle_id(0), 600, &acquires);
+    rig.run(0.5);
     assert_eq!(
         rig.carry_out(orders::request_control()),
         Some(AckType::CarriedOut)
+    );
+    rig.run(1.0);
+    assert!(
+        shown(&rig, &mut station)
+            .iter()
+            .any(|(id, levels)| *id == u64::from(cucs(0).0) && levels & 0x0c == 0x0c),
+        "the station of Edition 2.5 sees who holds it now"
     );
     let download = orders::transfer(stanag_msgs::enums::MissionPlanMode::Download);
     assert_eq!(rig.carry_out(download), Some(AckType::CarriedOut));
@@ -169,12 +182,22 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
     plan.extend(there.into_iter().map(Message::from));
     rig.send_plan(plan);
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
-    let release = stanag_msgs::messages::CucsAuthorisationRequest {
-        requested_handover_access: Some(stanag_msgs::enums::RequestedAccess::Relinquish),
-        ..Default::default()
-    };
-    assert!(rig.carry_out(release).is_some());
-    request(&mut rig, &mut station, LOI_4_AND_5, 1);
+    // And handed back, by the wish of one and the consent of the other.
+    station.send(
+        &mut rig,
+        vehicle_id(0),
+        1,
+        &json!({
+            "VSM ID": -1, "Requested/Handover LOI": LOI_4_AND_5, "Controlled Station Mode": 1,
+            "Wait for Vehicle Data Link Transition Coordination Message": 1,
+        }),
+    );
+    rig.run(1.0);
+    assert_eq!(
+        rig.carry_out(Message::from(consent())),
+        Some(AckType::CarriedOut)
+    );
+    rig.run(1.0);
     station.take(&rig, 802);
     assert_eq!(transfer(&mut rig, &mut station, 3), Some(1));
     let back = station.take(&rig, 802);
@@ -192,4 +215,38 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
         assert_eq!(one["Next Waypoint"], next);
         assert_eq!(one["Waypoint to Altitude"], json!(20.0));
     }
+}
+
+/// Edition 2.5 has no heartbeat, and its text no rule for the loss of a connection: silence is no release (4.1.1.3).
+#[test]
+fn a_station_whose_program_crashed_keeps_control_until_another_overrides_it() {
+    const WITH_A_CHIEF: &str = "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.2\"\n\
+        [[cucs]]\nid = \"1b:00:00:b1\"\nloi = [2, 3, 4, 5]\naddress = \"127.0.0.3\"\noverride = true\n";
+    let mut rig = Rig::new(Setup {
+        tables: WITH_A_CHIEF,
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    let mut station = StationEd25::new(CUCS, ([127, 0, 0, 2], 41_000).into());
+    request(&mut rig, &mut station, 0x0f, 1);
+    take_off(&mut rig, &mut station, 20.0);
+    mode(&mut rig, &mut station, 12);
+    rig.run(5.0);
+    // It crashes; for ten minutes nothing of it arrives, far beyond every limit of a station with heartbeats.
+    rig.run(600.0);
+    let still = rig.truth().mode;
+    assert_eq!(still, px4_sim::Mode::Loiter, "on_loss is not flown");
+    // Who only requests it is refused: it is held. Who may override it gets it, and lands.
+    let refused = rig.carry_out(orders::request_control());
+    assert_eq!(refused, Some(AckType::Refused));
+    let mut chief = StationEd25::new(Id(0x1b00_00b1), ([127, 0, 0, 3], 41_000).into());
+    let granted = request(&mut rig, &mut chief, LOI_4_AND_5, 2);
+    let levels = granted[0]["LOI Granted"].as_u64();
+    assert_eq!(
+        levels.map(|levels| levels & 0x0c),
+        Some(0x0c),
+        "{granted:?}"
+    );
+    mode(&mut rig, &mut chief, 19);
+    assert!(rig.until(60.0, |rig| rig.truth().landed));
 }

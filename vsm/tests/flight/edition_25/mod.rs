@@ -3,7 +3,9 @@
 
 mod after_2034;
 mod border;
+mod cases;
 mod commands;
+mod effects;
 mod mixed;
 mod operator;
 mod payload;

@@ -39,7 +39,7 @@ pub(super) fn operating() -> (Rig, StationEd25) {
 }
 
 /// #201: a station of this edition always sends all fields; these are what it shows its operator.
-fn sensor(rig: &mut Rig, station: &mut StationEd25, system: u8, pointing: u8) {
+pub(super) fn sensor(rig: &mut Rig, station: &mut StationEd25, system: u8, pointing: u8) {
     let fields = json!({
         "Station Number": 1, "Addressed Sensor": 1, "System Operating Mode": system,
         "Set EO Sensor Mode": 1, "Image Output": 1, "Set EO/IR Pointing Mode": pointing,
