@@ -41,6 +41,7 @@ fn a_group_joins_bridges_and_stations_of_two_namespaces() {
     scene.one_socket_for_ipv4_and_ipv6();
     scene.sources_are_those_that_are_listed();
     scene.through_loss();
+    scene.two_makes_through_loss();
 }
 
 fn start_inside() {
@@ -88,8 +89,24 @@ impl Scene {
         self.bridge_at("127.0.0.1:0", number, group, keys)
     }
 
+    /// The same with further keys of each station.
+    fn bridge_of_makes(&self, group: &str, of_stations: [&str; 2]) -> Running {
+        self.started("127.0.0.1:0", 1, group, "", of_stations)
+    }
+
     /// The same that listens elsewhere; where stations can reach it, they are answered at their own addresses too.
     fn bridge_at(&self, listen: &str, number: u8, group: &str, keys: &str) -> Running {
+        self.started(listen, number, group, keys, ["", ""])
+    }
+
+    fn started(
+        &self,
+        listen: &str,
+        number: u8,
+        group: &str,
+        keys: &str,
+        of_stations: [&str; 2],
+    ) -> Running {
         let delivery = if listen.starts_with("127.") {
             "group"
         } else {
@@ -100,17 +117,17 @@ impl Scene {
             .path()
             .join(format!("vsm-{number}-{}", group.len()));
         std::fs::create_dir_all(&path).expect("a folder");
-        let station = |id| {
+        let station = |id, keys: &str| {
             format!(
-                "[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"{delivery}\"\n"
+                "[[cucs]]\nid = \"1b:00:00:{id}\"\nloi = [2, 3, 4, 5]\ndelivery = \"{delivery}\"\n{keys}\n"
             )
         };
         let text = format!(
             "[dli]\nvsm_id = \"1b:00:00:0{number}\"\nlisten = \"{listen}\"\nmulticast = \"{group}\"\n\
              interface = \"near\"\n{keys}\n{}{}[[vehicle]]\nid = \"1b:00:01:0{number}\"\nlink = \"udpin:127.0.0.1:0\"\n\
              system_id = 1\nsigning = \"off\"\n[store]\ndir = \"state\"\n",
-            station("a0"),
-            station("a1"),
+            station("a0", of_stations[0]),
+            station("a1", of_stations[1]),
         );
         let config: PathBuf = path.join("vsm.toml");
         std::fs::write(&config, text).expect("a file");
@@ -285,6 +302,36 @@ impl Scene {
         }
         assert!(lossy.lost.load(Relaxed) > 3, "something was lost");
     }
+
+    /// Two makes of Edition 2.5 at once: one calls it 2.5, the other 9 (Amendment 1), each with readings of its own for what
+    /// it would send in a later edition. The second listens, and sees the first take control and release it.
+    fn two_makes_through_loss(&self) {
+        const HERE: &str = "239.45.86.7:26011";
+        const THERE: &str = "239.45.86.8:26012";
+        let lossy = Lossy::between(HERE, THERE);
+        let _bridge = self.bridge_of_makes(
+            HERE,
+            [
+                "disputed = { ack_type = \"0,1,2\" }",
+                "disputed = { ack_type = \"3,2,1\", turn_rate_step = \"0.005\" }",
+            ],
+        );
+        let mut command = Command::new("nsenter");
+        command.args(["-t", &self.far, "-n", "python3", "-c", OTHER_MAKE]);
+        let interop = kit::workspace().join("tests/interop");
+        let mut listens = Running::spawn(command.arg(interop).arg(THERE));
+        listens.wait_for("listens", LIMIT);
+        self.done("a0", THERE, "--edition 2.5 take");
+        listens.wait_for("the other controls", LIMIT);
+        self.done("a0", THERE, "--edition 2.5 release");
+        let ended = listens.wait(LIMIT);
+        assert!(
+            ended.is_some_and(|status| status.success()),
+            "{}",
+            listens.output()
+        );
+        assert!(lossy.lost.load(Relaxed) > 3, "something was lost");
+    }
 }
 
 /// Who looks at the hop limit of what arrives.
@@ -319,6 +366,29 @@ while True:
     if int(sys.argv[2]) in limits:
         print("arrived", flush=True)
         break
+"#;
+
+/// A station of Amendment 1 on the reference codec alone: LOI 2, the other in control, release.
+const OTHER_MAKE: &str = r#"
+import argparse, sys
+sys.path.insert(0, sys.argv[1])
+import cucs_ed25 as ed25
+plain = ed25.oracle.encode
+ed25.oracle.encode = lambda value: plain({"idd": "9", **value})
+own, other = (ed25.identification(f"1b:00:00:{id}") for id in ("a1", "a0"))
+cucs = ed25.Cucs(argparse.Namespace(id=own, slow=1.0, bind="10.77.86.3", vsm=None, interface="10.77.86.3",
+                                    group=ed25.address(sys.argv[2])))
+request = {"VSM_ID": ed25.BROADCAST, "Data_Link_ID": ed25.NULL}
+offer = cucs.ask("discovery", 1, 10, 21, lambda f: f["CUCS ID"] == own, Vehicle_ID=ed25.BROADCAST, **request)
+cucs.vehicle = offer["Vehicle ID"]
+cucs.ask("LOI 2", 1, 10, 21, lambda f: f["CUCS ID"] == own and f["LOI Granted"] == 1,
+         Controlled_Station_Mode=1, **request, **{"Requested/Handover_LOI": 1})
+print("listens", flush=True)
+cucs.ask("the other controls", 1, 15, 21, lambda f: f["CUCS ID"] == other and f["LOI Granted"] & 12 == 12,
+         Vehicle_ID=ed25.BROADCAST, **request)
+cucs.ask("release", 1, 10, 21, lambda f: f["CUCS ID"] == own and f["LOI Granted"] == 0, Controlled_Station_Mode=0, **request)
+assert {m["idd"] for m in cucs.inbox if m["fields"]["CUCS ID"] == own} == {"9"}, "answered in its own version"
+assert not cucs.faults, cucs.faults
 "#;
 
 fn text(output: &Output) -> String {
