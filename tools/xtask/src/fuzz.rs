@@ -160,7 +160,7 @@ fn host() -> Result<String> {
 }
 
 /// The targets, and the longest input of each in bytes.
-const TARGETS: [(&str, u32); 10] = [
+const TARGETS: [(&str, u32); 11] = [
     ("dli_wrapper", 548),
     ("dli_datagram", 548),
     ("dli_guard", 640),
@@ -168,6 +168,7 @@ const TARGETS: [(&str, u32); 10] = [
     ("ftp", 4_096),
     ("session", 4_096),
     ("config", 4_096),
+    ("access_list", 4_096),
     ("key_exchange_message", 249),
     ("key_exchange_initiator", 4_096),
     ("key_exchange_responder", 4_096),

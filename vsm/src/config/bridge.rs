@@ -9,6 +9,7 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 use toml::Spanned;
 
+use super::access::Access;
 use super::disputed::Readings;
 use super::error::{ConfigError, Fault, fault};
 use super::explain;
@@ -55,6 +56,8 @@ table! {
         /// Erasing keys, plans, recordings and logs on order.
         #[serde(default)]
         pub zeroize: Zeroize => Table(Zeroize::KEYS),
+        /// The signed access list; without it `[[cucs]]` alone says what a CUCS may do.
+        pub access: Option<Access> => Table(Access::KEYS),
     }
 }
 
@@ -347,6 +350,12 @@ impl Config {
                 open.join(" and ")
             ));
         }
+        if self.access.is_some() && !unguarded.is_empty() {
+            warnings.push(format!(
+                "[access]: the access list gives {} nothing, which have no guard: an entry is for a guard key",
+                unguarded.join(", ")
+            ));
+        }
         let unreached = |cucs: &&Cucs| cucs.delivery.to_address();
         if group.is_some()
             && listen.ip().is_loopback()
@@ -536,6 +545,10 @@ impl Config {
             if let Some(guard) = &mut station.get_mut().guard {
                 guard.key_file = folder.join(&guard.key_file);
             }
+        }
+        if let Some(access) = &mut self.access {
+            access.list = folder.join(&access.list);
+            access.key_file = folder.join(&access.key_file);
         }
         self.store.dir = folder.join(&self.store.dir);
         if let Some(record) = &mut self.record {

@@ -317,6 +317,8 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("cucs.address", "\"127.0.0.1\""),
     ("cucs.provisional", "\"status\""),
     ("cucs.guard.key_file", "\"a0.key\""),
+    ("access.list", "\"access.list\""),
+    ("access.key_file", "\"access.key\""),
     ("forward.name", "\"qgc\""),
     ("forward.link", "\"udpout:127.0.0.1:14560\""),
     ("forward.vehicles", "[\"1b:00:01:01\"]"),

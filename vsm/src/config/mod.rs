@@ -6,7 +6,7 @@
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
 //! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `terrain` reads elevation files; `termination` is what a
-//! commanded flight termination does, `zeroize` what a zeroize erases; `explain` puts what is wrong into words;
+//! commanded flight termination does, `zeroize` what a zeroize erases; `access` names the access list; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
 //!
@@ -25,6 +25,7 @@
 //! # Ok::<(), vsm::config::ConfigError>(())
 //! ```
 
+mod access;
 pub mod airside;
 mod bridge;
 mod changes;
@@ -43,6 +44,7 @@ mod value;
 mod vehicle;
 mod zeroize;
 
+pub use access::Access;
 pub use bridge::{Authority, Config, Dli, Http, Mavlink, Record, Store};
 pub use changes::{Changes, Report};
 pub use disputed::Readings;

@@ -140,6 +140,10 @@ dir = \"record\"
 #record
 [zeroize]
 #zeroize
+[access]
+list = \"l\"
+key_file = \"a\"
+#access
 ";
 
     /// The file with a line more in a table.

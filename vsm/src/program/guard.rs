@@ -13,8 +13,10 @@ use crate::shell::guard_proxy::{GuardConfig, GuardError, GuardProxy};
 use crate::shell::key_file::KeyFileError;
 use crate::shell::service;
 
+use super::config_arg::ConfigArg;
 use super::key;
 use super::process::{Failure, LogFormat, announce, bad, failed, log, print, runtime, stop_signal};
+use super::status;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -24,6 +26,14 @@ pub(crate) enum Action {
     Keygen {
         /// The key file to write
         file: PathBuf,
+    },
+    /// Show which keys the CUCSs of a running bridge have, when they last verified, and what was refused in their names
+    Status {
+        #[command(flatten)]
+        config: ConfigArg,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Replace a guard key by a new one; the old one is accepted for 24 h more, while the new one is copied to the CUCS
     Rotate {
@@ -69,6 +79,7 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
     match action {
         Action::Run(arguments) => serve(arguments),
         Action::Keygen { file } => key::generate(&file),
+        Action::Status { config, json } => status::show_guards(config.path(), json),
         Action::Rotate { file } => {
             let text = "the old one is accepted for 24 h; run `vsm reload`, and copy the file to the CUCS's guard";
             changed(&file, guard_file::rotate(&file), text)

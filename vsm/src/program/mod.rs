@@ -1,6 +1,7 @@
 //! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration, 3 zeroized: what it would have
 //! served is erased.
 
+mod access;
 mod airside;
 mod audit;
 mod check_config;
@@ -116,6 +117,11 @@ enum Command {
         #[command(subcommand)]
         action: guard::Action,
     },
+    /// Write, sign and print the access list: what each CUCS may do with each vehicle
+    Access {
+        #[command(subcommand)]
+        action: access::Action,
+    },
     /// Verify and print the audit logs of who controlled which vehicle
     Audit {
         #[command(subcommand)]
@@ -193,6 +199,7 @@ pub fn main() -> ExitCode {
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),
         Command::Guard { action } => guard::run(action),
+        Command::Access { action } => access::run(action),
         Command::Audit { action } => audit::run(action),
         Command::Zeroize(arguments) => zeroize::run(&arguments),
         Command::Pair(arguments) => pair::run(arguments),

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use crate::config::Config;
 use crate::shell::status_socket;
 use anyhow::Context as _;
-use serde_json::Value;
+use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::table;
 
@@ -84,6 +84,7 @@ fn readable(status: &Value) -> String {
         text += &format!("CUCS {} at {address}{proof}\n", plain(&station["id"]));
         text += &guard(&station["guard"]);
     }
+    text += &rights(status);
     for vehicle in list(&status["vehicles"]) {
         let live = if vehicle["live"] == true {
             "live"
@@ -161,6 +162,84 @@ fn readable(status: &Value) -> String {
     text += &counts("DLI refused: ", &refused);
     text += &counts("DLI set aside: ", &status["set_aside"]);
     text += &counts("recordings: ", &status["recordings"]);
+    text
+}
+
+/// `vsm guard status`: what of each ground station verifies, and what was refused.
+pub(super) fn show_guards(path: &Path, json: bool) -> Result<(), Failure> {
+    let config = Config::load(path).map_err(bad)?;
+    let shown = if json { guards_json } else { guards };
+    report("vsm", &config.store.dir, false, shown)
+}
+
+fn guards_json(status: &Value) -> String {
+    let of =
+        |one: &Value| json!({ "id": one["id"], "address": one["address"], "guard": one["guard"] });
+    let stations: Vec<Value> = list(&status["stations"]).map(of).collect();
+    let refused = refused_by_guards(&status["refused"]);
+    json!({ "stations": stations, "refused": refused }).to_string() + "\n"
+}
+
+fn guards(status: &Value) -> String {
+    let mut text = String::new();
+    for station in list(&status["stations"]) {
+        let address = station["address"].as_str();
+        let address = address.unwrap_or("no data received yet");
+        text += &format!("CUCS {} at {address}\n", plain(&station["id"]));
+        let one = &station["guard"];
+        text += &match one["verified"].as_u64() {
+            Some(count) => guard(one) + &format!("  verified datagrams: {count}\n"),
+            None => "  NO GUARD: it is whoever writes its id\n".to_owned(),
+        };
+    }
+    text + &counts("refused of all: ", &refused_by_guards(&status["refused"]))
+}
+
+/// Refusals whose sender is not known too: without a trailer, or of nobody who has a key.
+fn refused_by_guards(refused: &Value) -> Value {
+    let refused = refused.as_object().into_iter().flatten();
+    let by_guards = refused.filter(|(name, _)| name.starts_with("guard: "));
+    by_guards
+        .map(|(name, count)| (name.clone(), count.clone()))
+        .collect()
+}
+
+/// The access list, and who may hold and holds what of which vehicle, as a table.
+fn rights(status: &Value) -> String {
+    let levels = |bits: &Value| {
+        let bits = bits.as_u64().and_then(|bits| u8::try_from(bits).ok());
+        LoiBitmap::from_raw(bits.unwrap_or(0)).in_words()
+    };
+    let access = &status["access"];
+    let mut text = match access["version"].as_u64() {
+        None => String::new(),
+        Some(version) => {
+            let (key, time) = (plain(&access["key_id"]), access["time"].as_str());
+            let time = time.unwrap_or("NOT KNOWN: entries that have an end are ended");
+            format!("access list version {version}, signed by key {key}, its time {time}\n")
+        }
+    };
+    if let Some(why) = access["refused"].as_str() {
+        text += &format!("  THE FILE IS NOT IN FORCE: {why}\n");
+    }
+    let mut rows = list(&status["rights"]).peekable();
+    if rows.peek().is_some() {
+        text += &format!(
+            "rights:\n  CUCS         vehicle      {:44}  holds LOI\n",
+            "may hold LOI"
+        );
+    }
+    for row in rows {
+        let (cucs, vehicle) = (plain(&row["cucs"]), plain(&row["vehicle"]));
+        let (may, holds) = (levels(&row["may_hold"]), levels(&row["holds"]));
+        text += &format!("  {cucs}  {vehicle}  {may:44}  {holds}\n");
+        for entry in list(&row["entries"]) {
+            let (group, until) = (plain(&entry["group"]), entry["until"].as_str());
+            let (until, key) = (until.unwrap_or("never"), plain(&entry["key_id"]));
+            let state = plain(&entry["state"]);
+            text += &format!("    {group:9}  until {until:20}  key {key}  {state}\n");
+        }
+    }
     text
 }
 

@@ -169,7 +169,8 @@ impl Context<'_> {
 
     /// A station as the authority knows it.
     pub(crate) fn asker(&self, index: usize) -> Option<Asker> {
-        self.stations.get(index).map(GroundStation::asker)
+        let station = self.stations.get(index)?;
+        Some(station.asker(self.id()))
     }
 
     /// Which messages with a derived layout are used with a station: all with one of Edition 2.5, whose layouts are those of
@@ -185,7 +186,14 @@ impl Context<'_> {
     /// Every CUCS of the configuration.
     pub(crate) fn roster(&self) -> Vec<Asker> {
         let listed = self.stations.iter().filter(|one| !one.removed);
-        listed.map(GroundStation::asker).collect()
+        listed.map(|one| one.asker(self.id())).collect()
+    }
+
+    /// The same, each with what it keeps where it holds it.
+    pub(crate) fn keepers(&self) -> Vec<Asker> {
+        let listed = self.stations.iter().filter(|one| !one.removed);
+        let flies = self.vehicle.may_fly();
+        listed.map(|one| one.keeper(self.id(), flies)).collect()
     }
 
     /// The index of a station.

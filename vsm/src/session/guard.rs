@@ -380,6 +380,24 @@ impl GuardEnd {
         self.seal_under(self.verified_by, now, &[], out, disk).ok()
     }
 
+    /// Whether the other end may have this key, and what it seals under it is believed.
+    #[must_use]
+    pub fn has(&self, key: KeyId) -> bool {
+        self.keys.iter().any(|one| one.id == key)
+    }
+
+    /// The key in force: the other end is to have it.
+    #[must_use]
+    pub fn in_force(&self) -> Option<KeyId> {
+        self.keys.first().map(|one| one.id)
+    }
+
+    /// The key that its newest datagram has verified under.
+    #[must_use]
+    pub fn verified_under(&self) -> Option<KeyId> {
+        self.keys.get(self.in_use).map(|one| one.id)
+    }
+
     /// How it stands.
     #[must_use]
     pub fn status(&self, now: Duration) -> GuardStatus {

@@ -65,6 +65,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod access;
 mod aircraft;
 mod alerts;
 mod allowance;
@@ -73,6 +74,7 @@ mod bridge;
 mod clock_offset;
 mod context;
 mod counters;
+mod dates;
 mod duplicates;
 mod editions;
 mod effects;
@@ -104,6 +106,10 @@ mod turns;
 mod two_steps;
 mod zeroize;
 
+pub use access::{
+    AccessEntry, AccessError, AccessKey, AccessList, AccessStatus, Group as AccessGroup, ListError,
+    MAX_LIST_BYTES, PreparedAccess, RenewError, UnknownGroup, parse_until,
+};
 pub(crate) use authority::audit::AUDIT_KEY;
 pub use authority::audit::{AuditKey, Broken, Chain, Entry, Verified};
 pub(crate) use authority::record::examine as examine_audit;

@@ -3,9 +3,12 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 use stanag_msgs::ed25::Version;
+use stanag_msgs::enums::LoiBitmap;
 
+use super::access::{Group, Permits, Permitted};
 use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, GUARDED_RANK, Silence};
 use super::clock_offset::ClockOffset;
@@ -37,6 +40,8 @@ pub(crate) struct GroundStation {
     pub(crate) sends_heartbeats: bool,
     /// The end of its guarded way, where it has one and there is a key.
     pub(crate) guard: Option<GuardEnd>,
+    /// What the access list allows it.
+    pub(crate) permits: Permits,
     /// What it may still send.
     pub(crate) allowance: StationAllowance,
     /// Whether it spoke Edition 2.5 last, and when.
@@ -58,6 +63,7 @@ impl GroundStation {
             delay: Delay::Unknown,
             sends_heartbeats: false,
             guard: None,
+            permits: Permits::default(),
             allowance: StationAllowance::default(),
             spoken: None,
             translator: Translator::default(),
@@ -102,10 +108,43 @@ impl GroundStation {
         }
     }
 
-    pub(crate) fn asker(&self) -> Asker {
+    /// What it may request of a vehicle: what the configuration and the access list allow.
+    pub(crate) fn asker(&self, vehicle: Id) -> Asker {
+        let has = |key| self.guard.as_ref().is_some_and(|guard| guard.has(key));
+        self.asker_for(self.permits.levels(vehicle, has))
+    }
+
+    /// What it keeps of a vehicle where it holds it. In the air nothing ends by a clock, or by another guard key.
+    pub(crate) fn keeper(&self, vehicle: Id, flies: bool) -> Asker {
+        if flies {
+            self.asker_for(self.permits.kept(vehicle))
+        } else {
+            self.asker(vehicle)
+        }
+    }
+
+    /// Whether the access list allows a message of this group. `held`: it was held until now, and its key is not known.
+    pub(crate) fn permitted(
+        &self,
+        vehicle: Id,
+        group: Group,
+        flies: bool,
+        held: bool,
+    ) -> Permitted {
+        let key = self
+            .guard
+            .as_ref()
+            .and_then(super::guard::GuardEnd::verified_under);
+        // Without a guard it has no key at all, and no entry is for that.
+        let key = key.unwrap_or(KeyId::from_bytes([0; 8]));
+        let key = (!held).then_some(key);
+        self.permits.judge(vehicle, group, key, flies)
+    }
+
+    fn asker_for(&self, listed: LoiBitmap) -> Asker {
         Asker {
             id: self.config.id,
-            authorised: self.config.loi.0,
+            authorised: LoiBitmap::from_raw(self.config.loi.0.raw() & listed.raw()),
             may_override: self.config.override_control,
             rank: u16::from(self.config.rank)
                 + if self.config.guard.is_some() {

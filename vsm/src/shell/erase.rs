@@ -85,8 +85,10 @@ impl Order {
         let forwards = config.forwards().filter_map(|one| one.key_file.as_deref());
         let guards = config.stations().filter_map(|one| one.guard.as_ref());
         let guards = guards.map(|guard| guard.key_file.as_path());
+        let access = config.access.iter().map(|access| access.key_file.as_path());
+        let others = forwards.chain(guards).chain(access);
         Order {
-            keys: vehicles.chain(forwards).chain(guards).map(real).collect(),
+            keys: vehicles.chain(others).map(real).collect(),
             recordings: config.record.as_ref().map(|record| absolute(&record.dir)),
             keep_audit: config.zeroize.keep_audit,
         }

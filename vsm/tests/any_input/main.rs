@@ -8,12 +8,13 @@ mod every_replay;
 mod seeds;
 
 use kit::Random;
-use kit::any_input::{config, frame, ftp, session};
+use kit::any_input::{access_list, config, frame, ftp, session};
 
 /// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
-const TARGETS: [Target; 4] = [
+const TARGETS: [Target; 5] = [
+    ("access_list", access_list::run, seeds::access_lists),
     ("mavlink_frame", frame::run, seeds::frames),
     ("ftp", ftp::run, seeds::file_answers),
     ("session", session::run, seeds::sessions),

@@ -114,6 +114,29 @@ pub(crate) fn configurations() -> Vec<Vec<u8>> {
         .collect()
 }
 
+/// Lists that somebody else has signed, and that nobody has.
+pub(crate) fn access_lists() -> Vec<Vec<u8>> {
+    use mavlink_link::signing::{KeyId, SigningKey};
+    use stanag_msgs::Id;
+    use vsm::session::{AccessEntry, AccessGroup, AccessKey, AccessList, parse_until};
+    let key = AccessKey::new(&SigningKey::new([8; 32]).expect("not all zero"));
+    let mut list = AccessList::new(Id(0x1b00_0001));
+    let mut seeds = vec![list.draft()];
+    for (n, group) in (1..).zip(AccessGroup::ALL) {
+        let until = ["never", "2027-01-31T12:00:00Z"][usize::from(n % 2)];
+        let entry = AccessEntry {
+            cucs: Id(0x1b00_00a0 + u32::from(n / 3)),
+            vehicle: Id(0x1b00_0101),
+            group,
+            key: KeyId::from_bytes([n; 8]),
+            until: parse_until(until).expect("a time"),
+        };
+        list.grant(entry).expect("there is room");
+        seeds.extend([list.draft(), list.signed(n.into(), &key)]);
+    }
+    seeds.into_iter().map(String::into_bytes).collect()
+}
+
 /// The data of a message 1 that asks for LOI 2 to 5.
 fn request_of_all() -> Vec<u8> {
     use stanag_msgs::enums::{LoiBitmap, RequestedAccess};

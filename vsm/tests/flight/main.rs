@@ -18,6 +18,7 @@
 //!   `vehicle_services`
 
 mod above_terrain;
+mod access_list;
 mod after_a_return;
 mod altitude_band;
 mod by_hand;

@@ -385,6 +385,37 @@ const GROUND: &[&[(&str, Ends)]] = &[
             "guard run --cucs 1b:00:00:a0 --vsm-id 1b:00:00:01 --vsm 127.0.0.1:9 --key-file guard.key --store vsm.toml",
             Refused("it is a file"),
         ),
+        (
+            "access grant access.list --cucs 1b:00:00:a0 --vehicle 1b:00:01:01 --groups fly --guard-key 0123456789abcdef --until never",
+            Refused("No such file"),
+        ),
+        (
+            "access grant access.list --vsm-id 1b:00:00:01 --cucs 1b:00:00:a0 --vehicle 1b:00:01:01 --groups fly,launch --guard-key 0123456789abcdef --until 2027-01-31T00:00:00Z",
+            Done,
+        ),
+        (
+            "access revoke access.list --cucs 1b:00:00:a0 --groups launch",
+            Done,
+        ),
+        (
+            "access revoke access.list --cucs 1b:00:00:a1",
+            Refused("no such entry"),
+        ),
+        (
+            "access list access.list --key-file another.key",
+            Refused("not signed"),
+        ),
+        ("access sign access.list --key-file another.key", Done),
+        (
+            "access sign access.list --key-file another.key --version 1",
+            Refused("expected more than 1"),
+        ),
+        ("access list access.list --key-file another.key", Done),
+        (
+            "access list access.list --key-file guard.key",
+            Refused("does not verify"),
+        ),
+        ("guard status", Refused("is it running?")),
         ("key provision --sitl-file px4.bin", Done),
         ("key list", Done),
         ("key clock", Done),
@@ -396,6 +427,8 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("run", Refused("in use by another vsm")),
         ("status", Done),
         ("status --json", Done),
+        ("guard status", Done),
+        ("guard status --json", Done),
         // Nothing of the vehicle is there to be read.
         ("check-vehicle --wait-s 1", Either),
         ("check-vehicle --wait-s 1 --json", Either),

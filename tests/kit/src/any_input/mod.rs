@@ -2,6 +2,7 @@
 //!
 //! `vsm/tests/any_input` runs them on mutated seeds in every test run; `tests/fuzz` runs them with coverage as a guide.
 
+pub mod access_list;
 pub mod config;
 pub mod frame;
 pub mod ftp;

@@ -29,7 +29,7 @@ mod rig;
 mod station;
 
 pub use crate::network::Faults;
-pub use guard::{StationGuard, guard_key};
+pub use guard::{StationGuard, access_key, guard_key};
 pub use parties::{VSM, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id};
 pub use real_time::Processes;
 pub use rig::{FORWARD_KEYS, Restart, Rig, Setup};

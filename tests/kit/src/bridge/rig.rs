@@ -14,7 +14,7 @@ use stanag_msgs::guard::MAX_GUARDED;
 use vsm::config::{Changes, Config, Report};
 use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer};
 
-use super::guard::{StationGuard, guard_key};
+use super::guard::{StationGuard, access_key, guard_key};
 use super::orders;
 use super::parties::{
     VSM, bridge_dli, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id,
@@ -72,6 +72,8 @@ pub struct Rig {
     /// The guards of those that the configuration gives one, by the station's index. One that is taken out is a station that
     /// sends without.
     pub guards: BTreeMap<usize, StationGuard>,
+    /// The file of the access list, where the configuration names one: signed by [`access_key`](super::access_key).
+    pub access: String,
     /// The vehicles.
     pub vehicles: Vec<Autopilot<SocketAddr>>,
     /// `None` while the bridge is down.
@@ -155,6 +157,7 @@ impl Rig {
             clock: VirtualClock::default(),
             stations,
             guards: BTreeMap::new(),
+            access: String::new(),
             vehicles,
             bridge: None,
             store: MemoryDisk::default(),
@@ -245,6 +248,13 @@ impl Rig {
             .expect("the ground stations beside it are served");
         self.bridge = Some(bridge);
         self.give_guard_keys();
+        if self.config.access.is_some() {
+            let file = Ok(self.access.clone().into_bytes());
+            let bridge = self.bridge.as_mut().expect("it runs");
+            bridge
+                .set_access(&access_key(), file, now, START, &mut self.store)
+                .expect("an access list");
+        }
     }
 
     /// As the shell reads the key files; and each station with a guard has one.
@@ -273,7 +283,7 @@ impl Rig {
         let mut new =
             Config::parse(text, Path::new("/nowhere")).map_err(|fault| fault.to_string())?;
         new.read_terrain(None).map_err(|fault| fault.to_string())?;
-        let Changes { config, report } = self.config.changes(&new)?;
+        let Changes { config, mut report } = self.config.changes(&new)?;
         let added = config
             .vehicles()
             .filter(|one| self.config.vehicles().all(|old| old.id != one.id));
@@ -300,9 +310,14 @@ impl Rig {
         let bridge = self.bridge.as_mut().expect("it runs");
         let prepared = bridge.prepare_forwards(&config, forwards, now, START, &mut self.store);
         let prepared = prepared.map_err(|fault| fault.to_string())?;
+        let access = config.access.as_ref();
+        let access = access.map(|_| bridge.prepare_access(self.access.as_bytes()));
+        let access = access.transpose().map_err(|fault| fault.to_string())?;
         let reloaded = bridge.reload(&config, ends, now, START, &mut self.store);
         reloaded.map_err(|fault| fault.to_string())?;
         bridge.take_forwards(prepared);
+        let taken = bridge.take_access(access.flatten(), now, &mut self.store);
+        report.applied.extend(taken.expect("it is stored"));
         (self.config, self.text) = (config, text.to_owned());
         self.give_guard_keys();
         Ok(report)

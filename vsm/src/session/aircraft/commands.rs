@@ -7,6 +7,7 @@ use stanag_msgs::messages::{HandoverStatusReport, HeldCommandState, VsmAuthorisa
 
 use super::{Aircraft, Effects};
 use crate::config::{self, Provisional};
+use crate::session::access::{Group, Permitted};
 use crate::session::context::{Bounds, Origin, Settings};
 use crate::session::effects::DliEffects;
 use crate::session::station::GroundStation;
@@ -78,6 +79,20 @@ impl Aircraft {
         of_inner.or_else(|| right(message))
     }
 
+    /// Whether the access list allows a message of this group to the station that sends it.
+    pub(crate) fn permitted(
+        &self,
+        dli: &DliEffects<'_>,
+        origin: &Origin,
+        group: Group,
+    ) -> Permitted {
+        let station = dli.stations.get(origin.station);
+        let flies = self.vehicle.may_fly();
+        station.map_or(Permitted::NotListed, |one| {
+            one.permitted(self.id(), group, flies, false)
+        })
+    }
+
     /// A command that was held until now: the right that it needs is checked as if it arrived now.
     pub(super) fn carry_out_held(
         &mut self,
@@ -96,7 +111,17 @@ impl Aircraft {
         let nobody_controls = rights.controller().is_none();
         match self.right_for(message) {
             Some(right) if held(right) || (contingency && nobody_controls) => {
-                self.hand_on(dli, origin, message);
+                let group = Group::of(message, right);
+                let station = dli.stations.get(origin.station);
+                let flies = self.vehicle.may_fly();
+                let listed = station.map(|one| one.permitted(self.id(), group, flies, true));
+                match listed.and_then(Permitted::refusal) {
+                    Some((counter, why)) => {
+                        dli.counters.count(counter);
+                        self.effects(dli).refuse(Some(origin), why);
+                    }
+                    None => self.hand_on(dli, origin, message),
+                }
             }
             _ => {
                 let why = "its CUCS no longer holds the right that it needs";

@@ -34,7 +34,10 @@ impl AuthorityMachine {
         effects: &mut Effects<'_>,
         ask: impl FnOnce(&mut Authority, &Circumstances<'_>) -> Decision,
     ) -> Answer {
-        let roster = context.roster();
+        let roster = match of {
+            Of::Configuration => context.keepers(),
+            _ => context.roster(),
+        };
         let circumstances = Circumstances {
             now: context.mono(),
             roster: &roster,

@@ -204,7 +204,7 @@ impl AuthorityRecord {
         let Some(stored) = effects.disk().load::<Stored>(&context.id())? else {
             return Ok((Authority::default(), Vec::new()));
         };
-        let rights = Authority::restored(&stored.authority, context.mono(), &context.roster());
+        let rights = Authority::restored(&stored.authority, context.mono(), &context.keepers());
         let mut known = Vec::new();
         for holder in &stored.holders {
             let id = Id(holder.id);

@@ -11,12 +11,13 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message, table};
 
 use super::{Bridge, destination_as_source};
+use crate::session::access::{Group, Permitted};
 use crate::session::aircraft::Aircraft;
 use crate::session::alerts::Cause;
 use crate::session::authority::{self, rules::Rights, rules::Stations};
 use crate::session::context::Origin;
 use crate::session::effects::DliEffects;
-use crate::session::reports;
+use crate::session::{held, reports};
 
 impl Bridge {
     /// Carries out the message of a station that may speak.
@@ -190,9 +191,13 @@ fn inform<'m>(
     input: impl Fn() -> reports::Input<'m>,
 ) {
     let listens = |one: &Aircraft| one.authority.rights().holds(cucs, LoiBitmap::LOI2);
+    let listed = |one: &Aircraft, dli: &DliEffects<'_>| one.permitted(dli, &origin, Group::Monitor);
     if let Some(one) = aircraft.iter_mut().find(|one| one.id() == destination) {
         if !listens(one) {
             return refuse_without_right(one, dli, &origin, cucs, LoiBitmap::LOI2);
+        }
+        if let Some(why) = listed(one, dli).refusal() {
+            return refuse_unlisted(one, dli, &origin, why);
         }
         return match one.ask_reports(dli, input()) {
             Ok(()) => dli.acknowledge(destination, &origin, AckType::CarriedOut),
@@ -201,7 +206,7 @@ fn inform<'m>(
     }
     let (mut informed, mut why) = (false, "it needs LOI 2, no LOI is held".to_owned());
     for one in aircraft.iter_mut() {
-        if listens(one) {
+        if listens(one) && listed(one, dli) == Permitted::Yes {
             match one.ask_reports(dli, input()) {
                 Ok(()) => informed = true,
                 Err(fault) => why = fault,
@@ -238,8 +243,17 @@ fn admit(
 ) -> bool {
     match one.right_for(message) {
         Some(right) if one.authority.rights().holds(cucs, right) => {
-            accept(one, dli, origin, true);
-            return true;
+            let group = held::inner(message).map_or_else(
+                || Group::of(message, right),
+                |inner| Group::of(&inner, right),
+            );
+            match one.permitted(dli, origin, group).refusal() {
+                Some(why) => refuse_unlisted(one, dli, origin, why),
+                None => {
+                    accept(one, dli, origin, true);
+                    return true;
+                }
+            }
         }
         Some(right) => refuse_without_right(one, dli, origin, cucs, right),
         None => {
@@ -292,6 +306,17 @@ fn refuse_without_right(
         held.in_words()
     );
     one.effects(dli).refuse_unprivileged(origin, &why);
+}
+
+/// Refuses a message of a CUCS that holds the right, and that the access list does not give this message.
+fn refuse_unlisted(
+    one: &mut Aircraft,
+    dli: &mut DliEffects<'_>,
+    origin: &Origin,
+    (counter, why): (&'static str, &str),
+) {
+    dli.counters.count(counter);
+    one.effects(dli).refuse_unprivileged(origin, why);
 }
 
 /// A command to everybody is a command to nobody in particular.

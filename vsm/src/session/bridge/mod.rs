@@ -4,9 +4,11 @@
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
 //! `forwards`: other ground stations; `files`: files of a vehicle;
-//! `guards`: CUCSs with a guard key; `zeroize`: an order to erase all that this VSM has; `editions`: stations of Edition 2.5;
-//! `status`: what the bridge is doing; `map`: what a map shows beside it; `reload`: another configuration while it runs.
+//! `guards`: CUCSs with a guard key; `access`: the access list; `zeroize`: an order to erase all that this VSM has; `editions`:
+//! stations of Edition 2.5; `status`: what the bridge is doing; `map`: what a map shows beside it; `reload`: another
+//! configuration while it runs.
 
+mod access;
 mod arrival;
 mod contingencies;
 mod dispatch;
@@ -38,6 +40,7 @@ use stanag_msgs::{Id, Profile};
 pub use self::forwards::PreparedForwards;
 use self::port::Port;
 pub use self::vehicles::link_config;
+use super::access::Gate;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
 use super::authority::Input;
@@ -119,6 +122,7 @@ pub struct Bridge {
     /// Who holds each vehicle, as these stations were shown last.
     shown_holders: Vec<(Id, Id, LoiBitmap)>,
     zeroize: Zeroize,
+    access: Gate,
     /// What stands from the configuration.
     warnings: Vec<String>,
     started: Duration,
@@ -210,6 +214,7 @@ impl Bridge {
             sent_to_group: VecDeque::new(),
             shown_holders: Vec::new(),
             zeroize: Zeroize::new(config.zeroize, config.dli.open_at().is_empty()),
+            access: Gate::of(config),
             warnings: config.warnings(),
             started: now.mono,
         };
@@ -227,6 +232,8 @@ impl Bridge {
         bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
         bridge.restore_contingencies(disk);
+        // Not before what was held is restored: it is judged by the list, once that is there.
+        bridge.give_permits(now);
         Ok(bridge)
     }
 
@@ -301,6 +308,7 @@ impl Bridge {
         self.watch_forwards(now, disk);
         self.watch_paths(now, disk);
         self.keep_guards(now, disk);
+        self.watch_access(now, disk);
         self.watch_findings(now, disk);
         self.show_holders(now, disk);
     }

@@ -93,6 +93,7 @@ impl Bridge {
         let new = self.logical.iter().filter(|one| !known.contains(one));
         self.waiting.extend(new.copied());
         self.remove_vehicles(config, now, disk);
+        self.give_permits(now);
         let settings = self.settings.clone();
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {

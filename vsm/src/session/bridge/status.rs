@@ -11,6 +11,8 @@ use mapping::telemetry::Telemetry;
 use serde::Serialize;
 
 use super::Bridge;
+use super::access::RightsStatus;
+use crate::session::access::AccessStatus;
 use crate::session::aircraft::Aircraft;
 use crate::session::authority::rules::Stage;
 use crate::session::counters::{ByType, Counters};
@@ -45,6 +47,10 @@ pub struct Status {
     pub findings: Vec<Finding>,
     /// The ground stations.
     pub stations: Vec<StationStatus>,
+    /// What each of them may do with each vehicle.
+    pub rights: Vec<RightsStatus>,
+    /// The access list; none where none is configured.
+    pub access: Option<AccessStatus>,
     /// The vehicles.
     pub vehicles: Vec<VehicleStatus>,
     /// Other ground stations.
@@ -371,6 +377,8 @@ impl Bridge {
             held: self.outbox.waiting(),
             findings: self.found.clone(),
             stations: stations.collect(),
+            rights: self.rights_status(),
+            access: self.access_status(now),
             vehicles: vehicles.collect(),
             forwards: self.forwards.iter().map(|one| one.status(now)).collect(),
         }

@@ -31,6 +31,7 @@ impl Bridge {
         let before = self.not_before.as_secs();
         found.extend(findings::clock(wall.as_secs(), before, far_ahead));
         self.evidence.judge(mono, self.group, &mut found);
+        found.extend(self.access_findings());
         for station in self
             .stations
             .iter()

@@ -201,10 +201,7 @@ impl Bridge {
     }
 
     fn fleet(&self, own: Option<Id>) -> Fleet {
-        let disarmed = |one: &&super::Aircraft| {
-            one.vehicle.live() && one.vehicle.telemetry.armed == Some(false)
-        };
-        let flying = self.aircraft.iter().find(|one| !disarmed(one));
+        let flying = self.aircraft.iter().find(|one| one.vehicle.may_fly());
         let mut others = self.aircraft.iter().filter_map(|one| {
             let by = one.authority.controller().filter(|by| Some(*by) != own)?;
             Some((one.id(), by))

@@ -17,6 +17,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::dates::day;
+
 /// Which fault it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -75,6 +77,8 @@ pub enum Code {
     Port,
     /// The interface of the group is none of this computer's.
     Interface,
+    /// The file of the access list is not in force, or a CUCS has another guard key than its entries.
+    AccessList,
     /// A key file cannot be used. The last one: a test counts up to it.
     KeyFile,
 }
@@ -135,36 +139,14 @@ pub(crate) fn clock(wall_s: u64, before_s: u64, far_ahead: bool) -> Option<Findi
     } else {
         return None;
     };
-    let cause = format!("this computer's clock reads {}, {what}", utc(wall_s));
+    // A day, and no time: a text that changes would be a new alert each minute.
+    let cause = format!("this computer's clock reads {}, {what}", day(wall_s));
     Some(Finding::new(Code::Clock, "clock", cause, cure))
-}
-
-/// A day (UTC), and no time: a text that changes would be a new alert each minute.
-fn utc(unix_s: u64) -> String {
-    let days = unix_s / 86_400;
-    // Days to a civil date: the years begin in March, so that a leap day is the last of its year.
-    let days = days + 719_468;
-    let (era, of_era) = (days / 146_097, days % 146_097);
-    let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    let year = year + era * 400 + u64::from(month <= 2);
-    format!("{year}-{month:02}-{day:02}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        assert_eq!(utc(0), "1970-01-01");
-        assert_eq!(utc(951_782_399), "2000-02-28");
-        assert_eq!(utc(951_782_400), "2000-02-29");
-        assert_eq!(utc(1_767_225_599), "2025-12-31");
-    }
 
     #[test]
     fn a_clock_is_wrong_before_the_build_or_far_ahead_of_the_signing_clock() {

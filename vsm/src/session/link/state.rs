@@ -80,6 +80,11 @@ impl VehicleState {
         !self.silent
     }
 
+    /// Whether it is not known to be disarmed: also while nothing is received of it.
+    pub(crate) fn may_fly(&self) -> bool {
+        self.silent || self.telemetry.armed != Some(false)
+    }
+
     /// When it last reported its mode.
     pub(crate) fn mode_at(&self) -> Option<Duration> {
         self.mode_at

@@ -9,7 +9,7 @@ use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
 use crate::config::TerrainFault;
-use crate::session::BridgeError;
+use crate::session::{AccessError, BridgeError};
 use crate::shell::disk::OpenError;
 use crate::shell::key_file::KeyFileError;
 use crate::shell::key_store::KeyStoreError;
@@ -69,6 +69,19 @@ pub enum StartError {
         /// The key's name.
         key: KeyId,
     },
+    /// The key of the access list is another's too.
+    #[error(
+        "access.key_file has the key {key} of {other}: it needs a key of its own, see `vsm keygen`"
+    )]
+    AccessKey {
+        /// Who has it too.
+        other: String,
+        /// The key's name.
+        key: KeyId,
+    },
+    /// There is no access list.
+    #[error("{0}")]
+    Access(#[from] AccessError),
     /// A handover that is not finished.
     #[error(transparent)]
     Handover(#[from] HandoverError),

@@ -1,13 +1,17 @@
-//! The guard keys of the CUCSs: read at the start, and when the configuration is read again.
+//! The guard keys of the CUCSs, and the access list: read at the start, and when the configuration is read again.
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
 
 use mavlink_link::Now;
-use mavlink_link::signing::KeyId;
+use mavlink_link::signing::{KeyId, SigningKey};
 use stanag_msgs::Id;
 
 use super::StartError;
-use crate::config::Config;
-use crate::session::GuardKeyUntil;
-use crate::shell::guard_file;
+use crate::config::{Access, Config};
+use crate::session::{GuardKeyUntil, MAX_LIST_BYTES};
+use crate::shell::{guard_file, key_file};
 
 /// The keys of each CUCS with a guard; none has the key of another, or of `others`.
 pub(super) fn keys(
@@ -38,4 +42,41 @@ pub(super) fn keys(
         all.push((station.id, keys));
     }
     Ok(all)
+}
+
+/// Who has each of them.
+pub(super) fn owners(keys: &[(Id, Vec<GuardKeyUntil>)]) -> Vec<(String, KeyId)> {
+    let of = |(station, keys): &(Id, Vec<GuardKeyUntil>)| {
+        let name = format!("CUCS {station}");
+        let each = keys.iter().map(|(key, _)| (name.clone(), key.id()));
+        each.collect::<Vec<_>>()
+    };
+    keys.iter().flat_map(of).collect()
+}
+
+/// The key of the access list, which none of these has too.
+pub(super) fn access_key(
+    access: &Access,
+    mut others: impl Iterator<Item = (String, KeyId)>,
+) -> Result<SigningKey, StartError> {
+    let key = key_file::read(&access.key_file)?;
+    // A CUCS that has it could sign a list for itself.
+    match others.find(|(_, other)| *other == key.id()) {
+        None => Ok(key),
+        Some((other, key)) => Err(StartError::AccessKey { other, key }),
+    }
+}
+
+/// What the file of the access list holds; it needs no protection of its own, since it is signed.
+pub(super) fn access_list(path: &Path) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    // One byte more shows what is longer than any list.
+    let read = File::open(path).and_then(|file| {
+        let most = MAX_LIST_BYTES as u64 + 1;
+        file.take(most).read_to_end(&mut bytes)
+    });
+    match read {
+        Ok(_) => Ok(bytes),
+        Err(cause) => Err(format!("access.list {}: {cause}", path.display())),
+    }
 }

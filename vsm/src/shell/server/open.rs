@@ -85,7 +85,14 @@ impl Server {
         let forward_keys = forward::keys(config, &key_ids)?;
         let others = forward::owners(config, &key_ids, &forward_keys);
         let guard_keys = guards::keys(config, others, now)?;
+        let of_guards = guards::owners(&guard_keys);
         bridge.set_guard_keys(guard_keys, now, NOT_BEFORE, &mut store)?;
+        if let Some(access) = &config.access {
+            let others = forward::owners(config, &key_ids, &forward_keys).chain(of_guards);
+            let key = guards::access_key(access, others)?;
+            let file = guards::access_list(&access.list);
+            bridge.set_access(&key, file, now, NOT_BEFORE, &mut store)?;
+        }
         let forwards = forward::open(config, forward_keys, None, &mut store)?;
         let prepared =
             bridge.prepare_forwards(config, forwards.ends, now, NOT_BEFORE, &mut store)?;

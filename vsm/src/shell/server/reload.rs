@@ -118,6 +118,8 @@ struct Reread {
     forward_keys: Vec<Option<SigningKey>>,
     /// Of the ground stations with a guard.
     guard_keys: Vec<(Id, Vec<GuardKeyUntil>)>,
+    /// The file of the access list, where one is configured.
+    access: Option<Vec<u8>>,
     /// What the store holds of what is added.
     ahead: ReadAhead,
 }
@@ -242,6 +244,10 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     let ids = ids.map(|id| format!("{:08x}", id.0));
     let others = forward::owners(config, &known, &forward_keys);
     let guard_keys = guards::keys(config, others, open.now).map_err(|fault| fault.to_string())?;
+    // The one of the running bridge: another waits for a restart.
+    let access = open.config.access.as_ref();
+    let access = access.map(|access| guards::access_list(&access.list));
+    let access = access.transpose()?;
     let others = forward_keys.iter().flatten().map(SigningKey::id);
     let of_guards = guard_keys.iter().flat_map(|(_, keys)| keys);
     let of_guards = of_guards.map(|(key, _)| key.id());
@@ -255,6 +261,7 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
         files,
         forward_keys,
         guard_keys,
+        access,
         ahead,
         changes,
     })
@@ -304,6 +311,8 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
             core.store.know(name, bytes);
         }
         check_removed(core, &config)?;
+        let access = new.access.map(|file| core.bridge.prepare_access(&file));
+        let access = access.transpose().map_err(|fault| fault.to_string())?;
         let opened = open_added(
             core,
             &config,
@@ -333,6 +342,12 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
             tracing::error!("a CUCS has no guard key: {fault}");
         }
         report_guard_keys(&before, &bridge.guard_key_ids(), &mut report);
+        match bridge.take_access(access.flatten(), now, store) {
+            Ok(changed) => report.applied.extend(changed),
+            Err(fault) => report.restart.push(format!(
+                "the access list ({fault}; the one before stays in force)"
+            )),
+        }
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
         Ok::<_, String>((report, receivers, readers))

@@ -222,6 +222,8 @@ mod tests {
                 received: Default::default(),
                 sent: Default::default(),
                 stations: Vec::new(),
+                rights: Vec::new(),
+                access: None,
                 vehicles: Vec::new(),
                 forwards: Vec::new(),
                 recordings: Default::default(),

@@ -1,0 +1,305 @@
+//! The access list: what each CUCS may send to each vehicle, until when, and under which guard key; signed by who holds the
+//! access key.
+//!
+//! `list` is the file, `group` the groups of messages, `permits` what one CUCS is allowed by it. [`Access`] is the list that is
+//! in force in a VSM, with the time by which its entries end.
+//!
+//! Promised:
+//! - **It narrows.** What `[[cucs]]` does not give, no list gives.
+//! - **No older list** comes into force again, over restarts too: the newest that was ever in force is kept in the store. A file
+//!   that is damaged, not signed, older, or another of the same version leaves that one in force.
+//! - **An entry that has ended does not come back**: its time is that of a [`SigningClock`], which runs on by monotonic time and never goes
+//!   back over a restart. A wall clock that is set while the VSM runs moves it at most once, forward, where it was wrong at the start.
+//! - **Nothing ends in the air.** Who holds a right over a vehicle keeps it, whatever a clock says, until the vehicle is known to be
+//!   disarmed; what a newer list no longer has ends at once, since a person has decided it.
+
+mod group;
+mod list;
+mod permits;
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::clock::{Ceiling, Origin, SigningClock, WallState};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
+use mavlink_link::store::{Disk, Durability, Record, Store as _, StoreError};
+use stanag_msgs::Id;
+
+pub use self::group::{Group, UnknownGroup};
+pub use self::list::{AccessEntry, AccessKey, AccessList, ListError, MAX_LIST_BYTES, parse_until};
+pub(crate) use self::permits::{Permit, Permits, Permitted};
+use super::dates::utc;
+use crate::config::Config;
+
+/// What stands between a CUCS and what `[[cucs]]` gives it.
+#[derive(Debug)]
+pub(crate) enum Gate {
+    /// No list is configured.
+    Open,
+    /// One is configured, and the shell has given none yet: nobody may do anything.
+    Shut,
+    /// A list is in force.
+    List(Box<Access>),
+}
+
+impl Gate {
+    pub(crate) fn of(config: &Config) -> Gate {
+        match config.access {
+            None => Gate::Open,
+            Some(_) => Gate::Shut,
+        }
+    }
+}
+
+/// The list that is in force.
+#[derive(Debug)]
+pub(crate) struct Access {
+    key: AccessKey,
+    list: AccessList,
+    /// As it was signed.
+    text: String,
+    clock: SigningClock,
+    /// Why the file is not in force, where another list is.
+    refused: Option<String>,
+}
+
+/// A list that may come into force.
+#[derive(Debug)]
+pub struct PreparedAccess {
+    list: AccessList,
+    text: String,
+}
+
+/// A VSM without an access list.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessError {
+    /// None was ever in force, and the file is none.
+    #[error("no access list was in force yet: {0}")]
+    None(String),
+    /// What the store has does not verify.
+    #[error("the access list in the store: {0}")]
+    Stored(ListError),
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// Why a list does not come into force.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RenewError {
+    /// It is none.
+    #[error(transparent)]
+    List(#[from] ListError),
+    /// It is older than the one in force.
+    #[error("the access list is version {found}, and version {in_force} is in force: an older one is not taken; sign it again as {}", .in_force + 1)]
+    Older {
+        /// Of the file.
+        found: u64,
+        /// In force.
+        in_force: u64,
+    },
+    /// Two lists were signed as the same version.
+    #[error("the access list is another one of version {version} than the one in force: sign it again as {}", .version + 1)]
+    Another {
+        /// Which.
+        version: u64,
+    },
+    /// No list can be in force here.
+    #[error("no access list is configured: set [access], and restart")]
+    NotConfigured,
+}
+
+/// The newest list that was in force under a key, as it was signed.
+struct Stored(String);
+
+impl Record for Stored {
+    type Key = KeyId;
+    const DURABILITY: Durability = Durability::Power;
+
+    // By its key: whoever has another key begins anew, and who returns to the first finds the list that he left.
+    fn name(key: &KeyId) -> String {
+        format!("access-{key}")
+    }
+
+    fn encode(&self) -> Vec<u8> {
+        self.0.clone().into_bytes()
+    }
+
+    fn decode(bytes: &[u8]) -> Result<Self, String> {
+        let text = String::from_utf8(bytes.to_vec());
+        text.map(Stored).map_err(|_| "it is no text".to_owned())
+    }
+}
+
+impl Access {
+    /// The list of the file, or the one that the store has where that is newer or the file is none.
+    ///
+    /// # Errors
+    /// There is none, or the store cannot be used: nothing may be served.
+    pub(crate) fn start(
+        key: &SigningKey,
+        vsm: Id,
+        file: Result<Vec<u8>, String>,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<Access, AccessError> {
+        let key = AccessKey::new(key);
+        let stored = disk.load::<Stored>(&key.id())?;
+        let known = stored.map(|Stored(text)| {
+            let list = AccessList::verified(text.as_bytes(), &key, vsm);
+            list.map(|list| PreparedAccess { list, text })
+        });
+        let known = known.transpose().map_err(AccessError::Stored)?;
+        let file = file.and_then(|bytes| {
+            let known = known
+                .as_ref()
+                .map(|known| (known.list.version(), &*known.text));
+            prepare(&bytes, &key, vsm, known).map_err(|fault| fault.to_string())
+        });
+        let (PreparedAccess { list, text }, refused) = match (file, known) {
+            (Ok(Some(new)), _) => {
+                disk.save(&key.id(), &Stored(new.text.clone()))?;
+                (new, None)
+            }
+            (Ok(None), Some(known)) => (known, None),
+            (Err(why), Some(known)) => (known, Some(why)),
+            (Err(why), None) => return Err(AccessError::None(why)),
+            (Ok(None), None) => return Err(AccessError::None("it is empty".to_owned())),
+        };
+        let ceiling = disk.load::<Ceiling>(&key.id())?.map(|Ceiling(at)| at);
+        let not_before = Stamp::from_unix(not_before);
+        let clock = SigningClock::start(key.id(), Origin::KeyFile, ceiling, not_before, now);
+        let mut access = Access {
+            key,
+            list,
+            text,
+            clock,
+            refused,
+        };
+        access.keep(now, disk);
+        Ok(access)
+    }
+
+    /// Looks whether another file is a newer list; `None` where it is the one in force. Nothing changes.
+    ///
+    /// # Errors
+    /// It is none: why.
+    pub(crate) fn prepare(&self, file: &[u8]) -> Result<Option<PreparedAccess>, RenewError> {
+        let known = (self.list.version(), &*self.text);
+        prepare(file, &self.key, self.list.vsm(), Some(known))
+    }
+
+    /// Puts a newer list in force, which the store has from then on; what has changed, for the report.
+    ///
+    /// # Errors
+    /// It cannot be stored: the one before stays in force.
+    pub(crate) fn take(
+        &mut self,
+        new: PreparedAccess,
+        disk: &mut dyn Disk,
+    ) -> Result<String, StoreError> {
+        disk.save(&self.key.id(), &Stored(new.text.clone()))?;
+        let before = self.list.version();
+        (self.list, self.text, self.refused) = (new.list, new.text, None);
+        let (after, count) = (self.list.version(), self.list.entries().len());
+        Ok(format!(
+            "access list version {before} -> {after}, {count} entries"
+        ))
+    }
+
+    /// The file is not the list in force: why, or that it is again.
+    pub(crate) fn note_file(&mut self, refused: Option<String>) {
+        self.refused = refused;
+    }
+
+    /// Keeps the stored time ahead of the clock; once a second.
+    pub(crate) fn keep(&mut self, now: Now, disk: &mut dyn Disk) {
+        self.clock.watch_wall(now);
+        self.clock.waits(now, disk);
+    }
+
+    /// The seconds since 1970 by which entries end; `None` where the wall clock was over a year ahead of the stored time, and it is
+    /// not known how much has passed: entries that have an end count as ended then.
+    fn time(&self, mono: Duration) -> Option<u64> {
+        let known = self.clock.wall_state() != WallState::FarAhead;
+        // The base runs by monotonic time alone.
+        let now = Now {
+            mono,
+            wall: Duration::ZERO,
+        };
+        known.then(|| self.clock.base(now).to_unix().as_secs())
+    }
+
+    /// What a CUCS is allowed by it now.
+    pub(crate) fn permits(&self, cucs: Id, now: Now) -> Vec<Permit> {
+        let time = self.time(now.mono);
+        let of_it = self.list.entries().iter().filter(|one| one.cucs == cucs);
+        let permit = |one: &AccessEntry| Permit {
+            entry: *one,
+            over: (one.until).is_some_and(|until| time.is_none_or(|time| time >= until.get())),
+        };
+        of_it.map(permit).collect()
+    }
+
+    /// Which version is in force.
+    pub(crate) fn version(&self) -> u64 {
+        self.list.version()
+    }
+
+    /// Why the file is not.
+    pub(crate) fn refused(&self) -> Option<&str> {
+        self.refused.as_deref()
+    }
+
+    /// How it stands.
+    pub(crate) fn status(&self, now: Duration) -> AccessStatus {
+        AccessStatus {
+            version: self.list.version(),
+            key_id: self.key.id().to_string(),
+            entries: self.list.entries().len(),
+            time: self.time(now).map(utc),
+            refused: self.refused.clone(),
+        }
+    }
+}
+
+/// How the access list stands, for the status.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct AccessStatus {
+    /// Of the list in force.
+    pub version: u64,
+    /// The id of the key that it is signed by.
+    pub key_id: String,
+    /// How many it has.
+    pub entries: usize,
+    /// The time by which they end; none where it is not known, and those that have an end are ended.
+    pub time: Option<String>,
+    /// Why the file is not in force.
+    pub refused: Option<String>,
+}
+
+fn prepare(
+    file: &[u8],
+    key: &AccessKey,
+    vsm: Id,
+    known: Option<(u64, &str)>,
+) -> Result<Option<PreparedAccess>, RenewError> {
+    let list = AccessList::verified(file, key, vsm)?;
+    let found = list.version();
+    match known {
+        Some((_, text)) if text.as_bytes() == file => return Ok(None),
+        Some((in_force, _)) if found < in_force => {
+            return Err(RenewError::Older { found, in_force });
+        }
+        Some((in_force, _)) if found == in_force => {
+            return Err(RenewError::Another { version: found });
+        }
+        _ => {}
+    }
+    let text = String::from_utf8_lossy(file).into_owned();
+    Ok(Some(PreparedAccess { list, text }))
+}
+
+#[cfg(test)]
+mod tests;

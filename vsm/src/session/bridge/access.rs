@@ -1,0 +1,226 @@
+//! The access list of a bridge: which of its entries each CUCS has, what ends with them, and what the status shows of it.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::signing::SigningKey;
+use mavlink_link::store::{Disk, StoreError};
+use serde::Serialize;
+use stanag_msgs::enums::LoiBitmap;
+
+use super::Bridge;
+use crate::session::access::{
+    Access, AccessError, AccessStatus, Gate, Permit, Permits, PreparedAccess, RenewError,
+};
+use crate::session::authority::Input;
+use crate::session::dates::utc;
+use crate::session::findings::{Code, Finding};
+use crate::session::station::GroundStation;
+
+/// What one CUCS may do with one vehicle.
+#[derive(Debug, Clone, Serialize)]
+pub struct RightsStatus {
+    /// CUCS ID.
+    pub cucs: String,
+    /// Vehicle ID.
+    pub vehicle: String,
+    /// LOI bits that it may request now, by configuration and access list.
+    pub may_hold: u8,
+    /// LOI bits that it holds.
+    pub holds: u8,
+    /// Its entries of the access list; empty without one too.
+    pub entries: Vec<EntryStatus>,
+}
+
+/// One entry of the access list.
+#[derive(Debug, Clone, Serialize)]
+pub struct EntryStatus {
+    /// The group of messages.
+    pub group: &'static str,
+    /// When it ends; none where it does not.
+    pub until: Option<String>,
+    /// The id of the guard key that it is for.
+    pub key_id: String,
+    /// "in force", "ended", or "another key" where the CUCS does not have that key.
+    pub state: &'static str,
+}
+
+impl Bridge {
+    /// Puts the access list of a file in force, or the newer one that the store has. `file`: what it holds, or why it cannot be read.
+    ///
+    /// # Errors
+    /// Neither is a list that counts, or the store cannot be used: nothing may be served.
+    pub fn set_access(
+        &mut self,
+        key: &SigningKey,
+        file: Result<Vec<u8>, String>,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<(), AccessError> {
+        let access = Access::start(key, self.vsm, file, now, not_before, disk)?;
+        self.access = Gate::List(Box::new(access));
+        self.give_permits(now);
+        Ok(())
+    }
+
+    /// Looks whether a file is a newer list than the one in force; `None` where it is that one. Nothing changes.
+    ///
+    /// # Errors
+    /// It is none: why.
+    pub fn prepare_access(&self, file: &[u8]) -> Result<Option<PreparedAccess>, RenewError> {
+        match &self.access {
+            Gate::List(access) => access.prepare(file),
+            Gate::Open | Gate::Shut => Err(RenewError::NotConfigured),
+        }
+    }
+
+    /// Puts a list in force; `None` where the file is that which is. What it no longer allows ends at once, in the air too. Returns
+    /// what has changed.
+    ///
+    /// # Errors
+    /// It cannot be stored: the one before stays in force.
+    pub fn take_access(
+        &mut self,
+        new: Option<PreparedAccess>,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<Option<String>, StoreError> {
+        let Gate::List(access) = &mut self.access else {
+            return Ok(None);
+        };
+        let Some(new) = new else {
+            access.note_file(None);
+            return Ok(None);
+        };
+        let text = access.take(new, disk)?;
+        self.give_permits(now);
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for one in aircraft.iter_mut() {
+            one.ask_authority(&mut dli, Input::Reconfigured);
+        }
+        self.forget_heartbeats(now.mono);
+        Ok(Some(text))
+    }
+
+    /// Gives each station its entries.
+    pub(super) fn give_permits(&mut self, now: Now) {
+        for station in &mut self.stations {
+            station.permits = Permits(match &self.access {
+                Gate::Open => None,
+                Gate::Shut => Some(Vec::new()),
+                Gate::List(access) => Some(access.permits(station.id(), now)),
+            });
+        }
+    }
+
+    /// Once a second: entries end, and with them what is held of a vehicle that does not fly.
+    pub(super) fn watch_access(&mut self, now: Now, disk: &mut dyn Disk) {
+        if now.mono < self.look_at {
+            return;
+        }
+        let Gate::List(access) = &mut self.access else {
+            return;
+        };
+        access.keep(now, disk);
+        self.give_permits(now);
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for one in aircraft.iter_mut() {
+            let (vehicle, flies) = (one.id(), one.vehicle.may_fly());
+            let ended = one.authority.rights().holders().any(|(id, held)| {
+                let station = dli.stations.iter().find(|one| one.id() == id);
+                let keeps = |one: &GroundStation| one.keeper(vehicle, flies).authorised;
+                let keeps = station.map_or(LoiBitmap::NONE, keeps);
+                !held.levels().without(keeps).is_empty()
+            });
+            if ended {
+                one.ask_authority(&mut dli, Input::Reconfigured);
+            }
+        }
+    }
+
+    /// What an operator has to do about the list.
+    pub(super) fn access_findings(&self) -> Vec<Finding> {
+        let Gate::List(access) = &self.access else {
+            return Vec::new();
+        };
+        let mut found = Vec::new();
+        if let Some(why) = access.refused() {
+            found.push(Finding::new(
+                Code::AccessList,
+                "access list",
+                format!("{why}; version {} stays in force", access.version()),
+                "sign the file again (vsm access sign), then run vsm reload",
+            ));
+        }
+        for station in self.stations.iter().filter(|one| !one.removed) {
+            let Some(guard) = &station.guard else {
+                continue;
+            };
+            let Some(key) = guard.in_force() else {
+                continue;
+            };
+            let entries = station.permits.0.iter().flatten();
+            let of_key = |one: &Permit| one.entry.key == key;
+            if entries.clone().next().is_some() && !entries.clone().any(of_key) {
+                let id = station.id();
+                let mut finding = Finding::new(
+                    Code::AccessList,
+                    id,
+                    format!(
+                        "CUCS {id} has guard key {key}, and its entries of the access list are for another"
+                    ),
+                    "grant them for this key too (vsm access grant --guard-key), sign the list, then run vsm reload",
+                );
+                finding.key = id.0;
+                found.push(finding);
+            }
+        }
+        found
+    }
+
+    pub(super) fn access_status(&self, now: Duration) -> Option<AccessStatus> {
+        match &self.access {
+            Gate::List(access) => Some(access.status(now)),
+            Gate::Open | Gate::Shut => None,
+        }
+    }
+
+    pub(super) fn rights_status(&self) -> Vec<RightsStatus> {
+        let listed = self.stations.iter().filter(|one| !one.removed);
+        let of = |station: &GroundStation| {
+            let each = self.aircraft.iter().map(|one| {
+                let vehicle = one.id();
+                let entries = station.permits.0.iter().flatten();
+                let entries = entries.filter(|permit| permit.entry.vehicle == vehicle);
+                RightsStatus {
+                    cucs: station.id().to_string(),
+                    vehicle: vehicle.to_string(),
+                    may_hold: station.asker(vehicle).authorised.raw(),
+                    holds: one.authority.rights().granted(station.id()).raw(),
+                    entries: entries.map(|permit| entry(station, permit)).collect(),
+                }
+            });
+            each.collect::<Vec<_>>()
+        };
+        listed.flat_map(of).collect()
+    }
+}
+
+fn entry(station: &GroundStation, permit: &Permit) -> EntryStatus {
+    let Permit { entry, over } = permit;
+    let has = station
+        .guard
+        .as_ref()
+        .is_some_and(|guard| guard.has(entry.key));
+    EntryStatus {
+        group: entry.group.name(),
+        until: entry.until.map(|until| utc(until.get())),
+        key_id: entry.key.to_string(),
+        state: match (has, over) {
+            (false, _) => "another key",
+            (true, true) => "ended",
+            (true, false) => "in force",
+        },
+    }
+}

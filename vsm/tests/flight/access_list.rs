@@ -1,0 +1,278 @@
+//! The access list: what a CUCS may do is what the configuration and the list give it, by the list that is newest.
+
+use std::num::NonZeroU64;
+
+use kit::bridge::{Rig, Setup, VSM, access_key, cucs, guard_key, orders, vehicle_id};
+use mavlink_link::signing::KeyId;
+use serde_json::Value;
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap};
+use stanag_msgs::messages::ParameterSetCommand;
+use stanag_msgs::{Message, Text};
+use vsm::session::{AccessEntry, AccessGroup as Group, AccessKey, AccessList};
+
+const HOUR: u64 = 3_600;
+
+/// A list for station 0 and vehicle 0: these groups, for so many seconds from the start of the test.
+fn list(version: u64, groups: &[Group], seconds: Option<u64>) -> String {
+    list_of(version, groups, seconds, guard_key(cucs(0)).id())
+}
+
+fn list_of(version: u64, groups: &[Group], seconds: Option<u64>, key: KeyId) -> String {
+    let mut list = AccessList::new(VSM);
+    for group in groups {
+        let until = seconds.map(|seconds| kit::clock::START.as_secs() + seconds);
+        let entry = AccessEntry {
+            cucs: cucs(0),
+            vehicle: vehicle_id(0),
+            group: *group,
+            key,
+            until: until.and_then(NonZeroU64::new),
+        };
+        list.grant(entry).expect("there is room");
+    }
+    list.signed(version, &AccessKey::new(&access_key()))
+}
+
+/// Stations with a guard each, and this list.
+fn rig(stations: u8, list: String) -> Rig {
+    let mut rig = Rig::new(Setup {
+        stations,
+        ..Setup::default()
+    });
+    let mut text = rig.text.clone();
+    for index in 0..usize::from(stations) {
+        let id = format!("id = \"{}\"\n", cucs(index));
+        text = text.replace(&id, &format!("{id}guard = {{ key_file = \"a.key\" }}\n"));
+    }
+    text += "[access]\nlist = \"access.list\"\nkey_file = \"access.key\"\n";
+    rig.access = list;
+    rig.restart_with(&text);
+    rig.run(9.0);
+    rig
+}
+
+fn renew(rig: &mut Rig, list: String) -> Result<Vec<String>, String> {
+    rig.access = list;
+    let text = rig.text.clone();
+    rig.reload(&text).map(|report| report.applied)
+}
+
+fn status(rig: &Rig) -> Value {
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let status = bridge.status(String::new(), rig.now().mono);
+    serde_json::to_value(status).expect("JSON")
+}
+
+fn refused(rig: &Rig, name: &str) -> u64 {
+    status(rig)["refused"][name].as_u64().unwrap_or(0)
+}
+
+fn held(rig: &Rig) -> u64 {
+    status(rig)["rights"][0]["holds"].as_u64().expect("a row")
+}
+
+/// The message is refused, counted by this name, and its sender is sent the reason.
+fn is_refused(rig: &mut Rig, message: impl Into<Message>, name: &str, why: &str) {
+    let before = refused(rig, name);
+    assert_eq!(rig.carry_out(message), Some(AckType::Refused));
+    assert_eq!(refused(rig, name), before + 1, "{name}");
+    rig.run(0.5);
+    let alerts = rig.station().alerts();
+    assert!(alerts.iter().any(|text| text.contains(why)), "{alerts:?}");
+}
+
+fn land() -> Message {
+    orders::mode(Mode::AutolandEngage).into()
+}
+
+fn loiter() -> Message {
+    orders::mode(Mode::Loiter).into()
+}
+
+const OUTSIDE: &str = "access list: outside its groups";
+const ENDED: &str = "access list: entry has ended";
+const OTHER_KEY: &str = "access list: another guard key";
+
+#[test]
+fn a_station_commands_what_its_groups_have_and_nothing_else() {
+    let mut rig = rig(2, list(1, &[Group::Fly, Group::Launch], None));
+    let end = rig.carry_out(orders::request_control());
+    // LOI 3 was requested too, and no entry gives it.
+    assert_eq!(end, Some(AckType::Refused));
+    let levels = LoiBitmap::LOI2
+        .union(LoiBitmap::LOI4)
+        .union(LoiBitmap::LOI5);
+    assert_eq!(held(&rig), u64::from(levels.raw()));
+    rig.take_off(20.0);
+    is_refused(
+        &mut rig,
+        orders::route(101),
+        OUTSIDE,
+        "does not give it this group",
+    );
+    // Another station, which the configuration gives everything and the list nothing.
+    let asked = rig.send_as(1, 0, orders::request_control());
+    assert_eq!(rig.end_as(1, asked), Some(AckType::Refused));
+    assert_eq!(status(&rig)["rights"][1]["may_hold"], 0);
+    let end = rig.carry_out(land());
+    assert_eq!(end, Some(AckType::CarriedOut));
+}
+
+#[test]
+fn what_a_newer_list_takes_away_ends_at_once_and_an_older_one_brings_nothing_back() {
+    let all = [Group::Fly, Group::Launch];
+    let mut rig = rig(1, list(1, &all, None));
+    rig.carry_out(orders::request_control());
+    rig.take_off(20.0);
+    let applied = renew(&mut rig, list(2, &[Group::Launch], None)).expect("it is newer");
+    assert_eq!(applied, ["access list version 1 -> 2, 1 entries"]);
+    rig.run(1.0);
+    let levels = LoiBitmap::LOI2.union(LoiBitmap::LOI5);
+    assert_eq!(held(&rig), u64::from(levels.raw()));
+    is_refused(&mut rig, loiter(), "without the right", "it needs LOI 4");
+    // The first list again: while it runs, and at a start.
+    let fault = renew(&mut rig, list(1, &all, None)).expect_err("it is older");
+    assert!(
+        fault.contains("version 1, and version 2 is in force"),
+        "{fault}"
+    );
+    assert_eq!(status(&rig)["access"]["version"], 2);
+    rig.restart_bridge();
+    rig.run(5.0);
+    assert_eq!(status(&rig)["access"]["version"], 2);
+    let found = status(&rig)["findings"].to_string();
+    assert!(
+        found.contains("access-list") && found.contains("version 1"),
+        "{found}"
+    );
+    is_refused(&mut rig, loiter(), "without the right", "it needs LOI 4");
+    // Forged: nothing of it counts.
+    let forged = list(2, &[Group::Launch], None).replace("version 2", "version 9");
+    let fault = renew(&mut rig, forged).expect_err("it does not verify");
+    assert!(fault.contains("does not verify"), "{fault}");
+    renew(&mut rig, list(3, &all, None)).expect("it is newer");
+    rig.run(2.0);
+    assert!(!status(&rig)["findings"].to_string().contains("access-list"));
+    rig.carry_out(orders::request_control());
+    assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
+}
+
+#[test]
+fn an_entry_that_ends_in_the_air_ends_on_the_ground() {
+    let groups = [Group::Fly, Group::Launch];
+    let mut rig = rig(1, list(1, &groups, Some(60)));
+    rig.carry_out(orders::request_control());
+    rig.take_off(20.0);
+    let all = held(&rig);
+    // It ends in the air, and what is held stays: over a restart too, before the vehicle is received again.
+    rig.run(60.0);
+    assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
+    rig.restart_bridge();
+    rig.run(5.0);
+    assert_eq!(
+        (held(&rig), status(&rig)["rights"][0]["may_hold"].as_u64()),
+        (all, Some(0))
+    );
+    assert_eq!(status(&rig)["rights"][0]["entries"][0]["state"], "ended");
+    assert_eq!(rig.carry_out(land()), Some(AckType::CarriedOut));
+    assert!(rig.until(60.0, |rig| rig.truth().landed));
+    assert!(
+        rig.until(20.0, |rig| held(rig) == 0),
+        "it ends on the ground"
+    );
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::Refused)
+    );
+}
+
+#[test]
+fn a_wall_clock_that_is_set_ends_nothing_and_brings_nothing_back() {
+    let groups = [Group::Fly, Group::Launch];
+    let mut rig = rig(1, list(1, &groups, Some(HOUR / 2)));
+    rig.carry_out(orders::request_control());
+    // Not so far that its guard would refuse the VSM.
+    rig.clock.set_wall_step(3_000.0);
+    rig.run(5.0);
+    assert_eq!(status(&rig)["rights"][0]["entries"][0]["state"], "in force");
+    rig.take_off(20.0);
+    // A start with that clock ends the entry, and neither the flight nor the way to land.
+    rig.restart_bridge();
+    rig.run(5.0);
+    assert_eq!(status(&rig)["rights"][0]["entries"][0]["state"], "ended");
+    assert_eq!(rig.carry_out(land()), Some(AckType::CarriedOut));
+    assert!(rig.until(60.0, |rig| rig.truth().landed));
+    // And set back: what has ended has ended.
+    rig.clock.set_wall_step(-(HOUR as f64));
+    rig.restart_bridge();
+    rig.run(9.0);
+    assert_eq!(status(&rig)["rights"][0]["entries"][0]["state"], "ended");
+    is_refused(
+        &mut rig,
+        orders::launch(20.0),
+        "without the right",
+        "held is nothing",
+    );
+}
+
+#[test]
+fn an_entry_that_has_ended_is_refused_by_its_name() {
+    // The right itself is still given by an entry without an end.
+    let read = |text: String| AccessList::read(text.as_bytes()).expect("a list");
+    let mut both = read(list(1, &[Group::Settings], Some(5)));
+    let without_end = read(list(1, &[Group::Fly], None));
+    both.grant(without_end.entries()[0]).expect("there is room");
+    let mut rig = rig(1, both.signed(1, &AccessKey::new(&access_key())));
+    rig.carry_out(orders::request_control());
+    let set = ParameterSetCommand {
+        parameter_name: Some(Text::new("NAV_DLL_ACT")),
+        commanded_value: Some(0.0),
+        ..ParameterSetCommand::default()
+    };
+    is_refused(&mut rig, set, ENDED, "has ended");
+}
+
+#[test]
+fn an_entry_is_for_one_guard_key() {
+    let groups = [Group::Fly, Group::Launch];
+    let other = KeyId::from_bytes([9; 8]);
+    let mut rig = rig(1, list_of(1, &groups, None, other));
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::Refused)
+    );
+    assert_eq!(held(&rig), 0);
+    let found = status(&rig)["findings"].to_string();
+    assert!(found.contains("for another"), "{found}");
+    renew(&mut rig, list(2, &groups, None)).expect("it is newer");
+    rig.carry_out(orders::request_control());
+    rig.take_off(20.0);
+    // A list for a key that it does not have yet: it keeps what it holds in the air, and commands nothing by it.
+    renew(&mut rig, list_of(3, &groups, None, other)).expect("it is newer");
+    rig.run(2.0);
+    assert!(held(&rig) > 0);
+    is_refused(&mut rig, loiter(), OTHER_KEY, "for another guard key");
+    renew(&mut rig, list(4, &groups, None)).expect("it is newer");
+    assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
+}
+
+#[test]
+fn a_list_for_another_vehicle_gives_nothing_of_this_one() {
+    let mut list = AccessList::new(VSM);
+    list.grant(AccessEntry {
+        cucs: cucs(0),
+        vehicle: vehicle_id(1),
+        group: Group::Fly,
+        key: guard_key(cucs(0)).id(),
+        until: None,
+    })
+    .expect("there is room");
+    let list = list.signed(1, &AccessKey::new(&access_key()));
+    let mut rig = rig(1, list);
+    assert_eq!(
+        rig.carry_out(orders::request_control()),
+        Some(AckType::Refused)
+    );
+    assert_eq!(held(&rig), 0);
+    is_refused(&mut rig, loiter(), "without the right", "held is nothing");
+}
