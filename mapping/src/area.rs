@@ -56,6 +56,15 @@ impl Area {
     }
 }
 
+/// Whether a place, degrees north and east, is outside of all areas to stay inside, where there is one, or inside of one to stay
+/// outside.
+#[must_use]
+pub fn is_breached(areas: &[Area], at: (f64, f64)) -> bool {
+    let (keep_in, keep_out): (Vec<&Area>, Vec<&Area>) = areas.iter().partition(|one| one.keep_in);
+    let outside = !keep_in.is_empty() && !keep_in.iter().any(|one| one.contains(at));
+    outside || keep_out.iter().any(|one| one.contains(at))
+}
+
 fn outline(corners: &[(f64, f64)]) -> Polygon {
     let ring = corners.iter().map(|(north, east)| (*east, *north));
     Polygon::new(ring.collect::<LineString>(), Vec::new())

@@ -5,6 +5,7 @@ use mavlink_link::dialect::MavState;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use crate::airframe::refused_autopilot;
+use crate::evidence::{MOTOR_OUTPUTS, POSITION};
 use crate::parameter::Parameters;
 use crate::telemetry::Telemetry;
 
@@ -226,12 +227,8 @@ const MAGNETOMETER: u32 = 0x4;
 const BAROMETER: u32 = 0x8;
 /// MAV_SYS_STATUS_SENSOR_GPS.
 const GPS: u32 = 0x20;
-/// MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS.
-const MOTOR_OUTPUTS: u32 = 0x8000;
 /// MAV_SYS_STATUS_SENSOR_BATTERY.
 const BATTERY: u32 = 0x200_0000;
-/// ESTIMATOR_STATUS_FLAGS: attitude, both velocities, absolute horizontal position.
-const POSITION: u16 = 0x1 | 0x2 | 0x4 | 0x10;
 /// ESTIMATOR_STATUS_FLAGS: GPS glitch, accelerometer error.
 const GLITCHES: u16 = 0x400 | 0x800;
 

@@ -8,6 +8,7 @@
 //! - [`rally`]: places to return to beside home.
 //! - [`altitude`]: altitude types and MAVLink frames.
 //! - [`telemetry`]: the latest values of the vehicle's messages, its sensors and software included.
+//! - [`evidence`]: what contingencies are judged by, report by report.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
 //! - [`status`]: messages 3000, 3004 to 3010, 12101, 16001 and 50013.
 //! - [`alert`]: texts and faults to message 16000.
@@ -75,6 +76,7 @@ pub mod data_link;
 pub mod equipment;
 pub mod equipment_reports;
 pub mod event;
+pub mod evidence;
 pub mod hardening;
 pub mod health;
 pub mod limits;

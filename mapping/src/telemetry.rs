@@ -9,6 +9,7 @@ use mavlink_link::dialect::{
 
 use crate::airframe::Airframe;
 use crate::equipment::Equipment;
+use crate::evidence::{Evidence, percent};
 use crate::mode::Px4Mode;
 
 /// A place: WGS-84 latitude and longitude in degrees, altitude in metres above mean sea level.
@@ -120,6 +121,8 @@ pub struct Telemetry {
     pub reached: Option<u16>,
     /// What its sensors have reported beyond that.
     pub sensed: Sensed,
+    /// What contingencies are judged by.
+    pub evidence: Evidence,
     /// What it has reported of its equipment: taken in beside, with its time ([`Equipment::update`]).
     pub equipment: Equipment,
     /// AUTOPILOT_VERSION, once it was asked for.
@@ -130,6 +133,7 @@ impl Telemetry {
     /// Takes in one message of the vehicle's autopilot. True where it held something that is kept here.
     pub fn update(&mut self, message: &MavMessage) -> bool {
         let sensed = self.sensed.update(message);
+        self.evidence.update(message);
         match message {
             MavMessage::HEARTBEAT(m) => {
                 let mode = Some(Px4Mode(m.custom_mode));
@@ -266,6 +270,7 @@ impl Telemetry {
         self.target = None;
         self.orbit = None;
         self.reached = None;
+        self.evidence = Evidence::default();
     }
 
     /// The next state of a VTOL. A transition back takes seconds, in which this message is sent several times: one that hovers
@@ -320,12 +325,6 @@ fn place(latitude: i32, longitude: i32, amsl_m: f64) -> Place {
         longitude: f64::from(longitude) / 1e7,
         amsl_m,
     }
-}
-
-fn percent(remaining: i8) -> Option<u8> {
-    u8::try_from(remaining)
-        .ok()
-        .filter(|percent| *percent <= 100)
 }
 
 /// The battery (BATTERY_STATUS of id 0, SYS_STATUS where that has not come).

@@ -337,6 +337,10 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.landing.place", "[47.0, 8.0]"),
     ("vehicle.terrain", "\"terrain/\""),
     ("vehicle.termination.action", "\"land\""),
+    ("vehicle.contingency.battery", "\"rtl\""),
+    ("vehicle.contingency.position", "\"land\""),
+    ("vehicle.contingency.fence", "\"rtl\""),
+    ("vehicle.contingency.engine", "\"land\""),
     ("vehicle.area.keep", "\"in\""),
     (
         "vehicle.area.vertices",

@@ -108,6 +108,8 @@ course_deg = 90.0
 [vehicle.termination]
 action = \"land\"
 #vehicle.termination
+[vehicle.contingency]
+#vehicle.contingency
 [[vehicle.area]]
 keep = \"out\"
 centre = [47.0, 8.0]

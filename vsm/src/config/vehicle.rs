@@ -4,6 +4,7 @@ use mapping::area::{self, Shape};
 use serde::Deserialize;
 use stanag_msgs::Id;
 
+use super::contingency::Contingency;
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
@@ -64,6 +65,9 @@ table! {
         pub landing: Option<Landing> => Table(Landing::KEYS),
         /// What a commanded flight termination does; without this table it is refused.
         pub termination: Option<Termination> => Table(Termination::KEYS),
+        /// What is flown while something is wrong with it.
+        #[serde(default)]
+        pub contingency: Contingency => Table(Contingency::KEYS),
         /// Areas of its geofence, which no CUCS can take away.
         #[serde(default)]
         pub area: Vec<Area> => Table(Area::KEYS),
@@ -354,6 +358,7 @@ impl Vehicle {
         }
         self.curve.check(at)?;
         payload::check(&self.payload, at)?;
+        self.contingency.check(at)?;
         if let Err(found) = check_areas(&self.area) {
             return fault(at, "vehicle.area", found, "areas that make a fence");
         }

@@ -9,6 +9,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::allowance::{Allowance, Rate};
 use super::findings::Code;
+use super::trigger::Trigger;
 
 /// A cause that lasts. One alert stands for each at a time, per vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +22,12 @@ pub(crate) enum Cause {
     CucsSilent,
     /// The controlling CUCS is lost, and the vehicle does not do what is configured for that.
     LossAction,
+    /// What a contingency is for, and what is flown for it.
+    Contingency(Trigger),
+    /// The vehicle does not report what a contingency is judged by.
+    ContingencyUnwatched,
+    /// What was done for one cannot be stored.
+    ContingencyRecord,
     /// A record could not be written.
     Store,
     /// What was written cannot be brought to the disk.

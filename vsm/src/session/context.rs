@@ -9,7 +9,7 @@ use std::time::Duration;
 use curve_paths::terrain::Terrain;
 use mapping::airframe::Airframe;
 use mapping::altitude::{Agl, Altimeter};
-use mapping::area::Areas;
+use mapping::area::{Area, Areas, is_breached};
 use mapping::limits::{Limits, Performance};
 use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
@@ -103,6 +103,8 @@ pub(crate) struct MissionView<'a> {
     pub(crate) fence_busy: bool,
     /// What CUCSs have sent by 50016.
     pub(crate) areas: &'a Areas,
+    /// The fence: the areas of the configuration, and what 50017 has loaded.
+    pub(crate) fence: (&'a [Area], &'a Areas),
     /// Why no upload, download or clearing can begin now.
     pub(crate) may_change: Result<(), &'static str>,
 }
@@ -128,6 +130,8 @@ pub(crate) struct FlightView<'a> {
     pub(crate) maneuver: bool,
     /// The VSM flies the loss action, for a CUCS that was lost.
     pub(crate) loss_action: bool,
+    /// A contingency is being commanded, or the vehicle was brought to what it flies by one whose cause lasts.
+    pub(crate) contingency: bool,
     /// What 3002 and 3004 report as commanded.
     pub(crate) commanded: Commanded,
     pub(crate) altimeter: Altimeter,
@@ -234,6 +238,13 @@ impl Context<'_> {
         }
     }
 
+    /// Whether a vehicle that must be stopped on its way returns in place of a hold, which nothing would end. `contingency`: one
+    /// has sent it there.
+    pub(crate) fn returns_instead(&self, contingency: bool) -> bool {
+        let on_loss = self.settings.authority.on_loss;
+        contingency || (self.controller.is_none() && on_loss != config::OnLoss::Continue)
+    }
+
     /// Whether a message that names a VSM in a field is for this one: it names this VSM, everybody or nobody.
     pub(crate) fn is_addressed(&self, vsm: Option<Id>) -> bool {
         vsm.is_none_or(|id| [self.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&id))
@@ -321,6 +332,26 @@ impl MissionView<'_> {
     pub(crate) fn is_on_final(&self, telemetry: &Telemetry) -> bool {
         self.uploaded
             .is_some_and(|uploaded| uploaded.is_on_final(telemetry))
+    }
+
+    /// Whether there is a fence.
+    pub(crate) fn has_fence(&self) -> bool {
+        let (configured, loaded) = self.fence;
+        !(configured.is_empty() && loaded.is_empty())
+    }
+
+    /// Whether a place, degrees north and east, is outside of the fence.
+    pub(crate) fn is_outside_fence(&self, at: (f64, f64)) -> bool {
+        let (configured, loaded) = self.fence;
+        let loaded = loaded.whole().unwrap_or_default();
+        let loaded = loaded.into_iter().map(|(_, area)| area);
+        let areas: Vec<Area> = configured.iter().cloned().chain(loaded).collect();
+        is_breached(&areas, at)
+    }
+
+    /// Whether a route of this type can be flown: it is stored, or aboard.
+    pub(crate) fn has_route(&self, route_type: RouteType) -> bool {
+        self.plan.route_of_type(route_type).is_some() || self.carries(route_type)
     }
 
     /// Whether the vehicle carries a route of this type.

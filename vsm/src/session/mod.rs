@@ -102,6 +102,7 @@ mod termination;
 #[cfg(test)]
 mod testing;
 pub(crate) mod trace;
+mod trigger;
 mod turns;
 mod two_steps;
 mod zeroize;

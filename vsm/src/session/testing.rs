@@ -258,6 +258,7 @@ impl World {
         let flight = FlightView {
             maneuver: self.maneuver,
             loss_action: false,
+            contingency: false,
             commanded: Commanded::default(),
             altimeter: Altimeter::STANDARD,
             loiter: &self.loiter,
@@ -277,6 +278,7 @@ impl World {
             waiting_mode: None,
             fence_busy: false,
             areas: &self.areas,
+            fence: (&[], &self.areas),
             may_change: match self.transfer {
                 Transfer::None => Ok(()),
                 Transfer::Running { .. } => Err("a transfer is running"),

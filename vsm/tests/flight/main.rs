@@ -8,7 +8,7 @@
 //!   `mission_watchdog`, `fence`, `altitude_band`, `rally`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
-//! - commands that wait, and what is flown by itself: `held_commands`
+//! - commands that wait, and what is flown by itself: `held_commands`, `contingencies`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
 //! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
@@ -28,6 +28,7 @@ mod commanded_values;
 mod commands_survive_a_restart;
 mod commands_without_a_mode;
 mod configuration_phase;
+mod contingencies;
 mod curves;
 mod edition_25;
 mod effects_order;

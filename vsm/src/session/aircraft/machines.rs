@@ -11,6 +11,7 @@ impl Aircraft {
     pub(super) fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
         let wanted = self.authority.controller().is_some()
             || self.flight.view().loss_action
+            || self.flight.view().contingency
             || self.termination.view(true).holds;
         self.link
             .operator_control
@@ -29,6 +30,7 @@ impl Aircraft {
             mission,
             steering: self.flight.steers(&vehicle.telemetry),
             other: self.flight.other(vehicle, dli.now.mono),
+            contingency_first: self.flight.contingency_first(on_loss, vehicle),
             shows_loss_action: self.flight.shows_loss_action(on_loss, vehicle, &mission),
         };
         self.authority.handle(&context, input, effects!(self, dli))

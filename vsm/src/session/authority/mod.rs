@@ -116,6 +116,8 @@ pub(crate) struct Context<'a> {
     pub(crate) steering: bool,
     /// Who else has the vehicle.
     pub(crate) other: Option<Other>,
+    /// A contingency is commanded before that.
+    pub(crate) contingency_first: bool,
     /// The vehicle flies already what would be commanded for a lost controller.
     pub(crate) shows_loss_action: bool,
 }

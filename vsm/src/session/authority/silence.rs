@@ -152,6 +152,9 @@ fn what_follows(context: &Context<'_>) -> String {
             None => {}
         }
     }
+    if context.contingency_first {
+        return "a contingency of the vehicle goes first, see its alert".to_owned();
+    }
     match on_loss {
         // A vehicle that was steered (mode 15) would fly straight on: it is held even where nothing is to be flown.
         OnLoss::Continue if context.steering => "steering stopped; commanding hold",
@@ -187,6 +190,7 @@ mod tests {
                 mission: views.mission,
                 steering: false,
                 other,
+                contingency_first: false,
                 shows_loss_action: shown,
             })
         })

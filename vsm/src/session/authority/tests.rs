@@ -33,6 +33,7 @@ fn handle(world: &mut World, machine: &mut AuthorityMachine, input: Input<'_>) -
             mission: views.mission,
             steering: false,
             other: None,
+            contingency_first: false,
             shows_loss_action: false,
         };
         machine.handle(&context, input, effects)

@@ -1,4 +1,4 @@
-//! What is flown without a command of the moment: the loss action, and the end of a launch that was cut off.
+//! What is flown without a command of the moment: the loss action, contingencies, and the end of a launch that was cut off.
 //!
 //! Who else has the vehicle ([`Other`]) keeps it.
 
@@ -9,9 +9,12 @@ use mapping::report::Commanded;
 use mavlink_link::dialect::MavLandedState;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 
+use super::cause::{Seen, What};
+use super::contingency::ContingencyContext;
 use super::loss_action::{Action, LossContext};
+use super::priority::{Turn, Urgency, turn};
 use super::{Context, Flight, select};
-use crate::config::OnLoss;
+use crate::config::{ContingencyAction, OnLoss};
 use crate::session::context::MissionView;
 use crate::session::effects::{Effects, Request};
 use crate::session::link::state::VehicleState;
@@ -49,8 +52,34 @@ impl Flight {
     ) -> bool {
         let steered = self.steers(&vehicle.telemetry);
         let carries = mission.carries(RouteType::ContingencyA);
-        Action::of(on_loss, steered)
-            .is_some_and(|action| action.is_shown(vehicle.settled_mode(), carries))
+        let flown = self.flown_contingency(vehicle, mission);
+        Action::of(on_loss, steered).is_some_and(|action| {
+            action.is_shown(vehicle.settled_mode(), carries) || flown >= Some(action.urgency())
+        })
+    }
+
+    /// How urgent what the vehicle flies for a contingency is, where it shows that and its cause lasts.
+    fn flown_contingency(
+        &self,
+        vehicle: &VehicleState,
+        mission: &MissionView<'_>,
+    ) -> Option<Urgency> {
+        let carries = mission.uploaded.map(|uploaded| uploaded.route_type);
+        let lands = mission.lands(&vehicle.telemetry);
+        self.contingencies
+            .flown(vehicle.settled_mode(), carries, lands)
+    }
+
+    /// Whether a contingency is commanded before what is to be flown for a lost controller.
+    pub(crate) fn contingency_first(&self, on_loss: OnLoss, vehicle: &VehicleState) -> bool {
+        let loss = Action::of(on_loss, self.steers(&vehicle.telemetry)).map(Action::urgency);
+        turn(false, loss, self.contingencies.urgency()) == Turn::Contingency
+    }
+
+    /// What flies now: [`priority`](super::priority).
+    pub(super) fn turn(&self) -> Turn {
+        let loss = self.loss_action.urgency();
+        turn(self.held, loss, self.contingencies.urgency())
     }
 
     /// Control went to nobody while a flight termination held, and it holds no more: the vehicle did not do what was
@@ -68,16 +97,138 @@ impl Flight {
         }
         // Set points have ended with the termination, whatever mode they are for is still shown.
         let steered = self.steers(telemetry) || telemetry.mode == Some(Px4Mode::OFFBOARD);
+        self.contingencies.controller_lost(effects);
         self.loss_action.begin(on_loss, steered, context.mono());
-        self.fly_loss_action(context, effects);
+        self.fly_by_itself(context, effects);
     }
 
-    pub(super) fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+    /// A vehicle that gets no further on its way is not put on hold where nothing would end that: nobody controls it, or a
+    /// contingency has sent it there. It returns then, or lands.
+    pub(super) fn returns_instead(&mut self, context: &Context<'_>) -> bool {
+        if !context.returns_instead(self.contingencies.stands()) {
+            return false;
+        }
+        let again = self.contingencies.begin_again(context.mono());
+        if !again {
+            self.loss_action.begin(OnLoss::Rtl, false, context.mono());
+        }
+        true
+    }
+
+    /// Flies the loss action or a contingency.
+    pub(super) fn fly_by_itself(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let situation = self.situation_of_contingencies(context);
+        self.contingencies.watch(&situation, effects);
+        let flown = self.flown_contingency(context.vehicle, &context.mission);
+        let loss = self.loss_action.urgency();
+        if loss.is_some() && flown >= loss {
+            self.loss_action
+                .end("the vehicle flies a contingency", effects);
+        }
+        match self.turn() {
+            Turn::Nobody => {}
+            Turn::Loss => self.fly_loss_action(context, effects),
+            Turn::Contingency => self.fly_contingency(context, &situation, effects),
+        }
+    }
+
+    fn situation_of_contingencies<'a>(&self, context: &'a Context<'_>) -> ContingencyContext<'a> {
+        let config = &context.config.contingency;
+        let (vehicle, mission) = (context.vehicle, &context.mission);
+        let (telemetry, evidence) = (&vehicle.telemetry, &vehicle.telemetry.evidence);
+        let bad = |bad: bool| if bad { What::Present } else { What::Absent };
+        let seen = |number, what| Seen { number, what };
+        let engine = evidence.motors.map(|one| seen(one.number, bad(!one.value)));
+        let located = evidence.located;
+        let position = located.map(|one| seen(one.number, bad(!one.value)));
+        let fence = evidence.place.filter(|_| mission.has_fence());
+        let fence = fence.filter(|_| config.fence.is_some()).map(|one| {
+            // Where a vehicle believes itself to be that has no position is no breach.
+            let what = match located.is_some_and(|located| !located.value) {
+                true => What::Between,
+                false => bad(mission.is_outside_fence(one.value)),
+            };
+            seen(one.number, what)
+        });
+        let battery = evidence.battery.map(|one| {
+            let below = config.battery_percent;
+            let what = match one.value {
+                left if left < below => What::Present,
+                left if left < below.saturating_add(RECOVERS_PERCENT) => What::Between,
+                _ => What::Absent,
+            };
+            seen(one.number, what)
+        });
+        let waiting = mission.waiting_command();
+        let by_itself = self.maneuver.as_ref().map(|(origin, _)| origin.is_none());
+        // A return or a landing that was entered from here is nobody else's.
+        let other = self.other(vehicle, context.mono());
+        let theirs = |other: &Other| !matches!(other, Other::Ending(mode) if self.watched.entered == Some(*mode));
+        ContingencyContext {
+            now: context.mono(),
+            config,
+            live: vehicle.live(),
+            airborne: telemetry.airborne(),
+            down: telemetry.armed == Some(false),
+            mode: vehicle.settled_mode(),
+            other: other.filter(theirs),
+            seen: [engine, position, fence, battery],
+            carries: mission.uploaded.map(|uploaded| uploaded.route_type),
+            lands: mission.lands(telemetry),
+            busy: by_itself == Some(true) || waiting == Some(None),
+            operator_waits: waiting.flatten().is_some(),
+            on_final: mission.is_on_final(telemetry) || self.item_is_unknown(context),
+            stored: [RouteType::ContingencyA, RouteType::ContingencyB]
+                .map(|route| mission.has_route(route)),
+            may_change_mission: mission.may_change.is_ok(),
+        }
+    }
+
+    fn fly_contingency(
+        &mut self,
+        context: &Context<'_>,
+        situation: &ContingencyContext<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some(action) = self.contingencies.poll(situation, effects) else {
+            return;
+        };
         let telemetry = &context.vehicle.telemetry;
-        let item_unknown = self
-            .watched
-            .item_unknown_since
-            .is_some_and(|since| context.mono().saturating_sub(since) < ITEM_WITHIN);
+        let has_position = telemetry.evidence.located.is_none_or(|one| one.value);
+        let mode = match action {
+            ContingencyAction::ContingencyA => Some(Mode::ContingencyA),
+            ContingencyAction::ContingencyB => Some(Mode::ContingencyB),
+            // Wings land by their pattern.
+            ContingencyAction::Land if !telemetry.hovers() && has_position => {
+                Some(Mode::AutolandEngage)
+            }
+            _ => None,
+        };
+        let modes: &'static [Px4Mode] = match action {
+            ContingencyAction::Hold => &[Px4Mode::LOITER],
+            ContingencyAction::Land => &[Px4Mode::LAND],
+            _ => &[Px4Mode::RTL],
+        };
+        match mode {
+            Some(mode) => self.operate(context, None, &select(mode), false, effects),
+            None => {
+                let steps = maneuver::enter(modes);
+                let maneuver = Maneuver::new(steps, Commanded::default());
+                self.begin(context, None, maneuver, effects);
+            }
+        }
+        self.contingencies
+            .announce(&context.config.contingency, effects);
+    }
+
+    /// Whether a wing may be on its final approach: no MISSION_CURRENT since a silence has named its item.
+    fn item_is_unknown(&self, context: &Context<'_>) -> bool {
+        let since = self.watched.item_unknown_since;
+        since.is_some_and(|since| context.mono().saturating_sub(since) < ITEM_WITHIN)
+    }
+
+    fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let telemetry = &context.vehicle.telemetry;
         let loss = LossContext {
             now: context.mono(),
             live: context.vehicle.live(),
@@ -88,7 +239,7 @@ impl Flight {
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
             // A command of the VSM itself that waits for its route is the action's own.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
-            on_final: context.mission.is_on_final(telemetry) || item_unknown,
+            on_final: context.mission.is_on_final(telemetry) || self.item_is_unknown(context),
             may_change_mission: context.mission.may_change.is_ok(),
             other: self.other(context.vehicle, context.mono()),
         };
@@ -168,5 +319,7 @@ impl Flight {
 
 /// PX4 holds for COM_FAIL_ACT_T, 25 s at most, before it does what a failsafe is to do.
 const FAILSAFE_ACTS_WITHIN: Duration = Duration::from_secs(30);
+/// By how much a battery must recover before it counts as charged again, per cent.
+const RECOVERS_PERCENT: u8 = 5;
 /// MISSION_CURRENT comes once a second, and may be lost.
 const ITEM_WITHIN: Duration = Duration::from_secs(5);

@@ -20,6 +20,7 @@ use std::time::Duration;
 use mapping::mode::Px4Mode;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use super::priority::Urgency;
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
@@ -81,6 +82,14 @@ impl Action {
         }
     }
 
+    pub(super) fn urgency(self) -> Urgency {
+        match self {
+            Action::Hold => Urgency::Hold,
+            Action::Contingency => Urgency::Route,
+            Action::Return => Urgency::Return,
+        }
+    }
+
     /// Whether a vehicle in this mode flies it, or what stands for it.
     pub(super) fn is_shown(self, mode: Option<Px4Mode>, carries_contingency: bool) -> bool {
         match mode {
@@ -97,6 +106,17 @@ impl LossAction {
     /// Whether an action is being flown, or tried.
     pub(super) fn is_active(&self) -> bool {
         self.trying.is_some()
+    }
+
+    /// How urgent what is tried is.
+    pub(super) fn urgency(&self) -> Option<Urgency> {
+        self.trying.map(|trying| trying.action.urgency())
+    }
+
+    /// Something else is flown that is as urgent.
+    pub(super) fn end(&mut self, why: &str, effects: &mut Effects<'_>) {
+        self.trying = None;
+        effects.clear(Cause::LossAction, why);
     }
 
     /// The controlling CUCS was lost; `steered`: it was steering by set points.

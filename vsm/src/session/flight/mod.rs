@@ -8,13 +8,18 @@
 //! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
+//! - `contingency`: what is flown while something is wrong with the vehicle, `cause`: whether that stands; `priority`: which goes first,
+//!   it or the loss action
 //! - `loss_action`: what is flown once the controlling CUCS is lost; `by_itself`: that and else what nobody commands at the moment, where
 //!   nobody else has the vehicle
 
 mod by_itself;
+mod cause;
+mod contingency;
 mod engine;
 mod loss_action;
 mod mode_command;
+mod priority;
 mod running;
 mod settings;
 mod situation;
@@ -39,13 +44,15 @@ use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
-    AckType, AltitudeType, CommandedEngineState, FlightPathControlMode as Mode,
+    AckType, AltitudeType, CommandedEngineState, FlightPathControlMode as Mode, RouteType,
 };
 use stanag_msgs::messages::{
     EngineCommand, LoiterConfiguration, UaStickCommand, VehicleOperatingModeCommand,
 };
 
+use self::contingency::Contingencies;
 use self::loss_action::LossAction;
+use self::priority::Turn;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
@@ -79,6 +86,7 @@ pub(crate) struct Flight {
     /// The last 2008.
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
+    contingencies: Contingencies,
     watched: Watched,
     /// Where AUTO.LAND began, while the vehicle is in it, m above mean sea level.
     landing_from_m: Option<f64>,
@@ -121,7 +129,7 @@ pub(crate) enum Input<'a> {
         command: &'a VehicleOperatingModeCommand,
         just_loaded: bool,
     },
-    /// The mission watchdog stops the vehicle.
+    /// A watch of the mission stops the vehicle: on hold, where somebody is there to see it.
     Hold,
     /// Control has passed to another CUCS, or to nobody.
     ControlChanged,
@@ -158,6 +166,7 @@ impl Flight {
     /// A record exists and cannot be read.
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         self.altimeter = settings::stored_altimeter(effects)?;
+        self.contingencies.restore(effects)?;
         Ok(())
     }
 
@@ -177,6 +186,7 @@ impl Flight {
         FlightView {
             maneuver: self.maneuver.is_some(),
             loss_action: self.loss_action.is_active(),
+            contingency: self.contingencies.stands(),
             commanded: self.commanded,
             altimeter: self.altimeter,
             loiter: &self.loiter,
@@ -277,6 +287,7 @@ impl Flight {
                 }
                 self.operate(context, origin, command, just_loaded, effects);
             }
+            Input::Hold if self.returns_instead(context) => self.fly_by_itself(context, effects),
             Input::Hold => {
                 let hold = maneuver::enter(&[Px4Mode::LOITER]);
                 let maneuver = Maneuver::new(hold, Commanded::default());
@@ -288,10 +299,12 @@ impl Flight {
                 // Also where the change of control that came with it has begun to hold a vehicle that was steered.
                 let steered =
                     self.steers(&context.vehicle.telemetry) || self.loss_action.is_active();
+                self.contingencies.controller_lost(effects);
                 self.loss_action.begin(on_loss, steered, context.mono());
-                self.fly_loss_action(context, effects);
+                self.fly_by_itself(context, effects);
             }
             Input::YieldToTermination => {
+                self.contingencies.yield_to_termination(effects);
                 self.end_running(context, TERMINATING, |_| true, effects);
                 // The stream too, not its sticks alone: those that still come would take the vehicle out of what is commanded.
                 self.sticks.forget();
@@ -338,7 +351,7 @@ impl Flight {
                 self.give_way(context, effects);
                 self.advance(context, effects);
             }
-            Input::WatchLossAction => self.fly_loss_action(context, effects),
+            Input::WatchLossAction => self.fly_by_itself(context, effects),
             Input::EndCutOffLaunch => self.end_cut_off_launch(context, effects),
         }
     }
@@ -355,7 +368,13 @@ impl Flight {
             self.look.as_ref().and_then(|(_, seen)| seen.poll_timeout()),
             self.sticks.poll_timeout(),
             self.steering.poll_timeout(),
-            self.loss_action.poll_timeout(),
+            // What it is not the turn of is not due: it would be asked again at once, for as long as that lasts.
+            match self.turn() {
+                Turn::Nobody => None,
+                Turn::Loss => self.loss_action.poll_timeout(),
+                Turn::Contingency => self.contingencies.poll_timeout(),
+            },
+            self.contingencies.save_timeout(),
         ]
         .into_iter()
         .flatten()
@@ -562,17 +581,29 @@ impl Flight {
             Task::Steer(order, commanded) => {
                 self.steer(context, origin, order, commanded, effects);
             }
-            Task::Load(route_type) => effects.request(Request::LoadAndFly {
-                origin,
-                route_type: Some(route_type),
-                command: Box::new(command.clone()),
-            }),
-            Task::Reload => effects.request(Request::LoadAndFly {
-                origin,
-                route_type: None,
-                command: Box::new(command.clone()),
-            }),
+            Task::Load(route_type) => {
+                self.load_and_fly(origin, Some(route_type), command, effects);
+            }
+            Task::Reload => self.load_and_fly(origin, None, command, effects),
         }
+    }
+
+    /// Has a route uploaded, of this type or the loaded one again, and flown then.
+    fn load_and_fly(
+        &mut self,
+        origin: Option<Origin>,
+        route_type: Option<RouteType>,
+        command: &VehicleOperatingModeCommand,
+        effects: &mut Effects<'_>,
+    ) {
+        if origin.is_some_and(|origin| origin.held.is_none()) {
+            self.contingencies.operator_loads();
+        }
+        effects.request(Request::LoadAndFly {
+            origin,
+            route_type,
+            command: Box::new(command.clone()),
+        });
     }
 
     fn set_altimeter(

@@ -23,6 +23,11 @@ impl Flight {
         maneuver: Maneuver,
         effects: &mut Effects<'_>,
     ) {
+        // One that was held until now does not know what stands, and is refused before that.
+        if origin.is_some_and(|origin| origin.held.is_none()) {
+            self.contingencies
+                .overridden(&context.config.contingency, effects);
+        }
         self.supersede(context, origin, effects);
         self.maneuver = Some((origin, maneuver));
     }
@@ -170,6 +175,7 @@ impl Flight {
                 self.commanded = maneuver.commanded;
                 self.last.keep(&maneuver.commanded);
                 self.commanded_in = telemetry.mode;
+                self.watched.entered = telemetry.mode;
                 // In mode 11 a speed of the route takes the place of one commanded on an earlier leg.
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));

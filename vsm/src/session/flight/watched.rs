@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use mapping::mode::Px4Mode;
+
 use crate::session::context::may_be_on_final;
 use crate::session::link::state::VehicleState;
 use crate::session::other::{FAILSAFE_HOLD, Other};
@@ -15,6 +17,8 @@ pub(super) struct Watched {
     pub(super) item_unknown_since: Option<Duration>,
     /// Its mode has changed, and no report since the last command has shown that yet.
     pub(super) mode_changed: bool,
+    /// The mode that a maneuver has led to, while the vehicle stays in it: nobody else has entered it.
+    pub(super) entered: Option<Px4Mode>,
 }
 
 impl Watched {
@@ -22,6 +26,9 @@ impl Watched {
         let since = |before: Option<Duration>, so: bool| so.then(|| before.unwrap_or(now));
         let unknown = vehicle.live() && may_be_on_final(&vehicle.telemetry);
         self.item_unknown_since = since(self.item_unknown_since, unknown);
+        self.entered = self
+            .entered
+            .filter(|mode| vehicle.telemetry.mode == Some(*mode));
         // A report of before the last command shows no end of it.
         if vehicle.live() && vehicle.settled_mode().is_some() {
             let holds = Other::of(&vehicle.telemetry) == Some(FAILSAFE_HOLD);

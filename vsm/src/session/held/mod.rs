@@ -751,6 +751,9 @@ fn undisturbed(context: &Context<'_>, message: &Message, for_loss: bool) -> Resu
     if context.flight.loss_action {
         return Err("the vehicle flies the loss action".to_owned());
     }
+    if context.flight.contingency {
+        return Err("the vehicle flies a contingency (vehicle.contingency)".to_owned());
+    }
     flown_from_here(context, message, for_loss)
 }
 

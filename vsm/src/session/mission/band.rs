@@ -112,7 +112,7 @@ impl BandWatch {
         let by_itself = mode.map(|mode| BY_ITSELF.contains(&mode));
         let flight = &context.flight;
         // What is under way is somebody's recovery, perhaps from this.
-        let idle = !transferring && !flight.maneuver && !flight.loss_action;
+        let idle = !transferring && !flight.maneuver && !flight.loss_action && !flight.contingency;
         let acts = context.bounds.outside == Outside::Hold
             && sample.beyond_m() > swing_m
             && by_itself == Some(true)

@@ -97,7 +97,8 @@ impl DescentWatch {
                 } = sample;
                 let text = format!(
                     "sinks in its mission: {height_m:.1} m above home, {sinks_m_s:.1} m/s down; its lowest waypoint is \
-                     {lowest_m:.1} m above home; commanding hold: take over by hand if it still sinks"
+                     {lowest_m:.1} m above home; commanding {}: take over by hand if it still sinks",
+                    context.stop()
                 );
                 let (priority, about) = (AlertPriority::Emergency, SubsystemId::VsmStatus);
                 effects.raise(Cause::Sinking, priority, about, text);

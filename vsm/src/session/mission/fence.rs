@@ -79,12 +79,9 @@ impl Fence {
         &self.sent
     }
 
-    /// All that the vehicle should hold: those of the configuration, and those that were loaded last.
-    pub(super) fn areas(&self) -> Vec<Area> {
-        // What was loaded was whole.
-        let loaded = self.loaded.whole().unwrap_or_default().into_iter();
-        let loaded = loaded.map(|(_, area)| area);
-        self.configured.iter().cloned().chain(loaded).collect()
+    /// The areas of the configuration, and those that were loaded last.
+    pub(super) fn areas(&self) -> (&[Area], &Areas) {
+        (&self.configured, &self.loaded)
     }
 
     /// The id under which the vehicle was read back to hold them.

@@ -27,6 +27,16 @@ impl<'a> Deref for Context<'a> {
     }
 }
 
+impl Context<'_> {
+    /// What a vehicle is commanded that must be stopped on its way.
+    pub(super) fn stop(&self) -> &'static str {
+        match self.returns_instead(self.flight.contingency) {
+            true => "return",
+            false => "hold",
+        }
+    }
+}
+
 /// What happens to it.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {

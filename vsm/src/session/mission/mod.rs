@@ -98,7 +98,11 @@ impl Mission {
 
     /// The areas of the fence, and by which id the vehicle names them once it holds them.
     pub(crate) fn fence(&self) -> (Vec<Area>, Option<u32>) {
-        (self.fence.areas(), self.fence.id())
+        let (configured, loaded) = self.fence.areas();
+        // What was loaded was whole.
+        let loaded = loaded.whole().unwrap_or_default().into_iter();
+        let loaded = loaded.map(|(_, area)| area);
+        (configured.iter().cloned().chain(loaded).collect(), self.fence.id())
     }
 
     /// With the fence areas and the rally points of the configuration.
@@ -166,6 +170,7 @@ impl Mission {
             waiting_mode: self.transfers.waiting_mode(),
             fence_busy: self.fence.busy() || self.rally.busy(),
             areas: self.fence.sent(),
+            fence: self.fence.areas(),
             may_change: self.may_change(vehicle, services),
         }
     }

@@ -125,7 +125,8 @@ impl MissionWatchdog {
         };
         let numbers = uploaded.map_or(&[] as &[u16], |uploaded| &uploaded.compiled.waypoint_of);
         let waypoint = numbers.get(usize::from(sample.seq)).copied().unwrap_or(0);
-        let text = format!("waypoint {waypoint}: {what}; commanding hold");
+        let stop = context.stop();
+        let text = format!("waypoint {waypoint}: {what}; commanding {stop}");
         effects.warn(Cause::Stalled, text);
         effects.request(Request::Hold);
     }

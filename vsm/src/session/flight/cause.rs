@@ -1,0 +1,133 @@
+//! Whether a cause of a contingency stands, by reports that confirm each other.
+//!
+//! One bad report must not send an aircraft home, and one good one must not end what stands: [`CONFIRMED`] reports in a row
+//! are needed for either, over [`LASTS`] or [`CLEAR_AFTER`]. A value between two thresholds is no reason for a change
+//! ([`Seen::Between`]): a battery recovers a little each time that its load goes down.
+
+use std::time::Duration;
+
+/// One cause.
+#[derive(Debug, Default)]
+pub(super) struct Watch {
+    /// It stands.
+    pub(super) stands: bool,
+    /// The report that was looked at last.
+    number: Option<u32>,
+    /// What the latest reports agree in.
+    run: Option<Run>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    present: bool,
+    since: Duration,
+    reports: u32,
+}
+
+/// What a report shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Seen {
+    /// Of which report.
+    pub(super) number: u32,
+    pub(super) what: What,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum What {
+    Present,
+    Between,
+    Absent,
+}
+
+impl Watch {
+    /// Takes in the latest report. True where the cause is gone for long enough.
+    pub(super) fn look(&mut self, now: Duration, seen: Seen) -> bool {
+        if self.number == Some(seen.number) {
+            return false;
+        }
+        self.number = Some(seen.number);
+        let present = match seen.what {
+            What::Present => true,
+            What::Between => self.stands,
+            What::Absent => false,
+        };
+        let begun = Run {
+            present,
+            since: now,
+            reports: 0,
+        };
+        let run = self.run.filter(|run| run.present == present);
+        let mut run = run.unwrap_or(begun);
+        run.reports = run.reports.saturating_add(1);
+        self.run = Some(run);
+        let lasted = now.saturating_sub(run.since);
+        let confirmed = |span| run.reports >= CONFIRMED && lasted >= span;
+        match present {
+            true => {
+                self.stands |= confirmed(LASTS);
+                false
+            }
+            false if confirmed(CLEAR_AFTER) => {
+                self.stands = false;
+                true
+            }
+            false => false,
+        }
+    }
+}
+
+/// How many reports in a row.
+const CONFIRMED: u32 = 3;
+/// How long a cause must last.
+const LASTS: Duration = Duration::from_millis(1_500);
+/// How long it must be gone before it counts again.
+const CLEAR_AFTER: Duration = Duration::from_secs(10);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reports, one a second: `p`resent, `a`bsent, `b`etween, `.` lost, `s` begun anew after a silence. What stands after each.
+    fn stands_after(reports: &str) -> String {
+        let mut watch = Watch::default();
+        let mut seen = Seen {
+            number: 0,
+            what: What::Absent,
+        };
+        let mut after = |(second, letter): (usize, char)| {
+            seen.number += u32::from(letter != '.');
+            seen.what = match letter {
+                'p' => What::Present,
+                'b' => What::Between,
+                'a' => What::Absent,
+                's' => {
+                    watch = Watch::default();
+                    return '-';
+                }
+                _ => seen.what,
+            };
+            let now = Duration::from_secs(second as u64);
+            if watch.look(now, seen) {
+                'G'
+            } else if watch.stands {
+                'S'
+            } else {
+                '-'
+            }
+        };
+        reports.chars().enumerate().map(&mut after).collect()
+    }
+
+    #[test]
+    fn single_reports_lead_to_nothing_and_end_nothing() {
+        assert_eq!(stands_after("apapppp"), "-----SS");
+        // One bad report that no further one follows, and one beside a silence.
+        assert_eq!(stands_after("ap......"), "--------");
+        assert_eq!(stands_after("ppspps"), "------");
+        assert_eq!(stands_after("bbbbb"), "-----");
+        assert_eq!(stands_after("pppapaap"), "--SSSSSS");
+        assert_eq!(stands_after("pppbbbbbbbbbbbbb"), "--SSSSSSSSSSSSSS");
+        assert_eq!(stands_after("pppaaaaaaaaaaaappp"), "--SSSSSSSSSSSGG--S");
+        assert_eq!(stands_after("ppp..........aapa"), "--SSSSSSSSSSSSSSS");
+    }
+}

@@ -1,0 +1,837 @@
+//! Contingencies: what the VSM flies while the battery is low, the position is lost, the fence is left or a motor has failed
+//! (`vehicle.contingency`).
+//!
+//! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
+//! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
+//! told what is flown, and has the last word: a command that is given while a cause lasts ends its action, and it is not
+//! flown again before the cause was gone, unless that CUCS is lost.
+//!
+//! ```text
+//! clear --confirmed by reports--> stands --commanded--> trying(action, n) --shown / a pilot's / an operator's--> handled
+//!   ^                                                       |  n = MAX_TRIES                                        |
+//!   |                                                       +--> trying(return, 1); land where the position is lost |
+//!   +------------------------- the cause is gone for CLEAR_AFTER, or the vehicle is on the ground ------------------+
+//! ```
+//!
+//! What was handled is on disk: a restart neither flies it again nor forgets what has not been flown. A failsafe of PX4 ends
+//! nothing: the action waits for its end, of one that only holds not for long. Which goes first, this or the loss action, is
+//! decided in `priority`; `watch`: whether a cause stands.
+
+use std::time::Duration;
+
+use mapping::mode::Px4Mode;
+use mavlink_link::store::{Store as _, StoreError};
+use serde::{Deserialize, Serialize};
+use stanag_msgs::enums::{AlertPriority, RouteType, SubsystemId};
+
+use super::cause::{Seen, Watch};
+use super::priority::{Urgency, is_shown};
+use crate::config::{Contingency, ContingencyAction as Action};
+use crate::session::alerts::Cause;
+use crate::session::effects::Effects;
+use crate::session::other::{FAILSAFE_HOLD, Other};
+use crate::session::store::vehicle_record;
+use crate::session::trigger::Trigger;
+
+/// The machine.
+#[derive(Debug, Default)]
+pub(super) struct Contingencies {
+    watches: [Watch; Trigger::ALL.len()],
+    handled: Vec<Handled>,
+    trying: Option<Trying>,
+    /// The record could not be written, and is written again then.
+    unsaved: Option<Duration>,
+    /// Data is received from the vehicle since then.
+    live_since: Option<Duration>,
+}
+
+/// What ended the action of a cause that may last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+struct Handled {
+    trigger: Trigger,
+    end: End,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum End {
+    /// The vehicle has shown this.
+    Shown(Action),
+    /// A pilot has the vehicle.
+    Pilot,
+    /// The CUCS in control has commanded otherwise.
+    Operator,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Trying {
+    trigger: Trigger,
+    action: Action,
+    tries: u32,
+    next_at: Duration,
+    /// The CUCS in control has commanded something since that waits for its route: it ends this once it is flown.
+    yields: bool,
+}
+
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Record {
+    handled: Vec<Handled>,
+}
+
+vehicle_record!(Record, "contingencies", Power);
+
+/// What it reads.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ContingencyContext<'a> {
+    pub(super) now: Duration,
+    pub(super) config: &'a Contingency,
+    /// Data is received from the vehicle.
+    pub(super) live: bool,
+    pub(super) airborne: bool,
+    /// Disarmed: the flight is over. A vehicle that reports for a moment that it is on the ground may still fly.
+    pub(super) down: bool,
+    /// By a report that is newer than the last command.
+    pub(super) mode: Option<Px4Mode>,
+    pub(super) other: Option<Other>,
+    /// What the vehicle reports of each cause, in the order of [`Trigger::ALL`]; none where it does not.
+    pub(super) seen: [Option<Seen>; Trigger::ALL.len()],
+    /// The route that the vehicle carries.
+    pub(super) carries: Option<RouteType>,
+    /// In a mission it flies its landing.
+    pub(super) lands: bool,
+    /// What the VSM has begun by itself is not done yet.
+    pub(super) busy: bool,
+    /// A command of a CUCS waits for its route.
+    pub(super) operator_waits: bool,
+    /// A wing flies to its touch-down, or may do so.
+    pub(super) on_final: bool,
+    /// Routes A and B of contingency are stored.
+    pub(super) stored: [bool; 2],
+    /// A route can be uploaded now.
+    pub(super) may_change_mission: bool,
+}
+
+impl Trigger {
+    fn action(self, config: &Contingency) -> Option<Action> {
+        match self {
+            Trigger::Engine => config.engine,
+            Trigger::Position => config.position,
+            Trigger::Fence => config.fence,
+            Trigger::Battery => config.battery,
+        }
+    }
+
+    fn index(self) -> usize {
+        self as usize
+    }
+
+    fn subsystem(self) -> SubsystemId {
+        match self {
+            Trigger::Engine => SubsystemId::Engine,
+            Trigger::Position | Trigger::Fence => SubsystemId::Navigation,
+            Trigger::Battery => SubsystemId::PropulsionEnergy,
+        }
+    }
+
+    fn text(self, config: &Contingency) -> String {
+        match self {
+            Trigger::Engine => "a motor has failed".to_owned(),
+            Trigger::Position => "the position is lost".to_owned(),
+            Trigger::Fence => "the vehicle has left its fence".to_owned(),
+            Trigger::Battery => format!("battery below {} %", config.battery_percent),
+        }
+    }
+
+    /// What is not reported where it cannot be seen.
+    fn unreported(self) -> &'static str {
+        match self {
+            Trigger::Engine => "engine (SYS_STATUS does not watch the motors)",
+            Trigger::Position => "position (no ESTIMATOR_STATUS)",
+            Trigger::Fence => "fence (no area is configured or loaded, or no position)",
+            Trigger::Battery => "battery (no level in SYS_STATUS or BATTERY_STATUS)",
+        }
+    }
+}
+
+impl ContingencyContext<'_> {
+    fn shows(&self, action: Action) -> bool {
+        let shown = |mode| is_shown(action, mode, self.carries, self.lands);
+        self.mode.is_some_and(shown)
+    }
+}
+
+impl Contingencies {
+    /// What a restart finds.
+    pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let vehicle = effects.id;
+        let record = effects.disk().load::<Record>(&vehicle)?;
+        self.handled = record.unwrap_or_default().handled;
+        Ok(())
+    }
+
+    /// How urgent what is being tried is.
+    pub(super) fn urgency(&self) -> Option<Urgency> {
+        self.trying
+            .map(|trying| Urgency::of_contingency(trying.action))
+    }
+
+    /// How urgent what the vehicle flies is, where a contingency whose cause lasts has led to it.
+    pub(super) fn flown(
+        &self,
+        mode: Option<Px4Mode>,
+        carries: Option<RouteType>,
+        lands: bool,
+    ) -> Option<Urgency> {
+        let mode = mode?;
+        let flown = self.handled.iter().filter_map(|one| match one.end {
+            End::Shown(action) if is_shown(action, mode, carries, lands) => {
+                Some(Urgency::of_contingency(action))
+            }
+            _ => None,
+        });
+        flown.max()
+    }
+
+    /// A cause stands, and neither a pilot nor an operator has decided otherwise.
+    pub(super) fn stands(&self) -> bool {
+        let flown =
+            |one: &Handled| matches!(one.end, End::Shown(_)) && self.is_present(one.trigger);
+        self.trying.is_some() || self.handled.iter().any(flown)
+    }
+
+    /// What is tried until it is shown, once the configured action is not: without a position nothing but a landing can be.
+    fn last(&self) -> Action {
+        match self.is_present(Trigger::Position) {
+            true => Action::Land,
+            false => Action::Rtl,
+        }
+    }
+
+    fn is_present(&self, trigger: Trigger) -> bool {
+        self.watches
+            .get(trigger.index())
+            .is_some_and(|watch| watch.stands)
+    }
+
+    fn end_of(&self, trigger: Trigger) -> Option<End> {
+        let found = self.handled.iter().find(|one| one.trigger == trigger);
+        found.map(|one| one.end)
+    }
+
+    /// The CUCS in control commands something: of everything that stands it knows, and decides.
+    pub(super) fn overridden(&mut self, config: &Contingency, effects: &mut Effects<'_>) {
+        let standing = Trigger::ALL
+            .into_iter()
+            .filter(|one| self.is_present(*one) && one.action(config).is_some());
+        let standing: Vec<Trigger> = standing
+            .filter(|one| self.end_of(*one) != Some(End::Operator))
+            .collect();
+        self.trying = None;
+        if standing.is_empty() {
+            return;
+        }
+        for trigger in &standing {
+            self.set(*trigger, End::Operator);
+        }
+        self.save(effects);
+        for trigger in standing {
+            let text = format!(
+                "{}: the CUCS in control commands otherwise",
+                trigger.text(config)
+            );
+            self.raise(trigger, AlertPriority::Warning, text, effects);
+        }
+    }
+
+    /// A command of the CUCS in control waits for its route: should that be refused, the action is tried again.
+    pub(super) fn operator_loads(&mut self) {
+        if let Some(trying) = &mut self.trying {
+            trying.yields = true;
+        }
+    }
+
+    /// The CUCS that has decided otherwise is lost: it does not see what becomes of the vehicle any more.
+    pub(super) fn controller_lost(&mut self, effects: &mut Effects<'_>) {
+        let before = self.handled.len();
+        self.handled.retain(|one| one.end != End::Operator);
+        if self.handled.len() != before {
+            self.save(effects);
+        }
+    }
+
+    /// A flight termination is commanded: what has not been shown begins again after it, should it be reset in the air.
+    pub(super) fn yield_to_termination(&mut self, effects: &mut Effects<'_>) {
+        if let Some(trying) = self.trying.take() {
+            effects.clear(
+                Cause::Contingency(trying.trigger),
+                "a flight termination is commanded",
+            );
+        }
+        self.watches = Default::default();
+    }
+
+    /// The vehicle gets no further on what a contingency has led to: it returns, or lands. False where none has.
+    pub(super) fn begin_again(&mut self, now: Duration) -> bool {
+        let flown = |one: &&Handled| matches!(one.end, End::Shown(_));
+        let flown = self.handled.iter().find(flown).map(|one| one.trigger);
+        let Some(trigger) = self.trying.map(|trying| trying.trigger).or(flown) else {
+            return false;
+        };
+        self.handled.retain(|one| one.trigger != trigger);
+        self.unsaved = Some(now);
+        self.trying = Some(Trying::of(trigger, self.last(), now));
+        true
+    }
+
+    /// Looks at what the vehicle reports: which causes stand, and what is done with them.
+    pub(super) fn watch(&mut self, context: &ContingencyContext<'_>, effects: &mut Effects<'_>) {
+        if self.unsaved.is_some_and(|at| at <= context.now) {
+            self.save(effects);
+        }
+        if !context.live {
+            // Much may have happened when it is received again: a landing, another battery. What stands is confirmed anew.
+            self.live_since = None;
+            self.trying = None;
+            self.watches = Default::default();
+            return;
+        }
+        self.report_unwatched(context, effects);
+        if context.down {
+            return self.land(effects);
+        }
+        if !context.airborne {
+            return;
+        }
+        for trigger in Trigger::ALL {
+            self.watch_one(context, trigger, effects);
+        }
+        self.select(context);
+        self.finish(context, effects);
+    }
+
+    fn watch_one(
+        &mut self,
+        context: &ContingencyContext<'_>,
+        trigger: Trigger,
+        effects: &mut Effects<'_>,
+    ) {
+        let index = trigger.index();
+        let (Some(watch), Some(seen)) = (self.watches.get_mut(index), context.seen.get(index))
+        else {
+            return;
+        };
+        let before = watch.stands;
+        let gone = seen.is_some_and(|seen| watch.look(context.now, seen));
+        // It was configured before, and is no more.
+        let gone = gone || trigger.action(context.config).is_none();
+        if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
+            let how = match end {
+                End::Shown(action) => format!("the vehicle was brought to {}", name(action)),
+                End::Pilot => "it was left to a pilot".to_owned(),
+                End::Operator => "a CUCS has commanded otherwise".to_owned(),
+            };
+            let text = format!(
+                "{}: {how} for that; nothing more is commanded",
+                trigger.text(context.config)
+            );
+            self.raise(trigger, AlertPriority::Warning, text, effects);
+        }
+        if gone {
+            self.forget(trigger, "what the contingency was for is over", effects);
+        }
+    }
+
+    /// The most urgent of those that stand and are not handled.
+    fn select(&mut self, context: &ContingencyContext<'_>) {
+        let open = Trigger::ALL
+            .into_iter()
+            .filter(|one| self.is_present(*one) && self.end_of(*one).is_none());
+        let open = open.filter_map(|one| Some((one, one.action(context.config)?)));
+        // The first of those that are alike.
+        let most = open
+            .rev()
+            .max_by_key(|(_, action)| Urgency::of_contingency(*action));
+        let Some((trigger, action)) = most else {
+            return;
+        };
+        let is_less = |trying: Trying| {
+            trying.trigger != trigger
+                && Urgency::of_contingency(trying.action) < Urgency::of_contingency(action)
+        };
+        if self.trying.is_none_or(is_less) {
+            self.trying = Some(Trying::of(trigger, action, context.now));
+        }
+    }
+
+    /// Ends what the vehicle shows, and what a pilot has taken.
+    fn finish(&mut self, context: &ContingencyContext<'_>, effects: &mut Effects<'_>) {
+        let Some(trying) = self.trying else {
+            return;
+        };
+        let trigger = trying.trigger;
+        let text = trigger.text(context.config);
+        let (end, text) = match (context.mode, context.other) {
+            (Some(mode), _) if context.shows(trying.action) => (
+                End::Shown(trying.action),
+                format!(
+                    "{text}: the vehicle is in {}, as for {}",
+                    mode.name(),
+                    name(trying.action)
+                ),
+            ),
+            (_, Some(other @ Other::Pilot(_))) => (
+                End::Pilot,
+                format!("{text}, and {other}: nothing is commanded"),
+            ),
+            _ => return,
+        };
+        self.trying = None;
+        // On disk before it is reported: a restart does not fly it again.
+        self.set(trigger, end);
+        self.save(effects);
+        self.raise(trigger, AlertPriority::Emergency, text, effects);
+    }
+
+    /// The action to fly now, where it is its turn and time to try one.
+    pub(super) fn poll(
+        &mut self,
+        context: &ContingencyContext<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Option<Action> {
+        let before = self.trying?;
+        if before.next_at > context.now {
+            return None;
+        }
+        let next_at = context.now + RETRY_INTERVAL;
+        // What it has commanded itself is under way; what others have begun gives way to it.
+        let waits = !context.airborne
+            || context.mode.is_none()
+            || context.operator_waits && before.yields
+            || context.busy && before.tries > 0;
+        let why = match context.other {
+            Some(other) if other == FAILSAFE_HOLD => Some(format!("{other}, for 30 s at most")),
+            Some(other) => Some(other.to_string()),
+            None if context.on_final => Some("the vehicle is on its final approach".to_owned()),
+            None => None,
+        };
+        if let Some(why) = &why {
+            let text = format!(
+                "{}: {why}; {} waits for its end",
+                before.trigger.text(context.config),
+                name(before.action)
+            );
+            self.raise(before.trigger, AlertPriority::Warning, text, effects);
+        }
+        if waits || why.is_some() {
+            // Not counted as a try: the vehicle did not get the chance to refuse.
+            self.trying = Some(Trying { next_at, ..before });
+            return None;
+        }
+        let last = self.last();
+        let (mut action, mut tries) = match before.action {
+            same if same == last => (same, before.tries + 1),
+            _ if before.tries >= MAX_TRIES => (last, 1),
+            same => (same, before.tries + 1),
+        };
+        let [a, b] = context.stored;
+        let route_type = match action {
+            Action::ContingencyA => Some((RouteType::ContingencyA, a)),
+            Action::ContingencyB => Some((RouteType::ContingencyB, b)),
+            _ => None,
+        };
+        // Nothing that needs an upload that cannot begin, or a position that is not known.
+        let flies = route_type.is_none_or(|(route, stored)| {
+            stored && (context.carries == Some(route) || context.may_change_mission)
+        });
+        if !flies || (last == Action::Land && action != last) {
+            (action, tries) = (last, 1);
+        }
+        self.trying = Some(Trying {
+            action,
+            tries,
+            next_at,
+            yields: false,
+            ..before
+        });
+        Some(action)
+    }
+
+    /// What was commanded, once it is.
+    pub(super) fn announce(&mut self, config: &Contingency, effects: &mut Effects<'_>) {
+        let Some(trying) = self.trying else {
+            return;
+        };
+        let (what, action) = (trying.trigger.text(config), name(trying.action));
+        let configured = trying.trigger.action(config).map(name);
+        let text = match configured {
+            Some(wanted) if wanted != action => {
+                format!("{what}: {wanted} cannot be flown, or is not shown: commanding {action}")
+            }
+            _ => format!("{what}: commanding {action}"),
+        };
+        let text = match trying.tries {
+            1 => text,
+            tries => format!("{text}, attempt {tries}"),
+        };
+        self.raise(trying.trigger, AlertPriority::Emergency, text, effects);
+    }
+
+    /// When it is polled next, where it is its turn.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.trying.map(|trying| trying.next_at)
+    }
+
+    /// When it is polled next in any case.
+    pub(super) fn save_timeout(&self) -> Option<Duration> {
+        self.unsaved
+    }
+
+    /// The vehicle is on the ground: whatever stands begins anew in the next flight.
+    fn land(&mut self, effects: &mut Effects<'_>) {
+        self.trying = None;
+        self.watches = Default::default();
+        for trigger in Trigger::ALL {
+            effects.clear(Cause::Contingency(trigger), "the vehicle is on the ground");
+        }
+        if !self.handled.is_empty() {
+            self.handled.clear();
+            self.save(effects);
+        }
+    }
+
+    fn forget(&mut self, trigger: Trigger, why: &str, effects: &mut Effects<'_>) {
+        let before = self.handled.len();
+        self.handled.retain(|one| one.trigger != trigger);
+        if self.handled.len() != before {
+            self.save(effects);
+        }
+        self.trying = self.trying.filter(|trying| trying.trigger != trigger);
+        effects.clear(Cause::Contingency(trigger), why);
+    }
+
+    fn set(&mut self, trigger: Trigger, end: End) {
+        self.handled.retain(|one| one.trigger != trigger);
+        self.handled.push(Handled { trigger, end });
+    }
+
+    fn save(&mut self, effects: &mut Effects<'_>) {
+        let (vehicle, now) = (effects.id, effects.dli.now.mono);
+        let record = Record {
+            handled: self.handled.clone(),
+        };
+        match effects.disk().save(&vehicle, &record) {
+            Ok(()) => {
+                self.unsaved = None;
+                effects.clear(Cause::ContingencyRecord, "contingencies are stored again");
+            }
+            Err(fault) => {
+                self.unsaved = Some(now + SAVE_AGAIN);
+                let text = format!(
+                    "what was done for a contingency cannot be stored: {fault}; a restart of the VSM would command it again"
+                );
+                effects.warn(Cause::ContingencyRecord, text);
+            }
+        }
+    }
+
+    /// A contingency whose cause the vehicle does not report is none: whoever relies on it must know before the flight.
+    fn report_unwatched(&mut self, context: &ContingencyContext<'_>, effects: &mut Effects<'_>) {
+        let since = *self.live_since.get_or_insert(context.now);
+        let unseen = |one: &Trigger| {
+            let seen = context.seen.get(one.index());
+            one.action(context.config).is_some() && seen.is_none_or(Option::is_none)
+        };
+        let unseen: Vec<&str> = Trigger::ALL
+            .into_iter()
+            .filter(unseen)
+            .map(Trigger::unreported)
+            .collect();
+        if unseen.is_empty() {
+            effects.clear(
+                Cause::ContingencyUnwatched,
+                "the vehicle reports what its contingencies are judged by",
+            );
+        } else if context.now.saturating_sub(since) >= REPORTED_WITHIN {
+            let text = format!("vehicle.contingency is not watched: {}", unseen.join(", "));
+            effects.warn(Cause::ContingencyUnwatched, text);
+        }
+    }
+
+    fn raise(
+        &self,
+        trigger: Trigger,
+        priority: AlertPriority,
+        text: String,
+        effects: &mut Effects<'_>,
+    ) {
+        let cause = Cause::Contingency(trigger);
+        effects.raise(cause, priority, trigger.subsystem(), text);
+    }
+}
+
+impl Trying {
+    fn of(trigger: Trigger, action: Action, now: Duration) -> Trying {
+        Trying {
+            trigger,
+            action,
+            tries: 0,
+            next_at: now,
+            yields: false,
+        }
+    }
+}
+
+pub(super) fn name(action: Action) -> &'static str {
+    match action {
+        Action::Hold => "hold",
+        Action::Rtl => "return",
+        Action::Land => "landing",
+        Action::ContingencyA => "contingency A",
+        Action::ContingencyB => "contingency B",
+    }
+}
+
+/// Tries of an action before the next.
+const MAX_TRIES: u32 = 2;
+/// From one try, or look, to the next.
+const RETRY_INTERVAL: Duration = Duration::from_secs(2);
+const SAVE_AGAIN: Duration = Duration::from_secs(1);
+/// ESTIMATOR_STATUS comes every two seconds, and may be lost.
+const REPORTED_WITHIN: Duration = Duration::from_secs(10);
+
+#[cfg(test)]
+mod tests {
+    use super::super::cause::What;
+    use super::*;
+    use crate::session::testing::World;
+
+    const CONFIG: Contingency = Contingency {
+        battery: Some(Action::ContingencyA),
+        battery_percent: 25,
+        position: Some(Action::Land),
+        fence: None,
+        engine: Some(Action::Land),
+    };
+
+    /// On hold in the air; these causes are reported.
+    fn flying(world: &World, causes: &[Trigger]) -> ContingencyContext<'static> {
+        // A report a second.
+        let number = u32::try_from(world.now.mono.as_secs()).unwrap_or(0);
+        let seen = Trigger::ALL.map(|one| {
+            let what = match causes.contains(&one) {
+                true => What::Present,
+                false => What::Absent,
+            };
+            Some(Seen { number, what })
+        });
+        ContingencyContext {
+            now: world.now.mono,
+            config: &CONFIG,
+            live: true,
+            airborne: true,
+            down: false,
+            mode: Some(Px4Mode::LOITER),
+            other: None,
+            seen,
+            carries: None,
+            lands: false,
+            busy: false,
+            operator_waits: false,
+            on_final: false,
+            stored: [true, false],
+            may_change_mission: true,
+        }
+    }
+
+    const LOW: &[Trigger] = &[Trigger::Battery];
+
+    /// What is flown now, a second later.
+    fn next(
+        world: &mut World,
+        machine: &mut Contingencies,
+        with: impl Fn(ContingencyContext<'static>) -> ContingencyContext<'static>,
+        causes: &[Trigger],
+    ) -> Option<Action> {
+        world.advance(Duration::from_secs(1));
+        let context = with(flying(world, causes));
+        world.act(|_, _, effects| {
+            machine.watch(&context, effects);
+            let action = machine.poll(&context, effects);
+            if action.is_some() {
+                machine.announce(context.config, effects);
+            }
+            action
+        })
+    }
+
+    /// What is flown within ten seconds of that.
+    fn within_ten_s(
+        world: &mut World,
+        machine: &mut Contingencies,
+        with: impl Fn(ContingencyContext<'static>) -> ContingencyContext<'static>,
+        causes: &[Trigger],
+    ) -> Vec<Action> {
+        (0..10)
+            .filter_map(|_| next(world, machine, &with, causes))
+            .collect()
+    }
+
+    fn has_alert(world: &World, text: &str) -> bool {
+        world.alerts.standing().any(|one| one.text.contains(text))
+    }
+
+    fn same<T>(context: T) -> T {
+        context
+    }
+
+    #[test]
+    fn an_action_that_the_vehicle_does_not_show_becomes_a_return() {
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        let flown = within_ten_s(&mut world, &mut machine, same, LOW);
+        use Action::{ContingencyA as A, Rtl};
+        assert_eq!(flown, [A, A, Rtl, Rtl]);
+        assert!(has_alert(&world, "is not shown: commanding return"));
+        // And a landing where no position is known.
+        let lost = &[Trigger::Battery, Trigger::Position];
+        let flown = within_ten_s(&mut world, &mut machine, same, lost);
+        assert_eq!(flown.last(), Some(&Action::Land));
+        let shown = |context| ContingencyContext {
+            mode: Some(Px4Mode::LAND),
+            ..context
+        };
+        assert_eq!(within_ten_s(&mut world, &mut machine, shown, lost), []);
+        assert!(machine.urgency().is_none() && machine.stands());
+    }
+
+    #[test]
+    fn a_route_that_is_not_stored_or_cannot_be_uploaded_is_a_return() {
+        for stored in [true, false] {
+            let (mut world, mut machine) = (World::new(), Contingencies::default());
+            let with = |context| ContingencyContext {
+                stored: [stored; 2],
+                may_change_mission: !stored,
+                ..context
+            };
+            let flown = within_ten_s(&mut world, &mut machine, with, LOW);
+            assert_eq!(flown.first(), Some(&Action::Rtl));
+        }
+    }
+
+    #[test]
+    fn a_failsafe_handles_nothing_and_a_pilot_does() {
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        let failsafe = |mode| {
+            move |context| ContingencyContext {
+                mode: Some(mode),
+                other: Some(Other::Failsafe(mode)),
+                ..context
+            }
+        };
+        // Waits for its end, however long that takes.
+        let holds = failsafe(Px4Mode::LOITER);
+        assert_eq!(within_ten_s(&mut world, &mut machine, holds, LOW), []);
+        assert!(has_alert(&world, "contingency A waits for its end"));
+        let flown = within_ten_s(&mut world, &mut machine, same, LOW);
+        assert_eq!(flown.first(), Some(&Action::ContingencyA));
+        // It returns by itself: that is what is wanted, or more.
+        let returns = failsafe(Px4Mode::RTL);
+        assert_eq!(within_ten_s(&mut world, &mut machine, returns, LOW), []);
+        assert_eq!(within_ten_s(&mut world, &mut machine, same, LOW), []);
+
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        let pilot = |context| ContingencyContext {
+            mode: Some(Px4Mode::POSCTL),
+            other: Some(Other::Pilot(Px4Mode::POSCTL)),
+            ..context
+        };
+        assert_eq!(within_ten_s(&mut world, &mut machine, pilot, LOW), []);
+        assert!(has_alert(&world, "nothing is commanded") && !machine.stands());
+        assert_eq!(within_ten_s(&mut world, &mut machine, same, LOW), []);
+    }
+
+    #[test]
+    fn a_more_urgent_cause_follows_and_a_less_urgent_one_does_not() {
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
+        let home = |context| ContingencyContext {
+            mode: Some(Px4Mode::RTL),
+            ..context
+        };
+        assert_eq!(within_ten_s(&mut world, &mut machine, home, LOW), []);
+        let both = &[Trigger::Battery, Trigger::Engine];
+        let flown = within_ten_s(&mut world, &mut machine, home, both);
+        assert_eq!(flown.first(), Some(&Action::Land));
+
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        let down = |context| ContingencyContext {
+            mode: Some(Px4Mode::LAND),
+            ..context
+        };
+        assert_eq!(within_ten_s(&mut world, &mut machine, down, both), []);
+        let flown = machine.flown(Some(Px4Mode::LAND), None, false);
+        assert_eq!(flown, Some(Urgency::Land));
+        assert_eq!(machine.flown(Some(Px4Mode::LOITER), None, false), None);
+    }
+
+    #[test]
+    fn an_operator_ends_it_also_by_a_command_that_waits_for_its_route() {
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
+        machine.operator_loads();
+        let loads = |context| ContingencyContext {
+            operator_waits: true,
+            ..context
+        };
+        assert_eq!(within_ten_s(&mut world, &mut machine, loads, LOW), []);
+        // That was refused.
+        assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
+        // And another one was not.
+        world.act(|_, _, effects| machine.overridden(&CONFIG, effects));
+        assert_eq!(within_ten_s(&mut world, &mut machine, same, LOW), []);
+        // A restart knows of it, and the loss of that CUCS ends it.
+        let mut after = Contingencies::default();
+        world
+            .act(|_, _, effects| after.restore(effects))
+            .expect("a record");
+        assert_eq!(within_ten_s(&mut world, &mut after, same, LOW), []);
+        world.act(|_, _, effects| after.controller_lost(effects));
+        assert!(!within_ten_s(&mut world, &mut after, same, LOW).is_empty());
+    }
+
+    #[test]
+    fn a_termination_ends_what_is_tried_and_nothing_is_due_while_it_holds() {
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
+        world.act(|_, _, effects| machine.yield_to_termination(effects));
+        assert_eq!(machine.urgency(), None);
+        assert_eq!(machine.poll_timeout(), None);
+        assert_eq!(world.alerts.standing().count(), 0);
+        // It was reset in the air.
+        assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
+    }
+
+    #[test]
+    fn nothing_is_flown_for_a_silent_vehicle_on_the_ground_or_on_its_final() {
+        let cases: [fn(ContingencyContext<'static>) -> ContingencyContext<'static>; 3] = [
+            |context| ContingencyContext {
+                live: false,
+                ..context
+            },
+            |context| ContingencyContext {
+                airborne: false,
+                down: true,
+                ..context
+            },
+            |context| ContingencyContext {
+                on_final: true,
+                ..context
+            },
+        ];
+        for with in cases {
+            let (mut world, mut machine) = (World::new(), Contingencies::default());
+            assert_eq!(within_ten_s(&mut world, &mut machine, with, LOW), []);
+            assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
+            world.fill_disk();
+            within_ten_s(&mut world, &mut machine, same, LOW);
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! What is flown while something is wrong with the vehicle (`vehicle.contingency`), and who wins: PX4's failsafe, the pilot, the CUCS in
+//! control.
+
+use std::path::Path;
+
+use kit::bridge::{Rig, Setup, orders};
+use px4_sim::{HealthFaults, Mode as Px4};
+use stanag_msgs::enums::{
+    AckType, AreaPlanMode, AreaType, FlightPathControlMode as Mode, RouteType,
+};
+use stanag_msgs::messages::{
+    AreaTransferCommand, AreaVertex, UaRoute, VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Bam32, Message, Text};
+use vsm::config::Config;
+
+const DONE: Option<AckType> = Some(AckType::CarriedOut);
+
+/// In the air and on hold, with these contingencies.
+fn flying(vehicle_keys: &'static str, plan: Vec<Message>) -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys,
+        ..Setup::default()
+    });
+    if !plan.is_empty() {
+        rig.send_plan(orders::square());
+        rig.send_plan(plan);
+        assert_eq!(rig.carry_out(orders::load()), DONE);
+    }
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig
+}
+
+fn faults(rig: &mut Rig, faults: HealthFaults) {
+    rig.vehicles[0].vehicle_mut().set_health_faults(faults);
+}
+
+fn battery(rig: &mut Rig, percent: u8) {
+    faults(
+        rig,
+        HealthFaults {
+            battery: Some(percent),
+            ..HealthFaults::default()
+        },
+    );
+}
+
+fn enters(rig: &mut Rig, mode: Px4) {
+    assert!(
+        rig.until(30.0, |rig| rig.truth().mode == mode),
+        "{mode:?}: {:?}",
+        rig.station().alerts()
+    );
+}
+
+#[test]
+fn a_low_battery_brings_it_home_once_and_the_operator_has_the_last_word() {
+    let keys = "[vehicle.contingency]\nbattery = \"rtl\"\nbattery_percent = 30";
+    let mut rig = flying(keys, Vec::new());
+    battery(&mut rig, 30);
+    rig.run(5.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    battery(&mut rig, 29);
+    enters(&mut rig, Px4::Rtl);
+    rig.run(2.0);
+    for text in [
+        "30 %: commanding return",
+        "30 %: the vehicle is in AUTO.RTL",
+    ] {
+        assert!(
+            rig.station().has_alert(text),
+            "{:?}",
+            rig.station().alerts()
+        );
+    }
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.run(10.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter, "not against the operator");
+    // Nor after a restart, which knows of it.
+    rig.restart_bridge();
+    rig.run(10.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    assert!(rig.station().has_alert("a CUCS has commanded otherwise"));
+    // Between the thresholds it is not over; gone, and there again.
+    battery(&mut rig, 33);
+    rig.run(15.0);
+    battery(&mut rig, 20);
+    rig.run(6.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    battery(&mut rig, 60);
+    rig.run(15.0);
+    assert!(
+        rig.station()
+            .has_alert("what the contingency was for is over")
+    );
+    battery(&mut rig, 20);
+    enters(&mut rig, Px4::Rtl);
+}
+
+#[test]
+fn one_bad_report_sends_no_vehicle_home() {
+    let mut rig = flying("[vehicle.contingency]\nbattery = \"land\"", Vec::new());
+    for _ in 0..3 {
+        battery(&mut rig, 1);
+        rig.run(1.0);
+        battery(&mut rig, 80);
+        rig.run(2.0);
+    }
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    assert!(!rig.station().has_alert("battery below"));
+}
+
+#[test]
+fn what_was_not_flown_before_a_restart_is_flown_after_it() {
+    let mut rig = flying("[vehicle.contingency]\nbattery = \"land\"", Vec::new());
+    rig.stop_bridge();
+    battery(&mut rig, 10);
+    rig.run(3.0);
+    rig.start_bridge();
+    enters(&mut rig, Px4::Land);
+}
+
+/// In the air with a station that falls silent, and one that listens.
+fn with_loss(tables: &'static str, vehicle_keys: &'static str) -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        tables,
+        vehicle_keys,
+        stations: 2,
+        ..Setup::default()
+    });
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    rig
+}
+
+#[test]
+fn the_more_urgent_of_loss_action_and_contingency_is_flown() {
+    // The return for the battery is not ended by the hold for the lost CUCS.
+    let keys = "[vehicle.contingency]\nbattery = \"rtl\"\nengine = \"land\"";
+    let mut rig = with_loss("[authority]\non_loss = \"hold\"\n", keys);
+    let (east, north) = (0.0, 300.0);
+    let (latitude, longitude) = orders::place(north, east);
+    let beyond = VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        ..orders::mode(Mode::Loiter)
+    };
+    rig.send(beyond);
+    rig.run(30.0);
+    battery(&mut rig, 10);
+    enters(&mut rig, Px4::Rtl);
+    rig.stations[0].heartbeats = false;
+    assert!(rig.until(20.0, |rig| rig.station().has_alert("nobody controls")));
+    rig.run(8.0);
+    assert_eq!(rig.truth().mode, Px4::Rtl);
+    // And a motor that fails lands it.
+    let motor = HealthFaults {
+        unhealthy: 0x8000,
+        battery: Some(10),
+        ..HealthFaults::default()
+    };
+    faults(&mut rig, motor);
+    enters(&mut rig, Px4::Land);
+
+    // A hold for the fault does not keep it from the return for the lost CUCS.
+    let keys = "[vehicle.contingency]\nbattery = \"hold\"";
+    let mut rig = with_loss("[authority]\non_loss = \"rtl\"\n", keys);
+    battery(&mut rig, 10);
+    rig.run(6.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig.stations[0].heartbeats = false;
+    enters(&mut rig, Px4::Rtl);
+}
+
+#[test]
+fn what_an_operator_has_ended_is_flown_once_that_operator_is_lost() {
+    let keys = "[vehicle.contingency]\nbattery = \"land\"";
+    let mut rig = with_loss("", keys);
+    battery(&mut rig, 10);
+    enters(&mut rig, Px4::Land);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.run(6.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig.stations[0].heartbeats = false;
+    enters(&mut rig, Px4::Land);
+}
+
+#[test]
+fn a_contingency_that_cannot_be_watched_is_named_before_the_flight() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: "[vehicle.contingency]\nfence = \"rtl\"\nbattery = \"rtl\"",
+        ..Setup::default()
+    });
+    rig.run(12.0);
+    let text = "vehicle.contingency is not watched: fence (no area";
+    assert!(
+        rig.station().has_alert(text),
+        "{:?}",
+        rig.station().alerts()
+    );
+    assert!(!rig.station().has_alert("battery (no level"));
+}
+
+#[test]
+fn a_contingency_route_is_flown_and_a_return_where_there_is_none() {
+    let route = UaRoute {
+        route_id: Some(Text::new("CA")),
+        route_type: Some(RouteType::ContingencyA),
+        ..orders::route(7)
+    };
+    let plan = vec![
+        route.into(),
+        orders::waypoint(7, 8, 60.0, 0.0, 30.0).into(),
+        orders::waypoint(8, 0, 60.0, 50.0, 30.0).into(),
+    ];
+    let keys = "[vehicle.contingency]\nbattery = \"contingency-a\"";
+    let mut rig = flying(keys, plan);
+    battery(&mut rig, 10);
+    enters(&mut rig, Px4::Mission);
+    let mut rig = flying(keys, Vec::new());
+    battery(&mut rig, 10);
+    enters(&mut rig, Px4::Rtl);
+}
+
+#[test]
+fn a_failed_motor_a_lost_position_and_a_left_fence_have_actions_of_their_own() {
+    let keys = "[vehicle.contingency]\nengine = \"land\"\nposition = \"land\"\nfence = \"rtl\"";
+    let mut rig = flying(keys, Vec::new());
+    faults(
+        &mut rig,
+        HealthFaults {
+            unhealthy: 0x8000,
+            ..HealthFaults::default()
+        },
+    );
+    enters(&mut rig, Px4::Land);
+    assert!(
+        rig.station()
+            .has_alert("a motor has failed: commanding landing")
+    );
+    let mut rig = flying(keys, Vec::new());
+    faults(
+        &mut rig,
+        HealthFaults {
+            estimator: 0x10,
+            ..HealthFaults::default()
+        },
+    );
+    enters(&mut rig, Px4::Land);
+    assert!(
+        rig.station()
+            .has_alert("the position is lost: commanding landing")
+    );
+    let mut rig = flying(keys, Vec::new());
+    let (latitude, longitude) = orders::place(0.0, 0.0);
+    let inside = AreaVertex {
+        area_id: Some(1),
+        area_type: Some(AreaType::KeepInCircle),
+        vertex_count: Some(1),
+        vertex_number: Some(1),
+        latitude: Some(Bam32::from_degrees(latitude)),
+        longitude: Some(Bam32::from_degrees(longitude)),
+        radius: Some(40.0),
+        ..AreaVertex::default()
+    };
+    rig.send_plan(vec![inside.into()]);
+    let load = AreaTransferCommand {
+        area_plan_mode: Some(AreaPlanMode::Load),
+        ..AreaTransferCommand::default()
+    };
+    assert_eq!(rig.carry_out(load), DONE);
+    let (latitude, longitude) = orders::place(80.0, 0.0);
+    let beyond = VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        ..orders::mode(Mode::Loiter)
+    };
+    assert_eq!(rig.carry_out(beyond), DONE, "{:?}", rig.station().alerts());
+    enters(&mut rig, Px4::Rtl);
+    assert!(
+        rig.station()
+            .has_alert("the vehicle has left its fence: commanding return")
+    );
+}
+
+#[test]
+fn nothing_is_flown_on_the_ground_or_without_a_contingency() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: "[vehicle.contingency]\nbattery = \"land\"",
+        ..Setup::default()
+    });
+    battery(&mut rig, 5);
+    rig.run(5.0);
+    assert!(!rig.station().has_alert("commanding landing"));
+    let mut rig = flying("", Vec::new());
+    battery(&mut rig, 5);
+    rig.run(8.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+}
+
+#[test]
+fn a_configuration_that_cannot_be_flown_is_refused() {
+    let text = Rig::new(Setup::default()).text;
+    for (table, expected) in [
+        ("position = \"rtl\"", "\"land\""),
+        ("battery_percent = 95", "1 to 90 (per cent)"),
+        ("engine = \"eject\"", "contingency-a"),
+    ] {
+        let text = text.replace(
+            "[store]",
+            &format!("[vehicle.contingency]\n{table}\n[store]"),
+        );
+        let fault = Config::parse(&text, Path::new("/nowhere")).expect_err(table);
+        assert!(fault.to_string().contains(expected), "{fault}");
+    }
+}
