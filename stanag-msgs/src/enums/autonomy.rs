@@ -29,4 +29,31 @@ enumerations! {
         Expired = 5 "expired";
         Cancelled = 6 "cancelled";
     }
+    ContingencyCause(u8) = "contingency_cause", A, source "this project",
+        description "what is wrong with a vehicle" {
+        Battery = 1 "little energy is left";
+        Position = 2 "its position is lost";
+        Fence = 3 "it has left its fence";
+        Engine = 4 "a motor has failed";
+    }
+
+    ContingencyAction(u8) = "contingency_action", A, source "this project",
+        description "what the VSM flies then" {
+        AsConfigured = 0 "what the configuration of the VSM has; none where it has none";
+        Hold = 1 "hold";
+        Return = 2 "return";
+        Landing = 3 "landing";
+        ContingencyA = 4 "the route of contingency A";
+        ContingencyB = 5 "the route of contingency B";
+    }
+
+    ContingencyState(u8) = "contingency_state", A, source "this project",
+        description "what has become of a contingency" {
+        None = 0 "nothing is flown for this cause";
+        Watched = 1 "the vehicle reports that the cause is not there";
+        Unreported = 2 "the vehicle does not report whether it is";
+        Commanded = 3 "the cause is there: its action is being commanded, or waits for who has the vehicle";
+        Flown = 4 "the cause is there, and the vehicle has shown the action";
+        Ended = 5 "the cause is there, and a pilot or a CUCS has decided otherwise";
+    }
 }

@@ -1,9 +1,11 @@
-//! Private messages of this project: commands that are held until a condition (50020 to 50022).
+//! Private messages of this project: commands that are held until a condition (50020 to 50022), and contingencies (50023).
 
 use std::f64::consts::FRAC_PI_2;
 
 use super::codec::messages;
-use crate::enums::{HeldState, HoldCondition, HoldKind};
+use crate::enums::{
+    ContingencyAction, ContingencyCause, ContingencyState, HeldState, HoldCondition, HoldKind,
+};
 use crate::id::Id;
 use crate::scalar::{Bam32, Text, TimeStamp};
 
@@ -50,5 +52,16 @@ messages! {
         hold_kind: HoldKind = 5, "Hold Kind";
         held_state: HeldState = 6, "Held State";
         reason: Text<80> = 7, "Reason", note("why it was refused or cancelled");
+    }
+
+    Contingency = 50023, "Contingency", presence bytes 1
+        sent(Both, PushPull) own_definition() latency_ms(1000)
+        note("provisional id; what the VSM flies for one cause: set by a CUCS before the flight; on a change, and one of each cause by 17002")
+    {
+        time_stamp: TimeStamp = 0, "Time Stamp";
+        contingency_cause: ContingencyCause = 1, "Contingency Cause";
+        contingency_action: ContingencyAction = 2, "Contingency Action";
+        contingency_percent: u8 = 3, "Contingency Percent", unit("%"), note("of cause 1: less energy than this, 1 to 90");
+        contingency_state: ContingencyState = 4, "Contingency State", note("reported");
     }
 }

@@ -148,7 +148,7 @@ gather! {
         FieldChangeEnumeratedCommand, MessageParameterAvailability;
     private: CurveSegmentPaper, CurveSegment, ParameterRequest, ParameterSetCommand, ParameterReport,
         SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand, AreaTransferStatus;
-    held: HoldCommand, HeldCommandCancel, HeldCommandState;
+    held: HoldCommand, HeldCommandCancel, HeldCommandState, Contingency;
     zeroize: ZeroizeCommand;
 }
 

@@ -259,6 +259,7 @@ impl World {
             maneuver: self.maneuver,
             loss_action: false,
             contingency: false,
+            commands_by_itself: false,
             commanded: Commanded::default(),
             altimeter: Altimeter::STANDARD,
             loiter: &self.loiter,

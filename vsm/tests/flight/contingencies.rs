@@ -6,10 +6,12 @@ use std::path::Path;
 use kit::bridge::{Rig, Setup, orders};
 use px4_sim::{HealthFaults, Mode as Px4};
 use stanag_msgs::enums::{
-    AckType, AreaPlanMode, AreaType, FlightPathControlMode as Mode, RouteType,
+    AckType, AreaPlanMode, AreaType, ContingencyAction, ContingencyCause, ContingencyState,
+    FlightPathControlMode as Mode, LoiBitmap, RouteType,
 };
 use stanag_msgs::messages::{
-    AreaTransferCommand, AreaVertex, UaRoute, VehicleOperatingModeCommand,
+    AreaTransferCommand, AreaVertex, Contingency, CucsAuthorisationRequest,
+    GenericInformationRequestMessage, UaRoute, VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Bam32, Message, Text};
 use vsm::config::Config;
@@ -316,4 +318,113 @@ fn a_configuration_that_cannot_be_flown_is_refused() {
         let fault = Config::parse(&text, Path::new("/nowhere")).expect_err(table);
         assert!(fault.to_string().contains(expected), "{fault}");
     }
+}
+
+fn set(cause: ContingencyCause, action: ContingencyAction) -> Contingency {
+    Contingency {
+        contingency_cause: Some(cause),
+        contingency_action: Some(action),
+        ..Contingency::default()
+    }
+}
+
+/// What is reported of a cause when it is asked for.
+fn reported(
+    rig: &mut Rig,
+    cause: ContingencyCause,
+) -> (
+    Option<ContingencyAction>,
+    Option<u8>,
+    Option<ContingencyState>,
+) {
+    let request = GenericInformationRequestMessage {
+        message_type: Some(Contingency::ID),
+        ..GenericInformationRequestMessage::default()
+    };
+    assert_eq!(rig.carry_out(request), DONE);
+    rig.run(0.3);
+    let mut received = rig.station().received.iter().rev();
+    let last = received.find_map(|(_, _, message)| match message {
+        Message::Contingency(one) if one.contingency_cause == Some(cause) => Some((
+            one.contingency_action,
+            one.contingency_percent,
+            one.contingency_state,
+        )),
+        _ => None,
+    });
+    last.expect("a report of the cause")
+}
+
+#[test]
+fn a_contingency_is_set_by_message_before_the_flight_kept_over_a_restart_and_read_back() {
+    use {ContingencyAction as A, ContingencyCause as C, ContingencyState as S};
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: "[vehicle.contingency]\nengine = \"hold\"",
+        stations: 2,
+        ..Setup::default()
+    });
+    assert_eq!(
+        reported(&mut rig, C::Battery),
+        (Some(A::AsConfigured), Some(25), Some(S::None))
+    );
+    let low = Contingency {
+        contingency_percent: Some(40),
+        ..set(C::Battery, A::Landing)
+    };
+    // Without the right for it.
+    let listen = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::LOI2),
+        ..orders::request_control()
+    };
+    let ticket = rig.send_as(1, 0, listen);
+    rig.until(5.0, |rig| rig.stations[1].end(ticket).is_some());
+    let ticket = rig.send_as(1, 0, low.clone());
+    rig.until(5.0, |rig| rig.stations[1].end(ticket).is_some());
+    assert_eq!(rig.stations[1].end(ticket), Some(AckType::Refused));
+    // What cannot be flown.
+    let of_another = Contingency {
+        contingency_percent: Some(40),
+        ..set(C::Engine, A::Landing)
+    };
+    let never = Contingency {
+        contingency_percent: Some(95),
+        ..set(C::Battery, A::Landing)
+    };
+    let nothing = Contingency {
+        contingency_action: None,
+        ..set(C::Battery, A::Landing)
+    };
+    for (wrong, why) in [
+        (set(C::Position, A::Return), "expected Contingency Action 3"),
+        (set(C::Unknown(7), A::Return), "Contingency Cause 7"),
+        (set(C::Battery, A::Unknown(9)), "Contingency Action 9"),
+        (of_another, "is of cause 1"),
+        (never, "95 %, expected 1 to 90"),
+        (nothing, "Contingency Action is missing"),
+    ] {
+        assert_eq!(rig.carry_out(wrong), Some(AckType::Refused), "{why}");
+        rig.run(0.3);
+        assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    }
+    assert_eq!(rig.carry_out(low), DONE);
+    assert_eq!(rig.carry_out(set(C::Engine, A::Return)), DONE);
+    rig.restart_bridge();
+    rig.run(5.0);
+    let watched = (Some(A::Landing), Some(40), Some(S::Watched));
+    assert_eq!(reported(&mut rig, C::Battery), watched);
+    // What the configuration has is changed, and comes back; it is never nothing.
+    assert_eq!(reported(&mut rig, C::Engine).0, Some(A::Return));
+    assert_eq!(rig.carry_out(set(C::Engine, A::AsConfigured)), DONE);
+    assert_eq!(reported(&mut rig, C::Engine).0, Some(A::Hold));
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    let late = rig.carry_out(set(C::Fence, A::Return));
+    assert_eq!(late, Some(AckType::Refused));
+    battery(&mut rig, 39);
+    enters(&mut rig, Px4::Land);
+    rig.run(2.0);
+    let flown = (Some(A::Landing), Some(40), Some(S::Flown));
+    assert_eq!(reported(&mut rig, C::Battery), flown);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    assert_eq!(reported(&mut rig, C::Battery).2, Some(S::Ended));
 }

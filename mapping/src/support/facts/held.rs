@@ -1,4 +1,4 @@
-//! Private messages: commands that are held until a condition (50020 to 50022).
+//! Private messages: commands that are held until a condition (50020 to 50022), and contingencies (50023).
 
 use crate::support::row::{STAMP, facts};
 
@@ -32,5 +32,17 @@ facts! {
         "Hold Kind": "of the 50020";
         "Held State": "carried out once the vehicle shows it, as 17000 of the command itself";
         "Reason": "of a refusal, an expiry or a cancellation";
+    }
+    50023 taken "sets what is flown for a cause, over the configuration, until the next 50023: stored, and reported by 50023 to all that listen; refused unless the vehicle reports that it is on the ground; needs LOI 4" {
+        "Time Stamp": "identifies a duplicate, and is returned in 17000";
+        "Contingency Cause": "1 to 4; refused where it is missing";
+        "Contingency Action": "0: as the configuration has it, 1 to 5; refused for cause 2 unless 0 or 3, which needs no position";
+        "Contingency Percent": "of cause 1: 1 to 90; absent: as the configuration has it; refused with another cause or with action 0";
+    } sends "once it has changed, to all that listen; one of each cause in answer to 17002" {
+        "Time Stamp": STAMP;
+        "Contingency Cause": "each";
+        "Contingency Action": "what is flown: of the last 50023, else of the configuration; 0 where there is none";
+        "Contingency Percent": "of cause 1: below which it is flown";
+        "Contingency State": "by what the vehicle reports, and what it has shown";
     }
 }

@@ -5,12 +5,13 @@
 //! - [`console`]: the operator: station, vehicle, output;
 //! - [`configuration`]: the answers of the configuration phase as a table;
 //! - [`until`]: what a held command waits for;
-//! - [`rights`], [`plans`], [`services`], [`held`], [`payload`]: groups of subcommands;
+//! - [`rights`], [`plans`], [`services`], [`held`], [`contingency`], [`payload`]: groups of subcommands;
 //! - [`run`]: carries out any of them.
 
 mod argument;
 pub(crate) mod configuration;
 pub(crate) mod console;
+pub(crate) mod contingency;
 pub(crate) mod error;
 pub(crate) mod file_kind;
 pub(crate) mod held;

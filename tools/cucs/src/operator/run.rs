@@ -81,6 +81,12 @@ impl<W: Write> Operator<W> {
             }
             Verb::Hold(arguments) => self.hold(arguments).await,
             Verb::Held => self.held().await,
+            Verb::Contingency {
+                cause: Some(cause),
+                action: Some(action),
+                percent,
+            } => self.set_contingency(*cause, *action, *percent).await,
+            Verb::Contingency { .. } => self.contingencies().await,
             Verb::Cancel { held: Some(number) } => self.cancel_held(*number).await,
             Verb::Cancel { held: None } => {
                 let vehicle = self.find_vehicle().await?;

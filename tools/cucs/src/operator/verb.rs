@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap, StationBitmap1To16};
 
@@ -57,6 +57,17 @@ pub enum Verb {
     Hold(HoldArguments),
     /// Show the held commands, and what became of the latest (50022).
     Held,
+    /// Show the contingencies, or set one before the flight (50023), such as `contingency battery return --percent 30`.
+    Contingency {
+        /// What is wrong with the vehicle.
+        #[arg(requires = "action")]
+        cause: Option<ContingencyCause>,
+        /// What the VSM flies then; `as-configured` forgets what was set.
+        action: Option<ContingencyAction>,
+        /// Of the battery: fly it when less energy is left, per cent, 1 to 90 (default: as configured).
+        #[arg(long, value_name = "PERCENT")]
+        percent: Option<u8>,
+    },
     /// Download the plan as a route file.
     Download {
         /// File to write (default: standard output).
@@ -332,6 +343,36 @@ pub struct ModeArguments {
     /// Loiter position, degrees north and east, such as -33.9,18.4.
     #[arg(long, value_name = "LAT,LON", value_parser = degrees, allow_hyphen_values = true)]
     pub position: Option<(f64, f64)>,
+}
+
+/// A cause of a contingency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ContingencyCause {
+    /// Little energy is left.
+    Battery,
+    /// The position is lost.
+    Position,
+    /// The fence is left.
+    Fence,
+    /// A motor has failed.
+    Engine,
+}
+
+/// An action of a contingency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ContingencyAction {
+    /// What the configuration of the VSM has.
+    AsConfigured,
+    /// Hold.
+    Hold,
+    /// Return.
+    Return,
+    /// Land.
+    Land,
+    /// The route of contingency A.
+    ContingencyA,
+    /// The route of contingency B.
+    ContingencyB,
 }
 
 /// A mode command to hold.

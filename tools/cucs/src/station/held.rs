@@ -1,6 +1,6 @@
-//! Commands that are held until a condition (50020, 50021).
+//! Commands that are held until a condition (50020, 50021), and contingencies (50023).
 
-use stanag_msgs::messages::{HeldCommandCancel, HoldCommand};
+use stanag_msgs::messages::{Contingency, HeldCommandCancel, HoldCommand};
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, Text, TimeStamp};
 use tokio::time::Instant;
 
@@ -75,5 +75,19 @@ impl Station {
         let within = self.timeouts.command;
         let what = "cancellation (50021)".to_owned();
         self.command(vehicle, cancel, what, within).await
+    }
+
+    /// Sets what the VSM flies for a cause (50023).
+    ///
+    /// # Errors
+    /// There is no answer within [`Timeouts::command`](crate::Timeouts).
+    pub async fn set_contingency(
+        &mut self,
+        vehicle: Id,
+        message: Contingency,
+    ) -> Result<Outcome, StationError> {
+        let within = self.timeouts.command;
+        let what = "contingency (50023)".to_owned();
+        self.command(vehicle, message, what, within).await
     }
 }

@@ -282,6 +282,7 @@ const EXAMPLES: &[&str] = &[
     "cucs fence area.fence.toml",
     "cucs hold 1 --until battery=25 contingency-a",
     "cucs held",
+    "cucs contingency battery return --percent 30",
     "cucs cancel --held 1",
     "cucs script square.cucs",
     "cucs shell",

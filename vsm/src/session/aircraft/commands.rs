@@ -3,7 +3,9 @@
 use mapping::airframe;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, LoiBitmap};
-use stanag_msgs::messages::{HandoverStatusReport, HeldCommandState, VsmAuthorisationResponse};
+use stanag_msgs::messages::{
+    Contingency, HandoverStatusReport, HeldCommandState, VsmAuthorisationResponse,
+};
 
 use super::{Aircraft, Effects};
 use crate::config::{self, Provisional};
@@ -44,6 +46,12 @@ impl Aircraft {
             && request.message_type == Some(HeldCommandState::ID)
         {
             self.held(dli, held::Input::List { station });
+            return Ok(());
+        }
+        if let reports::Input::ReportOnce { station, request } = input
+            && request.message_type == Some(Contingency::ID)
+        {
+            self.flight(dli, flight::Input::ListContingencies { station });
             return Ok(());
         }
         // Messages 2 and 35000 are the reports that the authority composes: it alone knows what is held, and handed over.
@@ -172,6 +180,7 @@ impl Aircraft {
             | Message::LoiterConfiguration(_)
             | Message::UaStickCommand(_)
             | Message::EngineCommand(_)
+            | Message::Contingency(_)
             | Message::UnmannedAircraftLights(_) => {
                 self.flight(dli, flight::Input::Command { origin, message });
             }

@@ -10,8 +10,7 @@ impl Aircraft {
     /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
     pub(super) fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
         let wanted = self.authority.controller().is_some()
-            || self.flight.view().loss_action
-            || self.flight.view().contingency
+            || self.flight.view().commands_by_itself
             || self.termination.view(true).holds;
         self.link
             .operator_control

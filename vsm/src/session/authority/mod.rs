@@ -201,6 +201,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::ParameterSetCommand(_)
         | Message::AreaVertex(_)
         | Message::AreaTransferCommand(_)
+        | Message::Contingency(_)
         // As the command in it, where that can be read: the caller looks into it.
         | Message::HoldCommand(_) => Some(LoiBitmap::LOI4),
         Message::ZeroizeCommand(_) => Some(LoiBitmap::LOI5),

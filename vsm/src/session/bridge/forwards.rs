@@ -226,8 +226,6 @@ fn situation(one: &Aircraft) -> Situation {
     let live = one.vehicle.live();
     Situation {
         disarmed: live && one.vehicle.telemetry.armed == Some(false),
-        controlled: one.authority.controller().is_some()
-            || one.flight.view().loss_action
-            || one.flight.view().contingency,
+        controlled: one.authority.controller().is_some() || one.flight.view().commands_by_itself,
     }
 }

@@ -132,8 +132,8 @@ impl Flight {
         }
     }
 
-    fn situation_of_contingencies<'a>(&self, context: &'a Context<'_>) -> ContingencyContext<'a> {
-        let config = &context.config.contingency;
+    pub(super) fn situation_of_contingencies(&self, context: &Context<'_>) -> ContingencyContext {
+        let config = self.contingencies.config(&context.config.contingency);
         let (vehicle, mission) = (context.vehicle, &context.mission);
         let (telemetry, evidence) = (&vehicle.telemetry, &vehicle.telemetry.evidence);
         let bad = |bad: bool| if bad { What::Present } else { What::Absent };
@@ -187,7 +187,7 @@ impl Flight {
     fn fly_contingency(
         &mut self,
         context: &Context<'_>,
-        situation: &ContingencyContext<'_>,
+        situation: &ContingencyContext,
         effects: &mut Effects<'_>,
     ) {
         let Some(action) = self.contingencies.poll(situation, effects) else {
@@ -217,8 +217,7 @@ impl Flight {
                 self.begin(context, None, maneuver, effects);
             }
         }
-        self.contingencies
-            .announce(&context.config.contingency, effects);
+        self.contingencies.announce(&situation.config, effects);
     }
 
     /// Whether a wing may be on its final approach: no MISSION_CURRENT since a silence has named its item.

@@ -1,5 +1,5 @@
 //! Contingencies: what the VSM flies while the battery is low, the position is lost, the fence is left or a motor has failed
-//! (`vehicle.contingency`).
+//! (`vehicle.contingency`, or 50023).
 //!
 //! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
 //! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
@@ -38,6 +38,8 @@ use crate::session::trigger::Trigger;
 pub(super) struct Contingencies {
     watches: [Watch; Trigger::ALL.len()],
     handled: Vec<Handled>,
+    /// What CUCSs have set (50023), over the configuration.
+    set: Vec<Setting>,
     trying: Option<Trying>,
     /// The record could not be written, and is written again then.
     unsaved: Option<Duration>,
@@ -62,6 +64,24 @@ enum End {
     Operator,
 }
 
+/// What a CUCS has set for a cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Setting {
+    pub(super) trigger: Trigger,
+    pub(super) action: Action,
+    /// Of the battery; none as the configuration has it.
+    pub(super) percent: Option<u8>,
+}
+
+/// What has become of a contingency, for 50023.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Standing {
+    Absent,
+    Commanded,
+    Flown,
+    Ended,
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Trying {
     trigger: Trigger,
@@ -75,15 +95,17 @@ struct Trying {
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Record {
     handled: Vec<Handled>,
+    #[serde(default)]
+    set: Vec<Setting>,
 }
 
 vehicle_record!(Record, "contingencies", Power);
 
 /// What it reads.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ContingencyContext<'a> {
+pub(super) struct ContingencyContext {
     pub(super) now: Duration,
-    pub(super) config: &'a Contingency,
+    pub(super) config: Contingency,
     /// Data is received from the vehicle.
     pub(super) live: bool,
     pub(super) airborne: bool,
@@ -111,7 +133,7 @@ pub(super) struct ContingencyContext<'a> {
 }
 
 impl Trigger {
-    fn action(self, config: &Contingency) -> Option<Action> {
+    pub(super) fn action(self, config: &Contingency) -> Option<Action> {
         match self {
             Trigger::Engine => config.engine,
             Trigger::Position => config.position,
@@ -120,7 +142,7 @@ impl Trigger {
         }
     }
 
-    fn index(self) -> usize {
+    pub(super) fn index(self) -> usize {
         self as usize
     }
 
@@ -152,7 +174,7 @@ impl Trigger {
     }
 }
 
-impl ContingencyContext<'_> {
+impl ContingencyContext {
     fn shows(&self, action: Action) -> bool {
         let shown = |mode| is_shown(action, mode, self.carries, self.lands);
         self.mode.is_some_and(shown)
@@ -164,8 +186,53 @@ impl Contingencies {
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         let record = effects.disk().load::<Record>(&vehicle)?;
-        self.handled = record.unwrap_or_default().handled;
+        let record = record.unwrap_or_default();
+        (self.handled, self.set) = (record.handled, record.set);
         Ok(())
+    }
+
+    /// The configuration, with what CUCSs have set.
+    pub(super) fn config(&self, configured: &Contingency) -> Contingency {
+        let mut config = *configured;
+        for one in &self.set {
+            let action = match one.trigger {
+                Trigger::Engine => &mut config.engine,
+                Trigger::Position => &mut config.position,
+                Trigger::Fence => &mut config.fence,
+                Trigger::Battery => &mut config.battery,
+            };
+            *action = Some(one.action);
+            if let Some(percent) = one.percent {
+                config.battery_percent = percent;
+            }
+        }
+        config
+    }
+
+    /// Sets what is flown for a cause, or forgets what was set.
+    ///
+    /// # Errors
+    /// It cannot be stored: what was set before stays.
+    pub(super) fn provision(
+        &mut self,
+        trigger: Trigger,
+        setting: Option<Setting>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), StoreError> {
+        let before = self.set.clone();
+        self.set.retain(|one| one.trigger != trigger);
+        self.set.extend(setting);
+        self.store(effects).inspect_err(|_| self.set = before)
+    }
+
+    /// What has become of a cause.
+    pub(super) fn standing(&self, trigger: Trigger) -> Standing {
+        match self.end_of(trigger) {
+            _ if !self.is_present(trigger) => Standing::Absent,
+            None => Standing::Commanded,
+            Some(End::Shown(_)) => Standing::Flown,
+            Some(End::Pilot | End::Operator) => Standing::Ended,
+        }
     }
 
     /// How urgent what is being tried is.
@@ -249,10 +316,11 @@ impl Contingencies {
         }
     }
 
-    /// The CUCS that has decided otherwise is lost: it does not see what becomes of the vehicle any more.
+    /// The CUCS in control is lost: whoever has decided otherwise does not see what becomes of the vehicle any more.
     pub(super) fn controller_lost(&mut self, effects: &mut Effects<'_>) {
         let before = self.handled.len();
-        self.handled.retain(|one| one.end != End::Operator);
+        // What the vehicle still shows is handled again at once.
+        self.handled.retain(|one| one.end == End::Pilot);
         if self.handled.len() != before {
             self.save(effects);
         }
@@ -283,7 +351,7 @@ impl Contingencies {
     }
 
     /// Looks at what the vehicle reports: which causes stand, and what is done with them.
-    pub(super) fn watch(&mut self, context: &ContingencyContext<'_>, effects: &mut Effects<'_>) {
+    pub(super) fn watch(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
         if self.unsaved.is_some_and(|at| at <= context.now) {
             self.save(effects);
         }
@@ -310,7 +378,7 @@ impl Contingencies {
 
     fn watch_one(
         &mut self,
-        context: &ContingencyContext<'_>,
+        context: &ContingencyContext,
         trigger: Trigger,
         effects: &mut Effects<'_>,
     ) {
@@ -322,7 +390,7 @@ impl Contingencies {
         let before = watch.stands;
         let gone = seen.is_some_and(|seen| watch.look(context.now, seen));
         // It was configured before, and is no more.
-        let gone = gone || trigger.action(context.config).is_none();
+        let gone = gone || trigger.action(&context.config).is_none();
         if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
             let how = match end {
                 End::Shown(action) => format!("the vehicle was brought to {}", name(action)),
@@ -331,7 +399,7 @@ impl Contingencies {
             };
             let text = format!(
                 "{}: {how} for that; nothing more is commanded",
-                trigger.text(context.config)
+                trigger.text(&context.config)
             );
             self.raise(trigger, AlertPriority::Warning, text, effects);
         }
@@ -341,11 +409,11 @@ impl Contingencies {
     }
 
     /// The most urgent of those that stand and are not handled.
-    fn select(&mut self, context: &ContingencyContext<'_>) {
+    fn select(&mut self, context: &ContingencyContext) {
         let open = Trigger::ALL
             .into_iter()
             .filter(|one| self.is_present(*one) && self.end_of(*one).is_none());
-        let open = open.filter_map(|one| Some((one, one.action(context.config)?)));
+        let open = open.filter_map(|one| Some((one, one.action(&context.config)?)));
         // The first of those that are alike.
         let most = open
             .rev()
@@ -363,12 +431,12 @@ impl Contingencies {
     }
 
     /// Ends what the vehicle shows, and what a pilot has taken.
-    fn finish(&mut self, context: &ContingencyContext<'_>, effects: &mut Effects<'_>) {
+    fn finish(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
         let Some(trying) = self.trying else {
             return;
         };
         let trigger = trying.trigger;
-        let text = trigger.text(context.config);
+        let text = trigger.text(&context.config);
         let (end, text) = match (context.mode, context.other) {
             (Some(mode), _) if context.shows(trying.action) => (
                 End::Shown(trying.action),
@@ -394,7 +462,7 @@ impl Contingencies {
     /// The action to fly now, where it is its turn and time to try one.
     pub(super) fn poll(
         &mut self,
-        context: &ContingencyContext<'_>,
+        context: &ContingencyContext,
         effects: &mut Effects<'_>,
     ) -> Option<Action> {
         let before = self.trying?;
@@ -416,7 +484,7 @@ impl Contingencies {
         if let Some(why) = &why {
             let text = format!(
                 "{}: {why}; {} waits for its end",
-                before.trigger.text(context.config),
+                before.trigger.text(&context.config),
                 name(before.action)
             );
             self.raise(before.trigger, AlertPriority::Warning, text, effects);
@@ -513,14 +581,21 @@ impl Contingencies {
         self.handled.push(Handled { trigger, end });
     }
 
-    fn save(&mut self, effects: &mut Effects<'_>) {
-        let (vehicle, now) = (effects.id, effects.dli.now.mono);
+    fn store(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let vehicle = effects.id;
         let record = Record {
             handled: self.handled.clone(),
+            set: self.set.clone(),
         };
-        match effects.disk().save(&vehicle, &record) {
+        effects.disk().save(&vehicle, &record)?;
+        self.unsaved = None;
+        Ok(())
+    }
+
+    fn save(&mut self, effects: &mut Effects<'_>) {
+        let now = effects.dli.now.mono;
+        match self.store(effects) {
             Ok(()) => {
-                self.unsaved = None;
                 effects.clear(Cause::ContingencyRecord, "contingencies are stored again");
             }
             Err(fault) => {
@@ -534,11 +609,11 @@ impl Contingencies {
     }
 
     /// A contingency whose cause the vehicle does not report is none: whoever relies on it must know before the flight.
-    fn report_unwatched(&mut self, context: &ContingencyContext<'_>, effects: &mut Effects<'_>) {
+    fn report_unwatched(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
         let since = *self.live_since.get_or_insert(context.now);
         let unseen = |one: &Trigger| {
             let seen = context.seen.get(one.index());
-            one.action(context.config).is_some() && seen.is_none_or(Option::is_none)
+            one.action(&context.config).is_some() && seen.is_none_or(Option::is_none)
         };
         let unseen: Vec<&str> = Trigger::ALL
             .into_iter()
@@ -613,7 +688,7 @@ mod tests {
     };
 
     /// On hold in the air; these causes are reported.
-    fn flying(world: &World, causes: &[Trigger]) -> ContingencyContext<'static> {
+    fn flying(world: &World, causes: &[Trigger]) -> ContingencyContext {
         // A report a second.
         let number = u32::try_from(world.now.mono.as_secs()).unwrap_or(0);
         let seen = Trigger::ALL.map(|one| {
@@ -625,7 +700,7 @@ mod tests {
         });
         ContingencyContext {
             now: world.now.mono,
-            config: &CONFIG,
+            config: CONFIG,
             live: true,
             airborne: true,
             down: false,
@@ -648,7 +723,7 @@ mod tests {
     fn next(
         world: &mut World,
         machine: &mut Contingencies,
-        with: impl Fn(ContingencyContext<'static>) -> ContingencyContext<'static>,
+        with: impl Fn(ContingencyContext) -> ContingencyContext,
         causes: &[Trigger],
     ) -> Option<Action> {
         world.advance(Duration::from_secs(1));
@@ -657,7 +732,7 @@ mod tests {
             machine.watch(&context, effects);
             let action = machine.poll(&context, effects);
             if action.is_some() {
-                machine.announce(context.config, effects);
+                machine.announce(&context.config, effects);
             }
             action
         })
@@ -667,7 +742,7 @@ mod tests {
     fn within_ten_s(
         world: &mut World,
         machine: &mut Contingencies,
-        with: impl Fn(ContingencyContext<'static>) -> ContingencyContext<'static>,
+        with: impl Fn(ContingencyContext) -> ContingencyContext,
         causes: &[Trigger],
     ) -> Vec<Action> {
         (0..10)
@@ -811,7 +886,7 @@ mod tests {
 
     #[test]
     fn nothing_is_flown_for_a_silent_vehicle_on_the_ground_or_on_its_final() {
-        let cases: [fn(ContingencyContext<'static>) -> ContingencyContext<'static>; 3] = [
+        let cases: [fn(ContingencyContext) -> ContingencyContext; 3] = [
             |context| ContingencyContext {
                 live: false,
                 ..context

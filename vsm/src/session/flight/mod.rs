@@ -8,7 +8,7 @@
 //! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
-//! - `contingency`: what is flown while something is wrong with the vehicle, `cause`: whether that stands; `priority`: which goes first,
+//! - `contingency`: what is flown while something is wrong with the vehicle, `cause`: whether that stands; `provision`: what is set by 50023; `priority`: which goes first,
 //!   it or the loss action
 //! - `loss_action`: what is flown once the controlling CUCS is lost; `by_itself`: that and else what nobody commands at the moment, where
 //!   nobody else has the vehicle
@@ -20,6 +20,7 @@ mod engine;
 mod loss_action;
 mod mode_command;
 mod priority;
+mod provision;
 mod running;
 mod settings;
 mod situation;
@@ -118,7 +119,7 @@ impl<'a> Deref for Context<'a> {
 /// What happens to it.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
-    /// 2007, 2008, 2010, 2016 or 2017 of a CUCS that holds the right.
+    /// 2007, 2008, 2010, 2016, 2017 or 50023 of a CUCS that holds the right.
     Command {
         origin: Origin,
         message: &'a Message,
@@ -149,6 +150,8 @@ pub(crate) enum Input<'a> {
     WatchLossAction,
     /// A launch that a restart of the VSM cut off leaves no running motors on the ground.
     EndCutOffLaunch,
+    /// 17002 for 50023.
+    ListContingencies { station: usize },
 }
 
 /// The mode that a 2016 is about: its own, or the present one where it names none; `None` of other messages.
@@ -187,6 +190,8 @@ impl Flight {
             maneuver: self.maneuver.is_some(),
             loss_action: self.loss_action.is_active(),
             contingency: self.contingencies.stands(),
+            commands_by_itself: self.loss_action.is_active()
+                || self.contingencies.urgency().is_some(),
             commanded: self.commanded,
             altimeter: self.altimeter,
             loiter: &self.loiter,
@@ -353,6 +358,9 @@ impl Flight {
             }
             Input::WatchLossAction => self.fly_by_itself(context, effects),
             Input::EndCutOffLaunch => self.end_cut_off_launch(context, effects),
+            Input::ListContingencies { station } => {
+                self.list_contingencies(context, station, effects);
+            }
         }
     }
 
@@ -405,6 +413,9 @@ impl Flight {
             }
             Message::EngineCommand(command) => {
                 self.command_engine(context, origin, command, effects);
+            }
+            Message::Contingency(set) => {
+                self.provision_contingency(context, origin, set, effects);
             }
             _ => {
                 let why = mapping::support::why_refused(message.id());

@@ -25,8 +25,8 @@ impl Flight {
     ) {
         // One that was held until now does not know what stands, and is refused before that.
         if origin.is_some_and(|origin| origin.held.is_none()) {
-            self.contingencies
-                .overridden(&context.config.contingency, effects);
+            let config = self.contingencies.config(&context.config.contingency);
+            self.contingencies.overridden(&config, effects);
         }
         self.supersede(context, origin, effects);
         self.maneuver = Some((origin, maneuver));

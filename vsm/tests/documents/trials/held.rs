@@ -3,8 +3,10 @@
 use kit::bridge::{Rig, orders};
 use kit::clock::START;
 use px4_sim::HealthFaults;
-use stanag_msgs::enums::{FlightPathControlMode as Mode, HoldCondition};
-use stanag_msgs::messages::{HeldCommandCancel, HoldCommand, ParameterSetCommand};
+use stanag_msgs::enums::{
+    ContingencyAction, ContingencyCause, FlightPathControlMode as Mode, HoldCondition,
+};
+use stanag_msgs::messages::{Contingency, HeldCommandCancel, HoldCommand, ParameterSetCommand};
 use stanag_msgs::{Bam32, MAX_DATAGRAM, Message, Text, TimeStamp};
 
 use super::messages::loiter_there;
@@ -57,6 +59,23 @@ pub(super) fn held() -> Vec<Trial> {
                 "Condition Longitude" = "+20000",
                 "Condition Radius" = "200.0",
             ]
+        ),
+        trial!(
+            one,
+            control,
+            send,
+            contingency(None),
+            [
+                "Contingency Cause" = "4",
+                "Contingency Action" = "9" refused "1 to 5",
+            ]
+        ),
+        trial!(
+            one,
+            control,
+            send,
+            contingency(Some(30)),
+            ["Contingency Percent" = "40"]
         ),
         trial!(
             one,
@@ -114,6 +133,15 @@ fn circle() -> HoldCommand {
         hold.condition_longitude = Some(Bam32::from_degrees(longitude));
         hold.condition_radius = Some(20.0);
     })
+}
+
+fn contingency(percent: Option<u8>) -> Contingency {
+    Contingency {
+        contingency_cause: Some(ContingencyCause::Battery),
+        contingency_action: Some(ContingencyAction::Return),
+        contingency_percent: percent,
+        ..Contingency::default()
+    }
 }
 
 fn with_half_a_battery(rig: &mut Rig) {
