@@ -18,6 +18,7 @@
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
 //! - [`limits`]: what a route must stay within, and how fast the vehicle can be commanded to fly.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
+//! - [`parameter_metadata`]: what the vehicle's own metadata says of them.
 //! - [`support`]: what is done with each field of each message.
 //!
 //! A route of one waypoint, 30 m above home, becomes one mission item:
@@ -82,6 +83,7 @@ pub mod health;
 pub mod limits;
 pub mod mode;
 pub mod parameter;
+pub mod parameter_metadata;
 pub mod payload;
 pub mod plan;
 pub mod rally;

@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use mavlink_link::service::param::Value;
+use stanag_msgs::Text;
 use stanag_msgs::enums::ParameterKind;
 use stanag_msgs::messages::ParameterReport;
-use stanag_msgs::{Text, TimeStamp};
 
 /// The parameters that are read once a vehicle is there.
 pub const NAMES: &[&str] = &[
@@ -89,6 +89,23 @@ pub struct Range {
     pub values: Vec<i32>,
 }
 
+/// What the vehicle's own metadata says of a parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Described {
+    /// What may be written to it.
+    pub range: Range,
+    /// The value of the firmware itself.
+    pub default: Option<f64>,
+    /// Its unit; empty where it has none.
+    pub unit: String,
+    /// What it is, in some words.
+    pub short: String,
+    /// The group that it belongs to.
+    pub group: String,
+    /// Digits after the point that mean something.
+    pub decimals: Option<u8>,
+}
+
 /// A write that is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ParameterError {
@@ -153,12 +170,28 @@ pub fn range(name: &str) -> Option<Range> {
     })
 }
 
-/// The value to write.
+/// The names of the table, sorted.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+    lines.filter_map(|line| line.split(',').next())
+}
+
+/// The same as the vehicle itself describes it, where it does: its firmware may be another than the table's.
+fn range_of(name: &str, described: Option<&Described>) -> Option<Range> {
+    described.map_or_else(|| range(name), |of| Some(of.range.clone()))
+}
+
+/// The value to write. `described`: what the vehicle's metadata says of the parameter.
 ///
 /// # Errors
 /// It must not be written.
-pub fn checked(name: &str, value: f64) -> Result<Value, ParameterError> {
-    let range = range(name).ok_or_else(|| ParameterError::Unknown(name.to_owned()))?;
+pub fn checked(
+    name: &str,
+    value: f64,
+    described: Option<&Described>,
+) -> Result<Value, ParameterError> {
+    let range =
+        range_of(name, described).ok_or_else(|| ParameterError::Unknown(name.to_owned()))?;
     if IDENTITY.contains(&name) {
         return Err(ParameterError::Identity(name.to_owned()));
     }
@@ -186,7 +219,12 @@ pub fn checked(name: &str, value: f64) -> Result<Value, ParameterError> {
     };
     let low = range.low.unwrap_or(f64::NEG_INFINITY);
     let high = range.high.unwrap_or(f64::INFINITY);
-    if !(low..=high).contains(&value) {
+    // A float is compared as it is stored: 41001 has reported its range so, and 0.1 of 32 bits is above 0.1 of 64.
+    let within = match typed {
+        Value::Int(_) => (low..=high).contains(&value),
+        Value::Real(narrow) => (low as f32..=high as f32).contains(&narrow),
+    };
+    if !within {
         return Err(ParameterError::Range {
             name: name.to_owned(),
             value,
@@ -206,15 +244,15 @@ pub fn checked(name: &str, value: f64) -> Result<Value, ParameterError> {
     }
 }
 
-/// 50012. `place` is index and count within an answer about all parameters.
+/// 50012, without its stamp. `place` is index and count within an answer about all parameters.
 #[must_use]
 pub fn report(
     name: &str,
     value: Value,
+    described: Option<&Described>,
     place: Option<(u16, u16)>,
-    stamp: Option<TimeStamp>,
 ) -> ParameterReport {
-    let range = range(name);
+    let range = range_of(name, described);
     let (kind, value) = match value {
         Value::Int(value) => (ParameterKind::Integer, f64::from(value)),
         Value::Real(value) => (ParameterKind::Float, f64::from(value)),
@@ -222,7 +260,7 @@ pub fn report(
     let min = |range: &Range| range.values.first().map(|value| f64::from(*value));
     let greatest = |range: &Range| range.values.last().map(|value| f64::from(*value));
     ParameterReport {
-        time_stamp: stamp,
+        time_stamp: None,
         parameter_name: Some(Text::new(name)),
         parameter_kind: Some(kind),
         value: Some(value),
@@ -292,45 +330,45 @@ mod tests {
 
     #[test]
     fn what_the_vehicle_would_store_blindly_is_refused_here() {
-        assert!(checked("NAV_DLL_ACT", 2.0) == Ok(Value::Int(2)));
+        assert!(checked("NAV_DLL_ACT", 2.0, None) == Ok(Value::Int(2)));
         // A real vehicle takes all of these.
         assert!(matches!(
-            checked("NAV_DLL_ACT", 99.0),
+            checked("NAV_DLL_ACT", 99.0, None),
             Err(ParameterError::Value { .. })
         ));
         assert!(matches!(
-            checked("NAV_DLL_ACT", 1.5),
+            checked("NAV_DLL_ACT", 1.5, None),
             Err(ParameterError::Kind { .. })
         ));
         assert!(matches!(
-            checked("COM_DL_LOSS_T", 4.0),
+            checked("COM_DL_LOSS_T", 4.0, None),
             Err(ParameterError::Range { .. })
         ));
         assert!(matches!(
-            checked("MIS_TAKEOFF_ALT", -1.0),
+            checked("MIS_TAKEOFF_ALT", -1.0, None),
             Err(ParameterError::Range { .. })
         ));
         assert!(matches!(
-            checked("MIS_TAKEOFF_ALT", f64::NAN),
+            checked("MIS_TAKEOFF_ALT", f64::NAN, None),
             Err(ParameterError::Kind { .. })
         ));
         assert!(matches!(
-            checked("MPC_XY_CRUISE", 1e40),
+            checked("MPC_XY_CRUISE", 1e40, None),
             Err(ParameterError::Kind { .. })
         ));
         assert!(matches!(
-            checked("NOT_A_PARAMETER", 1.0),
+            checked("NOT_A_PARAMETER", 1.0, None),
             Err(ParameterError::Unknown(_))
         ));
         assert!(matches!(
-            checked("MAV_SYS_ID", 2.0),
+            checked("MAV_SYS_ID", 2.0, None),
             Err(ParameterError::Identity(_))
         ));
     }
 
     #[test]
     fn a_report_contains_the_range_with_the_value() {
-        let reported = report("COM_DL_LOSS_T", Value::Int(10), Some((3, 9)), None);
+        let reported = report("COM_DL_LOSS_T", Value::Int(10), None, Some((3, 9)));
         assert_eq!(
             (reported.minimum, reported.maximum),
             (Some(5.0), Some(300.0))

@@ -109,6 +109,16 @@ impl RelayPolicy {
     }
 }
 
+/// Whether PX4 defends itself by a parameter: by default no other ground station writes it, and it is no control of a CUCS.
+pub(crate) fn is_safety_net(name: &str) -> bool {
+    PROTECTED.iter().any(|pattern| fits(pattern, name))
+}
+
+/// Whether the name of a parameter fits a pattern, `*` standing for any characters.
+pub(crate) fn fits(pattern: &str, name: &str) -> bool {
+    matches(pattern.as_bytes(), name.as_bytes())
+}
+
 fn byte(payload: &[u8], at: usize) -> u8 {
     payload.get(at).copied().unwrap_or(0)
 }

@@ -13,6 +13,7 @@ use stanag_msgs::table::{self, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, Text};
 
 use super::bounds::{Subject, bounds, default_value};
+use super::controls::Controls;
 use super::request::{Request, Scope};
 use crate::mode::MODES;
 use crate::payload::report::{PHOTOGRAPH, RECORDING};
@@ -29,6 +30,12 @@ pub fn answers(subject: &Subject<'_>, request: &Request) -> Vec<Message> {
             self::field(subject, message, field, &mut answers);
         }
         Scope::Message(message) => self::message(subject, message, &mut answers),
+        Scope::Control(number) => {
+            answers.extend(control(subject, number));
+            if answers.is_empty() {
+                answers.push(Controls::gone(number));
+            }
+        }
         Scope::Level(level) => {
             for message in table::MESSAGES.iter().filter(|info| level.has(info)) {
                 self::message(subject, message, &mut answers);
@@ -42,6 +49,12 @@ pub fn answers(subject: &Subject<'_>, request: &Request) -> Vec<Message> {
         }
         Scope::Abort => {}
     }
+    let with_controls = matches!(request.scope, Scope::Level(level) if level.is_control())
+        || matches!(request.scope, Scope::Message(_)) && request.is_of_controls();
+    if with_controls {
+        let offered = subject.controls.offered();
+        answers.extend(offered.flat_map(|number| control(subject, number)));
+    }
     answers.push(Message::ConfigurationComplete(ConfigurationComplete {
         vsm_id: Some(subject.vsm),
         data_link_id: Some(Id::NULL),
@@ -51,6 +64,12 @@ pub fn answers(subject: &Subject<'_>, request: &Request) -> Vec<Message> {
         ..ConfigurationComplete::default()
     }));
     answers
+}
+
+/// The limits of a control, and its value.
+fn control(subject: &Subject<'_>, number: u8) -> impl Iterator<Item = Message> + use<> {
+    let Subject { vsm, values_by, .. } = *subject;
+    subject.controls.describe(number, vsm, values_by)
 }
 
 /// Whether any field of a message is used by this VSM, on receipt or in sending.

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiterType, SpeedType};
 
+use super::controls::{Controls, ValuesBy};
 use crate::altitude::Agl;
 use crate::limits::{Limits, Performance, WIDEST_CIRCLE_M};
 use crate::parameter::Parameters;
@@ -31,6 +32,10 @@ pub struct Subject<'a> {
     pub parameters: &'a Parameters,
     /// The status page, where one is served.
     pub web_page: Option<&'a str>,
+    /// Its parameters that are offered as controls.
+    pub controls: &'a Controls,
+    /// How their values are reported to who asks.
+    pub values_by: ValuesBy,
 }
 
 /// Bounds of a field in its unit; what is not known is absent.

@@ -1,7 +1,8 @@
 //! Values that are no longer what a ground station has set: 44000 and 44002 report the present ones.
 //!
 //! These are the values that this VSM keeps for all stations alike (the altimeter setting of 2016, the loiter of 2017),
-//! and the mode that the vehicle is in. 44001 would report a float: this VSM keeps none.
+//! and the mode that the vehicle is in. 44001 reports
+//! the floats among the vehicle's controls ([`super::Controls`]).
 //!
 //! Modes 11 and 21 can be commanded at times only: 44003 reports when ([`Available`]).
 

@@ -9,14 +9,17 @@
 //! - Values of this VSM's own (modes, states) are described one by one by 41002.
 //! - What is not known, such as home before the vehicle has reported it, is absent.
 //! - What a command of another station, or the vehicle itself, has set since is reported by 44000 and 44002 ([`changes`]).
+//! - Parameters that the configuration chooses are controls: fields of 50011, and their values 44000 and 44001 ([`Controls`]).
 
 mod answer;
 mod bounds;
 pub mod changes;
+mod controls;
 mod request;
 #[cfg(test)]
 mod tests;
 
 pub use answer::answers;
 pub use bounds::{Bounds, Subject, bounds};
+pub use controls::{Change, Controls, ValuesBy};
 pub use request::{Level, Request, RequestError, Scope};

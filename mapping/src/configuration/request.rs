@@ -1,8 +1,10 @@
 //! What a 40000 asks for.
 
 use stanag_msgs::enums::ConfigRequestType;
-use stanag_msgs::messages::FieldConfigurationRequest;
+use stanag_msgs::messages::{FieldConfigurationRequest, ParameterSetCommand};
 use stanag_msgs::table::{self, Direction, FieldInfo, MessageInfo};
+
+use super::controls::Controls;
 
 /// A request that can be answered.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +25,8 @@ pub enum Scope {
     },
     /// A message with all its fields (Request Type 0, Requested Field absent or 0).
     Message(&'static MessageInfo),
+    /// One control, a field of 50011 (Request Type 0).
+    Control(u8),
     /// All messages of a level of interoperability, or of the data link (Request Types 1 to 5).
     Level(Level),
     /// No more answers (Request Type 6).
@@ -98,6 +102,16 @@ pub enum RequestError {
 }
 
 impl Request {
+    /// Whether it is about the controls alone.
+    #[must_use]
+    pub fn is_of_controls(&self) -> bool {
+        match self.scope {
+            Scope::Control(_) => true,
+            Scope::Message(message) => message.id == ParameterSetCommand::ID,
+            _ => false,
+        }
+    }
+
     /// Reads a 40000.
     ///
     /// # Errors
@@ -126,6 +140,9 @@ fn single(request: &FieldConfigurationRequest) -> Result<Scope, RequestError> {
         .ok_or(RequestError::Message(requested))?;
     match request.requested_field {
         None | Some(0) => Ok(Scope::Message(message)),
+        Some(number @ Controls::FIRST..) if message.id == ParameterSetCommand::ID => {
+            Ok(Scope::Control(number))
+        }
         Some(number) => message
             .fields
             .get(usize::from(number) - 1)

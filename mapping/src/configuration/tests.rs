@@ -1,5 +1,7 @@
 //! The answers hold what a CUCS needs, and nothing that is not so.
 
+use std::sync::OnceLock;
+
 use stanag_msgs::enums::{ConfigRequestType, EnumIndexEnable, FieldAvailable};
 use stanag_msgs::messages::FieldConfigurationRequest;
 
@@ -7,6 +9,7 @@ use stanag_msgs::{Id, Message, table};
 
 use super::answer::{answers, is_used};
 use super::bounds::{Subject, bounds};
+use super::controls::{Controls, ValuesBy};
 use super::request::{Request, RequestError};
 use crate::altitude::Agl;
 use crate::limits::Limits;
@@ -29,6 +32,8 @@ fn parameters() -> Parameters {
     parameters
 }
 
+static NO_CONTROLS: OnceLock<Controls> = OnceLock::new();
+
 fn subject(parameters: &Parameters) -> Subject<'_> {
     Subject {
         vsm: Id(0x1b00_0001),
@@ -44,6 +49,8 @@ fn subject(parameters: &Parameters) -> Subject<'_> {
         agl: Agl::AboveHome,
         parameters,
         web_page: Some("http://127.0.0.1:8586/"),
+        controls: NO_CONTROLS.get_or_init(Controls::default),
+        values_by: ValuesBy::Field,
     }
 }
 

@@ -18,27 +18,49 @@ pub enum MetadataError {
     /// It is not JSON of this form.
     #[error("not the JSON of such metadata: {0}")]
     Json(#[from] serde_json::Error),
-    /// It names no events.
-    #[error("the vehicle's general metadata names no file of events (type 4)")]
-    NoEvents,
+    /// It names no such file.
+    #[error("the vehicle's general metadata names no file of {0}")]
+    NoFile(Definitions),
     /// It is somewhere else.
-    #[error("the vehicle's events are at {0:?}: expected a file of the vehicle itself (mftp://)")]
+    #[error("the vehicle's metadata is at {0:?}: expected a file of the vehicle itself (mftp://)")]
     Elsewhere(String),
     /// More than a vehicle has.
     #[error(
         "{0} groups of a component and {1} events: expected at most {MAX_GROUPS} and {MAX_EVENTS}"
     )]
     TooMany(usize, usize),
+    /// More than a vehicle has.
+    #[error("{0} parameters: expected at most {1}")]
+    TooManyParameters(usize, usize),
 }
 
-/// Where the vehicle has its definitions of events, by its general metadata: a path for MAVLink FTP.
+/// What a file of metadata defines (COMP_METADATA_TYPE).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Definitions {
+    /// COMP_METADATA_TYPE_PARAMETER
+    Parameters = 1,
+    /// COMP_METADATA_TYPE_EVENTS
+    Events = 4,
+}
+
+impl std::fmt::Display for Definitions {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Definitions::Parameters => "parameters (type 1)",
+            Definitions::Events => "events (type 4)",
+        })
+    }
+}
+
+/// Where the vehicle has its definitions, by its general metadata: a path for MAVLink FTP.
 ///
 /// # Errors
 /// It cannot be read, or names no such file of the vehicle.
-pub fn find(general: &[u8]) -> Result<String, MetadataError> {
+pub fn find(general: &[u8], wanted: Definitions) -> Result<String, MetadataError> {
     let general: General = serde_json::from_slice(&unpack(general)?)?;
-    let events = general.types.into_iter().find(|one| one.kind == EVENTS);
-    path_of(&events.ok_or(MetadataError::NoEvents)?.uri)
+    let mut types = general.types.into_iter();
+    let found = types.find(|one| one.kind == wanted as u32);
+    path_of(&found.ok_or(MetadataError::NoFile(wanted))?.uri)
 }
 
 /// The path in an `mftp://` address of the autopilot; `mftp://[;comp=1]` names it.
@@ -223,8 +245,6 @@ impl Catalogue {
     }
 }
 
-/// MAVLink's COMP_METADATA_TYPE_EVENTS.
-const EVENTS: u32 = 4;
 /// PX4 has 6.
 const MAX_GROUPS: usize = 16;
 /// PX4 has some 500.
@@ -293,7 +313,7 @@ mod tests {
                 r#"{{"metadataTypes": [{{"type": 1, "uri": "x"}}, {{"type": 4, "uri": "{uri}"}}]}}"#
             )
         };
-        let found = |uri: &str| find(general(uri).as_bytes()).ok();
+        let found = |uri: &str| find(general(uri).as_bytes(), Definitions::Events).ok();
         assert_eq!(
             found("mftp://etc/extras/e.json.xz").as_deref(),
             Some("/etc/extras/e.json.xz")
@@ -301,7 +321,10 @@ mod tests {
         assert_eq!(found("mftp://[;comp=1]/a.json").as_deref(), Some("/a.json"));
         assert_eq!(found("mftp://[;comp=100]/a.json"), None);
         assert_eq!(found("https://example.org/a.json"), None);
-        assert!(matches!(find(b"{}"), Err(MetadataError::NoEvents)));
+        assert!(matches!(
+            find(b"{}", Definitions::Events),
+            Err(MetadataError::NoFile(Definitions::Events))
+        ));
     }
 
     #[test]

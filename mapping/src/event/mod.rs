@@ -11,7 +11,7 @@ mod text;
 use mavlink_link::service::event::Received;
 use stanag_msgs::enums::AlertPriority;
 
-pub use self::definition::{Catalogue, MetadataError, find, path_of};
+pub use self::definition::{Catalogue, Definitions, MetadataError, find, path_of};
 pub use self::packed::{MAX_UNPACKED, UnpackError, unpack};
 
 /// What an event is for.

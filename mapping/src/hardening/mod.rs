@@ -123,7 +123,7 @@ mod tests {
             assert_eq!((verdict, why), (Verdict::Good, ""), "{}", setting.name);
             // Ports, USB and DDS depend on the board and are not in the table of parameters.
             if parameter::range(setting.name).is_some() {
-                let taken = parameter::checked(setting.name, setting.better);
+                let taken = parameter::checked(setting.name, setting.better, None);
                 assert!(taken.is_ok(), "{}: {taken:?}", setting.name);
             }
         }

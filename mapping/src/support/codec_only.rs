@@ -36,11 +36,8 @@ static REASONS: &[(&[u16], &str)] = &[
     ),
     (
         &[42_003, 43_002],
-        "no source gives the length of their texts",
-    ),
-    (
-        &[44_001],
-        "it changes fields of 42003 and 43002, which are not sent; parameters are changed and reported by 50011 and 50012",
+        "no source gives the length of their texts or the values of Input Type and Enable, and no message of Edition 2 has them, \
+         from which they could be derived; controls are described by 41000 and 41001 of 50011 instead",
     ),
 ];
 

@@ -78,7 +78,7 @@ pub struct Config {
     pub params: Vec<(Param, f64)>,
     /// Implements operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     pub operator_control: bool,
-    /// Sends EVENT beside its texts, and has their metadata among its files, as PX4 does.
+    /// Sends EVENT beside its texts, and has their metadata and that of its parameters among its files, as PX4 does.
     pub events: bool,
     /// A combustion engine, which reports itself by EFI_STATUS and idles while disarmed.
     pub combustion: bool,

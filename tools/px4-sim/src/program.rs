@@ -57,7 +57,7 @@ struct Arguments {
     /// Implement operator control (REQUEST_OPERATOR_CONTROL, CONTROL_STATUS), which PX4 v1.18 does not.
     #[arg(long)]
     operator_control: bool,
-    /// Send EVENT beside STATUSTEXT, and serve the metadata of events, as PX4 does.
+    /// Send EVENT beside STATUSTEXT, and serve the metadata of events and parameters, as PX4 does.
     #[arg(long)]
     events: bool,
     /// Fly on a combustion engine that reports itself by EFI_STATUS.

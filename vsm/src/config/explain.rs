@@ -341,6 +341,14 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.contingency.position", "\"land\""),
     ("vehicle.contingency.fence", "\"rtl\""),
     ("vehicle.contingency.engine", "\"land\""),
+    (
+        "vehicle.controls.parameters",
+        "[\"MPC_XY_*\", \"NAV_LOITER_RAD\"]",
+    ),
+    (
+        "vehicle.controls.groups",
+        "[\"Multicopter Position Control\"]",
+    ),
     ("vehicle.area.keep", "\"in\""),
     (
         "vehicle.area.vertices",

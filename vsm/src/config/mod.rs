@@ -5,7 +5,7 @@
 //!
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `terrain` reads elevation files; `termination` is what a
+//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `controls` chooses parameters that a CUCS may set; `terrain` reads elevation files; `termination` is what a
 //! commanded flight termination does, `zeroize` what a zeroize erases; `access` names the access list; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
@@ -30,6 +30,7 @@ pub mod airside;
 mod bridge;
 mod changes;
 mod contingency;
+mod controls;
 mod disputed;
 mod error;
 mod explain;
@@ -49,6 +50,7 @@ pub use access::Access;
 pub use bridge::{Authority, Config, Dli, Http, Mavlink, Record, Store};
 pub use changes::{Changes, Report};
 pub use contingency::{Contingency, ContingencyAction};
+pub use controls::Controls;
 pub use disputed::Readings;
 pub use error::ConfigError;
 pub use forward::{Commands, Forward, ForwardLink, Relay};

@@ -110,6 +110,9 @@ action = \"land\"
 #vehicle.termination
 [vehicle.contingency]
 #vehicle.contingency
+[vehicle.controls]
+parameters = [\"MPC_XY_CRUISE\"]
+#vehicle.controls
 [[vehicle.area]]
 keep = \"out\"
 centre = [47.0, 8.0]

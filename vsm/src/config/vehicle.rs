@@ -5,6 +5,7 @@ use serde::Deserialize;
 use stanag_msgs::Id;
 
 use super::contingency::Contingency;
+use super::controls::Controls;
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
 use super::key::table;
@@ -68,6 +69,8 @@ table! {
         /// What is flown while something is wrong with it.
         #[serde(default)]
         pub contingency: Contingency => Table(Contingency::KEYS),
+        /// Its parameters that a CUCS is offered as controls; without it none is.
+        pub controls: Option<Controls> => Table(Controls::KEYS),
         /// Areas of its geofence, which no CUCS can take away.
         #[serde(default)]
         pub area: Vec<Area> => Table(Area::KEYS),
@@ -369,6 +372,9 @@ impl Vehicle {
         }
         if let Some(termination) = &self.termination {
             termination.check(at)?;
+        }
+        if let Some(controls) = &self.controls {
+            controls.check(at)?;
         }
         self.limits.check(at)
     }

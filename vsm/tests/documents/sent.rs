@@ -55,6 +55,7 @@ fn sent_fields_are_sent_and_no_others() {
     keep_messages(&received(&everything(Airframe::Plane)));
     keep_messages(&received(&services()));
     keep_messages(&received(&payload()));
+    keep_messages(&received(&controls()));
     keep_messages(&of_other_sensors());
     // 17000 is taken off by the stations: each of its fields is looked at there.
     let acknowledged = &table::message(17_000).expect("17000").fields;
@@ -87,6 +88,29 @@ fn sent_fields_are_sent_and_no_others() {
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
+}
+
+/// A vehicle whose metadata describes its controls.
+fn controls() -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            events: true,
+            ..px4_sim::Config::default()
+        }],
+        vehicle_keys: "[vehicle.controls]\nparameters = [\"MPC_XY_CRUISE\"]\n",
+        ..Setup::default()
+    });
+    rig.run(10.0);
+    done(
+        &mut rig,
+        FieldConfigurationRequest {
+            vsm_id: Some(VSM),
+            request_type: Some(ConfigRequestType::Loi4),
+            ..FieldConfigurationRequest::default()
+        },
+    );
+    rig.run(1.0);
+    rig
 }
 
 /// A flight in which a station asks for all that there is.

@@ -29,6 +29,7 @@ mod commands_survive_a_restart;
 mod commands_without_a_mode;
 mod configuration_phase;
 mod contingencies;
+mod controls;
 mod curves;
 mod edition_25;
 mod effects_order;

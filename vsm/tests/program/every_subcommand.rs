@@ -39,6 +39,11 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("config --loi 4", Done),
     ("parameters NAV_DLL_ACT", Done),
     ("set NAV_DLL_ACT 0", Done),
+    ("controls", Done),
+    (
+        "controls MPC_XY_CRUISE 6",
+        Refused("no control MPC_XY_CRUISE"),
+    ),
     ("fence area.fence.toml", Done),
     ("fence", Done),
     ("fence --clear", Done),

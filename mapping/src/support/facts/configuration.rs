@@ -8,9 +8,9 @@ facts! {
         "VSM ID": "refused unless this VSM's, everybody's or none";
         "Request Type": "0 one message or field, 1 to 4 LOI 2 to 5, 5 data link, 6 no more answers";
         "Requested Message": "of Request Type 0";
-        "Requested Field": "of Request Type 0, from 1; absent or 0: all";
+        "Requested Field": "of Request Type 0, from 1; absent or 0: all; of 50011 from 11 on the vehicle's controls";
     }
-    41000 sends "in answer to 40000, and when a parameter changes: signed integers and angles, in steps on the wire" {
+    41000 sends "in answer to 40000, and when a parameter changes: signed integers and angles, in steps on the wire; and each control of the vehicle that is an integer, as a field of 50011 from 11 on, also when it is new or described anew" {
         "Time Stamp": STAMP;
         "VSM ID": "dli.vsm_id";
         "Data Link ID": NULL_LINK;
@@ -20,17 +20,21 @@ facts! {
         "Default Value": "what a command may start from";
         "Max Value": "the vehicle's parameters and the configured limits";
         "Min Value": "the vehicle's parameters and the configured limits";
-        "Help Text": "the unit, and where the bounds are from";
+        "Help Text": "the unit, and where the bounds are from; of a control its parameter to the colon, unit and meaning";
         "Subsystem ID": "not assigned";
     }
-    41001 sends "in answer to 40000: floats, which nothing bounds here" {
+    41001 sends "in answer to 40000: floats, which nothing bounds here; and each control of the vehicle that is a float, as a field of 50011 from 11 on, also when it is new or described anew" {
         "Time Stamp": STAMP;
         "VSM ID": "dli.vsm_id";
         "Data Link ID": NULL_LINK;
         "Requested Message": "what it is about";
         "Requested Field": "what it is about, from 1";
         "Field Supported": "whether the field is used";
-        "Help Text": "empty";
+        "Default Value": "of a control: the firmware's, by the vehicle's metadata";
+        "Max Value": "of a control: by the vehicle's metadata, absent without it";
+        "Min Value": "of a control: by the vehicle's metadata, absent without it";
+        "Minimum Display Resolution": "of a control: by the vehicle's metadata";
+        "Help Text": "of a control its parameter to the colon, unit and meaning; else empty";
         "Subsystem ID": "not assigned";
     }
     41002 sends "in answer to 40000: enumerations, one for each value of this VSM's own" {
@@ -93,11 +97,17 @@ facts! {
         "Maximum Number of Waypoints": "vehicle.curve.max_items";
         "Location Type Support": "0: absolute only";
     }
-    44000 sends "to those that 40000 has configured, when another has set it: Altimeter Setting of 2016, Loiter Radius of 2017" {
+    44000 sends "to those that 40000 has configured, when another has set it: Altimeter Setting of 2016, Loiter Radius of 2017; and the value of each control that is an integer, after its 41000 and when it is another" {
         "Time Stamp": STAMP;
         "Requested Message": "what it is about";
         "Requested Field": "what it is about, from 1";
         "Commanded Value": "what it is now";
+    }
+    44001 sends "to those that 40000 has configured: the value of each control that is a float, after its 41001 and when it is another" {
+        "Time Stamp": STAMP;
+        "Requested Message": "50011";
+        "Requested Field": "the control, from 11";
+        "Commanded Value": "PARAM_VALUE.param_value";
     }
     44002 sends "to those that 40000 has configured: the mode of 2016, when the vehicle enters another; Loiter Type and Loiter Direction of 2017, when another has set them" {
         "Time Stamp": STAMP;
@@ -105,7 +115,7 @@ facts! {
         "Requested Field": "what it is about, from 1";
         "Commanded Enumeration Index Value": "what it is now";
     }
-    44003 sends "in answer to 40000: what is not supported; and when a mode comes or goes" {
+    44003 sends "in answer to 40000: what is not supported; and when a mode or a control comes or goes" {
         "Time Stamp": STAMP;
         "Station Number 1-16": "0";
         "Reported Message": "what it is about";

@@ -53,16 +53,16 @@ facts! {
     }
     50011 taken "a parameter of the vehicle is written: PARAM_SET, done once PARAM_VALUE returns the value; needs LOI 4" {
         "Time Stamp": RECEIVED_STAMP;
-        "Parameter Name": "which; refused where its range is not known";
-        "Commanded Value": "refused out of its range";
+        "Parameter Name": "which; refused where its range is not known, and where vehicle.controls does not choose it";
+        "Commanded Value": "refused out of its range, by the vehicle's metadata where it is read, else by the table of PX4 v1.18";
     }
     50012 sends "in answer to 50010 and 50011, and on a later change to those that have requested it" {
         "Time Stamp": STAMP;
         "Parameter Name": "PARAM_VALUE.param_id";
         "Parameter Kind": "PARAM_VALUE.param_type";
         "Value": "PARAM_VALUE.param_value";
-        "Minimum": "the table of PX4 v1.18";
-        "Maximum": "the table of PX4 v1.18";
+        "Minimum": "the vehicle's metadata where it is read, else the table of PX4 v1.18";
+        "Maximum": "the vehicle's metadata where it is read, else the table of PX4 v1.18";
         "Parameter Index": "where all are reported";
         "Parameter Count": "where all are reported";
     }

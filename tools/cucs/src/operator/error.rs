@@ -52,6 +52,11 @@ pub enum OperatorError {
     /// No offer is known that could be accepted.
     #[error("vehicle {0}: no offer received; name the levels with --loi")]
     NothingOffered(Id),
+    /// The VSM offers no such control.
+    #[error(
+        "no control {0}: `cucs controls` lists those that the VSM offers (its vehicle.controls)"
+    )]
+    NoControl(String),
     /// The download is incomplete.
     #[error("the plan refers to waypoints that were not received: {0}")]
     Incomplete(String),

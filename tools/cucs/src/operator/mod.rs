@@ -5,13 +5,14 @@
 //! - [`console`]: the operator: station, vehicle, output;
 //! - [`configuration`]: the answers of the configuration phase as a table;
 //! - [`until`]: what a held command waits for;
-//! - [`rights`], [`plans`], [`services`], [`held`], [`contingency`], [`payload`]: groups of subcommands;
+//! - [`rights`], [`plans`], [`services`], `controls`, [`held`], [`contingency`], [`payload`]: groups of subcommands;
 //! - [`run`]: carries out any of them.
 
 mod argument;
 pub(crate) mod configuration;
 pub(crate) mod console;
 pub(crate) mod contingency;
+mod controls;
 pub(crate) mod error;
 pub(crate) mod file_kind;
 pub(crate) mod held;

@@ -165,6 +165,7 @@ impl<W: Write> Operator<W> {
             Verb::Config { loi } => self.configuration(*loi).await,
             Verb::Parameters { name } => self.parameters(name.as_deref()).await,
             Verb::Set { name, value } => self.set_parameter(name, *value).await,
+            Verb::Controls { name, value } => self.controls(name.as_deref(), *value).await,
             Verb::Software => self.software().await,
             Verb::Ping { vehicle } => self.ping(*vehicle == Some(None)).await,
             Verb::Fence {

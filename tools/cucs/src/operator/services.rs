@@ -18,7 +18,7 @@ use crate::session::machine::Event;
 use crate::station::outcome::StationError;
 
 /// A parameter as a person writes it: PX4's floats are of 32 bits, and 0.1 of 32 bits is 0.10000000149011612 of 64.
-fn shortest(value: f64) -> String {
+pub(super) fn shortest(value: f64) -> String {
     let narrow = value as f32;
     if f64::from(narrow).to_bits() == value.to_bits() {
         narrow.to_string()

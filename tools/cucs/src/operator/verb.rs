@@ -193,6 +193,14 @@ pub enum Verb {
         #[arg(allow_negative_numbers = true)]
         value: f64,
     },
+    /// Show the controls that the VSM offers of the vehicle, or set one (40000, 50011).
+    Controls {
+        /// Name of the control (default: all).
+        name: Option<String>,
+        /// New value, in the control's own unit; refused outside its range.
+        #[arg(allow_negative_numbers = true)]
+        value: Option<f64>,
+    },
     /// Show the software versions of VSM and vehicle (50013).
     Software,
     /// Measure the round-trip time (50014).

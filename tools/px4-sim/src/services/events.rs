@@ -6,9 +6,7 @@
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;
-use std::io::Write as _;
 
-use lzma_rust2::{XzOptions, XzWriter};
 use mavlink::dialects::development::{
     CURRENT_EVENT_SEQUENCE_DATA, EVENT_DATA, MavEventCurrentSequenceFlags, MavEventErrorReason,
     MavMessage, REQUEST_EVENT_DATA, RESPONSE_EVENT_ERROR_DATA,
@@ -185,19 +183,8 @@ impl Known {
     }
 }
 
-/// The files of the vehicle's metadata, with their paths: packed as XZ, as PX4's are.
-pub(crate) fn metadata() -> [(&'static str, Vec<u8>); 2] {
-    let general = format!(
-        r#"{{"metadataTypes": [{{"type": 4, "uri": "mftp:/{EVENTS_FILE}", "fileCrc": 0}}], "version": 1}}"#
-    );
-    [
-        (GENERAL_FILE, pack(general.as_bytes())),
-        (EVENTS_FILE, pack(definitions().as_bytes())),
-    ]
-}
-
 /// As PX4's build makes them of the comments in its source.
-fn definitions() -> String {
+pub(super) fn definitions() -> String {
     let mut events = String::new();
     for known in KNOWN {
         let kind = match known.argument {
@@ -227,15 +214,6 @@ fn definitions() -> String {
         [{{"name": "modes", "type": "uint32_t"}}, {{"name": "index", "type": "uint8_t"}}]}}}}}}}}}}}}}}"#,
         reasons.join(", ")
     )
-}
-
-fn pack(content: &[u8]) -> Vec<u8> {
-    let packed = XzWriter::new(Vec::new(), XzOptions::with_preset(1)).and_then(|mut writer| {
-        writer.write_all(content)?;
-        writer.finish()
-    });
-    // Nothing is written to but memory.
-    packed.unwrap_or_default()
 }
 
 /// 24 bits of FNV-1a of its name, and component 1.
@@ -372,10 +350,6 @@ const ARM_REASONS: &[(u8, &str)] = &[
     (14, "failsafe"),
 ];
 
-/// What PX4's COMPONENT_METADATA names.
-pub(crate) const GENERAL_URI: &str = "mftp://etc/extras/component_general.json.xz";
-const GENERAL_FILE: &str = "/etc/extras/component_general.json.xz";
-const EVENTS_FILE: &str = "/etc/extras/all_events.json.xz";
 /// The check that a vehicle without a position reports.
 const CHECK: &str = "check_modes_global_pos";
 const FIRST: u16 = 65_526;

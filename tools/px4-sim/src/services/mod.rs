@@ -5,6 +5,7 @@
 //! - [`mission_rules`]: which items PX4 accepts, and which parameters of a command it uses;
 //! - [`mission`]: stores missions, fences and rally points, and sends them back;
 //! - `events`: EVENT beside the texts, and what each means;
+//! - `metadata`: what its events and parameters mean, among its files;
 //! - [`ftp`]: lists, reads and writes the [`files`] of its card;
 //! - [`param`]: lists, reads and sets parameters;
 //! - `streams`: which messages go out unrequested, and how often;
@@ -18,6 +19,7 @@
 pub(crate) mod events;
 pub mod files;
 pub mod ftp;
+pub(crate) mod metadata;
 pub mod mission;
 pub mod mission_rules;
 pub mod param;

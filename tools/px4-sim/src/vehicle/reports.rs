@@ -17,7 +17,7 @@ use crate::config::Airframe;
 use crate::flight::mode::Mode;
 use crate::physics::motion::{Geodetic, Ned, quaternion};
 use crate::physics::vtol::VtolState;
-use crate::services::events;
+use crate::services::metadata;
 
 impl Vehicle {
     /// The message of a stream, or `None` while there is nothing to report.
@@ -74,7 +74,7 @@ impl Vehicle {
                 M::COMPONENT_METADATA(mav::COMPONENT_METADATA_DATA {
                     time_boot_ms: self.boot_ms(),
                     file_crc: 1,
-                    uri: events::GENERAL_URI.into(),
+                    uri: metadata::GENERAL_URI.into(),
                 })
             }
             _ => return self.payloads.report(message, self.boot_ms()),

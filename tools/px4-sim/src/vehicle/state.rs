@@ -27,9 +27,9 @@ use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 use crate::physics::noise::Estimator;
 use crate::physics::trajectory::{Guidance, Heading};
 use crate::physics::vtol::VtolState;
-use crate::services::events;
 use crate::services::files::Files;
 use crate::services::ftp;
+use crate::services::metadata;
 use crate::services::mission::{KINDS, Limits, Server};
 use crate::services::mission_rules::{Airframe as ParamUse, Px4Rules};
 use crate::services::param;
@@ -204,7 +204,7 @@ impl Vehicle {
         }
         let mut files = config.files.clone();
         if config.events {
-            for (path, content) in events::metadata() {
+            for (path, content) in metadata::files(params.table()) {
                 if files.get(path).is_none() {
                     files.insert(path, content);
                 }

@@ -277,6 +277,7 @@ const EXAMPLES: &[&str] = &[
     "cucs config --loi 4",
     "cucs parameters NAV_DLL_ACT",
     "cucs set NAV_DLL_ACT 2",
+    "cucs controls MPC_XY_CRUISE 6",
     "cucs software",
     "cucs ping --vehicle 1b:00:01:01",
     "cucs fence area.fence.toml",

@@ -4,15 +4,16 @@
 //! serial lines everything is requested piece by piece at a set rate, and the checksum of a large file, during which PX4
 //! receives nothing, is left for the ground. Nothing is written or removed while the vehicle may be armed.
 
-use mapping::event::Catalogue;
+use mapping::event::{Catalogue, Definitions};
+use mapping::parameter_metadata::ParameterMetadata;
 use mavlink_link::service::ftp::{Event, Operation};
 
 use super::Aircraft;
 use crate::config::LinkAddress;
 use crate::session::effects::{DliEffects, Effects};
-use crate::session::event_metadata::KEY_FILE;
 use crate::session::files::{FileAccess, FileEvent, FileRefusal, MAX_IN_FLIGHT};
 use crate::session::log::LogLevel;
+use crate::session::metadata::{Defined, KEY_FILE, MetadataReader};
 use crate::session::reports;
 
 impl Aircraft {
@@ -42,8 +43,9 @@ impl Aircraft {
         if let Some(state) = self.may_fly().filter(|_| writes) {
             return Err(FileRefusal::InFlight(state));
         }
-        self.event_metadata
-            .give_way(dli.now.mono, &mut self.services);
+        for reader in &mut self.metadata {
+            reader.give_way(dli.now.mono, &mut self.services);
+        }
         self.set_file_rate();
         self.services.files.start(dli.now.mono, operation)?;
         let stopped = None;
@@ -63,7 +65,7 @@ impl Aircraft {
 
     /// What has become of it.
     pub(in crate::session) fn poll_file(&mut self) -> Option<FileEvent> {
-        if self.event_metadata.is_reading() {
+        if self.reads_metadata() {
             return None;
         }
         Some(match self.services.files.poll_event()? {
@@ -81,37 +83,83 @@ impl Aircraft {
         })
     }
 
-    /// Reads from the vehicle what its events mean.
-    pub(super) fn read_event_metadata(&mut self, dli: &mut DliEffects<'_>) {
+    /// Whether what the file client reports is of metadata.
+    fn reads_metadata(&self) -> bool {
+        self.metadata.iter().any(MetadataReader::is_reading)
+    }
+
+    /// Reads from the vehicle what its events mean, and what its parameters are where they are controls.
+    pub(super) fn read_metadata(&mut self, dli: &mut DliEffects<'_>) {
         if !self.vehicle.live() {
             return;
         }
         let now = dli.now.mono;
-        let ended = self.event_metadata.advance(now, &mut self.services);
-        if self.event_metadata.take_outdated() {
-            // Numbers alone are better than the texts of another firmware.
-            self.observe(dli, reports::Input::DefineEvents(Catalogue::default()));
-        }
-        match ended {
-            None => {}
-            Some(Ok(catalogue)) => {
-                let text = format!(
-                    "{} events of the vehicle are defined by its metadata",
-                    catalogue.len()
-                );
-                effects!(self, dli).note(LogLevel::Info, text);
-                self.observe(dli, reports::Input::DefineEvents(catalogue));
+        let on_the_ground = self.may_fly().is_none();
+        let mut all = Vec::new();
+        for reader in &mut self.metadata {
+            match reader.kind() {
+                Definitions::Events if self.services.events.is_in_use() => reader.begin(now),
+                Definitions::Parameters if self.config.controls.is_some() && on_the_ground => {
+                    reader.begin(now);
+                }
+                Definitions::Parameters => reader.pause(&mut self.services),
+                Definitions::Events => {}
             }
-            Some(Err(why)) => {
-                let text = format!("the vehicle's events are alerted by their numbers: {why}");
-                effects!(self, dli).note(LogLevel::Warning, text);
+            let ended = reader.advance(now, &mut self.services);
+            all.push((reader.kind(), reader.take_outdated(), ended));
+        }
+        for (kind, outdated, ended) in all {
+            if outdated {
+                // Numbers alone are better than the texts of another firmware, and no range than one of its.
+                let nothing = match kind {
+                    Definitions::Events => Defined::Events(Catalogue::default()),
+                    Definitions::Parameters => Defined::Parameters(ParameterMetadata::default()),
+                };
+                self.define(dli, nothing);
+            }
+            let (level, text) = match (&ended, kind) {
+                (None, _) => continue,
+                (Some(Ok(Defined::Events(all))), _) => (
+                    LogLevel::Info,
+                    format!(
+                        "{} events of the vehicle are defined by its metadata",
+                        all.len()
+                    ),
+                ),
+                (Some(Ok(Defined::Parameters(all))), _) => (
+                    LogLevel::Info,
+                    format!(
+                        "{} parameters of the vehicle are described by its metadata",
+                        all.len()
+                    ),
+                ),
+                (Some(Err(why)), Definitions::Events) => (
+                    LogLevel::Warning,
+                    format!("the vehicle's events are alerted by their numbers: {why}"),
+                ),
+                (Some(Err(why)), Definitions::Parameters) => (
+                    LogLevel::Warning,
+                    format!("the vehicle's controls have no ranges: {why}"),
+                ),
+            };
+            effects!(self, dli).note(level, text);
+            if let Some(Ok(defined)) = ended {
+                self.define(dli, defined);
             }
         }
     }
 
+    fn define(&mut self, dli: &mut DliEffects<'_>, defined: Defined) {
+        let input = match defined {
+            Defined::Events(catalogue) => reports::Input::DefineEvents(catalogue),
+            Defined::Parameters(metadata) => reports::Input::DefineParameters(metadata),
+        };
+        self.observe(dli, input);
+    }
+
     /// Withdraws it: whoever wanted it has gone.
     pub(in crate::session) fn withdraw_file(&mut self, dli: &mut DliEffects<'_>) {
-        if self.event_metadata.is_reading() {
+        if self.reads_metadata() {
             return;
         }
         self.services.files.withdraw();
@@ -126,7 +174,7 @@ impl Aircraft {
         }
         self.set_file_rate();
         // What is known of an operator's last file says nothing of the metadata, which is never large.
-        if self.event_metadata.is_reading() {
+        if self.reads_metadata() {
             return;
         }
         let Some(state) = self.may_fly() else {

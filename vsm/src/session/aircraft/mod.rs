@@ -30,7 +30,6 @@ use super::alerts::{Alerts, Cause};
 use super::authority::{self, AuthorityMachine};
 use super::context::{Bounds, Context, Settings, WATCH_SLACK};
 use super::effects::{DliEffects, Effects, Request};
-use super::event_metadata::EventMetadata;
 use super::files::FileAccess;
 use super::flight::{self, Flight};
 use super::held::{self, Held};
@@ -39,6 +38,7 @@ use super::link::event::VehicleEvent;
 use super::link::frame::Peer;
 use super::link::services::Services;
 use super::link::state::VehicleState;
+use super::metadata::MetadataReader;
 use super::mission::{self, Mission};
 use super::payload::{self, Payload};
 use super::reports::{self, Reports, VehicleSettings};
@@ -70,7 +70,8 @@ pub(crate) struct Aircraft {
     pub(super) termination: Termination,
     pub(super) link: VehicleLink,
     files: FileAccess,
-    event_metadata: EventMetadata,
+    /// Of events, then of parameters.
+    metadata: [MetadataReader; 2],
 }
 
 // Both borrow single fields, so that a machine can be borrowed mutably beside them; a method would borrow all.
@@ -140,7 +141,7 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_datagram(from, bytes, vehicle, effects!(self, dli), tap);
         self.watch_file();
-        self.read_event_metadata(dli);
+        self.read_metadata(dli);
         self.run_until_idle(dli);
         self.terminate(dli, termination::Input::Watch);
         // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
@@ -157,7 +158,7 @@ impl Aircraft {
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
         link.handle_timeout(vehicle, effects!(self, dli));
         self.watch_file();
-        self.read_event_metadata(dli);
+        self.read_metadata(dli);
         self.vehicle.telemetry.equipment.forget(dli.now.mono);
         // Before anything else is flown.
         self.terminate(dli, termination::Input::Watch);
@@ -238,9 +239,9 @@ impl Aircraft {
             self.termination.poll_timeout(),
             self.reports.poll_timeout(&self.alerts),
             self.payload.poll_timeout(),
-            self.event_metadata.poll_timeout(),
         ]
         .into_iter()
+        .chain(self.metadata.each_ref().map(MetadataReader::poll_timeout))
         .flatten()
         .min()
     }
@@ -376,7 +377,9 @@ impl Aircraft {
             VehicleEvent::Restarted => {
                 // As after a silence: what it carries is compared with what was loaded.
                 self.mission(dli, mission::Input::LinkUp);
-                self.event_metadata.restart(&mut self.services);
+                for reader in &mut self.metadata {
+                    reader.restart(&mut self.services);
+                }
                 self.observe(dli, reports::Input::Restarted);
             }
             VehicleEvent::Silent => self.observe(dli, reports::Input::LinkDown),
@@ -409,7 +412,11 @@ impl Aircraft {
             }
             VehicleEvent::Text(text) => self.observe(dli, reports::Input::Text(text)),
             VehicleEvent::Event(event) => self.observe(dli, reports::Input::Event(event)),
-            VehicleEvent::Metadata(named) => self.event_metadata.named(&named),
+            VehicleEvent::Metadata(named) => {
+                for reader in &mut self.metadata {
+                    reader.named(&named);
+                }
+            }
             VehicleEvent::Link(event) => self.link.report(event, effects!(self, dli)),
             VehicleEvent::ForeignControl(text) => effects!(self, dli).warn_of_link(text),
             VehicleEvent::ControlStatus(status) => {

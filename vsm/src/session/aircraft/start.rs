@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use mapping::event::Definitions;
 use mavlink_link::store::StoreError;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use stanag_msgs::messages::HoldCommand;
@@ -14,13 +15,13 @@ use crate::session::authority::record::KnownStation;
 use crate::session::context::{Bounds, Settings};
 use crate::session::duplicates::Seen;
 use crate::session::effects::DliEffects;
-use crate::session::event_metadata::EventMetadata;
 use crate::session::files::FileAccess;
 use crate::session::flight::Flight;
 use crate::session::held::Held;
 use crate::session::link::VehicleLink;
 use crate::session::link::services::Services;
 use crate::session::link::state::VehicleState;
+use crate::session::metadata::MetadataReader;
 use crate::session::mission::Mission;
 use crate::session::payload::Payload;
 use crate::session::reports::Reports;
@@ -59,7 +60,7 @@ impl Aircraft {
             payload: Payload::default(),
             link,
             files: FileAccess::default(),
-            event_metadata: EventMetadata::default(),
+            metadata: [Definitions::Events, Definitions::Parameters].map(MetadataReader::new),
             config,
         }
     }

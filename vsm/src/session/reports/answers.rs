@@ -123,6 +123,7 @@ fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
         Message::UaRouteConfiguration(m) => &mut m.time_stamp,
         Message::MessageParameterAvailability(m) => &mut m.time_stamp,
         Message::FieldChangeIntegerCommand(m) => &mut m.time_stamp,
+        Message::FieldChangeFloatCommand(m) => &mut m.time_stamp,
         Message::FieldChangeEnumeratedCommand(m) => &mut m.time_stamp,
         Message::ParameterReport(m) => &mut m.time_stamp,
         Message::AreaVertex(m) => &mut m.time_stamp,

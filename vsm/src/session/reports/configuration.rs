@@ -8,15 +8,17 @@ use std::time::Duration;
 
 use mapping::airframe::Airframe;
 use mapping::configuration::changes::Available;
-use mapping::configuration::{self, Level, Request, Scope, Subject};
+use mapping::configuration::{self, Level, Request, Scope, Subject, ValuesBy};
 use mapping::limits::Performance;
 use mapping::parameter::{NAMES, Parameters};
+use mapping::parameter_metadata::ParameterMetadata;
 use mavlink_link::service::param::{Name, Value};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, SubsystemId};
 use stanag_msgs::messages::FieldConfigurationRequest;
 
 use super::answers::AnswerQueue;
+use super::controls::{ControlWatch, values_by};
 use crate::config::Provisional;
 use crate::session::alerts::Cause;
 use crate::session::context::{Context, MissionView, Origin, ParameterView};
@@ -36,6 +38,7 @@ pub(super) struct Configuration {
     modes: Option<Available>,
     /// Whether the vehicle hovered when that was looked at last.
     hovered: Option<bool>,
+    controls: ControlWatch,
 }
 
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -98,7 +101,7 @@ impl Configuration {
         }
         effects.acknowledge(&origin, AckType::Received);
         // Of a silent vehicle the rest may never come: it is answered with what is known.
-        if context.vehicle.live() && self.is_reading() {
+        if context.vehicle.live() && self.must_wait(&request) {
             return self.waiting.push((origin, request));
         }
         self.answer(context, mission, origin, &request, answers, effects);
@@ -113,14 +116,20 @@ impl Configuration {
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
-        let all = configuration::answers(&self.subject(context), request);
         let (now, to) = (context.mono(), origin.station);
+        let subject = Subject {
+            values_by: values_by(context, to),
+            ..self.subject(context)
+        };
+        let all = configuration::answers(&subject, request);
         answers.push(now, to, all, Some(origin));
         if let Scope::Level(Level::Control) = request.scope {
             let available = available_modes(context, mission);
             self.configured.insert(to);
             self.modes = Some(available);
             answers.push(now, to, available.all(), None);
+        } else if request.is_of_controls() {
+            self.configured.insert(to);
         }
         answers.send_due(effects);
     }
@@ -169,8 +178,11 @@ impl Configuration {
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
+        self.controls.stop_reading();
         if self.is_reading() {
             self.end_reading(context, mission, answers, effects);
+        } else {
+            self.answer_waiting(context, mission, answers, effects);
         }
         self.reading = Reading::NotYet;
     }
@@ -184,21 +196,81 @@ impl Configuration {
     ) {
         self.reading = Reading::Done;
         self.report_own_failsafe(effects);
-        for (origin, request) in std::mem::take(&mut self.waiting) {
-            self.answer(context, mission, origin, &request, answers, effects);
-        }
+        self.answer_waiting(context, mission, answers, effects);
     }
 
-    /// Keeps a value that the vehicle has reported; where it is another, stations that were configured are sent what it
-    /// changes.
-    pub(super) fn store_parameter(
+    fn must_wait(&self, request: &Request) -> bool {
+        self.is_reading() || request.is_of_controls() && self.controls.is_reading()
+    }
+
+    /// Answers who has waited, and need not any more.
+    pub(super) fn answer_waiting(
         &mut self,
         context: &Context<'_>,
-        name: Name,
-        value: Value,
+        mission: &MissionView<'_>,
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
+        for (origin, request) in std::mem::take(&mut self.waiting) {
+            if self.must_wait(&request) {
+                self.waiting.push((origin, request));
+            } else {
+                self.answer(context, mission, origin, &request, answers, effects);
+            }
+        }
+    }
+
+    /// One control more was read, or is not there.
+    pub(super) fn count_control(
+        &mut self,
+        context: &Context<'_>,
+        mission: &MissionView<'_>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        if self.controls.count_read() {
+            self.answer_waiting(context, mission, answers, effects);
+        }
+    }
+
+    /// What the vehicle's metadata says of its parameters from here on.
+    pub(super) fn define_parameters(
+        &mut self,
+        context: &Context<'_>,
+        metadata: ParameterMetadata,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        let configured = &self.configured;
+        self.controls
+            .define(context, metadata, configured, answers, effects);
+    }
+
+    pub(super) fn controls(&self) -> &ControlWatch {
+        &self.controls
+    }
+
+    pub(super) fn controls_to_read(
+        &mut self,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Vec<Name> {
+        self.controls.names_to_read(context, effects)
+    }
+
+    /// Keeps a value that the vehicle has reported; where it is another, stations that were configured are sent what it
+    /// changes. `informed`: stations that are sent its 50012 for another reason.
+    pub(super) fn store_parameter(
+        &mut self,
+        context: &Context<'_>,
+        (name, value): (Name, Value),
+        informed: &BTreeSet<usize>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        let (one, configured) = ((name, value), &self.configured);
+        self.controls
+            .learn(context, one, configured, informed, answers, effects);
         let value = match value {
             Value::Int(value) => f64::from(value),
             Value::Real(value) => f64::from(value),
@@ -319,6 +391,8 @@ impl Configuration {
             agl: context.bounds.agl,
             parameters: &self.parameters,
             web_page: context.settings.web_page.as_deref(),
+            controls: self.controls.controls(),
+            values_by: ValuesBy::Field,
         }
     }
 

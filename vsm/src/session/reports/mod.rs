@@ -4,6 +4,7 @@
 //! - `requests`: what is requested of the vehicle for one answer: its software, a ping
 //! - `answers`: answers of many messages, a few at a time
 //! - `configuration`: the configuration phase (40000), and changes of what it has reported
+//! - `controls`: parameters that stations are offered as controls
 //! - `parameters`: the vehicle's parameters for stations (50010 to 50012); `settings`: for `vsm check-vehicle`
 //! - `data_link`: the link as stations see it (28000 to 32400)
 //! - `events`: what it reports by EVENT and STATUSTEXT, each once
@@ -12,6 +13,7 @@
 mod answers;
 mod compose;
 mod configuration;
+mod controls;
 mod data_link;
 mod events;
 mod health;
@@ -30,6 +32,7 @@ use mapping::configuration::changes;
 use mapping::data_link::DataLink;
 use mapping::event::Catalogue;
 use mapping::mode::Px4Mode;
+use mapping::parameter_metadata::ParameterMetadata;
 use mapping::{hardening, parameter};
 use mavlink_link::service::param::{self, Event};
 use mavlink_link::service::{event, text};
@@ -146,6 +149,8 @@ pub(crate) enum Input<'a> {
     Event(event::Event),
     /// What the vehicle's events mean.
     DefineEvents(Catalogue),
+    /// What the vehicle's metadata says of its parameters.
+    DefineParameters(ParameterMetadata),
     /// These configuration values have changed; `by` knows already.
     Configured {
         changed: Vec<Message>,
@@ -218,6 +223,7 @@ impl Reports {
                 let configuration = &mut self.configuration;
                 configuration.stop_reading(common, mission, answers, effects);
                 self.parameters.drop_configuration();
+                self.parameters.drop_controls();
                 self.settings.give_up();
                 effects.raise(
                     Cause::VehicleSilent,
@@ -254,6 +260,13 @@ impl Reports {
             Input::Text(text) => self.events.text(common, text, effects),
             Input::Event(event) => self.events.event(common, &event, effects),
             Input::DefineEvents(catalogue) => self.events.define(catalogue),
+            Input::DefineParameters(metadata) => {
+                // Names of another firmware are not read any more.
+                self.parameters.drop_controls();
+                let configuration = &mut self.configuration;
+                configuration.define_parameters(common, metadata, answers, effects);
+                self.read_controls(context, effects);
+            }
             Input::Configured { changed, by } => {
                 self.configuration
                     .report_changes(&changed, by, answers, effects);
@@ -348,7 +361,9 @@ impl Reports {
                 self.parameters.request(common, origin, request, effects);
             }
             Message::ParameterSetCommand(command) => {
-                self.parameters.set(common, origin, command, effects);
+                let controls = self.configuration.controls();
+                self.parameters
+                    .set(common, origin, command, controls, effects);
             }
             Message::PingRequest(request) => {
                 self.requests.ping(common, origin, request, effects);
@@ -496,6 +511,21 @@ impl Reports {
         self.configuration.begin_reading(names.len());
         self.parameters
             .read_for_configuration(&context.common, names, effects);
+        self.read_controls(context, effects);
+    }
+
+    fn read_controls(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        // Of a silent vehicle each would wait for its retries; it is read once it is there.
+        if !context.vehicle.live() {
+            return;
+        }
+        let common = &context.common;
+        let names = self.configuration.controls_to_read(common, effects);
+        self.parameters.read_controls(common, names, effects);
+        if !self.configuration.controls().is_reading() {
+            let (mission, answers) = (&context.mission, &mut self.answers);
+            (self.configuration).answer_waiting(common, mission, answers, effects);
+        }
     }
 
     fn read_settings(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -558,6 +588,15 @@ impl Reports {
                 }
                 return self.count_read(context, 1, effects);
             }
+            Some(Purpose::Controls) => {
+                // What a pattern names and the vehicle lacks is no control.
+                if let Event::Read { name, value } = event {
+                    self.learn_parameter(context, name, value, None, effects);
+                }
+                let (common, mission) = (&context.common, &context.mission);
+                let answers = &mut self.answers;
+                return (self.configuration).count_control(common, mission, answers, effects);
+            }
             Some(Purpose::Settings) => {
                 self.settings.ended(&event);
                 if let Event::Read { name, value } = event {
@@ -574,7 +613,7 @@ impl Reports {
         match event {
             Event::Read { name, value } | Event::Set { name, value } => {
                 self.learn_parameter(context, name, value, Some(station), effects);
-                let report = parameters::report(name, value);
+                let report = parameters::report(name, value, self.metadata());
                 self.answers
                     .answer(station, [report], Some(origin), effects);
             }
@@ -583,8 +622,9 @@ impl Reports {
                 let all: Vec<Message> = (0..)
                     .zip(&entries)
                     .map(|(index, entry)| {
-                        let place = Some((index, count));
-                        parameter::report(entry.name.as_str(), entry.value, place, None).into()
+                        let (name, place) = (entry.name.as_str(), Some((index, count)));
+                        let described = self.metadata().get(name);
+                        parameter::report(name, entry.value, described, place).into()
                     })
                     .collect();
                 // The requester counts as `asker`: the list brings it the same values.
@@ -598,6 +638,10 @@ impl Reports {
         }
     }
 
+    fn metadata(&self) -> &ParameterMetadata {
+        self.configuration.controls().controls().metadata()
+    }
+
     /// Keeps a value; who follows the parameter is sent it where it is another than before, but for `asker`, who follows
     /// it from here on. Returns the value before.
     fn learn_parameter(
@@ -608,18 +652,15 @@ impl Reports {
         asker: Option<usize>,
         effects: &mut Effects<'_>,
     ) -> Option<param::Value> {
-        self.configuration.store_parameter(
-            &context.common,
-            name,
-            value,
-            &mut self.answers,
-            effects,
-        );
+        let mut informed = self.parameters.followers(name);
+        informed.extend(asker);
+        let (common, one) = (&context.common, (name, value));
+        (self.configuration).store_parameter(common, one, &informed, &mut self.answers, effects);
         let before = self.parameters.learn(name, value, asker)?;
         if before != value {
             let followers = self.parameters.followers(name);
             for station in followers.into_iter().filter(|one| Some(*one) != asker) {
-                let report = parameters::report(name, value);
+                let report = parameters::report(name, value, self.metadata());
                 self.answers.answer(station, [report], None, effects);
             }
         }

@@ -11,11 +11,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use mapping::parameter;
+use mapping::parameter_metadata::ParameterMetadata;
 use mavlink_link::service::param::{Event, Name, Refusal, Value};
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{ParameterRequest, ParameterSetCommand};
 
+use super::controls::ControlWatch;
 use crate::session::allowance::{Allowance, Rate};
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
@@ -26,7 +28,7 @@ use crate::session::turns::Turns;
 pub(super) struct ParameterRequests {
     /// What the bridge needs itself.
     own: VecDeque<(Purpose, Name)>,
-    stations: Turns<(Origin, Wanted)>,
+    stations: Turns<(Purpose, Wanted)>,
     /// For whom the vehicle is being asked.
     active: Option<(Purpose, Wanted)>,
     /// As the vehicle has last reported them.
@@ -41,6 +43,8 @@ pub(super) struct ParameterRequests {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Purpose {
     Configuration,
+    /// The vehicle's controls: in turn with the stations, since there may be many.
+    Controls,
     /// `vsm check-vehicle`.
     Settings,
     Station(Origin),
@@ -94,6 +98,28 @@ impl ParameterRequests {
         }
     }
 
+    /// Reads the vehicle's controls, each once.
+    pub(super) fn read_controls(
+        &mut self,
+        context: &Context<'_>,
+        names: Vec<Name>,
+        effects: &mut Effects<'_>,
+    ) {
+        for name in names {
+            let one = (Purpose::Controls, Wanted::Read(name));
+            self.stations.push(CONTROLS, one);
+        }
+        self.advance(context, effects);
+    }
+
+    /// What is left of them is not read.
+    pub(super) fn drop_controls(&mut self) {
+        self.stations.take(CONTROLS);
+        if let Some((purpose @ Purpose::Controls, _)) = &mut self.active {
+            *purpose = Purpose::Nobody;
+        }
+    }
+
     /// Reads one for `vsm check-vehicle`.
     pub(super) fn read_setting(
         &mut self,
@@ -133,6 +159,7 @@ impl ParameterRequests {
         context: &Context<'_>,
         origin: Origin,
         command: &ParameterSetCommand,
+        controls: &ControlWatch,
         effects: &mut Effects<'_>,
     ) {
         let name = command
@@ -141,7 +168,12 @@ impl ParameterRequests {
             .map_or("", |name| name.as_str());
         // PX4 v1.18 accepts and stores values out of range (NAV_DLL_ACT 99): only this check stands before it.
         let checked = match command.commanded_value {
-            Some(value) => parameter::checked(name, value).map_err(|fault| fault.to_string()),
+            Some(value) => {
+                let described = controls.controls().metadata().get(name);
+                let checked = parameter::checked(name, value, described);
+                let chosen = controls.check_write(context.config.controls.as_ref(), name);
+                chosen.and_then(|()| checked.map_err(|fault| fault.to_string()))
+            }
             None => Err("Commanded Value is missing".to_owned()),
         };
         let name = Name::new(name).map_err(|fault| fault.to_string());
@@ -179,7 +211,8 @@ impl ParameterRequests {
             return effects.refuse(Some(origin), why);
         }
         effects.acknowledge(&origin, AckType::Received);
-        self.stations.push(station, (origin, wanted));
+        self.stations
+            .push(station, (Purpose::Station(origin), wanted));
         self.advance(context, effects);
     }
 
@@ -189,8 +222,8 @@ impl ParameterRequests {
             let own = self.own.pop_front();
             let next = own.map(|(purpose, name)| (purpose, Wanted::Read(name)));
             let next = next.or_else(|| {
-                let (_, (origin, wanted)) = self.stations.pop()?;
-                Some((Purpose::Station(origin), wanted))
+                let (_, next) = self.stations.pop()?;
+                Some(next)
             });
             let Some((purpose, wanted)) = next else {
                 return;
@@ -215,7 +248,9 @@ impl ParameterRequests {
                 }
                 // It has one request at a time, so this waits for no more than its unread events.
                 (Err(_), _) => {
-                    if let Wanted::Read(name) = wanted {
+                    if let (Wanted::Read(_), Purpose::Controls) = (wanted, purpose) {
+                        self.stations.push(CONTROLS, (purpose, wanted));
+                    } else if let Wanted::Read(name) = wanted {
                         self.own.push_front((purpose, name));
                     }
                     return;
@@ -279,8 +314,9 @@ impl ParameterRequests {
 }
 
 /// What a station is sent that follows a parameter, or has requested it.
-pub(super) fn report(name: Name, value: Value) -> Message {
-    parameter::report(name.as_str(), value, None, None).into()
+pub(super) fn report(name: Name, value: Value, metadata: &ParameterMetadata) -> Message {
+    let name = name.as_str();
+    parameter::report(name, value, metadata.get(name), None).into()
 }
 
 /// Why a request was refused, for the operator.
@@ -322,6 +358,8 @@ fn why(reason: &Refusal) -> String {
     }
 }
 
+/// The turn of the controls, which no station has.
+const CONTROLS: usize = usize::MAX;
 /// A bound on memory: PX4 has some 950.
 const MAX_KNOWN: usize = 4_096;
 /// Requests of one station that wait.

@@ -1,21 +1,25 @@
-//! What the vehicle's events mean, read from the vehicle: COMPONENT_METADATA names its general metadata, this names the
-//! definitions of events, and both are files that MAVLink FTP reads.
+//! What the vehicle's events and parameters mean, read from the vehicle: COMPONENT_METADATA names its general metadata, this
+//! names the definitions of each, and all are files that MAVLink FTP reads.
 //!
-//! Nothing is requested of a vehicle that sends no events. The files are read like those of an operator, who comes first: what
-//! is under way here gives way and is tried again. Without definitions events are alerted by their numbers.
+//! Nothing is requested of a vehicle that sends no events, and nothing of parameters where none is offered as a control
+//! (`vehicle.controls`). The files are read like those of an operator, who comes first: what is under way here gives way and is
+//! tried again. The definitions of parameters, 64 kB of PX4's, are read on the ground only: arming ends it, and it begins
+//! again once the vehicle is disarmed. Without definitions events are alerted by their numbers, and controls have no range.
 
 use std::time::Duration;
 
-use mapping::event::{Catalogue, MetadataError, find, path_of};
+use mapping::event::{Catalogue, Definitions, MetadataError, find, path_of};
+use mapping::parameter_metadata::ParameterMetadata;
 use mavlink_link::dialect::{COMPONENT_METADATA_DATA, MavCmd};
 use mavlink_link::service::command::{Command, Payload, Repetition};
 use mavlink_link::service::ftp::{Event, FilePath, Operation};
 
 use super::link::services::Services;
 
-/// The machine.
-#[derive(Debug, Default)]
-pub(crate) struct EventMetadata {
+/// The machine, one for each kind of definitions.
+#[derive(Debug)]
+pub(crate) struct MetadataReader {
+    kind: Definitions,
     stage: Stage,
     tries: u32,
     /// COMPONENT_METADATA.file_crc of what was read: the same firmware, the same definitions.
@@ -26,10 +30,16 @@ pub(crate) struct EventMetadata {
     outdated: bool,
 }
 
-#[derive(Debug, Default)]
+/// What was read.
+#[derive(Debug)]
+pub(crate) enum Defined {
+    Events(Catalogue),
+    Parameters(ParameterMetadata),
+}
+
+#[derive(Debug)]
 enum Stage {
-    /// Nothing has shown yet that the vehicle sends events.
-    #[default]
+    /// Nothing has shown yet that it is of use.
     Unused,
     /// Tried again then.
     Waiting(Duration),
@@ -47,10 +57,40 @@ enum Stage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum File {
     General,
-    Events,
+    Definitions,
 }
 
-impl EventMetadata {
+impl MetadataReader {
+    pub(crate) fn new(kind: Definitions) -> Self {
+        Self {
+            kind,
+            stage: Stage::Unused,
+            tries: 0,
+            known: None,
+            crc: 0,
+            outdated: false,
+        }
+    }
+
+    pub(crate) fn kind(&self) -> Definitions {
+        self.kind
+    }
+
+    /// They are of use: what is not read yet is begun.
+    pub(crate) fn begin(&mut self, now: Duration) {
+        if matches!(self.stage, Stage::Unused) {
+            self.stage = Stage::Waiting(now);
+        }
+    }
+
+    /// They are not to be read now: what is under way ends, and [`MetadataReader::begin`] begins it again.
+    pub(crate) fn pause(&mut self, services: &mut Services) {
+        if !matches!(self.stage, Stage::Unused | Stage::Refused(_) | Stage::Done) {
+            self.stop(services, Stage::Unused);
+            self.tries = 0;
+        }
+    }
+
     /// Whether it reads a file: what the file client reports is for this machine.
     pub(crate) fn is_reading(&self) -> bool {
         matches!(self.stage, Stage::Reading(..))
@@ -97,7 +137,7 @@ impl EventMetadata {
         &mut self,
         now: Duration,
         services: &mut Services,
-    ) -> Option<Result<Catalogue, String>> {
+    ) -> Option<Result<Defined, String>> {
         let ended = self.step(now, services);
         if let Some(Err(_)) = ended {
             self.outdated |= self.known.take().is_some();
@@ -105,17 +145,12 @@ impl EventMetadata {
         ended
     }
 
-    fn step(
-        &mut self,
-        now: Duration,
-        services: &mut Services,
-    ) -> Option<Result<Catalogue, String>> {
+    fn step(&mut self, now: Duration, services: &mut Services) -> Option<Result<Defined, String>> {
         match &mut self.stage {
             Stage::Refused(why) => {
                 let why = std::mem::take(why);
                 return Some(Err(self.end(services, why)));
             }
-            Stage::Unused if services.events.is_in_use() => self.stage = Stage::Waiting(now),
             Stage::Waiting(at) if *at <= now => {
                 self.tries += 1;
                 // Where it cannot be requested now, the next try does.
@@ -142,7 +177,7 @@ impl EventMetadata {
         None
     }
 
-    /// When [`EventMetadata::advance`] is next needed; files have times of their own.
+    /// When [`MetadataReader::advance`] is next needed; files have times of their own.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.stage {
             Stage::Waiting(at) | Stage::Asking(at) => Some(at),
@@ -150,11 +185,7 @@ impl EventMetadata {
         }
     }
 
-    fn read(
-        &mut self,
-        now: Duration,
-        services: &mut Services,
-    ) -> Option<Result<Catalogue, String>> {
+    fn read(&mut self, now: Duration, services: &mut Services) -> Option<Result<Defined, String>> {
         let Stage::Reading(file, content) = &mut self.stage else {
             return None;
         };
@@ -178,23 +209,28 @@ impl EventMetadata {
             return self.try_again(now, &failure.to_string());
         }
         match file {
-            File::General => match readable(find(&content)) {
+            File::General => match readable(find(&content, self.kind)) {
                 Ok(path) => {
-                    self.stage = Stage::Next(File::Events, path);
+                    self.stage = Stage::Next(File::Definitions, path);
                     None
                 }
                 Err(why) => Some(Err(self.end(services, why))),
             },
-            File::Events => {
+            File::Definitions => {
                 self.stage = Stage::Done;
-                let read = Catalogue::read(&content);
+                let read = match self.kind {
+                    Definitions::Events => Catalogue::read(&content).map(Defined::Events),
+                    Definitions::Parameters => {
+                        ParameterMetadata::read(&content).map(Defined::Parameters)
+                    }
+                };
                 self.known = read.is_ok().then_some(self.crc);
                 Some(read.map_err(|why: MetadataError| why.to_string()))
             }
         }
     }
 
-    fn try_again(&mut self, now: Duration, why: &str) -> Option<Result<Catalogue, String>> {
+    fn try_again(&mut self, now: Duration, why: &str) -> Option<Result<Defined, String>> {
         if self.tries >= TRIES {
             self.stage = Stage::Done;
             return Some(Err(why.to_owned()));
@@ -239,7 +275,7 @@ fn request() -> Command {
 const COMPONENT_METADATA: f32 = 397.0;
 /// A part of the name of PX4's key file, `/fs/microsd/mavlink/mavlink-signing-key.bin`.
 pub(super) const KEY_FILE: &str = "mavlink-signing-key";
-/// PX4's definitions have 18 kB packed; they are read in flight, too.
+/// PX4's definitions of events have 18 kB packed, those of parameters 64; the first are read in flight, too.
 const MAX_FILE: u32 = super::files::MAX_IN_FLIGHT;
 const TRIES: u32 = 5;
 const AGAIN: Duration = Duration::from_secs(2);
@@ -251,11 +287,11 @@ mod tests {
     use super::*;
     use mavlink_link::frame::Node;
 
-    fn named(known: Option<u32>, crc: u32, uri: &str) -> (EventMetadata, Services) {
-        let mut machine = EventMetadata {
+    fn named(known: Option<u32>, crc: u32, uri: &str) -> (MetadataReader, Services) {
+        let mut machine = MetadataReader {
             stage: Stage::Asking(Duration::from_secs(5)),
             known,
-            ..EventMetadata::default()
+            ..MetadataReader::new(Definitions::Events)
         };
         machine.named(&COMPONENT_METADATA_DATA {
             time_boot_ms: 0,
@@ -274,11 +310,11 @@ mod tests {
         let (mut other, _) = named(Some(1), 2, "mftp://a.json");
         assert!(other.take_outdated() && other.known.is_none());
         let (mut silent, mut services) = (
-            EventMetadata {
+            MetadataReader {
                 stage: Stage::Asking(now),
                 tries: TRIES,
                 known: Some(1),
-                ..EventMetadata::default()
+                ..MetadataReader::new(Definitions::Events)
             },
             services,
         );
