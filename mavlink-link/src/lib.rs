@@ -11,6 +11,7 @@
 //! | [`service`] | PX4's mission, parameter and command protocols, from the ground station's side |
 //! | [`provisioning`] | gives a vehicle a new signing key, and proves which key it has |
 //! | [`exchange`] | agrees on a signing key over the air (feature `key-exchange`) |
+//! | [`encrypted`] | encrypts a link between the ground and the air-side agent (feature `encrypted-link`) |
 //! | [`tlog`] | recordings of a link without its secrets |
 //!
 //! Nothing here owns a socket, a clock, a disk or randomness: time is an argument ([`Now`]), and what must survive a
@@ -22,6 +23,8 @@
 
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "encrypted-link")]
+pub mod encrypted;
 #[cfg(feature = "key-exchange")]
 pub mod exchange;
 pub mod frame;

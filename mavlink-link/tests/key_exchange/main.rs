@@ -5,6 +5,7 @@ mod agreement;
 mod attacks;
 mod cost;
 mod disks;
+mod encrypted;
 mod faults;
 mod symbolic;
 mod under_load;

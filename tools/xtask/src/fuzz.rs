@@ -172,6 +172,7 @@ const TARGETS: [(&str, u32); 11] = [
     ("key_exchange_message", 249),
     ("key_exchange_initiator", 4_096),
     ("key_exchange_responder", 4_096),
+    ("encrypted_link", 1_024),
 ];
 
 /// Those of `cargo fuzz --sanitizer none`, and warnings as everywhere. The address sanitizer finds errors of `unsafe` code,

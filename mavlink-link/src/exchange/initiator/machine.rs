@@ -413,6 +413,26 @@ impl Initiator {
         }
     }
 
+    /// The peer seems to be there and to have no key: what would be sent later is sent now, and an attempt that it may have
+    /// forgotten begins again. For a caller that limits how often it does so.
+    pub(crate) fn hasten(&mut self, now: Duration) {
+        match &self.phase {
+            Phase::Idle => self.not_before = self.not_before.min(now),
+            Phase::Confirming(confirming, _)
+                if now.saturating_sub(confirming.since) >= FORGOTTEN =>
+            {
+                self.fail(now, Duration::ZERO);
+            }
+            _ => self.repeat(),
+        }
+    }
+
+    /// Sends what is not answered yet once more, earlier than an attempt does by itself. For a caller whose link has one
+    /// purpose, and a short way.
+    pub(crate) fn repeat(&mut self) {
+        self.due |= matches!(self.phase, Phase::Asking(..) | Phase::Confirming(..));
+    }
+
     /// The message to send to the peer now, if any; signed where there is a key.
     pub fn poll_transmit(&mut self) -> Option<Message> {
         if !core::mem::take(&mut self.due) {
@@ -517,4 +537,6 @@ const FOLLOW_SILENCE: Duration = Duration::from_secs(60);
 /// 10 s. In a pairing several sessions are half-open side by side, so that an attacker cannot end an honest one; a late
 /// step 3 could complete an older session than the one whose key is `next` here.
 const NO_MORE_HALF_OPEN: Duration = Duration::from_secs(12);
+/// Step 3 that is not answered for so long, while the peer requests another exchange, went to a process that has ended.
+const FORGOTTEN: Duration = Duration::from_secs(1);
 const MAX_EVENTS: usize = 16;

@@ -246,14 +246,19 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         if lately || !possible {
             return None;
         }
+        let sealed = self.hint()?;
+        self.pleased_at = Some(now);
+        Some(sealed)
+    }
+
+    /// Step 0, for a caller that limits how often it is sent.
+    pub(crate) fn hint(&self) -> Option<Message> {
         let (suite, gate) = match &self.pairing {
             Some(window) => (Suite::Pairing, &window.gate),
             None => (Suite::Pinned, self.gate.as_ref()?),
         };
         let hint = self.message(suite.to_wire(), 0, Step::Please, Status::Ok);
-        let sealed = gate.seal(&hint, None)?;
-        self.pleased_at = Some(now);
-        Some(sealed)
+        gate.seal(&hint, None)
     }
 
     /// Takes a KEY_EXCHANGE payload from the radio.

@@ -1,0 +1,658 @@
+//! One end of the link: MAVLink frames on the inside, frames of the radio on the outside.
+
+use core::hash::Hash;
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use super::exchange::{Keying, Role, Session};
+use super::framing::{self, Deframer, Kind, MAX_CONTENT, MAX_WIRE};
+use super::opener::{Opened, Opener, frame_len};
+use super::packet::PACKET;
+use super::record::EncryptedRecord;
+use super::stats::{Dropped, EncryptedStats};
+use crate::Now;
+use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Suite};
+use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
+use crate::store::{Disk, Store as _, StoreError};
+
+/// What carries the frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Carrier {
+    /// A serial line: bytes in order, some lost or changed; a frame may arrive in pieces.
+    Stream,
+    /// UDP: each datagram stands alone, and may be lost, doubled or late.
+    Datagrams,
+}
+
+/// The settings of one end.
+#[derive(Debug)]
+pub struct EncryptedConfig<A> {
+    /// Which end.
+    pub role: Role,
+    /// Both ends' ids; the policy is the link's own.
+    pub parties: Parties,
+    /// This end's static key.
+    pub identity: Identity,
+    /// The other end's, where they are paired.
+    pub peer: Option<PublicKey>,
+    /// What carries the frames.
+    pub carrier: Carrier,
+    /// Where the other end is, where that is known before it has sent anything.
+    pub at: Option<A>,
+    /// How long bytes may wait for a packet to be full; zero for an end that sends commands.
+    pub linger: Duration,
+}
+
+/// How it stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EncryptedState {
+    /// No peer is pinned: only a pairing passes.
+    Unpaired,
+    /// No keys are agreed on in this run.
+    Agreeing,
+    /// There are keys, and no packet has verified for some seconds.
+    Silent,
+    /// Packets of the other end verify.
+    Encrypted,
+}
+
+impl EncryptedState {
+    /// For a status.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unpaired => "unpaired",
+            Self::Agreeing => "agreeing",
+            Self::Silent => "silent",
+            Self::Encrypted => "encrypted",
+        }
+    }
+}
+
+/// Something for a person.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum EncryptedEvent {
+    /// Packets are sent under keys of this epoch from now on.
+    Keys {
+        /// The epoch.
+        epoch: u32,
+    },
+    /// Many packets in a short time do not verify; at most once in 10 s.
+    UnderAttack,
+    /// Keys could not be agreed on for a fault of this computer.
+    Fault(String),
+}
+
+/// One end of an encrypted link. `A` is an address.
+#[derive(Debug)]
+pub struct EncryptedLink<A> {
+    keying: Keying<A>,
+    carrier: Carrier,
+    linger: Duration,
+    fixed: Option<A>,
+    /// Where something came from that the other end alone can have made, and where anything came from.
+    proven: Option<A>,
+    heard: Option<A>,
+    current: Option<Session>,
+    /// Of the keys before, until a packet under the current ones has verified.
+    previous: Option<Opener>,
+    deframer: Deframer,
+    received: Vec<u8>,
+    out: VecDeque<Queued<A>>,
+    pending_to: Option<A>,
+    flush_at: Option<Duration>,
+    seq: u8,
+    good_at: Option<Duration>,
+    /// Since when nothing has verified, or the keys are new.
+    quiet_since: Option<Duration>,
+    silence: Silence,
+    bad: Bad,
+    events: VecDeque<EncryptedEvent>,
+    radio: VecDeque<Vec<u8>>,
+    stats: EncryptedStats,
+}
+
+#[derive(Debug)]
+struct Queued<A> {
+    to: A,
+    content: [u8; MAX_CONTENT],
+    len: usize,
+}
+
+/// When the ground begins another exchange because nothing verifies.
+#[derive(Debug, Clone, Copy)]
+struct Silence {
+    ask_at: Option<Duration>,
+    pause: Duration,
+}
+
+/// Bad packets of late.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bad {
+    since: Duration,
+    count: u32,
+    alarmed: bool,
+}
+
+impl<A: Copy + Eq + Hash> EncryptedLink<A> {
+    /// Begins, with what an earlier process has stored.
+    ///
+    /// # Errors
+    /// The record is there and cannot be read: without its epoch a nonce might be used again.
+    pub fn open(
+        config: EncryptedConfig<A>,
+        now: Duration,
+        disk: &dyn Disk,
+    ) -> Result<Self, StoreError> {
+        let EncryptedConfig {
+            role,
+            parties,
+            identity,
+            peer,
+            carrier,
+            at,
+            linger,
+        } = config;
+        let record = disk.load::<EncryptedRecord>(&parties.vehicle_id)?;
+        let strict = carrier == Carrier::Stream;
+        let mut keying = Keying::new(role, parties, identity, record.unwrap_or_default(), strict);
+        if let Some(peer) = peer {
+            keying.set_peer(peer, true, now);
+        }
+        Ok(Self {
+            keying,
+            carrier,
+            linger,
+            fixed: at,
+            proven: None,
+            heard: None,
+            current: None,
+            previous: None,
+            deframer: Deframer::default(),
+            received: Vec::with_capacity(4 * MAX_FRAME),
+            out: VecDeque::new(),
+            pending_to: None,
+            flush_at: None,
+            seq: 0,
+            good_at: None,
+            quiet_since: None,
+            silence: Silence::default(),
+            bad: Bad::default(),
+            events: VecDeque::new(),
+            radio: VecDeque::new(),
+            stats: EncryptedStats::default(),
+        })
+    }
+
+    /// A pairing has pinned this peer: the keys of another are dropped.
+    pub fn set_peer(&mut self, peer: PublicKey, now: Duration) {
+        (self.current, self.previous, self.good_at) = (None, None, None);
+        (self.pending_to, self.flush_at) = (None, None);
+        self.keying.set_peer(peer, false, now);
+    }
+
+    /// How it stands.
+    #[must_use]
+    pub fn state(&self, now: Duration) -> EncryptedState {
+        match (&self.current, self.keying.is_paired()) {
+            (_, false) => EncryptedState::Unpaired,
+            (None, true) => EncryptedState::Agreeing,
+            (Some(_), true) if self.is_good_within(now, SHOWN_FOR) => EncryptedState::Encrypted,
+            (Some(_), true) => EncryptedState::Silent,
+        }
+    }
+
+    /// The epoch of the keys that packets are sent under.
+    #[must_use]
+    pub fn epoch(&self) -> Option<u32> {
+        self.current.as_ref().map(|session| session.epoch)
+    }
+
+    /// Counts of packets and drops.
+    #[must_use]
+    pub fn stats(&self) -> &EncryptedStats {
+        &self.stats
+    }
+
+    /// What has happened since the last call.
+    pub fn poll_event(&mut self) -> Option<EncryptedEvent> {
+        if let Some(fault) = self.keying.take_fault() {
+            return Some(EncryptedEvent::Fault(fault));
+        }
+        self.events.pop_front()
+    }
+
+    /// What the radio at this end has sent, which is not encrypted and proves nothing.
+    pub fn poll_radio(&mut self) -> Option<Vec<u8>> {
+        self.radio.pop_front()
+    }
+
+    /// Takes what arrived, and returns the MAVLink frames in it that the other end has sent: whole frames, one behind
+    /// the other. Beside these, frames of a pairing, which prove nothing.
+    pub fn handle(
+        &mut self,
+        now: Now,
+        from: A,
+        bytes: &[u8],
+        random: &mut dyn Random,
+        disk: &mut dyn Disk,
+    ) -> &[u8] {
+        self.received.clear();
+        if self.carrier == Carrier::Datagrams {
+            // Half a frame of one datagram must not swallow the next one's.
+            self.deframer.discard();
+        }
+        let mut rest = bytes;
+        let mut content = [0; MAX_CONTENT];
+        while let Some(found) = self.deframer.next(&mut rest) {
+            let taken = match found {
+                Ok(found) => {
+                    let len = found.len();
+                    content[..len].copy_from_slice(found);
+                    self.take(now, from, &content[..len], random, disk)
+                }
+                Err(why) => Err(why),
+            };
+            if let Err(why) = taken {
+                self.stats.drop_one(why);
+            }
+        }
+        if self.carrier == Carrier::Datagrams
+            && let Some(why) = self.deframer.discard()
+        {
+            self.stats.drop_one(why);
+        }
+        self.step(now, random, disk);
+        &self.received
+    }
+
+    fn take(
+        &mut self,
+        now: Now,
+        from: A,
+        content: &[u8],
+        random: &mut dyn Random,
+        disk: &mut dyn Disk,
+    ) -> Result<(), Dropped> {
+        let (first, body) = content.split_first().ok_or(Dropped::Length)?;
+        match Kind::from_wire(*first) {
+            Some(Kind::Data) => {
+                let packet: &[u8; PACKET] = content.try_into().map_err(|_| Dropped::Length)?;
+                self.heard = Some(from);
+                let taken = self.take_packet(now, from, packet, disk);
+                match taken {
+                    Ok(()) => {}
+                    Err(Dropped::NoKey) => self.keying.hasten(now.mono),
+                    Err(_) => self.note_bad(now.mono),
+                }
+                taken
+            }
+            Some(Kind::Radio) => {
+                self.stats.radio += 1;
+                if self.radio.len() < MAX_RADIO {
+                    self.radio.push_back(body.to_vec());
+                }
+                Ok(())
+            }
+            Some(Kind::Clear) => self.take_clear(now, from, body, random, disk),
+            None if framing::is_mavlink(first) => Err(Dropped::Plaintext),
+            None => Err(Dropped::Kind),
+        }
+    }
+
+    fn take_packet(
+        &mut self,
+        now: Now,
+        from: A,
+        packet: &[u8; PACKET],
+        disk: &mut dyn Disk,
+    ) -> Result<(), Dropped> {
+        let current = self.current.as_mut().map(|session| &mut session.opener);
+        let mut why = Dropped::NoKey;
+        if let Some(opener) = current {
+            match opener.open(packet, &mut self.received) {
+                Ok(opened) => {
+                    // The other end has these keys: those before are over.
+                    self.previous = None;
+                    self.note_good(now.mono, from, opened);
+                    return Ok(());
+                }
+                Err(cause) => why = cause,
+            }
+        }
+        if let Some(staged) = &mut self.keying.staged
+            && let Ok(opened) = staged.opener.open(packet, &mut self.received)
+        {
+            self.note_good(now.mono, from, opened);
+            self.adopt(now.mono, true, disk);
+            return Ok(());
+        }
+        if let Some(previous) = &mut self.previous {
+            match previous.open(packet, &mut self.received) {
+                Ok(opened) => {
+                    self.note_good(now.mono, from, opened);
+                    return Ok(());
+                }
+                Err(Dropped::Replayed) => why = Dropped::Replayed,
+                Err(_) => {}
+            }
+        }
+        Err(why)
+    }
+
+    fn note_good(&mut self, now: Duration, from: A, opened: Opened) {
+        (self.good_at, self.quiet_since, self.proven) = (Some(now), Some(now), Some(from));
+        self.silence = Silence::default();
+        self.stats.opened += 1;
+        self.stats.lost += u64::from(opened.missing);
+        self.stats.lost = self.stats.lost.saturating_sub(u64::from(opened.late));
+        if opened.malformed {
+            self.stats.drop_one(Dropped::Inside);
+        }
+    }
+
+    fn note_bad(&mut self, now: Duration) {
+        if now.saturating_sub(self.bad.since) >= ALARM_WITHIN {
+            self.bad = Bad {
+                since: now,
+                ..Bad::default()
+            };
+        }
+        self.bad.count = self.bad.count.saturating_add(1);
+        if self.bad.count >= ALARM_AT && !self.bad.alarmed {
+            self.bad.alarmed = true;
+            self.note(EncryptedEvent::UnderAttack);
+        }
+    }
+
+    /// A KEY_EXCHANGE in the clear: the link's own goes to its exchange, a pairing inside, and nothing else passes.
+    fn take_clear(
+        &mut self,
+        now: Now,
+        from: A,
+        body: &[u8],
+        random: &mut dyn Random,
+        disk: &mut dyn Disk,
+    ) -> Result<(), Dropped> {
+        let frame = FrameView::parse(body).map_err(|_| Dropped::NotExchange)?;
+        if frame.as_bytes().len() != body.len() {
+            return Err(Dropped::NotExchange);
+        }
+        let header = frame.header();
+        match clear_suite(&frame) {
+            Some(Suite::Pairing) => self.received.extend_from_slice(body),
+            Some(Suite::Pinned) => {
+                let source = crate::frame::Node {
+                    system: header.system_id,
+                    component: header.component_id,
+                };
+                if source != self.keying.peer_node() {
+                    return Err(Dropped::Station);
+                }
+                self.heard = Some(from);
+                let working = self.is_good_within(now.mono, WORKING_FOR);
+                let message = (from, source, frame.payload());
+                if self.keying.handle(now, message, working, random, disk) {
+                    self.proven = Some(from);
+                }
+            }
+            None => return Err(Dropped::NotExchange),
+        }
+        self.stats.clear += 1;
+        Ok(())
+    }
+
+    fn is_good_within(&self, now: Duration, time: Duration) -> bool {
+        let good = |at: Duration| now.saturating_sub(at) < time;
+        self.good_at.is_some_and(good)
+    }
+
+    fn reach(&self) -> Option<A> {
+        self.fixed.or(self.proven).or(self.heard)
+    }
+
+    /// Sends one MAVLink frame to the other end. Without keys it is dropped: the protocols above repeat what matters, and a
+    /// command that waited might no longer be meant. Nothing ever leaves in the clear but a pairing.
+    pub fn send(&mut self, now: Duration, to: A, frame: &[u8]) {
+        if let Err(why) = self.enqueue(now, to, frame) {
+            self.stats.drop_one(why);
+        }
+    }
+
+    fn enqueue(&mut self, now: Duration, to: A, frame: &[u8]) -> Result<(), Dropped> {
+        if frame_len(frame) != Some(frame.len()) {
+            return Err(Dropped::UnsentShape);
+        }
+        if self.out.len() >= MAX_QUEUED {
+            return Err(Dropped::UnsentFull);
+        }
+        if let Ok(view) = FrameView::parse(frame)
+            && clear_suite(&view) == Some(Suite::Pairing)
+        {
+            self.queue_clear(to, frame);
+            return Ok(());
+        }
+        if self.pending_to.is_some_and(|pending| pending != to) {
+            self.flush();
+        }
+        let session = self.current.as_mut().ok_or(Dropped::UnsentNoKey)?;
+        if !session.sealer.has_room_for(frame.len()) {
+            return Err(Dropped::UnsentNoKey);
+        }
+        let (out, stats) = (&mut self.out, &mut self.stats);
+        session.sealer.push(frame, |packet| {
+            stats.sealed += 1;
+            out.push_back(Queued::new(to, &packet));
+        });
+        self.pending_to = session.sealer.is_pending().then_some(to);
+        if self.linger.is_zero() {
+            self.flush();
+        } else if self.pending_to.is_some() {
+            self.flush_at.get_or_insert(now.saturating_add(self.linger));
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) {
+        self.flush_at = None;
+        if let (Some(to), Some(session)) = (self.pending_to.take(), &mut self.current)
+            && let Some(packet) = session.sealer.flush()
+        {
+            self.stats.sealed += 1;
+            self.out.push_back(Queued::new(to, &packet));
+        }
+    }
+
+    /// Sends this to the radio at this end, in the clear: it never goes further.
+    pub fn send_radio(&mut self, to: A, bytes: &[u8]) {
+        if self.out.len() < MAX_QUEUED && bytes.len() < MAX_CONTENT {
+            let mut content = [0; MAX_CONTENT];
+            content[0] = Kind::Radio.to_wire();
+            content[1..=bytes.len()].copy_from_slice(bytes);
+            self.stats.radio += 1;
+            self.out
+                .push_back(Queued::new(to, &content[..=bytes.len()]));
+        }
+    }
+
+    fn queue_clear(&mut self, to: A, frame: &[u8]) {
+        let mut content = [0; MAX_CONTENT];
+        content[0] = Kind::Clear.to_wire();
+        if let Some(place) = content.get_mut(1..=frame.len()) {
+            place.copy_from_slice(frame);
+            self.stats.clear += 1;
+            self.out
+                .push_back(Queued::new(to, &content[..=frame.len()]));
+        }
+    }
+
+    fn queue_message(&mut self, to: A, message: &Message) {
+        let node = self.keying.own_node();
+        let header = Header {
+            seq: self.seq,
+            system_id: node.system,
+            component_id: node.component,
+            message_id: KEY_EXCHANGE_ID,
+            ..Header::default()
+        };
+        self.seq = self.seq.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        if let Ok(len) = encode_raw(header, &message.to_payload(), &mut frame) {
+            self.queue_clear(to, &frame[..len]);
+        }
+    }
+
+    /// Writes the next frame that is to leave. Call it until it gives `None`, after each of the others.
+    pub fn poll_transmit(
+        &mut self,
+        now: Duration,
+        disk: &mut dyn Disk,
+        out: &mut [u8; MAX_WIRE],
+    ) -> Option<(A, usize)> {
+        if self.flush_at.is_some_and(|at| now >= at) {
+            self.flush();
+        }
+        self.adopt(now, false, disk);
+        if self.out.is_empty()
+            && let Some(reach) = self.reach()
+        {
+            if let Some((to, message)) = self.keying.poll_transmit(now, disk) {
+                self.queue_message(to.unwrap_or(reach), &message);
+            } else if self.needs_keys()
+                && let Some(hint) = self.keying.poll_hint(now)
+            {
+                self.queue_message(reach, &hint);
+            }
+        }
+        let next = self.out.pop_front()?;
+        Some((next.to, framing::write(&next.content[..next.len], out)))
+    }
+
+    /// Does what is due by now. Calling it early or late does no harm.
+    pub fn handle_timeout(&mut self, now: Now, random: &mut dyn Random, disk: &mut dyn Disk) {
+        self.step(now, random, disk);
+    }
+
+    fn step(&mut self, now: Now, random: &mut dyn Random, disk: &mut dyn Disk) {
+        if self.reach().is_none() {
+            return;
+        }
+        if self.is_worn() || self.is_silent_for_too_long(now.mono) {
+            self.keying.want();
+        }
+        self.keying.handle_timeout(now, random, disk);
+        self.adopt(now.mono, false, disk);
+    }
+
+    /// With keys, and nothing has verified for a while: the other end may have lost its own. The ground asks, now and then.
+    fn is_silent_for_too_long(&mut self, now: Duration) -> bool {
+        let Some(since) = self.quiet_since.filter(|_| self.current.is_some()) else {
+            return false;
+        };
+        let at = self.silence.ask_at.unwrap_or(since.saturating_add(SILENCE));
+        let due = now >= at;
+        if due {
+            self.silence = Silence {
+                ask_at: Some(now.saturating_add(self.silence.pause)),
+                pause: (self.silence.pause * 2).min(ASK_AGAIN_LAST),
+            };
+        }
+        due
+    }
+
+    /// The keys were used so often, or forgeries tried on them, that others are due.
+    fn is_worn(&self) -> bool {
+        self.current.as_ref().is_some_and(|session| {
+            session.sealer.counter().max(session.opener.counter()) >= WORN
+                || session.opener.is_retired()
+        })
+    }
+
+    fn needs_keys(&self) -> bool {
+        match &self.current {
+            None => true,
+            Some(session) => session.opener.is_retired(),
+        }
+    }
+
+    fn adopt(&mut self, now: Duration, proven: bool, disk: &mut dyn Disk) {
+        let Some(session) = self.keying.take_confirmed(proven, disk) else {
+            return;
+        };
+        // What waits was put together for the keys before, and leaves under them.
+        self.flush();
+        let epoch = session.epoch;
+        self.quiet_since = Some(now);
+        self.silence = Silence::default();
+        let before = self.current.replace(session);
+        self.previous = before.filter(|_| !proven).map(|session| session.opener);
+        self.note(EncryptedEvent::Keys { epoch });
+    }
+
+    fn note(&mut self, event: EncryptedEvent) {
+        if self.events.len() < MAX_EVENTS {
+            self.events.push_back(event);
+        }
+    }
+
+    /// When [`handle_timeout`](Self::handle_timeout), or [`poll_transmit`](Self::poll_transmit), is next needed, in
+    /// monotonic time.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        let keying = match self.reach() {
+            Some(_) => self.keying.poll_timeout(self.needs_keys()),
+            None => None,
+        };
+        let silent = match (self.quiet_since, &self.current) {
+            (Some(since), Some(_)) => {
+                let due = since.saturating_add(SILENCE);
+                Some(self.silence.ask_at.unwrap_or(due))
+            }
+            _ => None,
+        };
+        self.flush_at.into_iter().chain(keying).chain(silent).min()
+    }
+}
+
+impl Default for Silence {
+    fn default() -> Self {
+        Self {
+            ask_at: None,
+            pause: ASK_AGAIN,
+        }
+    }
+}
+
+impl<A> Queued<A> {
+    fn new(to: A, bytes: &[u8]) -> Self {
+        let mut content = [0; MAX_CONTENT];
+        let len = bytes.len().min(MAX_CONTENT);
+        content[..len].copy_from_slice(&bytes[..len]);
+        Self { to, content, len }
+    }
+}
+
+/// The suite of an exchange that may pass in the clear; `None` for every other frame, the legacy exchange too.
+fn clear_suite(frame: &FrameView<'_>) -> Option<Suite> {
+    let exchange = frame.header().message_id == KEY_EXCHANGE_ID && frame.is_checked();
+    // 229.suite; zeros at the end are trimmed, and no suite is 0.
+    let suite = frame.payload().get(38)?;
+    Suite::from_wire(*suite).filter(|_| exchange)
+}
+
+/// The link works: a request for other keys is a recording, or comes from an end that will ask again.
+const WORKING_FOR: Duration = Duration::from_millis(250);
+/// How long after a packet the link counts as encrypted.
+const SHOWN_FOR: Duration = Duration::from_secs(5);
+/// Without a packet for so long the ground begins another exchange: at once, then after these pauses.
+const SILENCE: Duration = Duration::from_secs(2);
+const ASK_AGAIN: Duration = Duration::from_secs(10);
+const ASK_AGAIN_LAST: Duration = Duration::from_secs(60);
+/// So many bad packets within this time are an alarm.
+const ALARM_AT: u32 = 32;
+const ALARM_WITHIN: Duration = Duration::from_secs(10);
+/// Packets under one key before another is agreed on; its last counter is twice as far.
+const WORN: u32 = 1 << 31;
+const MAX_QUEUED: usize = 64;
+const MAX_RADIO: usize = 8;
+const MAX_EVENTS: usize = 16;

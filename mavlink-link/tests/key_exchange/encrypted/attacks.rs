@@ -1,0 +1,259 @@
+//! Somebody on the radio who records, plays again, splices, cuts, changes and invents.
+
+use core::time::Duration;
+
+use mavlink_link::encrypted::{Carrier, EncryptedEvent, EncryptedState};
+use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
+
+use super::{AIR, GROUND, World, numbered};
+use crate::world::{HONEST, ms};
+
+const BOTH: [Carrier; 2] = [Carrier::Stream, Carrier::Datagrams];
+
+fn flown(seed: u64, carrier: Carrier) -> World {
+    let mut world = World::new(seed, carrier);
+    world.run(Duration::from_secs(2), ms(20));
+    world
+}
+
+/// Packets on the tape that this end has sent.
+fn packets(world: &World, from: usize) -> Vec<Vec<u8>> {
+    let sent = world.tape.iter().filter(|(by, _)| *by == from);
+    sent.map(|(_, bytes)| bytes.clone())
+        .filter(|bytes| bytes[1] == 0)
+        .collect()
+}
+
+fn all(world: &World) -> Vec<Vec<u8>> {
+    world.tape.iter().map(|(_, bytes)| bytes.clone()).collect()
+}
+
+#[test]
+fn nothing_is_accepted_again_in_this_run_or_after_restarts_of_either_end_or_both() {
+    for carrier in BOTH {
+        for restarted in [&[][..], &[GROUND], &[AIR], &[GROUND, AIR]] {
+            let mut world = flown(1, carrier);
+            let tape = all(&world);
+            for &at in restarted {
+                world.start(at);
+            }
+            world.run(Duration::from_secs(2), ms(20));
+            for at in [GROUND, AIR] {
+                for bytes in &tape {
+                    assert!(world.arrive(at, bytes).is_empty());
+                }
+            }
+            world.check_once();
+            world.recovery(Duration::from_secs(1));
+        }
+    }
+}
+
+#[test]
+fn a_replay_at_the_moment_of_a_restart_is_not_accepted_either() {
+    for at in [GROUND, AIR] {
+        let mut world = flown(2, Carrier::Datagrams);
+        let tape = all(&world);
+        world.start(at);
+        for bytes in &tape {
+            assert!(world.arrive(at, bytes).is_empty());
+        }
+        assert!(world.count(at, "no_key") > 0);
+        // What was played to it does not keep it from agreeing.
+        world.recovery(Duration::from_secs(3));
+        world.check_once();
+    }
+}
+
+#[test]
+fn packets_of_two_sessions_or_of_two_vehicles_cannot_be_spliced() {
+    for carrier in BOTH {
+        let (mut world, other) = (flown(3, carrier), flown(4, carrier));
+        let old = packets(&world, AIR);
+        world.start(AIR);
+        world.run(Duration::from_secs(2), ms(20));
+        let new = packets(&world, AIR).pop().unwrap();
+        let foreign = packets(&other, AIR);
+        for donor in old.iter().chain(&foreign) {
+            // The counter of the new, the rest of the old; and halves of each.
+            for cut in [9, 10, 50, 90] {
+                let (Some(head), Some(tail)) = (new.get(..cut), donor.get(cut..)) else {
+                    continue;
+                };
+                assert!(world.arrive(GROUND, &[head, tail].concat()).is_empty());
+            }
+        }
+        world.check_once();
+        world.recovery(Duration::from_secs(1));
+    }
+}
+
+#[test]
+fn a_packet_that_is_cut_or_changed_brings_nothing_and_costs_nothing() {
+    for carrier in BOTH {
+        let mut world = flown(5, carrier);
+        world.radio.loss = 100;
+        world.send(AIR);
+        world.run(ms(20), Duration::from_secs(60));
+        let packet = packets(&world, AIR).pop().unwrap();
+        for cut in 1..packet.len() - 1 {
+            assert!(world.arrive(GROUND, &packet[..cut]).is_empty());
+            // On a stream the rest of it is what the next flag ends.
+            assert!(world.arrive(GROUND, &[0x7e]).is_empty());
+        }
+        for at in 1..packet.len() - 1 {
+            let mut bent = packet.clone();
+            bent[at] ^= 1 << (at % 8);
+            assert!(world.arrive(GROUND, &bent).is_empty());
+            assert!(world.arrive(GROUND, &[0x7e]).is_empty());
+        }
+        assert!(
+            !world.arrive(GROUND, &packet).is_empty(),
+            "the whole one is good still"
+        );
+        assert!(world.arrive(GROUND, &packet).is_empty());
+    }
+}
+
+#[test]
+fn what_an_end_has_sent_does_not_come_back_to_it() {
+    for carrier in BOTH {
+        let mut world = flown(6, carrier);
+        for at in [GROUND, AIR] {
+            for bytes in packets(&world, at) {
+                assert!(world.arrive(at, &bytes).is_empty());
+            }
+            assert!(world.count(at, "station") > 0);
+        }
+    }
+}
+
+#[test]
+fn plaintext_is_never_taken_and_never_sent() {
+    for carrier in BOTH {
+        let mut world = World::new(7, carrier);
+        world.radio.loss = 100;
+        // Before there are keys: a frame is dropped, and leaves in no form.
+        for at in [GROUND, AIR] {
+            world.send(at);
+            assert_eq!(world.count(at, "unsent_no_key"), 1);
+            // In the clear, bare or framed as each of the kinds.
+            let plain = numbered(77);
+            assert!(world.arrive(at, &plain).is_empty());
+            for kind in 0..=3 {
+                let framed = [&[0x7e, kind][..], &plain, &[0x7e]].concat();
+                assert!(world.arrive(at, &framed).is_empty());
+            }
+            assert!(
+                world
+                    .arrive(at, &[&[0x7e], &plain[..], &[0x7e]].concat())
+                    .is_empty()
+            );
+            assert!(world.count(at, "plaintext") > 0);
+            assert!(world.count(at, "not_exchange") > 0);
+        }
+        assert!(world.overheard().iter().all(|&id| id == KEY_EXCHANGE_ID));
+        world.radio.loss = 0;
+        world.recovery(Duration::from_secs(12));
+        for at in [GROUND, AIR] {
+            assert!(world.arrive(at, &numbered(78)).is_empty());
+        }
+    }
+}
+
+fn exchange(suite: u8) -> Vec<u8> {
+    let header = Header {
+        system_id: 1,
+        component_id: 191,
+        message_id: KEY_EXCHANGE_ID,
+        ..Header::default()
+    };
+    let mut payload = [1; 60];
+    payload[38] = suite;
+    let mut out = [0; MAX_FRAME];
+    let len = encode_raw(header, &payload, &mut out).unwrap();
+    out[..len].to_vec()
+}
+
+#[test]
+fn of_exchanges_only_a_pairing_passes_inside_and_only_it_leaves_in_the_clear() {
+    let mut world = flown(8, Carrier::Datagrams);
+    for (suite, passes) in [(0, false), (1, false), (2, true), (3, false)] {
+        let frame = exchange(suite);
+        let framed = [&[0x7e, 2][..], &frame, &[0x7e]].concat();
+        let inside = world.arrive(GROUND, &framed);
+        assert_eq!(inside == frame, passes, "suite {suite}");
+        assert_eq!(inside.is_empty(), !passes);
+        // The agreement on a signing key, which is suite 1 too, is encrypted as all else.
+        let before = world.overheard().len();
+        let now = world.now;
+        world.ends[AIR]
+            .link
+            .as_mut()
+            .unwrap()
+            .send(now, HONEST, &frame);
+        world.run(ms(20), Duration::from_secs(60));
+        assert_eq!(world.overheard().len() - before, usize::from(passes));
+    }
+}
+
+#[test]
+fn recorded_requests_and_offers_cost_no_keys_that_work() {
+    let mut world = World::new(9, Carrier::Datagrams);
+    world.run(Duration::from_secs(2), ms(20));
+    world.start(AIR);
+    world.run(Duration::from_secs(12), ms(20));
+    let clear: Vec<_> = all(&world)
+        .into_iter()
+        .filter(|bytes| bytes[1] == 2)
+        .collect();
+    let epoch = world.ends[GROUND].link.as_ref().unwrap().epoch();
+    for _ in 0..20 {
+        for at in [GROUND, AIR] {
+            for bytes in &clear {
+                world.arrive(at, bytes);
+            }
+        }
+        world.run(Duration::from_secs(1), ms(20));
+    }
+    assert_eq!(world.ends[GROUND].link.as_ref().unwrap().epoch(), epoch);
+    let lost = world.count(AIR, "lost") + world.count(GROUND, "lost");
+    assert_eq!(lost, 0);
+    assert_eq!(world.state(AIR), EncryptedState::Encrypted);
+}
+
+#[test]
+fn forgeries_are_an_alarm_once_and_a_flood_of_them_costs_one_exchange() {
+    let mut world = flown(10, Carrier::Datagrams);
+    let epoch = world.ends[GROUND].link.as_ref().unwrap().epoch();
+    let good = packets(&world, AIR).pop().unwrap();
+    // A counter that is ahead and needs no escape.
+    let mut forged = good.clone();
+    forged[7] = 0x20;
+    for _ in 0..66_000 {
+        world.arrive(GROUND, &forged);
+    }
+    let events: Vec<_> =
+        core::iter::from_fn(|| world.ends[GROUND].link.as_mut().unwrap().poll_event()).collect();
+    let alarms = events
+        .iter()
+        .filter(|event| **event == EncryptedEvent::UnderAttack);
+    assert_eq!(alarms.count(), 1);
+    assert_eq!(world.count(GROUND, "forged"), 65_536);
+    world.recovery(Duration::from_secs(2));
+    assert!(world.ends[GROUND].link.as_ref().unwrap().epoch() > epoch);
+}
+
+#[test]
+fn nothing_of_a_key_is_shown() {
+    let world = flown(11, Carrier::Stream);
+    for end in &world.ends {
+        let shown = format!("{:?}", end.link);
+        assert!(shown.contains("PacketKey"), "{shown}");
+        // The one field of it that is not a number of the protocol is left out.
+        assert!(
+            !shown.contains("cipher") && !shown.contains("ghash"),
+            "{shown}"
+        );
+    }
+}
