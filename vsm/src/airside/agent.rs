@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mavlink_link::exchange::Fingerprint;
+use mavlink_link::exchange::{Fingerprint, Node, Parties};
 use mavlink_link::link::{Endpoint, Link};
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
@@ -41,6 +41,27 @@ pub struct Settings {
     pub not_before: Stamp,
     /// The VSM's and the vehicle's identification numbers, DLI.
     pub ids: [u32; 2],
+}
+
+impl Settings {
+    /// Both ends of an exchange with the VSM, which is the first that may speak.
+    #[must_use]
+    pub fn parties(&self) -> Parties {
+        let ground = self.talkers.first();
+        let [vsm, vehicle] = self.ids;
+        Parties::new(
+            Node {
+                system: ground.map_or(0, |one| one.system),
+                component: ground.map_or(0, |one| one.component),
+            },
+            Node {
+                system: self.vehicle_system,
+                component: self.own_component,
+            },
+            vsm,
+            vehicle,
+        )
+    }
 }
 
 /// The machine.

@@ -331,6 +331,7 @@ impl Agent {
                     .filter(|&(_, count)| count > 0)
                     .collect()
             },
+            encryption: None,
             radio: SideStatus::new(&self.radio, mono),
             px4: SideStatus::new(&self.px4, mono),
         }

@@ -3,7 +3,7 @@
 use mavlink_link::Now;
 use mavlink_link::clock::Ceiling;
 use mavlink_link::exchange::{
-    Identity, Node, Parties, Responder, ResponderConfig, ResponderMemory, StagedKey, Wanted,
+    Identity, Responder, ResponderConfig, ResponderMemory, StagedKey, Wanted,
 };
 use mavlink_link::link::{Link, LinkConfig, Role, Security};
 use mavlink_link::provisioning;
@@ -67,21 +67,9 @@ impl Agent {
             // RADIO_STATUS (109), accepted unsigned by default, is of no use: the relay passes verified frames only.
             link.accept_unsigned = &[];
         }
-        let [vsm, vehicle] = settings.ids;
         let fingerprint = identity.public().fingerprint();
         let exchange = ResponderConfig {
-            parties: Parties::new(
-                Node {
-                    system: first.system,
-                    component: first.component,
-                },
-                Node {
-                    system: settings.vehicle_system,
-                    component: settings.own_component,
-                },
-                vsm,
-                vehicle,
-            ),
+            parties: settings.parties(),
             identity,
             wanted: Wanted {
                 signing: true,

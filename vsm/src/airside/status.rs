@@ -6,7 +6,7 @@ use std::time::Duration;
 use mavlink_link::link::Link;
 use serde::Serialize;
 
-use crate::session::{ByType, Counters, Peer, link_state_name};
+use crate::session::{ByType, Counters, EncryptionStatus, Peer, link_state_name};
 
 /// The whole agent.
 #[derive(Debug, Clone, Serialize)]
@@ -40,6 +40,8 @@ pub struct AirsideStatus {
     pub window_s: Option<u64>,
     /// KEY_EXCHANGE by what became of it.
     pub exchange: BTreeMap<&'static str, u64>,
+    /// How the encrypted link stands, where the ground's is one.
+    pub encryption: Option<EncryptionStatus>,
     /// The ground's side.
     pub radio: SideStatus,
     /// PX4's side.

@@ -62,6 +62,10 @@ pub struct Radio {
     /// Who may speak to PX4, the VSM first.
     #[serde(default = "vsm_alone")]
     pub talkers: Vec<Talker>,
+    /// Whether all of the link is encrypted, as `encrypt` of the VSM's `[[vehicle]]`: nothing is taken or sent in the clear
+    /// then but KEY_EXCHANGE.
+    #[serde(default)]
+    pub encrypt: bool,
 }
 
 /// One of `radio.talkers`.

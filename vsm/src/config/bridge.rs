@@ -436,6 +436,14 @@ impl Config {
                     format!("{other}, the speed that this device has for another vehicle");
                 return fault(at, "vehicle.link", &vehicle.link, &expected);
             }
+            let alone = |link: &LinkAddress| {
+                let on_it = |one: &&Spanned<Vehicle>| one.get_ref().link == *link;
+                self.vehicle.iter().filter(on_it).count() == 1
+            };
+            if vehicle.encrypt && !alone(&vehicle.link) {
+                let expected = "a link that no other vehicle is on: it is encrypted for one agent";
+                return fault(at, "vehicle.encrypt", true, expected);
+            }
             links.push(system);
             if vehicle.system_id == 0 || vehicle.system_id == self.mavlink.system_id {
                 let expected = "1 to 255, and not the VSM's own (mavlink.system_id)";

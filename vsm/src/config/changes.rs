@@ -42,13 +42,14 @@ const DLI: [&str; 5] = [
     "max_messages_s",
 ];
 /// Keys of `[[vehicle]]` that do not: its link and what is signed on it.
-const VEHICLE: [&str; 6] = [
+const VEHICLE: [&str; 7] = [
     "logical_id",
     "link",
     "system_id",
     "signing",
     "link_id",
     "vehicle_link_id",
+    "encrypt",
 ];
 
 impl Config {
@@ -156,6 +157,7 @@ impl Config {
             vehicle.signing.clone_from(&before.signing);
             vehicle.link_id = before.link_id;
             vehicle.vehicle_link_id = before.vehicle_link_id;
+            vehicle.encrypt = before.encrypt;
         }
         for before in self.vehicles() {
             if new.vehicles().all(|one| one.id != before.id) {

@@ -175,6 +175,14 @@ pub enum ExchangeMode {
     Legacy,
 }
 
+impl Signing {
+    /// Whether keys are agreed on with an agent that has been paired.
+    #[must_use]
+    pub fn agrees_with_agent(&self) -> bool {
+        matches!(self, Signing::KeyFile(_, exchange) if exchange.mode == ExchangeMode::On)
+    }
+}
+
 impl<'de> Deserialize<'de> for Signing {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Either;

@@ -43,6 +43,11 @@ table! {
         /// MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink
         /// instance); given here, no other is ever accepted
         pub vehicle_link_id: Option<u8> => Nothing("learned, and kept in the store"),
+        /// Whether all of the link is encrypted ([encryption.md](../guide/encryption.md)): with an air-side agent that has been
+        /// paired (`signing.exchange = "on"`) and `encrypt = true` in the `[radio]` of its file. Nothing is taken or sent in the
+        /// clear then but KEY_EXCHANGE
+        #[serde(default)]
+        pub encrypt: bool => Value("false"),
         /// How altitude type 2 (AGL) is flown: as height above `"home"`, above the ground of `terrain` (`"terrain"`, refused where
         /// no file covers a place, [mapping.md](../guide/mapping.md#height-above-the-ground)), or `"refuse"`
         #[serde(default)]
@@ -354,6 +359,11 @@ impl Vehicle {
                 let expected = "0.0001 to 3650 (days)";
                 return fault(at, "vehicle.signing.rotate_days", days, expected);
             }
+        }
+        if self.encrypt && !self.signing.agrees_with_agent() {
+            let expected = "vehicle.signing with exchange = \"on\" beside it: the link's keys are agreed on with the agent \
+                            that has been paired";
+            return fault(at, "vehicle.encrypt", true, expected);
         }
         if self.agl == Agl::Terrain && self.terrain.is_none() {
             let expected = "vehicle.terrain beside it: the folder of the elevation files";

@@ -143,6 +143,7 @@ fn readable(of: &Value) -> String {
         text += &format!("  the pairing window is open for {left} s\n");
     }
     text += &status::counts("  key exchange: ", &of["exchange"]);
+    text += &status::encryption(&of["encryption"]);
     for (name, side) in [("radio", &of["radio"]), ("PX4", &of["px4"])] {
         let peer = side["peer"].as_str().unwrap_or("no data received yet");
         text += &format!("  {name}: peer {peer}\n");

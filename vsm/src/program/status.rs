@@ -150,6 +150,7 @@ fn readable(status: &Value) -> String {
             let (mode, state) = (plain(&exchange["mode"]), plain(&exchange["state"]));
             text += &format!("  key exchange {mode}, paired with {peer}: {state}\n");
         }
+        text += &encryption(&link["encryption"]);
         text += &counts("  refused in the vehicle's name: ", &link["refused"]);
         text += &counts("  frames: ", &link["frames"]);
     }
@@ -323,6 +324,17 @@ fn holding(holder: &Value) -> String {
     });
     let id = plain(&holder["id"]);
     format!("  {id} holds LOI {levels}{stations}{since}\n")
+}
+
+/// How an encrypted link stands, where there is one.
+pub(super) fn encryption(of: &Value) -> String {
+    if !of.is_object() {
+        return String::new();
+    }
+    let epoch = of["epoch"].as_u64();
+    let epoch = epoch.map_or(String::new(), |epoch| format!(", epoch {epoch}"));
+    let state = plain(&of["state"]);
+    format!("  encrypted link: {state}{epoch}\n") + &counts("    packets: ", &of["packets"])
 }
 
 pub(super) fn counts(title: &str, counts: &Value) -> String {

@@ -127,6 +127,7 @@ pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};
 pub use forward::ForwardStatus;
 pub use guard::{GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, SealError};
+pub use link::encryption_status::EncryptionStatus;
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use link::key_recovery::KeyChange;

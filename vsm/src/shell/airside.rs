@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use mavlink_link::encrypted::Role;
 use mavlink_link::exchange::{PairingCode, PinnedPeer};
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::Endpoint;
@@ -22,6 +23,7 @@ use zeroize::Zeroize;
 use super::airside_disk::AirsideDisk;
 use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
+use super::encryption::{Encryption, EncryptionEnd};
 use super::erase::{self, Order};
 use super::key_file::system_random;
 use super::key_link;
@@ -88,6 +90,8 @@ pub struct AirsideServer {
     clock: Clock,
     vehicle: String,
     radio: (VehicleReader, VehicleWriter),
+    /// Of the ground's link, where it is encrypted.
+    encryption: Option<Encryption>,
     px4: (VehicleReader, VehicleWriter),
     /// Who may be PX4.
     px4_peers: LocalPeers,
@@ -169,6 +173,18 @@ impl AirsideServer {
             ids: [own.vsm_id.0, own.vehicle_id.0],
         };
         let identity = key_exchange::identity(&mut store, &mut system_random)?;
+        let encryption = if radio.encrypt {
+            let end = EncryptionEnd {
+                role: Role::Air,
+                parties: settings.parties(),
+                identity: identity.duplicate(),
+                peer: ExchangeRecord::load(&store, own.vehicle_id)?.peer(),
+                at: ground,
+            };
+            Some(Encryption::open(&radio.link, end, clock.now(), &store)?)
+        } else {
+            None
+        };
         let stored = Arc::new(Notify::new());
         // From here on no frame waits for the disk.
         let ordered =
@@ -189,6 +205,7 @@ impl AirsideServer {
             clock,
             vehicle: own.vehicle_id.to_string(),
             radio: (radio_reader, radio_writer),
+            encryption,
             px4: (px4_reader, px4_writer),
             px4_peers: LocalPeers::new(&px4.link, px4.i_trust_this_link, &px4.users),
             status,
@@ -215,7 +232,9 @@ impl AirsideServer {
         let stored = self.stored.clone();
         self.settle().await?;
         loop {
-            let due = self.clock.instant(self.agent.poll_timeout());
+            let encryption = self.encryption.as_ref().map(Encryption::poll_timeout);
+            let due = encryption.map_or(Duration::MAX, |at| at.max(self.clock.mono()));
+            let due = self.clock.instant(self.agent.poll_timeout().min(due));
             tokio::select! {
                 () = &mut stop => break,
                 () = next_ping(&mut pings) => service::alive(),
@@ -223,12 +242,7 @@ impl AirsideServer {
                 received = self.radio.0.receive(&mut from_radio) => match received {
                     Ok((length, from)) => {
                         let bytes = from_radio.get(..length).unwrap_or_default();
-                        let now = self.clock.now();
-                        let mut random = system_random;
-                        let trace = self.begin_trace(Side::Radio);
-                        self.agent
-                            .handle_radio(now, from, bytes, &mut random, &mut self.disk);
-                        self.end_trace(trace, from, bytes);
+                        self.take_radio(from, bytes);
                     }
                     Err(cause) => pause_after("the ground's link", &cause).await,
                 },
@@ -278,7 +292,11 @@ impl AirsideServer {
                     self.agent.close_window();
                 }
                 () = tokio::time::sleep_until(due.into()) => {
-                    self.agent.handle_timeout(self.clock.now(), &mut self.disk);
+                    let now = self.clock.now();
+                    if let Some(encryption) = &mut self.encryption {
+                        encryption.handle_timeout(now, &mut self.disk.store);
+                    }
+                    self.agent.handle_timeout(now, &mut self.disk);
                 }
             }
             self.settle().await?;
@@ -287,6 +305,24 @@ impl AirsideServer {
         self.disk.store.wait(LAST_WRITES);
         self.disk.ordered.files.wait(end);
         Ok(self.picture())
+    }
+
+    /// Takes what came from the ground: of an encrypted link what is inside.
+    fn take_radio(&mut self, from: Peer, bytes: &[u8]) {
+        let now = self.clock.now();
+        let mut encryption = self.encryption.take();
+        let bytes = match &mut encryption {
+            Some(one) => one.handle(now, from, bytes, &mut self.disk.store),
+            None => bytes,
+        };
+        if !bytes.is_empty() {
+            let mut random = system_random;
+            let trace = self.begin_trace(Side::Radio);
+            self.agent
+                .handle_radio(now, from, bytes, &mut random, &mut self.disk);
+            self.end_trace(trace, from, bytes);
+        }
+        self.encryption = encryption;
     }
 
     /// For a log that shows each datagram.
@@ -302,7 +338,10 @@ impl AirsideServer {
     }
 
     fn picture(&self) -> AirsideStatus {
-        self.agent.status(self.vehicle.clone(), self.clock.mono())
+        let now = self.clock.mono();
+        let mut status = self.agent.status(self.vehicle.clone(), now);
+        status.encryption = self.encryption.as_ref().map(|one| one.status(now));
+        status
     }
 
     /// Somebody at this computer wants to zeroize: whether the order is stored, and the agent ends.
@@ -361,6 +400,9 @@ impl AirsideServer {
                     asker.send_line("pairing attempt with a wrong code").await
                 }
                 PairingNews::Paired(peer) => {
+                    if let Some(encryption) = &mut self.encryption {
+                        encryption.set_peer(peer, self.clock.mono());
+                    }
                     asker
                         .send_line(&format!("paired with   {}", peer.fingerprint()))
                         .await;
@@ -383,14 +425,18 @@ impl AirsideServer {
         {
             let frame = out.get(..sent.len).unwrap_or_default();
             let (writer, task) = match sent.side {
-                Side::Radio => (&mut self.radio.1, "writer of the ground's serial port"),
+                Side::Radio => (&mut self.radio.1, RADIO_WRITER),
                 Side::Px4 => (&mut self.px4.1, "writer of PX4's serial port"),
             };
             if tracing::enabled!(tracing::Level::DEBUG) {
                 tracing::debug!("{}", sent_text(sent.side, sent.to, frame));
             }
             let stranger = sent.secret.then(|| self.px4_peers.may_have_key(sent.to));
-            if let Some(Err(stranger)) = stranger {
+            if let (Side::Radio, Some(encryption)) = (sent.side, &mut self.encryption) {
+                encryption.send(self.clock.mono(), sent.to, frame);
+                // At once: it holds few packets, and a burst of PX4's frames makes many.
+                self.send_encrypted().await?;
+            } else if let Some(Err(stranger)) = stranger {
                 tracing::error!("PX4's key is NOT sent: {stranger}");
                 self.agent.count_held_back(FOREIGN);
             } else if let Err(cause) = writer.send(frame, sent.to).await {
@@ -405,15 +451,41 @@ impl AirsideServer {
             }
         }
         self.tell_pairing().await;
+        self.send_encrypted().await?;
         while let Some(note) = self.agent.poll_note() {
-            match note.level {
-                LogLevel::Debug => tracing::debug!("{}", note.text),
-                LogLevel::Info => tracing::info!("{}", note.text),
-                LogLevel::Warning => tracing::warn!("{}", note.text),
-                LogLevel::Error => tracing::error!("{}", note.text),
-            }
+            write_log(note.level, &note.text);
         }
         Ok(())
+    }
+
+    /// Sends what the encrypted link has for the radio, and writes its log.
+    async fn send_encrypted(&mut self) -> Result<(), TaskFault> {
+        let Some(encryption) = &mut self.encryption else {
+            return Ok(());
+        };
+        let disk = &mut self.disk.store;
+        while let Some((to, bytes)) = encryption.poll_transmit(self.clock.mono(), disk) {
+            if let Err(cause) = self.radio.1.send(bytes, to).await {
+                if cause.kind() == io::ErrorKind::BrokenPipe {
+                    let task = RADIO_WRITER;
+                    return Err(TaskFault::Ended { task });
+                }
+                tracing::debug!("a packet to {to} was not sent: {cause}");
+            }
+        }
+        while let Some((level, text)) = encryption.poll_notice() {
+            write_log(level, &text);
+        }
+        Ok(())
+    }
+}
+
+fn write_log(level: LogLevel, text: &str) {
+    match level {
+        LogLevel::Debug => tracing::debug!("{text}"),
+        LogLevel::Info => tracing::info!("{text}"),
+        LogLevel::Warning => tracing::warn!("{text}"),
+        LogLevel::Error => tracing::error!("{text}"),
     }
 }
 
@@ -476,6 +548,7 @@ const LAST_WRITES: Duration = Duration::from_secs(10);
 const FOREIGN: &str = "PX4's link: not a permitted user's socket";
 const FLIES: &str = "PX4 is not known to be disarmed, and would lose its link to the ground: land and disarm it, or add \
                      --in-flight";
+const RADIO_WRITER: &str = "writer of the ground's serial port";
 const LARGEST: usize = 65_536;
 /// A socket takes a whole status at once: the links wait no longer for one who does not read.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);

@@ -47,6 +47,11 @@ pub enum KeyLinkError {
     /// There is no key in force that could be given again.
     #[error("there is no key in force, expected one to send again")]
     NoKey,
+    /// SETUP_SIGNING would be in the clear on a link that never is.
+    #[error(
+        "the vehicle's link is encrypted (vehicle.encrypt): its keys come from its agent, by `vsm pair`"
+    )]
+    Encrypted,
     /// The key would be shown to whoever listens on the link.
     #[error(
         "SETUP_SIGNING shows the key to anyone who can receive {link}: use a serial line or loopback, or \
@@ -128,6 +133,9 @@ impl KeyLink {
         what: What,
         trust: Trust,
     ) -> Result<KeyLink, KeyLinkError> {
+        if vehicle.encrypt {
+            return Err(KeyLinkError::Encrypted);
+        }
         if !trust.open_link && !is_local(&vehicle.link) {
             return Err(KeyLinkError::OpenLink {
                 link: vehicle.link.to_string(),

@@ -3,7 +3,7 @@
 //! From the bottom up: `ownership` is whose files are believed; `disk` implements [`Disk`](mavlink_link::store::Disk), and
 //! `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file` and
 //! `key_store` are the signing keys, `guard_file` those of the DLI guard, `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` who is at their
-//! other end; `recording` and `dli_recording` write what passes, `log_pipe` the log; `status_socket`, `pairing_socket`,
+//! other end, `encryption` the encrypted links on these; `recording` and `dli_recording` write what passes, `log_pipe` the log; `status_socket`, `pairing_socket`,
 //! `web` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
 //! these stand the programs: `server` (`vsm run`), `airside` with `airside_disk` (`vsm airside`), `guard_proxy` (`vsm guard`), `pairing` (`vsm pair`),
 //! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`). `self_check` is what `vsm doctor` looks at
@@ -14,6 +14,7 @@ pub mod airside_disk;
 pub mod clock;
 pub mod disk;
 pub mod dli_recording;
+mod encryption;
 pub mod erase;
 pub mod files_socket;
 pub mod guard_file;

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use mavlink_link::encrypted::Role;
 use mavlink_link::exchange::{
     Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey,
     Status, Trust,
@@ -13,6 +14,7 @@ use tokio::time::{Instant, sleep_until};
 
 use super::clock::Clock;
 use super::disk::{FileDisk, OpenError};
+use super::encryption::{Encryption, EncryptionEnd};
 use super::key_file::system_random;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
@@ -55,6 +57,8 @@ pub struct Pairing {
     exchanged: bool,
     parser: Parser,
     seq: u8,
+    /// Of a link that is encrypted: a pairing passes it in the clear, framed as the rest.
+    encryption: Option<Encryption>,
 }
 
 /// How it ended.
@@ -96,6 +100,18 @@ impl Pairing {
         )?;
         let record = ExchangeRecord::load(&store, vehicle.id)?;
         let parties = parties(config, vehicle, settings);
+        let encryption = if vehicle.encrypt {
+            let end = EncryptionEnd {
+                role: Role::Ground,
+                parties,
+                identity: identity(&mut store, &mut system_random)?,
+                peer: None,
+                at: peer,
+            };
+            Some(Encryption::open(&vehicle.link, end, clock.now(), &store)?)
+        } else {
+            None
+        };
         let config = InitiatorConfig {
             parties,
             identity: identity(&mut store, &mut system_random)?,
@@ -118,6 +134,7 @@ impl Pairing {
             exchanged: false,
             parser: Parser::new(),
             seq: 0,
+            encryption,
         })
     }
 
@@ -165,6 +182,10 @@ impl Pairing {
     /// Only KEY_EXCHANGE counts, signed or not: what is believed is proven by the code.
     fn take(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
+        let bytes = match &mut self.encryption {
+            Some(one) => one.handle(now, from, bytes, &mut self.store),
+            None => bytes,
+        };
         let mut disk = GroundKeys {
             store: &mut self.store,
             records: &mut None,
@@ -231,11 +252,19 @@ impl Pairing {
             self.seq = self.seq.wrapping_add(1);
             let mut out = [0; MAX_FRAME];
             if let Ok(len) = encode_raw(header, &message.to_payload(), &mut out) {
+                let frame = out.get(..len).unwrap_or_default();
                 // A frame that does not leave is a frame that is lost.
-                let _ = self
-                    .writer
-                    .send(out.get(..len).unwrap_or_default(), to)
-                    .await;
+                let _ = match &mut self.encryption {
+                    None => self.writer.send(frame, to).await,
+                    Some(one) => {
+                        let now = self.clock.mono();
+                        one.send(now, to, frame);
+                        match one.poll_transmit(now, &mut self.store) {
+                            Some((to, bytes)) => self.writer.send(bytes, to).await,
+                            None => Ok(()),
+                        }
+                    }
+                };
             }
         }
     }

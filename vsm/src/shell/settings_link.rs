@@ -44,6 +44,11 @@ pub enum SettingsLinkError {
         /// The key file.
         path: PathBuf,
     },
+    /// Only a bridge that runs has the link's keys.
+    #[error(
+        "the vehicle's link is encrypted (vehicle.encrypt): start `vsm run`, which this command asks then"
+    )]
+    Encrypted,
 }
 
 /// A link on which settings are read.
@@ -70,6 +75,9 @@ impl SettingsLink {
     /// # Errors
     /// Another process has store or key, there is no key, or a file or socket cannot be had. Nothing has been sent then.
     pub fn open(config: &Config, vehicle: &Vehicle) -> Result<SettingsLink, SettingsLinkError> {
+        if vehicle.encrypt {
+            return Err(SettingsLinkError::Encrypted);
+        }
         let clock = Clock::default();
         let now = clock.now();
         let mut store = FileDisk::open(&config.store.dir)?;

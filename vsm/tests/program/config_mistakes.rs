@@ -43,6 +43,15 @@ const MISTAKES: &[Mistake] = &[
         "[[vehicle]]\n[store]",
         &["line 21", "vehicle.id is missing", "id = \"1b:00:01:01\""],
     ),
+    // An encrypted link has its keys from an agent, and only that agent on it.
+    (
+        "[store]",
+        "encrypt = true\n[store]",
+        &[
+            "vehicle.encrypt is true",
+            "vehicle.signing with exchange = \"on\" beside it",
+        ],
+    ),
     // Addresses.
     (
         "\"127.0.0.1:4586\"",

@@ -1,6 +1,7 @@
 //! The encrypted link: both ends, their disks, and a radio that loses, doubles, delays and damages, under a virtual clock.
 
 mod attacks;
+mod cost;
 mod nonces;
 mod passes;
 

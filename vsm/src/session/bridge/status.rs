@@ -19,6 +19,7 @@ use crate::session::counters::{ByType, Counters};
 use crate::session::findings::Finding;
 use crate::session::forward::ForwardStatus;
 use crate::session::guard::GuardStatus;
+use crate::session::link::encryption_status::EncryptionStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
 use crate::session::payload;
 
@@ -262,6 +263,8 @@ pub struct LinkStatus {
     pub clock_known: bool,
     /// How keys are agreed about over the air, where they are.
     pub exchange: Option<ExchangeStatus>,
+    /// How the encrypted link stands, where the vehicle has one (`encrypt`).
+    pub encryption: Option<EncryptionStatus>,
     /// Refused frames in the vehicle's name, by the reason.
     pub refused: BTreeMap<&'static str, u64>,
     /// Frames of systems that are no vehicle of this link, such as those which a vehicle passes on.
@@ -353,6 +356,7 @@ impl Bridge {
                     lost: link.lost(),
                     clock_known: aircraft.clock().offset().is_some(),
                     exchange: link.agreement.status(),
+                    encryption: None,
                     refused: link.refused_frames(now),
                     strangers: self
                         .others_on_link(aircraft)

@@ -7,9 +7,11 @@
 //! - `intake`: bytes become state, answers and [events](event); `sending`: messages become signed frames
 //! - `key_agreement`: a key agreed over the air is looked for in the vehicle's frames; `key_recovery`: which of two keys
 //!   the vehicle has, after a rollover that a restart cut off
+//! - `encryption_status`: how the encrypted link below stands, which the shell keeps
 //! - `ground`: heights of the ground, for a vehicle that asks for them
 //! - `operator_control`: who may command the vehicle as MAVLink has it; `link_id`: its signing link id, over restarts
 
+pub(crate) mod encryption_status;
 pub(crate) mod event;
 pub(crate) mod frame;
 mod ground;

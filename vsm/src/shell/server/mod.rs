@@ -1,6 +1,7 @@
 //! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, and a second
 //! thread synchronises the disk.
 
+mod encryption;
 mod error;
 mod files;
 mod forward;

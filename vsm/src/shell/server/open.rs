@@ -11,6 +11,7 @@ use mavlink_link::store::Disk;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
 
+use super::encryption::open_encryption;
 use super::forward;
 use super::guards;
 use super::shared::{Core, OpenPort, Shared};
@@ -82,6 +83,12 @@ impl Server {
                 exchanges.extend(exchange.map(|exchange| (at.0, exchange)));
             }
         }
+        let mut encryptions = vec![];
+        for (index, vehicle) in config.vehicles().enumerate() {
+            let at = find_port(&ports, &vehicle.link).and_then(|port| port.peer);
+            let opened = open_encryption(config, vehicle, at, now, &mut store)?;
+            encryptions.extend(opened.map(|one| (index, one)));
+        }
         let forward_keys = forward::keys(config, &key_ids)?;
         let others = forward::owners(config, &key_ids, &forward_keys);
         let guard_keys = guards::keys(config, others, now)?;
@@ -135,6 +142,7 @@ impl Server {
                 dli_recording,
                 key_stores,
                 exchanges,
+                encryptions,
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),

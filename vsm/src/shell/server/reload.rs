@@ -26,6 +26,7 @@ use tokio::sync::{Notify, oneshot};
 use tokio::time::{sleep, timeout};
 
 use super::StartError;
+use super::encryption::open_encryption;
 use super::forward::{self, Forwards, OpenForward, Served};
 use super::guards;
 use super::read_ahead::{Ahead, ReadAhead};
@@ -511,14 +512,25 @@ fn apply(
     let mut store = Ahead::new(&mut core.store, ahead);
     core.bridge
         .reload(&both, ends, now, NOT_BEFORE, &mut store)?;
-    let mut exchanges = vec![];
+    let (mut exchanges, mut encryptions) = (vec![], vec![]);
     let mut begin = || -> Result<(), StartError> {
         for (index, (vehicle, keys, ..)) in (served..).zip(&mut kept) {
             if let Some(OrderedKeys { keys, records, .. }) = keys {
                 let machine = (&mut core.bridge, &mut store as _);
-                let exchange =
-                    open_exchange(&both, (index, vehicle), keys, Some(records), now, machine)?;
+                let exchange = open_exchange(
+                    &both,
+                    (index, vehicle),
+                    keys,
+                    Some(&mut *records),
+                    now,
+                    machine,
+                )?;
                 exchanges.extend(exchange.map(|exchange| (index, exchange)));
+                let mut ports = opened.iter().map(|(_, port)| port);
+                let port = ports.find(|port| port.link == vehicle.link);
+                let at = port.and_then(|port| port.peer);
+                let encryption = open_encryption(&both, vehicle, at, now, records)?;
+                encryptions.extend(encryption.map(|one| (index, one)));
             }
         }
         core.bridge
@@ -539,6 +551,7 @@ fn apply(
         core.recordings.push(recording);
     }
     core.exchanges.append(&mut exchanges);
+    core.encryptions.append(&mut encryptions);
     let before: Vec<Id> = both.vehicles().map(|one| one.id).collect();
     remove_ends(core, &before);
     if let Some(recording) = &mut core.dli_recording {
@@ -560,6 +573,9 @@ fn remove_ends(core: &mut Core, before: &[Id]) {
         if let Some(mut recording) = core.recordings.remove(index) {
             recording.flush();
         }
+        core.encryptions.retain(|(at, _)| *at != index);
+        let later = core.encryptions.iter_mut().filter(|(at, _)| *at > index);
+        later.for_each(|(at, _)| *at -= 1);
         core.exchanges.retain(|(at, _)| *at != index);
         let later = core.exchanges.iter_mut().filter(|(at, _)| *at > index);
         later.for_each(|(at, exchange): &mut (usize, KeyExchange)| {

@@ -14,6 +14,7 @@ use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::dli_recording::DliRecording;
+use crate::shell::encryption::Encryption;
 use crate::shell::key_file::system_random;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
@@ -84,6 +85,8 @@ pub(super) struct Core {
     pub(super) key_stores: Vec<Option<OrderedKeys>>,
     /// Of the vehicles that agree about keys over the air, by their index.
     pub(super) exchanges: Vec<(usize, KeyExchange)>,
+    /// Of the vehicles whose link is encrypted, by their index.
+    pub(super) encryptions: Vec<(usize, Encryption)>,
 }
 
 impl Core {
@@ -115,7 +118,10 @@ impl Core {
     /// When anything is next needed.
     pub(super) fn poll_timeout(&self, now: Duration) -> Duration {
         let exchanges = self.exchanges.iter().map(|(_, one)| one.poll_timeout());
-        exchanges.fold(self.bridge.poll_timeout(now), Duration::min)
+        let encryptions = self.encryptions.iter().map(|(_, one)| one.poll_timeout());
+        exchanges
+            .chain(encryptions)
+            .fold(self.bridge.poll_timeout(now), Duration::min)
     }
 
     /// Writes what the recordings hold back.
@@ -135,6 +141,10 @@ impl Shared {
         let now = self.clock.now();
         let done = act(&mut core, now);
         core.step_exchanges(now, None, &self.events);
+        for entry in core.step_encryptions(now) {
+            self.events.borrow_mut().push(now.wall, &entry);
+            write_log(&entry);
+        }
         while let Some(entry) = core.bridge.poll_log() {
             self.events.borrow_mut().push(now.wall, &entry);
             write_log(&entry);
@@ -175,7 +185,13 @@ impl Shared {
     /// How everything stands.
     pub(super) fn status(&self) -> Status {
         let core = self.core.borrow();
-        let mut status = core.bridge.status(self.vsm.clone(), self.clock.mono());
+        let now = self.clock.mono();
+        let mut status = core.bridge.status(self.vsm.clone(), now);
+        for (index, one) in &core.encryptions {
+            if let Some(vehicle) = status.vehicles.get_mut(*index) {
+                vehicle.link.encryption = Some(one.status(now));
+            }
+        }
         for recording in core.recordings.iter().flatten() {
             recording.count(&mut status.recordings);
         }

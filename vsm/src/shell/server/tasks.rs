@@ -14,7 +14,7 @@ use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
 
 use super::shared::{Core, Shared, write_log};
-use crate::session::{Destination, OutFrame};
+use crate::session::{Destination, OutFrame, Peer};
 use crate::shell::interfaces::listen_elsewhere;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
@@ -89,19 +89,10 @@ pub(super) async fn receive_vehicle(
             return beat.finish();
         };
         match received {
-            Ok((length, from)) => shared.with(
-                |Core {
-                     bridge,
-                     store,
-                     recordings,
-                     ..
-                 },
-                 now| {
-                    let bytes = bytes.get(..length).unwrap_or_default();
-                    let mut tap = recorder(recordings, now.wall);
-                    bridge.handle_vehicle(now, port, from, bytes, store, &mut tap);
-                },
-            ),
+            Ok((length, from)) => shared.with(|core, now| {
+                let bytes = bytes.get(..length).unwrap_or_default();
+                core.receive_vehicle(now, port, from, bytes);
+            }),
             Err(cause) => pause_after("a vehicle's link", &cause).await,
         }
     }
@@ -150,7 +141,7 @@ pub(super) async fn receive_forward(
     }
 }
 
-fn recorder(
+pub(super) fn recorder(
     recordings: &mut [Option<Recording>],
     wall: Duration,
 ) -> impl FnMut(usize, &FrameView<'_>) {
@@ -174,12 +165,19 @@ pub(super) async fn send(
         }
         to => to,
     };
-    let mut sealed = [0; MAX_GUARDED];
+    let mut guarded = [0; MAX_GUARDED];
     loop {
         beat.during(shared.outgoing.notified()).await;
         // Taken one by one: the machine is not held while the system takes its time. What is for a vehicle goes first,
         // however much is to be sent to stations.
         loop {
+            let sealed = shared.core.borrow_mut().poll_encrypted(shared.clock.mono());
+            if let Some((writer, to, bytes)) = sealed {
+                if !write_bytes(&bytes, to, &writer).await {
+                    return;
+                }
+                continue;
+            }
             let frame = shared.core.borrow_mut().bridge.poll_vehicle();
             if let Some((index, frame)) = frame {
                 if tracing::enabled!(tracing::Level::DEBUG) {
@@ -227,7 +225,7 @@ pub(super) async fn send(
             let bytes = {
                 let mut core = shared.core.borrow_mut();
                 let Core { bridge, store, .. } = &mut *core;
-                bridge.sealed(shared.clock.now(), &datagram, &mut sealed, store)
+                bridge.sealed(shared.clock.now(), &datagram, &mut guarded, store)
             };
             // Bridges without a key for it have counted it.
             let Some(bytes) = bytes else { continue };
@@ -265,8 +263,16 @@ async fn send_frame(
         ) {
             recording.write(shared.clock.now().wall, &view);
         }
+        if core.encrypt(shared.clock.mono(), index, frame.to, frame.bytes()) {
+            return true;
+        }
     }
-    match writer.send(frame.bytes(), frame.to).await {
+    write_bytes(frame.bytes(), frame.to, writer).await
+}
+
+/// False where the line is gone for good.
+async fn write_bytes(bytes: &[u8], to: Peer, writer: &VehicleWriter) -> bool {
+    match writer.send(bytes, to).await {
         // The task that writes the serial port is gone: its end is ours, too.
         Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => return false,
         Err(cause) => tracing::debug!("a frame to the vehicle was not sent: {cause}"),

@@ -29,7 +29,7 @@ impl Field {
         clippy::print_stderr,
         reason = "what was measured is printed for whoever reads the test"
     )]
-    fn restart_each(&self, mut parts: Parts) -> Parts {
+    pub(super) fn restart_each(&self, mut parts: Parts) -> Parts {
         let mut took = vec![];
         for what in ["PX4", "agent", "bridge", "all"] {
             let is = |part: &str| what == part || what == "all";
@@ -62,10 +62,10 @@ impl Field {
 }
 
 /// What runs: ended where it is dropped.
-struct Parts {
-    aircraft: Option<Running>,
-    agent: Option<Running>,
-    bridge: Option<Running>,
+pub(super) struct Parts {
+    pub(super) aircraft: Option<Running>,
+    pub(super) agent: Option<Running>,
+    pub(super) bridge: Option<Running>,
 }
 
 #[test]

@@ -8,6 +8,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use kit::process::{Running, free_udp_port, program, write_key};
+use kit::relay::Relay;
 use kit::serial::Line;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -19,6 +20,8 @@ pub(super) struct Field {
     /// Further tables of the ground's configuration.
     tables: &'static str,
     pub(super) radio: u16,
+    /// A line of `[[vehicle]]` and of `[radio]`.
+    encrypt: &'static str,
     /// Where the agent waits for PX4.
     pub(super) px4: u16,
     links: Links,
@@ -50,7 +53,7 @@ impl Field {
             radio: format!("udpin:127.0.0.1:{radio}"),
             px4: format!("udpin:127.0.0.1:{px4}"),
         };
-        Field::linked(signing, tables, [radio, px4], links, Vec::new())
+        Field::linked(signing, tables, ([radio, px4], ""), links, Vec::new())
     }
 
     /// The same with a serial line between ground and agent, and one between agent and PX4.
@@ -63,13 +66,38 @@ impl Field {
             radio: format!("serial:{air}:57600"),
             px4: format!("serial:{device}:921600"),
         };
-        Field::linked(signing, "", [0, px4], links, vec![radio, cable])
+        Field::linked(signing, "", ([0, px4], ""), links, vec![radio, cable])
+    }
+
+    /// Paired, with an encrypted link that this relay carries: it is given the address of the agent.
+    pub(super) fn encrypted(relay: impl FnOnce(&str) -> Relay) -> (Field, Relay) {
+        let (radio, px4) = (free_udp_port(), free_udp_port());
+        let relay = relay(&format!("127.0.0.1:{radio}"));
+        let links = Links {
+            ground: format!("udpout:{}", relay.address()),
+            radio: format!("udpin:127.0.0.1:{radio}"),
+            px4: format!("udpin:127.0.0.1:{px4}"),
+        };
+        let ports = ([radio, px4], ENCRYPT);
+        let field = Field::linked(AGREED, "", ports, links, Vec::new());
+        (field, relay)
+    }
+
+    /// The same over a serial line.
+    pub(super) fn encrypted_on_serial_lines() -> Field {
+        let field = Field::on_serial_lines(AGREED);
+        let field = Field {
+            encrypt: ENCRYPT,
+            ..field
+        };
+        field.write_configurations(AGREED);
+        field
     }
 
     fn linked(
         signing: &str,
         tables: &'static str,
-        [radio, px4]: [u16; 2],
+        ([radio, px4], encrypt): ([u16; 2], &'static str),
         links: Links,
         lines: Vec<Line>,
     ) -> Field {
@@ -79,14 +107,21 @@ impl Field {
             dli: free_udp_port(),
             tables,
             radio,
+            encrypt,
             px4,
             links,
             _lines: lines,
         };
         fs::create_dir(field.path("ground")).expect("a folder");
         fs::create_dir(field.path("air")).expect("a folder");
-        field.write_ground(signing);
-        let Links { radio, px4, .. } = &field.links;
+        field.write_configurations(signing);
+        field
+    }
+
+    fn write_configurations(&self, signing: &str) {
+        self.write_ground(signing);
+        let Links { radio, px4, .. } = &self.links;
+        let encrypt = self.encrypt;
         let air = format!(
             r#"
 [agent]
@@ -95,6 +130,7 @@ vsm_id = "1b:00:00:01"
 key_file = "uav1.key"
 [radio]
 link = "{radio}"
+{encrypt}
 [px4]
 link = "{px4}"
 system_id = 1
@@ -102,13 +138,16 @@ system_id = 1
 dir = "state"
 "#
         );
-        fs::write(field.path("air/airside.toml"), air).expect("the configuration");
-        field
+        fs::write(self.path("air/airside.toml"), air).expect("the configuration");
     }
 
     pub(super) fn write_ground(&self, signing: &str) {
         let Field {
-            dli, links, tables, ..
+            dli,
+            links,
+            tables,
+            encrypt,
+            ..
         } = self;
         let link = &links.ground;
         let ground = format!(
@@ -124,6 +163,7 @@ id = "1b:00:01:01"
 link = "{link}"
 system_id = 1
 signing = {{ key_file = "uav1.key"{signing} }}
+{encrypt}
 [store]
 dir = "state"
 {tables}"#
@@ -312,4 +352,7 @@ dir = "state"
     }
 }
 
+/// What the ground's configuration has beside the key file where both are to agree.
+const AGREED: &str = r#", exchange = "on""#;
+const ENCRYPT: &str = "encrypt = true";
 pub(super) const START: Duration = Duration::from_secs(10);

@@ -1,7 +1,8 @@
-//! The programs of this project together, each as a process of its own: the air-side agent, three ground stations, a
+//! The programs of this project together, each as a process of its own: the air-side agent, its encrypted link, three ground stations, a
 //! guard, a planned route, and what outlives the end of a process.
 
 mod airside;
+mod encrypted;
 mod field;
 mod guard;
 mod handover;

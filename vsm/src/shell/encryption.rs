@@ -1,0 +1,149 @@
+//! One end of an encrypted link: the machine of mavlink-link beside the socket that carries it, what is logged of it, and
+//! what a status shows.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::encrypted::{
+    Carrier, EncryptedConfig, EncryptedEvent, EncryptedLink, MAX_WIRE, Role,
+};
+use mavlink_link::exchange::{Identity, Parties, PublicKey};
+use mavlink_link::store::{Disk, StoreError};
+
+use super::key_file::system_random;
+use crate::config::LinkAddress;
+use crate::session::{EncryptionStatus, LogLevel, Peer};
+
+/// One end.
+#[derive(Debug)]
+pub(super) struct Encryption {
+    pub(super) address: LinkAddress,
+    link: EncryptedLink<Peer>,
+    out: Box<[u8; MAX_WIRE]>,
+}
+
+/// What an end is: which, whose, and with whom.
+pub(super) struct EncryptionEnd {
+    pub(super) role: Role,
+    pub(super) parties: Parties,
+    pub(super) identity: Identity,
+    /// Pinned by a pairing; without one nothing passes but a pairing.
+    pub(super) peer: Option<PublicKey>,
+    /// The fixed address of the other end, where there is one.
+    pub(super) at: Option<Peer>,
+}
+
+impl Encryption {
+    /// Begins on the link with this address.
+    ///
+    /// # Errors
+    /// Its record cannot be read.
+    pub(super) fn open(
+        address: &LinkAddress,
+        end: EncryptionEnd,
+        now: Now,
+        disk: &dyn Disk,
+    ) -> Result<Encryption, StoreError> {
+        let EncryptionEnd {
+            role,
+            parties,
+            identity,
+            peer,
+            at,
+        } = end;
+        let config = EncryptedConfig {
+            role,
+            parties,
+            identity,
+            peer,
+            carrier: match address {
+                LinkAddress::Serial { .. } => Carrier::Stream,
+                LinkAddress::UdpIn(_) | LinkAddress::UdpOut(_) => Carrier::Datagrams,
+            },
+            at,
+            // Commands wait for nothing; telemetry may, so that more of it is in a packet.
+            linger: match role {
+                Role::Ground => Duration::ZERO,
+                Role::Air => LINGER,
+            },
+        };
+        Ok(Encryption {
+            address: address.clone(),
+            link: EncryptedLink::open(config, now.mono, disk)?,
+            out: Box::new([0; MAX_WIRE]),
+        })
+    }
+
+    /// Takes what arrived, and gives the frames that the other end has sent.
+    pub(super) fn handle(
+        &mut self,
+        now: Now,
+        from: Peer,
+        bytes: &[u8],
+        disk: &mut dyn Disk,
+    ) -> &[u8] {
+        self.link.handle(now, from, bytes, &mut system_random, disk)
+    }
+
+    /// Sends one frame, once it is polled.
+    pub(super) fn send(&mut self, now: Duration, to: Peer, frame: &[u8]) {
+        self.link.send(now, to, frame);
+    }
+
+    /// The next bytes for the socket.
+    pub(super) fn poll_transmit(
+        &mut self,
+        now: Duration,
+        disk: &mut dyn Disk,
+    ) -> Option<(Peer, &[u8])> {
+        let (to, len) = self.link.poll_transmit(now, disk, &mut self.out)?;
+        Some((to, self.out.get(..len)?))
+    }
+
+    /// Does what is due.
+    pub(super) fn handle_timeout(&mut self, now: Now, disk: &mut dyn Disk) {
+        self.link.handle_timeout(now, &mut system_random, disk);
+        // Nothing here speaks to the radio itself; what it sends is counted.
+        while self.link.poll_radio().is_some() {}
+    }
+
+    /// When that is next needed.
+    pub(super) fn poll_timeout(&self) -> Duration {
+        self.link.poll_timeout().unwrap_or(Duration::MAX)
+    }
+
+    /// A pairing has pinned the other end.
+    pub(super) fn set_peer(&mut self, peer: PublicKey, now: Duration) {
+        self.link.set_peer(peer, now);
+    }
+
+    /// The next thing for the log; a warning is one for operators too.
+    pub(super) fn poll_notice(&mut self) -> Option<(LogLevel, String)> {
+        Some(match self.link.poll_event()? {
+            EncryptedEvent::Keys { epoch } => (
+                LogLevel::Info,
+                format!("the link is encrypted under new keys (epoch {epoch})"),
+            ),
+            EncryptedEvent::UnderAttack => (
+                LogLevel::Warning,
+                "encrypted link: many packets of late were changed, replayed or made up".to_owned(),
+            ),
+            EncryptedEvent::Fault(cause) => (
+                LogLevel::Warning,
+                format!("encrypted link: no keys can be agreed on: {cause}"),
+            ),
+        })
+    }
+
+    /// How it stands.
+    pub(super) fn status(&self, now: Duration) -> EncryptionStatus {
+        EncryptionStatus {
+            state: self.link.state(now).name(),
+            epoch: self.link.epoch(),
+            packets: self.link.stats().iter().filter(|one| one.1 > 0).collect(),
+        }
+    }
+}
+
+/// A third of what a radio of 57,600 baud needs for one packet.
+const LINGER: Duration = Duration::from_millis(5);
