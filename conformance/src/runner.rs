@@ -686,8 +686,15 @@ fn loi_bit(need: &str) -> i64 {
 fn flies(rule: &Rule) -> bool {
     rule.hazard == Hazard::Flight
         || rule.needs.iter().any(|need| need == "airborne")
-        || ["ROUTE-004", "ROUTE-007", "CONF-005", "MODE-003", "PAYL-007"]
-            .contains(&rule.id.as_str())
+        || [
+            "ROUTE-004",
+            "ROUTE-007",
+            "STAT-009",
+            "CONF-005",
+            "MODE-003",
+            "PAYL-007",
+        ]
+        .contains(&rule.id.as_str())
 }
 
 /// From harmless to hostile; rules in flight together.

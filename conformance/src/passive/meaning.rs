@@ -292,6 +292,12 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
         found.check(seen, percent <= 100, || {
             format!("expected Percent Complete 0 to 100, got {percent}")
         });
+        // Of a plan that was transferred; what clears or cancels one has no parts.
+        let whole =
+            seen.raw("Status") == Some(1) && matches!(seen.raw("Mission Plan Mode"), Some(2 | 3));
+        found.check(seen, !whole || percent == 100, || {
+            format!("expected Percent Complete 100 with status 1 (complete) of a load or a download, got {percent}")
+        });
         let before = last.insert(key, percent);
         let ended = seen.raw("Status").is_some_and(|status| status == 2);
         found.check(

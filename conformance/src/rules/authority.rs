@@ -273,7 +273,21 @@ fn release_is_granted(t: &Trial) -> Judged {
     )?;
     b.take(loi::LOI2 | loi::LOI4)?;
     obeyed(t, &b, "granted after the release of another")?;
-    powerless(t, &b, &a, "released")
+    powerless(t, &b, &a, "released")?;
+    // What is given back with everything else is the status: it would go on for ever, to an address that may be another's.
+    let mark = t.bench.net.mark();
+    t.pause(t.timers().status / 10)?;
+    let status = a.received(mark, |seen| {
+        matches!(seen.kind(), 3001 | 3002 | 4000 | 4001) && seen.piece.destination == a.id
+    });
+    t.expect(status.is_empty(), || {
+        format!(
+            "expected no more status to {}, which has given back all levels; {} messages came, such as {}",
+            a.id,
+            status.len(),
+            status[0].kind()
+        )
+    })
 }
 
 fn commands_need_their_loi(t: &Trial) -> Judged {

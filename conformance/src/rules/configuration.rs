@@ -400,7 +400,45 @@ fn a_change_of_availability_is_said(t: &Trial) -> Judged {
     }
     t.expect(changed.is_subset(&said), || {
         format!("expected 44003 at once about the modes {changed:?}, which the configuration lists otherwise since a plan is aboard; it came about {said:?}")
-    })
+    })?;
+    says_which_way(t, &a, mark, &changed, &after)?;
+    // And the other way, when the plan goes.
+    let mark = t.bench.net.mark();
+    crate::bench::flight::clear(t, &a)?;
+    t.pause(t.timers().answer / 2)?;
+    let gone = phase()?;
+    let changed: BTreeSet<i64> = after.symmetric_difference(&gone).copied().collect();
+    says_which_way(t, &a, mark, &changed, &gone)
+}
+
+/// The last 44003 about each of these modes says that it is unavailable where the configuration lists it so, else available.
+fn says_which_way(
+    t: &Trial,
+    a: &Station,
+    mark: usize,
+    changed: &BTreeSet<i64>,
+    unavailable: &BTreeSet<i64>,
+) -> Judged {
+    for mode in changed {
+        let said = a.received(mark, |seen| {
+            seen.kind() == 44003
+                && seen.raw("Reported Message") == Some(2016)
+                && seen.raw("Reported Field") == Some(2)
+                && seen.raw("Reported Enumerated Index") == Some(*mode)
+        });
+        let gone = unavailable.contains(mode);
+        let what = if gone { "unavailable" } else { "available" };
+        let Some(last) = said.last() else {
+            return Err(Stop::fail(format!(
+                "expected 44003 at once about mode {mode}, which has become {what}; none came"
+            )));
+        };
+        let enable = last.raw("Enumerated Index Enable").unwrap_or_default();
+        t.expect_of(last, (enable < 0) == gone, || {
+            format!("expected 44003 to say that mode {mode} has become {what}, as the configuration lists it; Enumerated Index Enable is {enable}")
+        })?;
+    }
+    Ok(())
 }
 
 fn abort_stops_the_answers(t: &Trial) -> Judged {

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::{Plan, deliver, download, home, loaded, run_transfer, transfer};
-use crate::bench::station::{Access, authorisation, loi};
+use crate::bench::station::{Access, authorisation, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::Draft;
+use crate::wire::{Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -56,7 +56,10 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-fn granted(seen: &crate::wire::Seen) -> i64 {
+/// The subsystem of alerts about links and stations.
+const COMMS: i64 = 3;
+
+fn granted(seen: &Seen) -> i64 {
     seen.raw("LOI Granted").unwrap_or_default()
 }
 
@@ -64,6 +67,15 @@ fn handover_is_reported(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
     b.take(loi::LOI2).precondition("B has LOI 2")?;
+    // Before it there is none: 0, how the last one ended, or no answer.
+    let mark = t.bench.net.mark();
+    a.send(information_request(35000));
+    let idle = a.wait(mark, t.timers().answer / 2, |seen| seen.kind() == 35000);
+    if let Some(idle) = idle {
+        t.expect_of(&idle, idle.raw("Status") != Some(1), || {
+            "expected no handover in progress in 35000 before one began; it shows status 1".into()
+        })?;
+    }
     let mark = t.bench.net.mark();
     a.request(loi::LOI4, Access::Release)?;
     b.take(loi::LOI4)?;
@@ -299,13 +311,14 @@ fn a_handover_that_lapses(t: &Trial) -> Judged {
     t.expect(a.commands_work()?, || {
         "expected the holder's 2017 to work after a handover that lapsed".into()
     })?;
+    if failed.is_none() && begun {
+        let seconds = t.bench.profile.figures.handover_s;
+        return Err(Stop::fail(format!(
+            "expected 35000 status 3 once a handover lapsed to which nobody consented; it said in progress, and nothing more in {seconds:.0} s (figures.handover_s of the profile)"
+        )));
+    }
     if failed.is_none() {
-        let why = if begun {
-            "35000 said in progress and never failed within the time of the profile"
-        } else {
-            "no 35000 came for a #4"
-        };
-        return Err(Stop::inconclusive(why));
+        return Err(Stop::inconclusive("no 35000 came for a #4"));
     }
     Ok(())
 }
@@ -391,14 +404,37 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
             figures.offer_s + 1.6
         )
     })?;
-    // In a second run nobody asks: then it is taken.
+    // In a second run nobody asks, and it comes back: nothing is offered any more, and what was said about it is over.
     b.release()?;
     t.grant(&a, loi::LOI2 | loi::LOI4)?;
+    let mark = t.bench.net.mark();
+    a.send(Draft::new(16002));
+    t.pause(Duration::from_secs_f64(figures.offer_s + 0.6))?;
     for _ in 0..2 {
         a.send(Draft::new(16002));
         t.pause(Duration::from_secs(1))?;
     }
-    t.pause(Duration::from_secs_f64(figures.act_s + 0.5))?;
+    let of = |seen: &Seen| seen.raw("Alert (Warning) ID").unwrap_or_default().abs();
+    for raised in a.received(mark, |seen| {
+        seen.kind() == 16000
+            && seen.raw("Type") == Some(1)
+            && seen.raw("Priority").is_some_and(|priority| priority > 0)
+            && seen.raw("Subsystem ID") == Some(COMMS)
+    }) {
+        let cleared = a.received(mark, |seen| {
+            seen.kind() == 16000 && seen.raw("Priority") == Some(0) && of(seen) == of(&raised)
+        });
+        t.expect_of(&raised, !cleared.is_empty(), || {
+            format!("expected alert {} about the silence to be cleared when the holder's heartbeats came again; it was not", of(&raised))
+        })?;
+    }
+    let denied = b.request(loi::LOI4, Access::Request)?;
+    t.expect_of(&denied, granted(&denied) & loi::LOI4 == 0, || {
+        "expected B's request to be denied once the heartbeats of the holder came again; it was granted".into()
+    })?;
+    // In a third it does not: then control is taken.
+    a.send(Draft::new(16002));
+    t.pause(Duration::from_secs_f64(figures.act_s + 1.5))?;
     let radius = t.bench.fresh_radius();
     let sent = a.send(Draft::new(2017).set("Loiter Radius", radius).acked());
     let done = a.wait(sent.mark, t.timers().answer, |seen| {

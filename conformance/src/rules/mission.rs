@@ -1,15 +1,17 @@
 //! Missions: what is loaded, refused and returned: ROUTE on the ground.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::scene::Scene;
 use crate::bench::flight::{
-    Plan, airborne, clear, deliver, difference, download, field, hold, home, load, loaded, mode,
-    mode_becomes, mode_command, reported_mode, route_head, run_transfer, stretch, to_number,
-    transfer,
+    Plan, Transfer, airborne, clear, deliver, difference, download, field, hold, home, load,
+    loaded, mode, mode_becomes, mode_command, reported_mode, route_head, run_transfer, stretch,
+    to_number, transfer,
 };
 use crate::bench::station::Station;
 use crate::bench::trial::{Player, Trial};
 use crate::verdict::{Judged, Stop};
-use crate::wire::Draft;
+use crate::wire::{Direction, Draft};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -345,6 +347,9 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     clear(t, &a)?;
     let mut plan = Plan::zigzag(&home, "VALUES", &[10, 40, 20, 65_534]);
+    // As long as a name may well be: what keeps fewer characters gives another one back.
+    plan.route = "R-VALUES-TO-THE-NORTH".to_owned();
+    plan.head = Some(route_head(&plan.route, 10, 2));
     for (index, point) in plan.points.iter_mut().enumerate() {
         // Values that a float of 32 bits, degrees times 1e7 or whole metres do not keep.
         *point = point
@@ -392,6 +397,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
             found.status
         )));
     }
+    let mark = t.bench.net.mark();
     let found = download(t, &a, "VALUES")?;
     t.expect(found.status == Some(1), || {
         format!(
@@ -399,6 +405,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
             found.status
         )
     })?;
+    each_message_comes_once(t, &found, mark)?;
     if let Some(difference) = difference(&plan, &found, &t.bench) {
         return Err(Stop::fail(format!(
             "expected the download to return the uploader's values; {difference}"
@@ -434,6 +441,34 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
         )));
     }
     Ok(())
+}
+
+/// To one command; the same message by multicast and unicast both, or twice by the network, is one.
+fn each_message_comes_once(t: &Trial, found: &Transfer, mark: usize) -> Judged {
+    let commands = t.bench.net.recording().datagrams[mark..]
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+        .filter(|seen| seen.direction == Direction::Sent && seen.kind() == 13000)
+        .count();
+    let mut stamps: BTreeMap<(u16, Option<i64>), BTreeSet<i64>> = BTreeMap::new();
+    for seen in &found.messages {
+        if let (13002 | 13003, Some(stamp)) = (seen.kind(), seen.stamp()) {
+            let key = (seen.kind(), seen.raw("Waypoint Number"));
+            stamps.entry(key).or_default().insert(stamp);
+        }
+    }
+    let most = stamps.iter().max_by_key(|(_, stamps)| stamps.len());
+    t.expect(
+        most.is_none_or(|(_, stamps)| stamps.len() <= commands),
+        || {
+            let ((kind, number), stamps) = most.unwrap_or((&(0, None), const { &BTreeSet::new() }));
+            format!(
+                "expected each message once in a download, got {} of {kind} of waypoint {}",
+                stamps.len(),
+                number.unwrap_or_default()
+            )
+        },
+    )
 }
 
 /// A waypoint with a value that a lawful vehicle may refuse: where it is accepted, it comes back as it was sent, not as the

@@ -26,6 +26,7 @@ mod scene;
 mod status;
 mod steering;
 mod transfer;
+mod vehicles;
 mod wrapper;
 
 pub use scene::Scene;
@@ -49,6 +50,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         maneuver::SCENES,
         steering::SCENES,
         status::SCENES,
+        vehicles::SCENES,
         configuration::SCENES,
         alerts::SCENES,
         handover::SCENES,

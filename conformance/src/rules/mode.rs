@@ -388,6 +388,12 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
     let last = numbers.last().copied().unwrap_or(first);
     let (mut engine, mut started) = (last, start(last)?);
     if started != Some(true) && first != last {
+        let other = report_of(first)?;
+        let runs = matches!(other.raw("Engine Status"), Some(1 | 2));
+        let ran = matches!(before.raw("Engine Status"), Some(1 | 2));
+        t.expect_of(&other, ran || !runs, || {
+            format!("expected 2008 for engine {last} to start that one; 3007 shows engine {first} started")
+        })?;
         let again = start(first)?;
         if again == Some(true) || started.is_none() {
             t.note(format!("engine {last} does not start by itself"));

@@ -120,8 +120,16 @@ fn one_configuration_for_each_station(t: &Trial) -> Judged {
         .filter_map(|seen| seen.raw("Station Number 1-16"))
         .collect();
     let reports = a.received(mark, |seen| seen.kind() == 21000);
+    let all = found.iter().fold(0, |all, bits| all | bits);
     for seen in &reports {
         let named = seen.raw("Station Number 1-16").unwrap_or_default();
+        let lacking = seen
+            .raw("Payload Stations Available 1-16")
+            .unwrap_or_default()
+            & !all;
+        t.expect_of(seen, lacking == 0, || {
+            format!("expected 21000 for each of Payload Stations Available; none came for the bits 0x{lacking:04x}")
+        })?;
         t.expect_of(seen, named.count_ones() <= 1, || {
             format!("expected one station in each 21000, got the bits 0x{named:04x}")
         })?;
@@ -152,7 +160,8 @@ fn one_configuration_for_each_station(t: &Trial) -> Judged {
     Ok(())
 }
 
-fn take_station(t: &Trial, station: &Station, number: u8) -> Judged {
+/// Takes a station; the bits of the stations that the grant names.
+fn take_station(t: &Trial, station: &Station, number: u8) -> Judged<i64> {
     let answer = station.request_station(loi::LOI2 | loi::LOI3, Access::Request, bit(number))?;
     let granted = answer.raw("LOI Granted").unwrap_or_default();
     t.expect_of(&answer, granted & loi::LOI3 != 0, || {
@@ -164,7 +173,8 @@ fn take_station(t: &Trial, station: &Station, number: u8) -> Judged {
     let stations = answer.raw("Controlled Station 1-16");
     t.expect_of(&answer, stations.is_none_or(|bits| bits & bit(number) != 0), || {
         format!("expected the bit of station {number} in Controlled Station 1-16 of its grant, got {stations:04x?}")
-    })
+    })?;
+    Ok(stations.unwrap_or_default())
 }
 
 fn still(t: &Trial, a: &Station, station: u8, command: Draft, by: &Station, why: &str) -> Judged {
@@ -310,24 +320,27 @@ fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
         t.note("pointing mode 2 (slew rates) is refused");
         return Ok(());
     }
-    let slew = |rate: f64| {
+    let slew = |rate: f64, up: f64| {
         Draft::new(19001)
             .raw("Station Number 1-16", bit(station))
             .set("Set Centreline Azimuth Angle", -0.5)
             .set("Horizontal Slew Rate", rate)
-            .set("Vertical Slew Rate", 0.0)
+            .set("Vertical Slew Rate", up)
             .acked()
     };
-    let before = pointing(a, station)?;
-    let sent = a.send(slew(0.25));
+    let elevation = || -> Judged<Option<f64>> {
+        Ok(a.query(21101)?.value("Actual Centreline Elevation Angle"))
+    };
+    let (before, low) = (pointing(a, station)?, elevation()?);
+    let sent = a.send(slew(0.25, 0.2));
     if refused(&sent) {
         t.note("a slew rate is refused");
         a.send(by_angles(station));
         return Ok(());
     }
     t.pause(Duration::from_millis(800))?;
-    let after = pointing(a, station)?;
-    a.send(slew(0.0));
+    let (after, high) = (pointing(a, station)?, elevation()?);
+    a.send(slew(0.0, 0.0));
     a.send(by_angles(station));
     a.send(steer(station, 0.0).acked());
     let by = before
@@ -335,7 +348,42 @@ fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
         .map(|(before, after)| wrapped(after - before));
     t.expect(by.is_none_or(|by| by > 0.03), || {
         format!("expected the sensor to turn to the right at a slew rate of 0.25 rad/s in pointing mode 2; its azimuth went from {before:?} to {after:?}")
-    })
+    })?;
+    let by = low.zip(high).map(|(low, high)| wrapped(high - low));
+    t.expect(by.is_none_or(|by| by > 0.02), || {
+        format!("expected the sensor to rise at a vertical slew rate of 0.2 rad/s in pointing mode 2; its elevation went from {low:?} to {high:?}")
+    })?;
+    field_of_view(t, a, station)
+}
+
+/// A commanded field of view is the one that is reported, or nothing changes: not every lens zooms.
+fn field_of_view(t: &Trial, a: &Station, station: u8) -> Judged {
+    let view =
+        || -> Judged<Option<f64>> { Ok(a.query(21101)?.value("Actual Horizontal Field of View")) };
+    let Some(before) = view()?.filter(|before| *before > 0.02) else {
+        return Ok(());
+    };
+    for wanted in [before * 0.7, before] {
+        a.send(
+            steer(station, 0.0)
+                .set("Set Horizontal Field of View", wanted)
+                .acked(),
+        );
+        let deadline = t.bench.net.now() + t.timers().answer;
+        let mut shown = before;
+        while (shown / wanted - 1.0).abs() > 0.1 && t.bench.net.now() < deadline {
+            t.pause(Duration::from_millis(100))?;
+            shown = view()?.unwrap_or(before);
+        }
+        if (shown / before - 1.0).abs() < 0.02 && wanted < before {
+            t.note("the field of view cannot be commanded");
+            return Ok(());
+        }
+        t.expect((shown / wanted - 1.0).abs() <= 0.1, || {
+            format!("expected a horizontal field of view of {wanted:.3} rad in 21101 as commanded, got {shown:.3} rad")
+        })?;
+    }
+    Ok(())
 }
 
 /// Pointing mode 4 looks at the ground point, whatever the angles of the same message say.
@@ -575,7 +623,10 @@ fn stations_are_given_singly(t: &Trial) -> Judged {
         return Err(Stop::not_applicable("needs two payload stations"));
     };
     let (a, b) = t.payload_pair()?;
-    take_station(t, &a, first)?;
+    let named = take_station(t, &a, first)?;
+    t.expect(named & bit(second) == 0, || {
+        format!("expected the grant of station {first} to name it alone, got Controlled Station 1-16 0x{named:04x}")
+    })?;
     take_station(t, &b, second)?;
     still(
         t,
@@ -584,6 +635,18 @@ fn stations_are_given_singly(t: &Trial) -> Judged {
         steer(second, 0.7),
         &a,
         "LOI 3 of another station",
+    )?;
+    // Given back, it is free for the other, and obeys its former holder no more.
+    a.release()?;
+    take_station(t, &b, first)?;
+    t.grant(&a, loi::LOI2)?;
+    still(
+        t,
+        &b,
+        first,
+        steer(first, -0.7),
+        &a,
+        "its station was released",
     )
 }
 

@@ -326,6 +326,8 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
         .filter_map(|seen| seen.raw("Turn Rate"))
         .filter(|rate| *rate != 0)
         .collect();
+    // While it still turns: what the body does is asked for.
+    let body = a.query(3010).ok();
     hold(t, &a)?;
     // Where half a turn may lie between two positions of a fast simulation, neither way can be excluded.
     let Some(moved) = moved.filter(|fix| turned(fix).abs() < 2.0) else {
@@ -335,6 +337,13 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
     t.expect(turned(&moved) > 0.0, || {
         format!("expected a turn to the right at a commanded turn rate above 0; the heading went {:.0} degrees to the left", -turned(&moved).to_degrees())
     })?;
+    if let Some(body) = body {
+        let yaw = body.raw("Yaw_Rate").unwrap_or_default();
+        let right = rates.iter().filter(|rate| **rate > 0).count();
+        t.expect_of(&body, yaw >= 0 || right * 2 < rates.len(), || {
+            format!("expected a Yaw_Rate above 0 in 3010 in a level turn to the right, as the Turn Rate of 4000; it is {yaw} (as on the wire)")
+        })?;
+    }
     let left = rates.iter().filter(|rate| **rate < 0).count();
     t.expect(rates.len() < 4 || left * 2 < rates.len(), || {
         format!(

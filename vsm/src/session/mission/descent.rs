@@ -13,7 +13,8 @@
 //!   measured: PX4 states none, and no aircraft has flown for it;
 //! - *a low mission*, half of its height: 3 m above home are left of 6, not 1.
 //!
-//! Below that a vehicle may still climb to its mission after a take-off or a mode by hand: what counts is height lost since.
+//! Below that a vehicle may still climb to its mission after a take-off or a mode by hand: what counts is height lost since. On that
+//! climb a multicopter swings as well, so that until it has been at the heights of its mission half of the margin has to be lost.
 
 use mapping::route::CompiledMission;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -29,6 +30,8 @@ use crate::session::effects::{Effects, Request};
 pub(super) struct DescentWatch {
     /// The highest in this flight of the mission, m above home.
     highest_m: Option<f64>,
+    /// Whether it has been at the heights of this mission.
+    reached: bool,
     /// Since when it is well below, by the vehicle's clock, s.
     below_s: Option<f64>,
 }
@@ -119,6 +122,7 @@ impl DescentWatch {
         };
         if sample.height_m >= sample.lowest_m - margin_m {
             self.below_s = None;
+            self.reached = true;
             return Finding::High;
         }
         let below_s = *self.below_s.get_or_insert(sample.time_s);
@@ -128,7 +132,12 @@ impl DescentWatch {
             Some(now) => now || sample.named_s < below_s,
         };
         let lost_m = highest_m - sample.height_m;
-        let sinks = sample.sinks_m_s > SINKS_M_S && lost_m > LOST_M.min(most_m / 5.0);
+        let noise_m = if self.reached {
+            LOST_M.min(most_m / 5.0)
+        } else {
+            LOST_M.min(most_m / 2.0)
+        };
+        let sinks = sample.sinks_m_s > SINKS_M_S && lost_m > noise_m;
         if lands || !sinks {
             return Finding::Low;
         }
@@ -161,7 +170,7 @@ const HOVERING_M: f64 = 5.0;
 const WINGS_M: f64 = 20.0;
 /// Slower than this is no descent: a hovering vehicle moves by as much, m/s.
 const SINKS_M_S: f64 = 0.3;
-/// Height that is lost by more than noise and gusts, m; of a multicopter 1 m.
+/// Height that is lost by more than noise and gusts, m; of a multicopter 1 m, and 2.5 m on its way up to the mission.
 const LOST_M: f64 = 4.0;
 
 #[cfg(test)]
@@ -246,6 +255,28 @@ mod tests {
             )
         });
         assert_eq!(found(climb), None);
+        // From a hold at 45 m to a mission at 65 m: past the beginning of the leg, and back to it.
+        let heights = [
+            (45.4, 0.1),
+            (46.6, -2.3),
+            (50.5, -0.2),
+            (48.9, 1.1),
+            (48.8, 0.0),
+        ];
+        let up = heights
+            .into_iter()
+            .zip(0..)
+            .map(|((height_m, sinks), k)| Sample {
+                lowest_m: 65.0,
+                ..at(f64::from(k) * 2.0, height_m, sinks)
+            });
+        assert_eq!(found(up), None);
+        // But not down again from there.
+        let falls = (0..20).map(|k| Sample {
+            lowest_m: 65.0,
+            ..at(f64::from(k), 50.0 - f64::from(k), 1.0)
+        });
+        assert_eq!(found(falls), Some(47.0));
         let swing = (0..100).map(|k| {
             let time_s = f64::from(k) * 0.2;
             at(time_s, 20.0 + 4.0 * time_s.sin(), -4.0 * time_s.cos())
