@@ -190,9 +190,9 @@ pub enum Durability {
     Power,
 }
 
-/// A file that could not be written or read.
+/// A file that could not be written or read. It says what to do, where the system's reason does not.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("record {name}: {cause}")]
+#[error("record {name}: {cause}{}", remedy(cause))]
 pub struct StoreError {
     /// The file.
     pub name: String,
@@ -209,6 +209,39 @@ impl StoreError {
         }
     }
 }
+
+/// What to do about a disk that refuses, by the system's own words: `; free space on its disk`. Nothing where there is no such
+/// reason, or the text says it already.
+///
+/// By the words and not by the error's number: causes are kept as texts here, and programs that set no locale get them in English.
+#[must_use]
+pub fn remedy(cause: &str) -> &'static str {
+    let known = REMEDIES
+        .iter()
+        .find(|(reason, remedy)| cause.contains(reason) && !cause.contains(remedy));
+    known.map_or("", |(_, remedy)| remedy)
+}
+
+const REMEDIES: [(&str, &str); 6] = [
+    ("No space left on device", "; free space on its disk"),
+    (
+        "Disk quota exceeded",
+        "; free space, or raise the quota of its owner",
+    ),
+    (
+        "File too large",
+        "; raise the limit on the size of files (ulimit -f)",
+    ),
+    (
+        "Read-only file system",
+        "; mount its disk for writing (a disk with faults is mounted read-only by itself: look at dmesg)",
+    ),
+    ("Input/output error", "; its disk has faults: look at dmesg"),
+    (
+        "Too many open files",
+        "; raise the limit on open files (ulimit -n)",
+    ),
+];
 
 /// A value with a file of its own.
 pub trait Record: Sized {
@@ -551,5 +584,19 @@ mod tests {
         assert!(read(0).is_none() && read(3).is_none());
         assert_eq!(read(1).unwrap().as_slice(), [3]);
         assert_eq!(read(2).unwrap().as_slice(), [2]);
+    }
+
+    #[test]
+    fn a_disk_that_refuses_is_named_with_what_to_do_once() {
+        let full = StoreError::new("audit.key", "No space left on device (os error 28)");
+        assert_eq!(
+            full.to_string(),
+            "record audit.key: No space left on device (os error 28); free space on its disk"
+        );
+        // A cause that carries the text of another.
+        let outer = StoreError::new("plan", &full);
+        assert_eq!(outer.to_string().matches("free space").count(), 1);
+        let other = StoreError::new("plan", "line 3: no number");
+        assert_eq!(other.to_string(), "record plan: line 3: no number");
     }
 }

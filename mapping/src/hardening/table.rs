@@ -340,12 +340,12 @@ pub const SETTINGS: &[Setting] = &[
             Rule {
                 when: When::Is(&[1, 2]),
                 verdict: Weak,
-                why: "set points that fail (mode 15) leave the vehicle in a mode that does not hold its position, where sticks are there",
+                why: "set points that fail (mode 15, autopilot) leave the vehicle in a mode that does not hold its position, where sticks are there",
             },
             Rule {
                 when: When::Is(&[6, 7]),
                 verdict: Weak,
-                why: "set points that fail for COM_OF_LOSS_T (mode 15), by jamming or by a late radio, bring the vehicle down",
+                why: "set points that fail for COM_OF_LOSS_T (mode 15, autopilot), by jamming or by a late radio, bring the vehicle down",
             },
         ],
         better: 5.0,
@@ -358,7 +358,7 @@ pub const SETTINGS: &[Setting] = &[
         rules: &[Rule {
             when: When::Above(5.0),
             verdict: Weak,
-            why: "the last set point (mode 15) is flown for longer than 5 s after they fail",
+            why: "the last set point (mode 15, autopilot) is flown for longer than 5 s after they fail",
         }],
         better: 1.0,
         needs: None,

@@ -32,7 +32,7 @@ mod wrapper;
 
 pub use correspondence::{Parties, commands_of, ed4_of, parties, places, plan_record, reports_of};
 pub use record::{Fault, Record, Value};
-pub use table::{message, messages};
+pub use table::{message, messages, named};
 pub use wrapper::{
     Frame, Frames, HEADER_BYTES, Header, MAX_DATA, TRAILER_BYTES, Version, encode, frames, is_ed25,
 };

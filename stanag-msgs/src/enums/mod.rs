@@ -6,10 +6,10 @@
 mod autonomy;
 mod disputed;
 mod flight;
-mod levels;
 mod macros;
 mod payload;
 mod system;
+mod words;
 
 pub use crate::field::{EnumInfo, EnumKind};
 pub use autonomy::*;

@@ -98,5 +98,10 @@ pub(crate) fn write(
 
 /// Writes a file.
 pub(crate) fn save(file: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    std::fs::write(file, bytes).map_err(|e| Failure::file(file, e))
+    std::fs::write(file, bytes).map_err(|e| {
+        let problem = format!(
+            "cannot be written: {e}; name a file in a folder that can be written, on a disk with free space"
+        );
+        Failure::file(file, problem)
+    })
 }

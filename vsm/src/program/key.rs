@@ -362,7 +362,8 @@ fn write_sitl_file(
         keys.commit()?;
     }
     let current = keys.current()?.context("the key has just been written")?;
-    key_file::write_px4(file, &current, wall_stamp()?)?;
+    key_file::write_px4(file, &current, wall_stamp()?)
+        .with_context(|| file.display().to_string())?;
     print_line(&format!(
         "{}: PX4's key file, key id {}; start PX4 with it",
         file.display(),

@@ -28,6 +28,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
+use mavlink_link::store::remedy;
 
 use self::config_arg::ConfigArg;
 use self::process::{Failure, LogFormat, announce};
@@ -226,6 +227,7 @@ fn in_one_line(error: &anyhow::Error) -> String {
             text += &format!(": {cause}");
         }
     }
+    text += remedy(&text);
     text
 }
 

@@ -9,7 +9,6 @@ use crate::shell::status_socket;
 use anyhow::Context as _;
 use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
-use stanag_msgs::table;
 
 use super::process::{Failure, bad, failed, print};
 
@@ -154,8 +153,9 @@ fn readable(status: &Value) -> String {
         text += &counts("  refused in the vehicle's name: ", &link["refused"]);
         text += &counts("  frames: ", &link["frames"]);
     }
-    text += &by_type("DLI received by type:\n", &status["received"]);
-    text += &by_type("DLI sent by type:\n", &status["sent"]);
+    let names = &status["message_names"];
+    text += &by_type("DLI received by type:\n", &status["received"], names);
+    text += &by_type("DLI sent by type:\n", &status["sent"], names);
     let mut refused = status["refused"].clone();
     for (name, _) in status["set_aside"].as_object().into_iter().flatten() {
         refused[name] = Value::from(0);
@@ -302,10 +302,7 @@ const VERIFIED_FOR_S: f64 = 3.5;
 
 /// `  1b:00:00:a0 holds LOI 2, 4, 5 (monitor, control, launch), for 12 s`: what, and since when.
 fn holding(holder: &Value) -> String {
-    let bits = holder["loi"]
-        .as_u64()
-        .and_then(|bits| u8::try_from(bits).ok());
-    let levels = LoiBitmap::from_raw(bits.unwrap_or(0)).in_words();
+    let levels = plain(&holder["levels"]);
     let stations = holder["stations"].as_array().map_or(&[][..], Vec::as_slice);
     let stations = match stations {
         [] => String::new(),
@@ -354,11 +351,10 @@ pub(super) fn counts(title: &str, counts: &Value) -> String {
 }
 
 /// A line a Message Type, with its name.
-fn by_type(title: &str, counts: &Value) -> String {
+fn by_type(title: &str, counts: &Value, names: &Value) -> String {
     let counts = counts.as_object().into_iter().flatten();
     let lines = counts.map(|(id, count)| {
-        let message = id.parse().ok().and_then(table::message);
-        let name = message.map_or("unknown", |message| message.name);
+        let name = names[id.as_str()].as_str().unwrap_or("unknown");
         format!("  {id} {name}: {count}\n")
     });
     let lines: String = lines.collect();

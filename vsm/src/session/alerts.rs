@@ -367,7 +367,7 @@ impl Alerts {
             id: answered.id,
             priority: AlertPriority::Cleared,
             subsystem: SubsystemId::VsmStatus,
-            text: "over".to_owned(),
+            text: "an earlier answer no longer stands".to_owned(),
             lasting: false,
         };
         let raised = Raised {

@@ -18,7 +18,7 @@ use mavlink_link::Now;
 use mavlink_link::store::{Changes, Disk, Progress, StoreError};
 use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
 use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
-use stanag_msgs::{Id, Message, TimeStamp};
+use stanag_msgs::{Id, Message, TimeStamp, ed25};
 
 use super::alerts::{Alerts, Cause, Raised};
 use super::context::Origin;
@@ -442,7 +442,7 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn refuse(&mut self, origin: &Origin, why: &str) {
         let vsm = self.vsm;
         self.acknowledge(vsm, origin, AckType::Refused);
-        let text = format!("{} refused: {why}", origin.message_type);
+        let text = format!("{} refused: {why}", ed25::named(origin.message_type));
         let to = [origin.station];
         let raised = self.alerts.answer_sometimes(self.now.mono, &to, text);
         self.alert(vsm, &to, raised);
@@ -532,7 +532,7 @@ impl Effects<'_> {
             Some(origin) if self.answer_held(&origin, AckType::Refused, Some(&why)) => {}
             Some(origin) => {
                 self.acknowledge(&origin, AckType::Refused);
-                let text = format!("{} refused: {why}", origin.message_type);
+                let text = format!("{} refused: {why}", ed25::named(origin.message_type));
                 let to = [origin.station];
                 let raised = self.alerts.refusal(self.dli.now.mono, &to, text);
                 self.dli.alert(self.id, &to, raised);
@@ -554,7 +554,8 @@ impl Effects<'_> {
         let Some(station) = self.dli.stations.get(origin.station) else {
             return;
         };
-        let text = format!("{} of {} refused: {why}", origin.message_type, station.id());
+        let message = ed25::named(origin.message_type);
+        let text = format!("{message} of {} refused: {why}", station.id());
         self.answer_sometimes(&[origin.station], text);
     }
 

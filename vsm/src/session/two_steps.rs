@@ -146,7 +146,7 @@ impl Refusal {
         match self {
             Refusal::NotPlanned => "it is off by the configuration of the VSM".into(),
             Refusal::Layout => "the layout of the message is not agreed on (dli.provisional)".into(),
-            Refusal::NoRight => "it needs LOI 5 in control of the vehicle".into(),
+            Refusal::NoRight => "it needs LOI 5 (launch) in control of the vehicle".into(),
             Refusal::Unproven => {
                 "the address that it came from is not proven: acknowledge the heartbeats (16002) of the VSM, or set \
                  cucs.address"
@@ -169,7 +169,7 @@ impl Refusal {
                     .into()
             }
             Refusal::NotArmed => format!(
-                "it is not armed: arm it (state 1), then execute it (state 2) within {armed_s} s"
+                "it is not armed: arm it (state 1, arm), then execute it (state 2, execute) within {armed_s} s"
             ),
             Refusal::Reversed => "its Time Stamp is not later than that of the order before it".into(),
             Refusal::ArmedByAnother(id) => format!("{id} has armed it"),

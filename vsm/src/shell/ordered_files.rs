@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use mavlink_link::store::{Changes, Progress};
+use mavlink_link::store::{Changes, Progress, remedy};
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
@@ -321,7 +321,8 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
             }
             Err(cause) => {
                 if state.fault.replace(cause.to_string()).is_none() {
-                    tracing::error!("the keys cannot be written ({step:?}): {cause}");
+                    let remedy = remedy(&cause.to_string());
+                    tracing::error!("the keys cannot be written ({step:?}): {cause}{remedy}");
                 }
                 progress.notify_one();
                 let pause = Instant::now() + TRY_AGAIN;

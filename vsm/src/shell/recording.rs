@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use mavlink_link::frame::FrameView;
+use mavlink_link::store::remedy;
 use mavlink_link::tlog;
 
 use super::ownership;
@@ -235,7 +236,11 @@ impl RecordFile {
         if let Err(cause) = done {
             // No retry: a disk that is full would log an error for every frame.
             self.failed = true;
-            tracing::error!("the recording {} ends: {cause}", self.path.display());
+            let remedy = remedy(&cause.to_string());
+            tracing::error!(
+                "the recording {} ends: {cause}{remedy}, and start the bridge again",
+                self.path.display()
+            );
         }
     }
 }

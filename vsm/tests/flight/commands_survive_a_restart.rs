@@ -128,7 +128,10 @@ fn an_upload_that_a_restart_interrupts_is_reported_and_can_be_repeated() {
     assert_eq!(rig.station().end(load), None, "too late for this test");
     rig.restart_bridge();
     assert_eq!(rig.end(load), Some(AckType::Refused));
-    assert!(rig.station().has_alert("13000 refused: the VSM restarted"));
+    assert!(
+        rig.station()
+            .has_alert("13000 (Mission Transfer Command) refused: the VSM restarted")
+    );
     // PX4 waits 5 s for the rest of the one that was cut off.
     rig.run(6.0);
     assert_eq!(rig.carry_out(orders::load()), DONE);

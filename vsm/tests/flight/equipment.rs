@@ -279,7 +279,7 @@ fn a_station_may_ask_for_the_link_and_is_given_no_control_of_it() {
     }
     assert!(
         rig.station()
-            .has_alert("28000 refused: Control Assignment Request 0"),
+            .has_alert("28000 (Data Link Control Request) refused: Control Assignment Request 0"),
         "{:?}",
         rig.station().alerts()
     );

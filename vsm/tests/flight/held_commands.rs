@@ -249,10 +249,9 @@ fn a_return_is_carried_out_when_less_energy_is_left_and_its_successor_after_it()
     // It lands, as a pilot or failsafe might have it: what was planned before does not take it from them.
     assert_eq!(rig.end(after), REFUSED);
     rig.run(0.3);
-    assert!(
-        rig.station()
-            .has_alert("held command 6: 2016 refused: the vehicle is in")
-    );
+    assert!(rig.station().has_alert(
+        "held command 6: 2016 (Vehicle Operating Mode Command) refused: the vehicle is in"
+    ));
     assert_eq!(rig.truth().mode, Px4::Land);
 }
 
@@ -425,8 +424,9 @@ fn a_failsafe_is_not_taken_from_the_vehicle() {
     assert_eq!(rig.end(ticket), REFUSED);
     rig.run(0.3);
     assert!(
-        rig.station()
-            .has_alert("held command 1: 2016 refused: the vehicle")
+        rig.station().has_alert(
+            "held command 1: 2016 (Vehicle Operating Mode Command) refused: the vehicle"
+        )
     );
     assert_ne!(rig.truth().mode, Px4::Loiter);
 }

@@ -355,7 +355,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     assert_eq!(rig.carry_out(full), Some(AckType::CarriedOut));
     rig.run(0.1);
     assert!(rig.station().has_alert(
-        "2016: ignored in mode 12: Commanded Altitude, Commanded Vertical Speed, Commanded Waypoint Number"
+        "2016: ignored in mode 12 (loiter): Commanded Altitude, Commanded Vertical Speed, Commanded Waypoint Number"
     ));
     let climb = VehicleOperatingModeCommand {
         altitude_command_type: Some(AltitudeCommandType::VerticalSpeed),
@@ -380,7 +380,10 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
     };
     assert_eq!(rig.carry_out(beside), Some(AckType::CarriedOut));
     rig.run(0.1);
-    assert!(rig.station().has_alert("2016: ignored in mode 15: Thrust"));
+    assert!(
+        rig.station()
+            .has_alert("2016: ignored in mode 15 (autopilot): Thrust")
+    );
 }
 
 #[test]

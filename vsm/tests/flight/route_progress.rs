@@ -161,8 +161,8 @@ fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
     rig.run(1.0);
     assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
     for text in [
-        "it is put on hold (mode 12) while another plan is uploaded",
-        "the vehicle holds (mode 12): mode 11 flies it",
+        "it is put on hold (mode 12, loiter) while another plan is uploaded",
+        "the vehicle holds (mode 12, loiter): mode 11 (waypoint) flies it",
     ] {
         assert!(
             rig.station().has_alert(text),

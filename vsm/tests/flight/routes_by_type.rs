@@ -275,5 +275,8 @@ fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
     assert!(rig.until(60.0, |rig| rig.truth().mission_seq == 1));
     carried_out(&mut rig, orders::mode(Mode::Loiter));
     carried_out(&mut rig, load());
-    assert!(rig.station().has_alert("mode 11 continues to waypoint 22"));
+    assert!(
+        rig.station()
+            .has_alert("mode 11 (waypoint) continues to waypoint 22")
+    );
 }

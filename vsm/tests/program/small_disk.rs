@@ -132,3 +132,48 @@ fn a_read_only_store_is_refused_at_the_start() {
         "{printed}"
     );
 }
+
+/// What each program says of a disk that takes no byte more, one command each.
+#[test]
+fn a_full_disk_is_answered_with_what_to_do() {
+    if !has_mount_namespace() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let init = Command::new(program("vsm"))
+        .args(["init", "--sitl", "before.toml"])
+        .current_dir(folder.path())
+        .output();
+    assert!(init.is_ok_and(|done| done.status.success()));
+    let route = kit::workspace().join("examples/curve.route.toml");
+    let route = route.display();
+    for (name, arguments) in [
+        ("vsm", "init --sitl other/vsm.toml".to_owned()),
+        ("vsm", "keygen new.key".to_owned()),
+        ("vsm", "run before.toml".to_owned()),
+        (
+            "vsm",
+            "key provision --config before.toml --sitl-file signing.bin".to_owned(),
+        ),
+        ("curve-plan", format!("plot {route} -o curve.svg")),
+        ("curve-plan", format!("convert {route} curve.kml")),
+    ] {
+        let inside = format!(
+            "mount -t tmpfs -o size=64k,mode=0700 tmpfs full && cp before.toml uav1.key full && cd full && \
+             cat /dev/zero > filler 2>/dev/null; exec timeout 5 '{}' {arguments}",
+            program(name).display()
+        );
+        std::fs::create_dir_all(folder.path().join("full")).expect("the folder");
+        let done = Command::new("unshare")
+            .args(["-rm", "sh", "-c", &inside])
+            .current_dir(folder.path())
+            .output()
+            .expect("unshare");
+        let printed = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(!done.status.success(), "{name} {arguments}: {printed}");
+        assert!(
+            printed.contains("No space left on device") && printed.contains("free space"),
+            "{name} {arguments}: {printed}"
+        );
+    }
+}

@@ -15,7 +15,7 @@ mod subsystems;
 mod system_id;
 
 use super::Version;
-use crate::table::MessageInfo;
+use crate::table::{self, MessageInfo};
 
 /// The groups, in the order of their message types.
 static GROUPS: [&[MessageInfo]; 9] = [
@@ -33,6 +33,17 @@ static GROUPS: [&[MessageInfo]; 9] = [
 /// Every message, in the order of the Message Types.
 pub fn messages() -> impl Iterator<Item = &'static MessageInfo> {
     GROUPS.into_iter().flatten()
+}
+
+/// A message type of any edition as a person reads it: `13000 (Mission Transfer Command)`; one that Edition 2.5 alone has, `#800
+/// (Mission Upload Command)`.
+#[must_use]
+pub fn named(message_type: u16) -> String {
+    let own = messages().find(|info| info.id == message_type);
+    match own.filter(|_| table::message(message_type).is_none()) {
+        Some(info) => format!("#{message_type} ({})", info.name),
+        None => table::named(message_type),
+    }
 }
 
 /// The message of this type in a datagram of this version, where the table has it.

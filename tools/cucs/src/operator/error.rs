@@ -61,7 +61,7 @@ pub enum OperatorError {
     #[error("the plan refers to waypoints that were not received: {0}")]
     Incomplete(String),
     /// A file cannot be written.
-    #[error("{}: {source}", path.display())]
+    #[error("{} cannot be written: {source}; name a file in a folder that can be written, on a disk with free space", path.display())]
     Write {
         /// The file.
         path: PathBuf,

@@ -136,7 +136,7 @@ impl<W: Write> Operator<W> {
             area_plan_mode: Some(mode),
             ..AreaTransferCommand::default()
         };
-        let what = format!("areas (50017 mode {})", mode.raw());
+        let what = format!("areas (50017 mode {}, {mode})", mode.raw());
         self.query(vehicle, command, &what).await
     }
 }

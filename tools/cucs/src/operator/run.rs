@@ -18,7 +18,6 @@ use crate::route::model::Route;
 use crate::session::vehicle::Vehicle;
 use crate::station::command::{LoiterAt, set_altitude, set_speed};
 use crate::station::outcome::levels;
-use crate::station::report;
 
 impl<W: Write> Operator<W> {
     /// Carries a subcommand out and prints the result, then the alerts that came with it. Files are relative to
@@ -188,7 +187,7 @@ impl<W: Write> Operator<W> {
         let command = mode_command(arguments)?;
         let outcome = self.station.operate(vehicle, command).await?;
         let mode = arguments.mode;
-        let what = format!("mode {} ({}) entered", mode.raw(), report::mode_name(mode));
+        let what = format!("mode {} entered", mode.in_words());
         self.finish(vehicle, &what, outcome)
     }
 
@@ -268,7 +267,7 @@ pub(super) fn mode_command(
 
 fn describe(condition: &Condition) -> String {
     match condition {
-        Condition::Mode { mode } => format!("mode {} (3001)", mode.raw()),
+        Condition::Mode { mode } => format!("3001 mode {}", mode.in_words()),
         Condition::Waypoint { number } => format!("leg to waypoint {number} (4001)"),
         Condition::RouteEnd => "end of the route (4001)".to_owned(),
         Condition::Landed => "landing (3002)".to_owned(),

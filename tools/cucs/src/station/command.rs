@@ -34,7 +34,7 @@ impl Station {
     ) -> Result<Outcome, StationError> {
         let what = command.select_flight_path_control_mode.map_or_else(
             || "mode command (2016)".to_owned(),
-            |mode| format!("mode {} (2016)", mode.raw()),
+            |mode| format!("2016 mode {}", mode.in_words()),
         );
         let within = self.timeouts.command;
         self.command(vehicle, command, what, within).await
@@ -111,7 +111,7 @@ impl Station {
             flight_termination_mode: Some(FtMode::NotSpecified),
             ..FlightTerminationCommand::default()
         };
-        let what = format!("flight termination state {} (2005)", state.raw());
+        let what = format!("flight termination state {} ({state}; 2005)", state.raw());
         let within = self.timeouts.command;
         self.command(vehicle, command, what, within).await
     }
@@ -125,7 +125,7 @@ impl Station {
             commanded_zeroize_state: Some(state),
             ..ZeroizeCommand::default()
         };
-        let what = format!("zeroize state {} (50024)", state.raw());
+        let what = format!("zeroize state {} ({state}; 50024)", state.raw());
         let within = self.timeouts.command;
         self.command(vehicle, command, what, within).await
     }

@@ -10,7 +10,7 @@
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::enums::{AlertPriority, LoiBitmap};
 use stanag_msgs::{Id, Message, table};
 use tokio::net::UdpSocket;
 use tokio::time::{Instant, timeout_at};
@@ -277,7 +277,7 @@ impl Station {
                 };
                 Err(StationError::TimedOut {
                     expected: format!(
-                        "outcome (17000 type 2 or 3) of {}",
+                        "outcome (17000 type 2, carried out, or 3, refused) of {}",
                         table::named(message_type)
                     ),
                     within,
@@ -348,7 +348,7 @@ impl Station {
     }
 
     /// A refusal with the reasons: the texts of alerts since the mark that contain "refused", or of all of them where none
-    /// does.
+    /// does, but for information: what comes beside a refusal by chance, such as a link that is there, is no reason for it.
     pub(super) async fn refusal(
         &mut self,
         vehicle: Id,
@@ -359,19 +359,16 @@ impl Station {
         let deadline = Instant::now() + self.timeouts.reason;
         let refusals = |session: &mut Session| {
             let state = session.vehicle(vehicle)?;
-            let texts: Vec<String> = state
-                .alerts_from(mark)
-                .map(|alert| alert.text.clone())
+            let texts: Vec<String> = warnings_from(state, mark)
                 .filter(|text| text.contains("refused"))
                 .collect();
             (!texts.is_empty()).then_some(texts)
         };
         let reasons = match self.until(deadline, refusals).await? {
             Some(texts) => texts,
-            None => self.vehicle(vehicle).map_or_else(Vec::new, |state| {
-                let texts = state.alerts_from(mark).map(|alert| alert.text.clone());
-                texts.collect()
-            }),
+            None => self
+                .vehicle(vehicle)
+                .map_or_else(Vec::new, |state| warnings_from(state, mark).collect()),
         };
         let state = self.vehicle(vehicle);
         Ok(Refused {
@@ -451,6 +448,15 @@ impl Station {
             format!("last reports: {}", lines.join(" | "))
         }
     }
+}
+
+/// The texts of the alerts from a mark on that warn of something.
+fn warnings_from(state: &Vehicle, mark: u64) -> impl Iterator<Item = String> {
+    let alerts = state.alerts_from(mark);
+    let warnings = alerts.filter(|alert| {
+        ![AlertPriority::Cleared, AlertPriority::Nominal].contains(&alert.priority)
+    });
+    warnings.map(|alert| alert.text.clone())
 }
 
 fn any_port(vsm: SocketAddr) -> SocketAddr {

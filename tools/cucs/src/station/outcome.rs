@@ -61,7 +61,10 @@ impl fmt::Display for Refused {
         }
         if self.reasons.is_empty() {
             let held = levels(self.held);
-            write!(f, " (no reason given; this CUCS holds LOI {held})")?;
+            write!(
+                f,
+                " (no reason given; this CUCS holds LOI {held}; a VSM may leave out a reason that it has just given: try again after 2 s)"
+            )?;
         } else {
             write!(f, ": {}", self.reasons.join("; "))?;
         }
@@ -112,7 +115,7 @@ pub enum StationError {
         seen: String,
     },
     /// No VSM answers at all.
-    #[error("no answer from a VSM at {vsm} within {} s{}", within.as_secs_f64(), if *unreachable { ": nothing listens on that port; start the bridge or check --vsm" } else { "" })]
+    #[error("no answer from a VSM at {vsm} within {} s: {}", within.as_secs_f64(), if *unreachable { "nothing listens on that port; start the bridge or check --vsm" } else { "a VSM answers nobody whose CUCS ID (--id) its configuration does not list; `vsm doctor` at the VSM shows what arrives there" })]
     NoVsm {
         /// Where it should be.
         vsm: SocketAddr,

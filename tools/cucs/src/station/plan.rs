@@ -157,11 +157,11 @@ impl Station {
     ) -> Result<Outcome, StationError> {
         let mode = command.mission_plan_mode;
         let what = match mode {
-            Some(MissionPlanMode::Load) => "loading (13000 mode 2)".to_owned(),
-            Some(MissionPlanMode::Clear) => "clearing (13000 mode 1)".to_owned(),
-            Some(MissionPlanMode::Cancel) => "cancelling (13000 mode 5)".to_owned(),
+            Some(MissionPlanMode::Load) => "loading (13000 mode 2, load)".to_owned(),
+            Some(MissionPlanMode::Clear) => "clearing (13000 mode 1, clear)".to_owned(),
+            Some(MissionPlanMode::Cancel) => "cancelling (13000 mode 5, cancel)".to_owned(),
             Some(MissionPlanMode::Download | MissionPlanMode::DownloadWaypoint) => {
-                "download (13000 mode 3 or 4)".to_owned()
+                "download (13000 mode 3 or 4, download)".to_owned()
             }
             other => format!("13000 mode {}", other.map_or(0, MissionPlanMode::raw)),
         };

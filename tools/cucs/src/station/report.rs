@@ -11,7 +11,7 @@ use crate::session::vehicle::Vehicle;
 pub(crate) fn line(vehicle: &Vehicle) -> String {
     let mut parts = vec![format!("{} LOI {}", vehicle.id, levels(vehicle.granted()))];
     match vehicle.mode() {
-        Some(mode) => parts.push(format!("mode {} ({})", mode.raw(), mode_name(mode))),
+        Some(mode) => parts.push(format!("mode {}", mode.in_words())),
         None => parts.push("mode unknown".to_owned()),
     }
     match vehicle.landed() {
@@ -58,19 +58,6 @@ pub(crate) fn state(vehicle: &Vehicle) -> Value {
         "from_waypoint": vehicle.from_waypoint(),
         "to_waypoint": vehicle.to_waypoint(),
     })
-}
-
-/// The name of a mode, those of the VSM's own range too.
-pub(crate) fn mode_name(mode: Mode) -> String {
-    match mode {
-        Mode::Autopilot => "autopilot".to_owned(),
-        Mode::FlightDirector => "manual".to_owned(),
-        Mode::ContingencyA => "contingency A".to_owned(),
-        Mode::ContingencyB => "contingency B".to_owned(),
-        Mode::Unknown(32) => "return".to_owned(),
-        Mode::Unknown(number @ 33..) => format!("VSM's own {number}"),
-        mode => mode.to_string(),
-    }
 }
 
 /// Vehicle Type (messages 2 to 5) by its name beside its number. The custodian's list is not public for the later editions; where

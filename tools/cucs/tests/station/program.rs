@@ -135,7 +135,7 @@ fn a_refusal_is_status_1_with_its_reason_and_stops_a_script() {
         std::fs::remove_file(&script).unwrap();
         assert_eq!(status, Some(1));
         assert!(
-            error.contains(".cucs:3: mode 20 # no: mode 20 (2016) is refused: "),
+            error.contains(".cucs:3: mode 20 # no: 2016 mode 20 (wave-off) is refused: "),
             "{error}"
         );
         assert!(error.contains("mode 20 cannot be flown"), "{error}");

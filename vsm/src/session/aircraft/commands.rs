@@ -242,7 +242,7 @@ impl Aircraft {
 }
 
 /// Why nothing else is commanded.
-const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0) where it can be";
+const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0, reset) where it can be";
 const NEVER_HELD: &str =
     "a flight termination is never held, nor is a zeroize: two orders of the moment command it";
 

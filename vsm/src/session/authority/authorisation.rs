@@ -260,7 +260,7 @@ fn understood(
     let unknown = levels.raw() & !LoiBitmap::LOI2.union(LoiBitmap::LOI3).union(CONTROL).raw();
     if unknown != 0 {
         return Err(format!(
-            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are out of range: expected LOI 2 to 5",
+            "Requested/Handover LOI {:#04x}: bits {unknown:#04x} are out of range: expected LOI 2 to 5 (monitor, payload, control, launch)",
             levels.raw()
         ));
     }

@@ -8,7 +8,7 @@ use stanag_msgs::messages::{
     CucsAuthorisationRequest, DataLinkConfigurationAssignmentMessage,
     GenericInformationRequestMessage,
 };
-use stanag_msgs::{Id, Message, table};
+use stanag_msgs::{Id, Message, ed25};
 
 use super::{Bridge, destination_as_source};
 use crate::session::access::{Group, Permitted};
@@ -204,7 +204,7 @@ fn inform<'m>(
             Err(why) => one.effects(dli).refuse(Some(origin), why),
         };
     }
-    let (mut informed, mut why) = (false, "it needs LOI 2, no LOI is held".to_owned());
+    let (mut informed, mut why) = (false, "it needs LOI 2 (monitor), no LOI is held".to_owned());
     for one in aircraft.iter_mut() {
         if listens(one) && listed(one, dli) == Permitted::Yes {
             match one.ask_reports(dli, input()) {
@@ -261,7 +261,7 @@ fn admit(
             let why = support::why_refused(message.id());
             let why = format!(
                 "message {} is not supported by this VSM{}{}",
-                table::named(origin.message_type),
+                ed25::named(origin.message_type),
                 if why.is_some() { ": " } else { "" },
                 why.unwrap_or_default()
             );

@@ -9,6 +9,7 @@ use mapping::payload::report::Station;
 use mapping::route::Curved;
 use mapping::telemetry::Telemetry;
 use serde::Serialize;
+use stanag_msgs::table;
 
 use super::Bridge;
 use super::access::RightsStatus;
@@ -42,6 +43,8 @@ pub struct Status {
     pub received: ByType,
     /// DLI messages sent, by type.
     pub sent: ByType,
+    /// The names of these types.
+    pub message_names: BTreeMap<u32, &'static str>,
     /// Messages that are held until the disk has what they promise.
     pub held: usize,
     /// What does not work, and why.
@@ -205,6 +208,8 @@ pub struct HolderStatus {
     pub id: String,
     /// LOI bits, the implied ones too.
     pub loi: u8,
+    /// The same by number and name.
+    pub levels: String,
     /// Payload stations, 1 to 32.
     pub stations: Vec<u8>,
     /// Since it last gained one, ms since 1970.
@@ -378,6 +383,7 @@ impl Bridge {
             recordings: Counters::default(),
             received: self.received.clone(),
             sent: self.outbox.sent.clone(),
+            message_names: message_names(&[&self.received, &self.outbox.sent]),
             held: self.outbox.waiting(),
             findings: self.found.clone(),
             stations: stations.collect(),
@@ -387,6 +393,16 @@ impl Bridge {
             forwards: self.forwards.iter().map(|one| one.status(now)).collect(),
         }
     }
+}
+
+/// The types are counted as they came: one that no table has stays without a name.
+fn message_names(counted: &[&ByType]) -> BTreeMap<u32, &'static str> {
+    let types = counted.iter().flat_map(|types| types.iter());
+    let named = types.filter_map(|(id, _)| {
+        let message = u16::try_from(id).ok().and_then(table::message)?;
+        Some((id, message.name))
+    });
+    named.collect()
 }
 
 fn set_aside(refused: &Counters) -> Counters {
@@ -493,6 +509,7 @@ fn holders(aircraft: &Aircraft) -> Vec<HolderStatus> {
         HolderStatus {
             id: id.to_string(),
             loi: rights.levels().raw(),
+            levels: rights.levels().in_words(),
             stations: rights.stations().iter().collect(),
             since_ms: since.and_then(|since| u64::try_from(since.as_millis()).ok()),
         }
@@ -505,7 +522,7 @@ fn handovers(aircraft: &Aircraft) -> Vec<HandoverStatus> {
     let pending = pending.map(|handover| HandoverStatus {
         from: handover.from.map(|id| id.to_string()),
         to: handover.to.to_string(),
-        rights: handover.rights.to_string(),
+        rights: handover.rights.in_words(),
         waits_for: match handover.stage {
             Stage::Consent(_) => "consent of the holder",
             Stage::Acceptance(_) => "acceptance of the successor",

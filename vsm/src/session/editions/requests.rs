@@ -12,7 +12,7 @@ use stanag_msgs::messages::{
     FieldConfigurationUnsignedResponse, GenericInformationRequestMessage, MessageAcknowledgement,
     MessageParameterAvailability, ScheduleMessageUpdateCommand,
 };
-use stanag_msgs::table::{Direction, FieldInfo, MessageInfo, Wire};
+use stanag_msgs::table::{self, Direction, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::form::{Refusal, Standing, new, to};
@@ -120,6 +120,7 @@ impl Requests {
     pub(super) fn in_own_numbers(&self, text: &str) -> String {
         let mut out = String::with_capacity(text.len());
         let mut before = "";
+        let mut renamed = Vec::new();
         for (index, word) in text.split(' ').enumerate() {
             if index > 0 {
                 out.push(' ');
@@ -132,10 +133,21 @@ impl Requests {
                 .ok()
                 .filter(|number| *number >= 2000 && names);
             match number.and_then(|number| self.own_number(number)) {
-                Some(own) => out.push_str(&word.replacen(digits, &format!("#{own}"), 1)),
+                Some(own) => {
+                    out.push_str(&word.replacen(digits, &format!("#{own}"), 1));
+                    renamed.extend(number.map(|ed4| (ed4, own)));
+                }
                 None => out.push_str(word),
             }
             before = word;
+        }
+        // `13000 (Mission Transfer Command)` has by now the number of this edition, and still the name of the other.
+        for (ed4, own) in renamed {
+            let named = ed25::messages().find(|info| info.id == own);
+            if let Some((ed4, named)) = table::message(ed4).zip(named) {
+                let was = format!("#{own} ({})", ed4.name);
+                out = out.replacen(&was, &format!("#{own} ({})", named.name), 1);
+            }
         }
         out
     }

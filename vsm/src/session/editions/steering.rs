@@ -111,7 +111,7 @@ impl Steering {
             MANUAL => {
                 return Err(Refusal::new(
                     "not supported",
-                    "mode 2 is flown by sticks, which Edition 2.5 does not have: command mode 15",
+                    "mode 2 (manual) is flown by sticks, which Edition 2.5 does not have: command mode 15 (autopilot)",
                 ));
             }
             1 | 3..=10 | 13 | 14 | 18 | 23..=31 => {
@@ -444,8 +444,7 @@ const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;
 const WAVE_OFF: u8 = 20;
 const LAUNCH: u8 = 21;
-const NO_LOITER_ALTITUDE: &str =
-    "#41: Loiter Altitude 0 is not flown to: mode 12 keeps the altitude that the vehicle has";
+const NO_LOITER_ALTITUDE: &str = "#41: Loiter Altitude 0 is not flown to: mode 12 (loiter) keeps the altitude that the vehicle has";
 /// A mode is entered within this time, or was refused.
 const ENTERED_WITHIN_S: f64 = 5.0;
 

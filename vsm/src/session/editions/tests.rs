@@ -184,6 +184,14 @@ fn texts_name_messages_by_the_numbers_of_the_edition() {
         "#800 of 1b:00:00:b0 refused"
     );
     assert_eq!(
+        own("3001 (Vehicle Operating Mode Report) refused"),
+        "#106 (Vehicle Operating Mode Report) refused"
+    );
+    assert_eq!(
+        own("message 13001 (UA Route) of 1b:00:00:b0 refused"),
+        "message #801 (AV Route) of 1b:00:00:b0 refused"
+    );
+    assert_eq!(
         own("message 2005 is not supported"),
         "message #46 is not supported"
     );

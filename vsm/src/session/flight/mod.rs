@@ -557,7 +557,7 @@ impl Flight {
         if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
             let routed = task.flies_a_route(telemetry.mode);
             let names = ignored_fields::ignored_fields(command, mode, routed, winged);
-            let place = format!(" in mode {}", mode.raw());
+            let place = format!(" in mode {}", mode.in_words());
             let text = ignored_fields::report(origin.message_type, &names, &place);
             if let Some(text) = text {
                 effects.answer(&[origin.station], text);
@@ -643,7 +643,8 @@ impl Flight {
     ) {
         let now = context.mono();
         if !self.sticks.fresh(now) {
-            let why = "mode 2: no sticks (2010) received; send them first, at 10 Hz or more";
+            let why =
+                "mode 2 (manual): no sticks (2010) received; send them first, at 10 Hz or more";
             return effects.refuse(origin, why);
         }
         let mut steps = Vec::new();
@@ -756,7 +757,7 @@ fn report_restart(context: &Context<'_>, effects: &mut Effects<'_>) {
         ""
     };
     effects.advise(format!(
-        "mode 11: the route was flown to its end, flying it again from its start{once}"
+        "mode 11 (waypoint): the route was flown to its end, flying it again from its start{once}"
     ));
 }
 

@@ -63,7 +63,7 @@ pub(crate) fn task(
     {
         return Err(format!(
             "heading commands are not flown in mode {}",
-            mode.raw()
+            mode.in_words()
         ));
     }
     match mode {
@@ -89,7 +89,7 @@ pub(crate) fn task(
             wings::steer(command, at)
         }
         Mode::Autopilot => steer(command, at),
-        other => Err(format!("mode {}: not supported by PX4", other.raw())),
+        other => Err(format!("mode {}: not supported by PX4", other.in_words())),
     }
 }
 
@@ -110,11 +110,11 @@ fn contingency(
 fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if altitude(command).is_some() {
         return Err(
-            "mode 11 flies the altitudes of the route; command another in mode 12".to_owned(),
+            "mode 11 (waypoint) flies the altitudes of the route; command another in mode 12 (loiter)".to_owned(),
         );
     }
     if at.uploaded.is_none() && at.loaded.is_none() {
-        return Err("mode 11: no route has been loaded (13000)".to_owned());
+        return Err("mode 11 (waypoint): no route has been loaded (13000)".to_owned());
     }
     fly(command, RouteType::Flight, at)
 }
@@ -154,7 +154,7 @@ fn fly(
         // Mode 11 flies what 13000 has loaded, never what has been stored since.
         _ if route == RouteType::Flight => {
             return Err(
-                "mode 11: the vehicle no longer holds the loaded route; load it again (13000)"
+                "mode 11 (waypoint): the vehicle no longer holds the loaded route; load it again (13000)"
                     .to_owned(),
             );
         }
@@ -339,7 +339,10 @@ fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
     }
     let commanded = match altitude(command) {
         Some(metres) => {
-            let home = at.telemetry.home.ok_or("mode 20: home is not known yet")?;
+            let home = at
+                .telemetry
+                .home
+                .ok_or("mode 20 (wave-off): home is not known yet")?;
             let over = flown_over(None, Pattern::Hover, command, at)?;
             Some(checked_level(metres, command, &over, at)?.amsl(home.amsl_m))
         }
@@ -371,23 +374,28 @@ fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
 /// Mode 21: to an altitude, and on along the launch route where there is one.
 fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if at.telemetry.airborne() {
-        return Err("mode 21: the vehicle is already in the air".to_owned());
+        return Err("mode 21 (launch): the vehicle is already in the air".to_owned());
     }
     // After a start of the VSM nothing is reported yet: the vehicle may be in the air.
     if at.telemetry.landed.is_none() {
         return Err(
-            "mode 21: the vehicle has not reported yet whether it is on the ground".to_owned(),
+            "mode 21 (launch): the vehicle has not reported yet whether it is on the ground"
+                .to_owned(),
         );
     }
     let route = has(RouteType::Launch, at);
-    let metres = altitude(command).ok_or("mode 21 needs a commanded altitude to take off to")?;
-    let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
+    let metres =
+        altitude(command).ok_or("mode 21 (launch) needs a commanded altitude to take off to")?;
+    let home = at
+        .telemetry
+        .home
+        .ok_or("mode 21 (launch): home is not known yet")?;
     let level = checked_level(metres, command, &[(home.latitude, home.longitude)], at)?;
     let amsl_m = level.amsl(home.amsl_m);
     let height_m = amsl_m - home.amsl_m;
     if height_m < LOWEST_LAUNCH_M {
         return Err(format!(
-            "mode 21: {height_m:.1} m above home, expected at least {LOWEST_LAUNCH_M} m"
+            "mode 21 (launch): {height_m:.1} m above home, expected at least {LOWEST_LAUNCH_M} m"
         ));
     }
     let (mut steps, commanded) = match &at.wings {
@@ -450,7 +458,7 @@ fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         )
     {
         return Err(format!(
-            "mode 12: Altitude Command Type {} is not flown; a vertical speed needs mode 15",
+            "mode 12 (loiter): Altitude Command Type {} is not flown; a vertical speed needs mode 15 (autopilot)",
             kind.raw()
         ));
     }
@@ -522,7 +530,7 @@ fn stay(
     at: &Situation<'_>,
 ) -> Result<(), String> {
     if !names_mode(command) && steps_to_waypoint(command) {
-        return Err("a commanded waypoint needs mode 11".to_owned());
+        return Err("a commanded waypoint needs mode 11 (waypoint)".to_owned());
     }
     match draft.speed_m_s {
         // On a circle PX4 ignores any speed but that of DO_ORBIT.
@@ -561,14 +569,17 @@ fn go(
     // Without an altitude the vehicle is sent there at its present one, which a flight by hand may have left below home.
     let level = level.unwrap_or(Level::Amsl(present.amsl_m));
     if let Err(fault @ HeightError::BelowHome { .. }) = at.limits.check_height(level, home.amsl_m) {
-        return Err(format!("mode 12 without an altitude: the present {fault}"));
+        return Err(format!(
+            "mode 12 (loiter) without an altitude: the present {fault}"
+        ));
     }
     let amsl_m = level.amsl(home.amsl_m);
     if let Some(terrain) = at.terrain {
         let to = place.unwrap_or((present.latitude, present.longitude));
         let from = Position::new(present.latitude, present.longitude, present.amsl_m);
         let to = Position::new(to.0, to.1, amsl_m);
-        check_way(from, to, &at.limits, terrain).map_err(|fault| format!("mode 12: {fault}"))?;
+        check_way(from, to, &at.limits, terrain)
+            .map_err(|fault| format!("mode 12 (loiter): {fault}"))?;
     }
     let here = (present.latitude, present.longitude);
     // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
@@ -644,7 +655,7 @@ fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String
 /// Mode 15: speed, direction and climb by set points.
 fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if !at.telemetry.airborne() {
-        return Err("mode 15 needs an airborne vehicle".to_owned());
+        return Err("mode 15 (autopilot) needs an airborne vehicle".to_owned());
     }
     let rate = command.commanded_vertical_speed.map(|rate| rate.si());
     let altitude_m = command.commanded_altitude.map(|altitude| altitude.si());
@@ -655,13 +666,13 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         Some(AltitudeCommandType::VerticalSpeed) => {
             // A vertical speed leads to no altitude that 3002 could report as commanded.
             commanded.altitude_amsl_m = None;
-            Some(Vertical::Rate(
-                rate.ok_or("mode 15: Commanded Vertical Speed is missing")?,
-            ))
+            Some(Vertical::Rate(rate.ok_or(
+                "mode 15 (autopilot): Commanded Vertical Speed is missing",
+            )?))
         }
         None | Some(AltitudeCommandType::Altitude | AltitudeCommandType::RateLimitedAltitude) => {
             let home = at.telemetry.home.ok_or("home is not known yet")?;
-            let metres = altitude_m.ok_or("mode 15: Commanded Altitude is missing")?;
+            let metres = altitude_m.ok_or("mode 15 (autopilot): Commanded Altitude is missing")?;
             does_not_follow_ground(command, at)?;
             let amsl_m = level(metres, command, &[], at)?.amsl(home.amsl_m);
             commanded.altitude_amsl_m = Some(amsl_m);

@@ -214,7 +214,7 @@ pub(super) fn does_not_follow_ground(
 ) -> Result<(), String> {
     if at.datum().is_above_ground(command.altitude_type) {
         return Err(
-            "mode 15: altitude type 2 (AGL) with vehicle.agl = \"terrain\": a vehicle that is steered does not follow the \
+            "mode 15 (autopilot): altitude type 2 (AGL) with vehicle.agl = \"terrain\": a vehicle that is steered does not follow the \
              ground; command an altitude above mean sea level, or fly a route"
                 .to_owned(),
         );

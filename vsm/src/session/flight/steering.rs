@@ -76,16 +76,18 @@ pub(crate) fn direction(
     match command.heading_reference {
         Some(HeadingReference::Magnetic) if absolute => {
             return Err(
-                "mode 15: magnetic headings are not supported, the vehicle reports no declination"
+                "mode 15 (autopilot): magnetic headings are not supported, the vehicle reports no declination"
                     .to_owned(),
             );
         }
         Some(HeadingReference::Unknown(value)) if absolute => {
-            return Err(format!("mode 15: Heading Reference {value} is not known"));
+            return Err(format!(
+                "mode 15 (autopilot): Heading Reference {value} is not known"
+            ));
         }
         _ => {}
     }
-    let missing = |field: &str| format!("mode 15: {field} is missing");
+    let missing = |field: &str| format!("mode 15 (autopilot): {field} is missing");
     let heading = || {
         let angle = command.commanded_heading.map(|angle| angle.radians());
         angle.ok_or_else(|| missing("Commanded Heading"))
@@ -107,7 +109,7 @@ pub(crate) fn direction(
             )))
         }
         other => Err(format!(
-            "mode 15: Heading Command Type {} is not flown",
+            "mode 15 (autopilot): Heading Command Type {} is not flown",
             other.raw()
         )),
     }
@@ -273,14 +275,14 @@ impl Steering {
 fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
     let [north, east, _] = vehicle
         .velocity_ned
-        .ok_or("mode 15: the vehicle has not reported a velocity yet")?;
+        .ok_or("mode 15 (autopilot): the vehicle has not reported a velocity yet")?;
     let nose = vehicle
         .attitude
-        .ok_or("mode 15: the vehicle has not reported a heading yet")?
+        .ok_or("mode 15 (autopilot): the vehicle has not reported a heading yet")?
         .yaw;
     let place = vehicle
         .position
-        .ok_or("mode 15: the vehicle has not reported a position yet")?;
+        .ok_or("mode 15 (autopilot): the vehicle has not reported a position yet")?;
     let speed_m_s = north.hypot(east);
     let moves = speed_m_s > SLOWEST_M_S;
     let track = if moves { east.atan2(north) } else { nose };

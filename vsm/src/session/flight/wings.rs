@@ -39,7 +39,7 @@ pub(super) fn may_begin_a_route(at: &Situation<'_>) -> Result<(), String> {
         return Ok(());
     };
     if at.telemetry.stands() {
-        return Err("the vehicle is on the ground: launch it first (mode 21)".to_owned());
+        return Err("the vehicle is on the ground: launch it first (mode 21, launch)".to_owned());
     }
     if at.telemetry.hovers() {
         check_transition(wings, at)?;
@@ -119,7 +119,7 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
         // PX4 turns back to a hover, and lands here.
         None if at.telemetry.airframe() == Airframe::Vtol => here(),
         None => Err(
-            "mode 19: the vehicle carries no landing pattern: send an approach route (13001), or load a route (13000) with \
+            "mode 19 (land): the vehicle carries no landing pattern: send an approach route (13001), or load a route (13000) with \
              vehicle.landing configured"
                 .to_owned(),
         ),
@@ -166,7 +166,10 @@ pub(super) fn launch(
     wings: &Wings,
     amsl_m: f64,
 ) -> Result<(Vec<Step>, Commanded), String> {
-    let home = at.telemetry.home.ok_or("mode 21: home is not known yet")?;
+    let home = at
+        .telemetry
+        .home
+        .ok_or("mode 21 (launch): home is not known yet")?;
     let height_m = amsl_m - home.amsl_m;
     let place = place(command, at)?;
     let commanded = Commanded {
@@ -177,14 +180,14 @@ pub(super) fn launch(
     if !wings.vtol {
         if height_m < LOWEST_WING_LAUNCH_M {
             return Err(format!(
-                "mode 21: {height_m:.1} m above home, of a fixed wing at least {LOWEST_WING_LAUNCH_M} m"
+                "mode 21 (launch): {height_m:.1} m above home, of a fixed wing at least {LOWEST_WING_LAUNCH_M} m"
             ));
         }
         return Ok((maneuver::launch_wing(amsl_m, place), commanded));
     }
     if height_m < wings.transition_m {
         return Err(format!(
-            "mode 21: a transition {height_m:.1} m above home, at least {:.0} (vehicle.limits.transition_m, VT_FW_MIN_ALT)",
+            "mode 21 (launch): a transition {height_m:.1} m above home, at least {:.0} (vehicle.limits.transition_m, VT_FW_MIN_ALT)",
             wings.transition_m
         ));
     }
@@ -199,7 +202,7 @@ pub(super) fn launch(
     };
     let loiter = place
         .or_else(ahead)
-        .ok_or("mode 21: the vehicle has not reported position and heading yet")?;
+        .ok_or("mode 21 (launch): the vehicle has not reported position and heading yet")?;
     let commanded = Commanded {
         // It loiters as high as its parameter says, whatever altitude it transitions at.
         altitude_amsl_m: at.vtol_loiter_m.map(|above_m| home.amsl_m + above_m),
@@ -215,7 +218,7 @@ pub(super) fn steer(
     at: &Situation<'_>,
 ) -> Result<Task, String> {
     if !at.telemetry.airborne() {
-        return Err("mode 15 needs an airborne vehicle".to_owned());
+        return Err("mode 15 (autopilot) needs an airborne vehicle".to_owned());
     }
     let course_rad = match command.heading_command_type {
         Some(
@@ -224,7 +227,7 @@ pub(super) fn steer(
             | HeadingCommandType::TurnRate),
         ) => {
             return Err(format!(
-                "mode 15: Heading Command Type {} on wings: PX4 keeps a course over ground, the heading follows from the \
+                "mode 15 (autopilot): Heading Command Type {} on wings: PX4 keeps a course over ground, the heading follows from the \
                  wind; command a course (type 2)",
                 kind.raw()
             ));
@@ -237,7 +240,7 @@ pub(super) fn steer(
     let level = match (command.altitude_command_type, altitude(command)) {
         (Some(AltitudeCommandType::VerticalSpeed), _) => {
             return Err(
-                "mode 15: Altitude Command Type 2 (vertical speed) on wings: PX4 climbs by its own rate; command an altitude \
+                "mode 15 (autopilot): Altitude Command Type 2 (vertical speed) on wings: PX4 climbs by its own rate; command an altitude \
                  (type 1)"
                     .to_owned(),
             );
@@ -303,7 +306,7 @@ pub(super) fn transition_for(
         return Ok(hovers);
     }
     if !at.telemetry.airborne() {
-        return Err("mode 12: a transition needs an airborne vehicle".to_owned());
+        return Err("mode 12 (loiter): a transition needs an airborne vehicle".to_owned());
     }
     check_transition(wings, at)?;
     steps.extend(maneuver::transition(wanted));

@@ -674,7 +674,8 @@ fn answer_end(entry: &Entry, station: usize, effects: &mut Effects<'_>) {
             Some(origin),
             format!(
                 "held command {number}: {} refused: {}",
-                entry.message_type, entry.reason
+                table::named(entry.message_type),
+                entry.reason
             ),
         ),
         State::Expired => {

@@ -73,7 +73,7 @@ fn replaceable(context: &Context<'_>, store: &MissionStore) -> Free {
     let aboard = store.uploaded.as_ref();
     if aboard.is_some_and(|aboard| aboard.is_on_final(telemetry)) {
         return Err(
-            "the vehicle is on its final approach: abort the landing first (2016 mode 20), or let it end",
+            "the vehicle is on its final approach: abort the landing first (2016 mode 20, wave-off), or let it end",
         );
     }
     Ok(())
@@ -382,7 +382,7 @@ impl Transfers {
         let outcome = upload.advance(now, plan, site.as_ref(), state, vehicle);
         if upload.held && !held {
             effects.advise(
-                "the vehicle flies its mission: it is put on hold (mode 12) while another plan is uploaded",
+                "the vehicle flies its mission: it is put on hold (mode 12, loiter) while another plan is uploaded",
             );
         }
         self.follow(context, outcome, store, progress, effects);
@@ -646,7 +646,7 @@ impl Load {
     fn done(self, effects: &mut Effects<'_>) {
         if self.then.is_none() && self.held() {
             effects.advise(
-                "another plan is uploaded, and the vehicle holds (mode 12): mode 11 flies it",
+                "another plan is uploaded, and the vehicle holds (mode 12, loiter): mode 11 (waypoint) flies it",
             );
         }
         if self.is_own() {
@@ -668,7 +668,7 @@ impl Load {
     /// Answers that it has failed.
     fn end(self, waypoint: Option<u16>, why: String, effects: &mut Effects<'_>) {
         let why = if self.held() {
-            format!("{why}; the vehicle was put on hold (mode 12) for it")
+            format!("{why}; the vehicle was put on hold (mode 12, loiter) for it")
         } else {
             why
         };
@@ -777,7 +777,7 @@ fn advise_where_it_continues(
     // At the end of a wing's route, and in its landing pattern, the route is flown again from its start.
     if let Some(number) = number.filter(|number| **number != 0) {
         effects.advise(format!(
-            "the vehicle already holds this plan: mode 11 continues to waypoint {number}, unless another is commanded"
+            "the vehicle already holds this plan: mode 11 (waypoint) continues to waypoint {number}, unless another is commanded"
         ));
     }
 }

@@ -60,7 +60,7 @@ pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
 pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String {
     match outcome {
         Outcome::Armed(by, what) => format!(
-            "FLIGHT TERMINATION ARMED by {by}: {}, once it is executed (2005 state 2) within {armed_s} s",
+            "FLIGHT TERMINATION ARMED by {by}: {}, once it is executed (2005 state 2, execute) within {armed_s} s",
             action(what)
         ),
         Outcome::Commanded(by, what) => format!(

@@ -42,7 +42,7 @@ pub(crate) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
 pub(crate) fn outcome(outcome: Outcome, armed_s: f64) -> String {
     match outcome {
         Outcome::Armed { by, flying } => format!(
-            "ZEROIZE ARMED by {by}: executed (50024 state 2) within {armed_s} s it erases keys, plans, recordings and logs of \
+            "ZEROIZE ARMED by {by}: executed (50024 state 2, execute) within {armed_s} s it erases keys, plans, recordings and logs of \
              this VSM, and ends it{}",
             flies_on(flying)
         ),

@@ -32,7 +32,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use mavlink_link::clock::CEILING;
-use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError};
+use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError, remedy};
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
@@ -199,7 +199,10 @@ impl QueuedDisk {
         }
         for (name, cause) in failed {
             if self.faults.insert(name.clone(), cause.clone()).is_none() {
-                tracing::error!("{name} in the store cannot be written: {cause}");
+                tracing::error!(
+                    "{name} in the store cannot be written: {cause}{}",
+                    remedy(&cause)
+                );
             }
         }
         self.news = true;

@@ -221,6 +221,7 @@ mod tests {
                 set_aside: Default::default(),
                 received: Default::default(),
                 sent: Default::default(),
+                message_names: Default::default(),
                 stations: Vec::new(),
                 rights: Vec::new(),
                 access: None,

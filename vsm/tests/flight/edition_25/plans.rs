@@ -106,7 +106,9 @@ fn contingency_waypoints_are_routes_and_differing_ones_are_refused() {
     rig.run(0.5);
     let alerts = station.alerts(&rig).concat();
     assert!(
-        alerts.contains("802 of 1b:00:00:b0 refused: Contingency Waypoint A 30"),
+        alerts.contains(
+            "#802 (AV Position Waypoint) of 1b:00:00:b0 refused: Contingency Waypoint A 30"
+        ),
         "{alerts}"
     );
     // Carrying on from one waypoint, and elsewhere from the other.
@@ -117,7 +119,9 @@ fn contingency_waypoints_are_routes_and_differing_ones_are_refused() {
     assert_eq!(transfer(&mut rig, &mut station, 2), None);
     let alerts = station.alerts(&rig).concat();
     assert!(
-        alerts.contains("800 of 1b:00:00:b0 refused: route R1: Contingency Waypoint A"),
+        alerts.contains(
+            "#800 (Mission Upload Command) of 1b:00:00:b0 refused: route R1: Contingency Waypoint A"
+        ),
         "{alerts}"
     );
     for (number, fields) in plan(20) {
@@ -288,7 +292,7 @@ fn an_upload_survives_a_repeated_route_and_a_restart() {
     rig.run(12.0);
     send_all(&mut rig, &mut station, &[(802, waypoint(2, 3, 80.0, 0.0))]);
     assert_eq!(transfer(&mut rig, &mut station, 2), None);
-    let alerts = station.alerts(&rig).join("|");
+    let alerts = station.alerts(&rig).concat();
     let named = "Contingency Waypoint A of waypoint 1 is";
     assert!(alerts.contains(named), "{alerts}");
 }
@@ -311,7 +315,7 @@ fn an_upload_whose_contingencies_are_lost_with_the_disk_is_refused_until_they_ar
     let third = with(waypoint(3, 0, 90.0, 0.0), "Contingency Waypoint A", 20);
     send_all(&mut rig, &mut station, &[(802, third), other]);
     assert_eq!(transfer(&mut rig, &mut station, 2), None);
-    let alerts = station.alerts(&rig).join("|");
+    let alerts = station.alerts(&rig).concat();
     assert!(
         alerts.contains("waypoint 1 leads on a contingency"),
         "{alerts}"

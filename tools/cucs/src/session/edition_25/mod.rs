@@ -277,11 +277,15 @@ impl Border {
     }
 }
 
-/// The message of this CUCS that an alert refuses, and why.
+/// The message of this CUCS that an alert refuses, and why: `#42 (Vehicle Operating Mode Command) refused`, with the name or
+/// without.
 fn refused(text: &str, own: Id) -> Option<(u16, &str)> {
     let (number, rest) = text.strip_prefix('#')?.split_once(' ')?;
-    let rest = rest.strip_prefix(&format!("of {own} ")).unwrap_or(rest);
-    Some((number.parse().ok()?, rest.strip_prefix("refused")?))
+    let (before, why) = rest.split_once("refused")?;
+    // A name may have brackets within.
+    let before = before.strip_suffix(&format!("of {own} ")).unwrap_or(before);
+    let is_name = before.is_empty() || (before.starts_with('(') && before.ends_with(") "));
+    Some((number.parse().ok()?, why)).filter(|_| is_name)
 }
 
 /// Stamps of two messages are so far apart, so that those that one becomes have stamps of their own.
@@ -294,3 +298,37 @@ const ACKNOWLEDGE: u16 = 1401;
 const REQUEST: u16 = 1403;
 /// Messages that are known again when a group returns them.
 const MAX_OWN: usize = 256;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_alert_refuses_a_message_of_this_cucs_by_number_with_its_name_or_without() {
+        let own = Id(0x1b00_00b0);
+        for (text, expected) in [
+            ("#42 refused: no", Some((42, ": no"))),
+            (
+                "#42 (Vehicle Operating Mode Command) refused: no",
+                Some((42, ": no")),
+            ),
+            (
+                "#42 (Vehicle Operating Mode Command) of 1b:00:00:b0 refused",
+                Some((42, "")),
+            ),
+            (
+                "#600 (IFF Ident (Squawk) Command) of 1b:00:00:b0 refused",
+                Some((600, "")),
+            ),
+            (
+                "#42 (Vehicle Operating Mode Command) of 1b:00:00:a0 refused",
+                None,
+            ),
+            ("#42 of 1b:00:00:a0 refused", None),
+            ("#42: the launch is not refused", None),
+            ("Arming denied", None),
+        ] {
+            assert_eq!(refused(text, own), expected, "{text}");
+        }
+    }
+}

@@ -191,7 +191,7 @@ pub enum Outcome {
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Outcome::Completed(rights) => write!(f, "{rights} handed over"),
+            Outcome::Completed(rights) => write!(f, "{} handed over", rights.in_words()),
             Outcome::Refused => write!(f, "refused by the holder"),
             Outcome::Declined => write!(f, "declined by the successor"),
             Outcome::Withdrawn => write!(f, "withdrawn"),

@@ -75,7 +75,7 @@ export function drawVehicle(vehicle) {
   const holders = vehicle.holders.map((holder) => {
     const row = node("tr", "", holder.id === vehicle.controller ? "controls" : "");
     const name = holder.id === vehicle.controller ? `${holder.id} (controls)` : holder.id;
-    row.append(node("th", name), node("td", levels(holder.loi, holder.stations)), node("td", time(holder.since_ms)));
+    row.append(node("th", name), node("td", levels(holder)), node("td", time(holder.since_ms)));
     return row;
   });
   const nobody = node("tr", "");
@@ -95,6 +95,10 @@ export function drawVehicle(vehicle) {
   ]);
 }
 
+/** Counts by Message Type, with the name of each. */
+const byType = (all, names) =>
+  counts(Object.fromEntries(Object.entries(all).map(([type, n]) => [`${type} ${names[type] ?? "unknown"}:`, n])));
+
 export function drawBridge(status) {
   by("vsm").textContent = status.vsm;
   items(by("warnings"), [
@@ -108,8 +112,8 @@ export function drawBridge(status) {
       : `${one.address}${one.proof === "none" ? " (not proven)" : ""}${one.guard ? ", guarded" : ""}, last message ${age(one.silent_s)}`,
   ]));
   rows(by("counters"), [
-    ["received by type", counts(status.received)],
-    ["sent by type", counts(status.sent)],
+    ["received by type", byType(status.received, status.message_names)],
+    ["sent by type", byType(status.sent, status.message_names)],
     ["refused", counts(status.refused)],
     ...status.vehicles.map((one) => [`frames of ${one.tail_number || one.id}`, counts(one.link.frames)]),
     ["up", `${Math.round(status.uptime_s)} s`],

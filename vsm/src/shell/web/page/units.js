@@ -33,14 +33,10 @@ export function distance(m) {
 /** A time of day of the bridge's clock, in UTC. */
 export const time = (ms) => (known(ms) ? `${new Date(ms).toISOString().slice(11, 19)} UTC` : "unknown");
 
-const LEVELS = [[1, "monitor"], [2, "payload"], [4, "control"], [8, "launch and recovery"]];
-const PAYLOAD = 2;
 const ALL_STATIONS = 32;
 
-/** Bits of a LOI bitmap (0001.08) by name; the raw value of one that has none. */
-export function levels(bits, stations) {
-  const which = stations.length === ALL_STATIONS ? "all stations" : `station ${stations.join(", ")}`;
-  const named = LEVELS.filter(([bit]) => bits & bit).map(([bit, name]) =>
-    bit === PAYLOAD && stations.length > 0 ? `${name} (${which})` : name);
-  return named.length > 0 ? named.join(", ") : `none (raw ${bits})`;
+/** Levels of interoperability by name, with the payload stations that they are for. */
+export function levels({ levels: named, stations }) {
+  if (stations.length === 0) return named;
+  return `${named}; ${stations.length === ALL_STATIONS ? "all payload stations" : `payload station ${stations.join(", ")}`}`;
 }
