@@ -16,7 +16,7 @@ use super::bounds::{Subject, bounds, default_value};
 use super::controls::Controls;
 use super::request::{Request, Scope};
 use crate::mode::MODES;
-use crate::payload::report::{PHOTOGRAPH, RECORDING};
+use crate::payload::report::{END_RECORDING, PHOTOGRAPH, RECORDING};
 use crate::plan::MAX_ROUTES;
 use crate::report;
 use crate::support::{self, Received};
@@ -248,6 +248,11 @@ fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)
                 "record video until mode 5 (active)",
             ),
             (PHOTOGRAPH.raw(), "photograph", "take one photograph"),
+            (
+                END_RECORDING.raw(),
+                "end record",
+                "end the recording; the gimbal stays",
+            ),
         ],
         (21101, "System Operating Mode State") => {
             vec![(RECORDING.raw(), "recording", "active, and recording video")]

@@ -194,6 +194,7 @@ fn own_modes_are_described_by_name() {
     let expected = [
         (19100, 10, "record"),
         (19100, 11, "photograph"),
+        (19100, 12, "end record"),
         (21101, 10, "recording"),
     ];
     assert_eq!(

@@ -22,6 +22,8 @@ use crate::telemetry::{Place, Telemetry};
 pub const RECORDING: EoirSystemMode = EoirSystemMode::Unknown(10);
 /// System Operating Mode 11, in a command only: take one photograph.
 pub const PHOTOGRAPH: EoirSystemMode = EoirSystemMode::Unknown(11);
+/// System Operating Mode 12, in a command only: end the recording, and leave the gimbal as it is (5 brings a stowed one out).
+pub const END_RECORDING: EoirSystemMode = EoirSystemMode::Unknown(12);
 
 /// What is older is not what is.
 pub const FRESH: Duration = Duration::from_secs(5);

@@ -73,9 +73,8 @@ static REFUSED: &[(&[u16], &str)] = &[
         "a route is flown at the places that its waypoints name, and is not moved",
     ),
     (
-        &[202, 203, 204, 205, 206, 207],
-        "payloads are gimbals and cameras: radars, stores, relays, separate recorders, bays and terrain data have no MAVLink \
-         command here",
+        &[202, 203, 204, 206, 207],
+        "payloads are gimbals and cameras: radars, stores, relays, bays and terrain data have no MAVLink command here",
     ),
     (
         &[400, 401, 402, 403],
@@ -108,6 +107,10 @@ rows! {
     101 "4000, once position and altitude are known; not while they are not";
     104 "3002, once the altitude and the energy level are known, with what was commanded last where nothing is, or what is flown; flaps, brakes and gear are 0";
     109 "after #48, on #1403, and when a preference ends" [4, 5, 6];
+    205 "19100 of the station that has the device's number, whose camera records: 0 ends a recording (system mode 12), 2 begins one (10); \
+         play, seek, ready and replay are refused, rate and indices ignored" [4, 6, 9];
+    306 "on #1403, one for each station whose camera reports whether it records: recording, or ready; no index, no rate and no replay" [4, 6];
+    307 "on #1403, one for each such station: its recorder has its number" [4, 5];
     802 "13002; contingency waypoints become contingency routes, which must be the same for all waypoints of a flight route; \
          a speed of 0 and a time without speed type 3 fill their places" [13, 14];
     803 "13003 with seconds; a time of 0 is no loiter";

@@ -9,6 +9,7 @@
 //!
 //! - [`steering`]: the mode (#42), the demands (#43), the loiter (#41) and which of them rules (#48) become one 2016.
 //! - [`plans`]: the contingency waypoints of #802 are contingency routes in Edition 4.
+//! - [`recorder`]: #205, #306 and #307 are the video recorder of a station's camera.
 //! - [`requests`]: #1401 and #1400, which name a message by its instance; messages and fields that are named by their
 //!   numbers (#1200, #1402, #1403, and the answers #1300 to #1303).
 //!
@@ -18,6 +19,7 @@
 
 mod form;
 pub(crate) mod plans;
+mod recorder;
 pub(crate) mod requests;
 pub(crate) mod steering;
 #[cfg(test)]
@@ -28,7 +30,7 @@ use std::collections::BTreeMap;
 use stanag_msgs::ed25::record::{is_moment, stamp_of};
 use stanag_msgs::ed25::{self, Parties, Record, Version};
 use stanag_msgs::enums::{EoirSystemMode, FlightPathControlMode, LoiBitmap};
-use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::messages::{CucsAuthorisationRequest, EoIrLaserOperatingState};
 use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Envelope, MAX_DATAGRAM};
 use stanag_msgs::{Id, Message, TimeStamp};
@@ -37,6 +39,7 @@ pub(crate) use self::form::{Refusal, Standing};
 use self::form::{generic, new, to};
 use self::plans::Plans;
 pub(crate) use self::plans::{Contingencies, Kept, Upload};
+use self::recorder::Recorders;
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
@@ -48,6 +51,7 @@ pub(crate) struct Translator {
     /// The identification number of this VSM, for messages that name it where Edition 4 does not.
     vsm: Option<Id>,
     requests: Requests,
+    recorders: Recorders,
     steering: BTreeMap<Id, Steering>,
     plans: BTreeMap<Id, Plans>,
     /// What each report said last: by vehicle, message and engine.
@@ -191,6 +195,11 @@ impl Translator {
                 taken.latch = Some((vehicle, order.latch));
                 Some(order.message)
             }
+            205 => {
+                let (message, notice) = recorder::command(record)?;
+                taken.notices.extend(notice);
+                Some(message)
+            }
             800..=806 => {
                 let plans = self.plans.entry(vehicle).or_default();
                 let messages = plans.received(record, upload)?;
@@ -212,6 +221,12 @@ impl Translator {
                     let report = self.preference_report(vehicle, named, at.cucs, stamp);
                     taken.replies.push(report);
                     None
+                }
+                number if recorder::is_of_recorder(number) => {
+                    self.recorders.request(vehicle, number as u16);
+                    let mut state = record.clone();
+                    state.set(7, recorder::SENSOR_STATE);
+                    Some(requests::report(&state)?)
                 }
                 _ => Some(requests::report(record)?),
             },
@@ -399,6 +414,9 @@ impl Translator {
         }
         for number in ed25::reports_of(record.id()) {
             before.extend(self.report(number, &record, of));
+        }
+        if record.id() == EoIrLaserOperatingState::ID {
+            before.extend(self.recorders.answers(of, &record));
         }
         self.datagrams(&before, vehicle, cucs)
     }

@@ -374,6 +374,6 @@ fn limits(
 const SINGLE: u32 = 0;
 const ABORT: u32 = 6;
 /// Messages that this border answers itself, so that they are supported.
-const OWN: &[u16] = &[48, 109, 1202, 1401];
+const OWN: &[u16] = &[48, 109, 205, 306, 307, 1202, 1401];
 /// Messages whose answers are awaited at most.
 const MAX_SENT: usize = 256;

@@ -6,7 +6,7 @@
 use mapping::altitude::Datum;
 use mapping::payload::Direction;
 use mapping::payload::pointing::direction;
-use mapping::payload::report::{Ground, PHOTOGRAPH, RECORDING, Station};
+use mapping::payload::report::{END_RECORDING, Ground, PHOTOGRAPH, RECORDING, Station};
 use mapping::payload::state::{Camera, CameraInformation};
 use mapping::telemetry::{Place, Telemetry};
 use mavlink_link::dialect::{CameraCapFlags, CameraMode, GimbalManagerCapFlags, StorageStatus};
@@ -320,6 +320,16 @@ fn system_mode(mode: System, at: &Situation<'_>) -> Result<Vec<Step>, String> {
             }
             steps
         }
+        _ if mode == END_RECORDING => match recording {
+            Some(true) => vec![Step::Record(false)],
+            Some(false) => Vec::new(),
+            None => {
+                return Err(
+                    "the camera does not report whether it records (CAMERA_CAPTURE_STATUS)"
+                        .to_owned(),
+                );
+            }
+        },
         _ if mode == RECORDING && recording == Some(true) => Vec::new(),
         _ if mode == RECORDING => {
             let (camera, known) =
@@ -361,7 +371,7 @@ fn system_mode(mode: System, at: &Situation<'_>) -> Result<Vec<Step>, String> {
         }
         other => {
             return Err(format!(
-                "System Operating Mode {}, expected 0 stow, 2 cage, 5 active, 10 record or 11 photograph: MAVLink has no \
+                "System Operating Mode {}, expected 0 stow, 2 cage, 5 active, 10 record, 11 photograph or 12 end recording: MAVLink has no \
                  command for others",
                 other.raw()
             ));

@@ -180,3 +180,61 @@ fn what_a_payload_does_at_a_waypoint_goes_up_and_comes_back() {
         (0.3..0.75).contains(&down)
     }));
 }
+
+/// #205.
+fn record(rig: &mut Rig, station: &mut StationEd25, mode: u8, device: u8) {
+    let fields = json!({
+        "Recording Device Number": device, "Set Recording Index Type": 0, "Set Recording Mode": mode,
+        "Set Replay Mode": 0,
+    });
+    station.send(rig, vehicle_id(0), 205, &fields);
+    rig.run(5.0);
+}
+
+/// The Recording Status of #306 for device 1, on request.
+fn recorder(rig: &mut Rig, station: &mut StationEd25) -> Vec<(Value, Value)> {
+    station.take(rig, 306);
+    let fields =
+        json!({ "VSM ID": -1, "Data Link ID": -1, "Station Number": 0, "Message Type": 306 });
+    station.send(rig, vehicle_id(0), 1403, &fields);
+    rig.run(3.0);
+    let all = station.take(rig, 306).into_iter();
+    all.map(|one| {
+        (
+            one["Recording Device Number"].clone(),
+            one["Recording Status"].clone(),
+        )
+    })
+    .collect()
+}
+
+#[test]
+fn a_recorder_is_the_camera_of_its_station_and_reports_once_for_each_request() {
+    let (mut rig, mut station) = operating();
+    let records = |rig: &Rig| rig.vehicles[0].vehicle().payloads()[0].recording;
+    let [recording, ready] = [3, 2].map(|status| vec![(json!(1), json!(status))]);
+    rig.run(5.0);
+    assert_eq!(recorder(&mut rig, &mut station), ready);
+    record(&mut rig, &mut station, 2, 1);
+    assert!(records(&rig), "{:?}", station.alerts(&rig));
+    assert_eq!(recorder(&mut rig, &mut station), recording);
+    // What it cannot do changes nothing.
+    record(&mut rig, &mut station, 3, 1);
+    record(&mut rig, &mut station, 0, 2);
+    let alerts = station.alerts(&rig).concat();
+    assert!(
+        alerts.contains("Set Recording Mode 3, expected 0"),
+        "{alerts}"
+    );
+    assert!(
+        alerts.contains("it needs LOI 3 (payload) of station 2"),
+        "{alerts}"
+    );
+    assert!(records(&rig));
+    record(&mut rig, &mut station, 0, 1);
+    assert!(!records(&rig));
+    assert_eq!(recorder(&mut rig, &mut station), ready);
+    // Nothing of it is pushed.
+    rig.run(3.0);
+    assert!(station.take(&rig, 306).is_empty());
+}

@@ -38,7 +38,7 @@ fn each_message_is_taken_or_refused_as_the_support_table_says() {
             ),
         }
     }
-    assert_eq!(refused.len(), 16, "{refused:?}");
+    assert_eq!(refused.len(), 15, "{refused:?}");
 }
 
 /// Whatever Edition 4 can ask the vehicle for is reached from here where the text has the field.
