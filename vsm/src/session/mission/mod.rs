@@ -102,7 +102,10 @@ impl Mission {
         // What was loaded was whole.
         let loaded = loaded.whole().unwrap_or_default().into_iter();
         let loaded = loaded.map(|(_, area)| area);
-        (configured.iter().cloned().chain(loaded).collect(), self.fence.id())
+        (
+            configured.iter().cloned().chain(loaded).collect(),
+            self.fence.id(),
+        )
     }
 
     /// With the fence areas and the rally points of the configuration.
