@@ -1,5 +1,5 @@
 //! `vsm guard` between `cucs` and `vsm run`: a flight from discovery to release, after a restart of the bridge and of the guard,
-//! under a key that was rotated; and nothing without it.
+//! under a key that was rotated, by an access list that is renewed for that key; and nothing without them.
 
 use std::fs;
 use std::process::{Command, Output};
@@ -43,6 +43,22 @@ fn guard(ground: &Ground, listen: &str) -> Running {
     guard
 }
 
+/// Has the access list give this guard key everything, and signs it.
+fn grant(ground: &Ground, made: &Output) {
+    let text = String::from_utf8_lossy(&made.stdout).into_owned();
+    let id = text.split("id ").nth(1).expect("the id of a key");
+    let id = id.get(..16).expect("16 digits");
+    let grant = "access grant access.list --vsm-id 1b:00:00:01 --cucs 1b:00:00:a0 --vehicle 1b:00:01:01 --until never \
+                 --groups payload,fly,launch --guard-key";
+    let mut grant: Vec<&str> = grant.split_whitespace().collect();
+    grant.push(id);
+    let sign = ["access", "sign", "access.list", "--key-file", "access.key"];
+    for line in [&grant[..], &sign] {
+        let done = run(ground, "vsm", line);
+        assert!(done.status.success(), "{line:?}: {done:?}");
+    }
+}
+
 #[test]
 fn a_guarded_station_flies_and_its_id_is_worth_nothing_without_the_key() {
     let ground = Ground::new();
@@ -52,10 +68,14 @@ fn a_guarded_station_flies_and_its_id_is_worth_nothing_without_the_key() {
         "address = \"127.0.0.1\"",
         "guard = { key_file = \"a0.key\" }",
     );
-    fs::write(&config, text).expect("the configuration");
+    let access = "[access]\nlist = \"access.list\"\nkey_file = \"access.key\"\n";
+    fs::write(&config, text + access).expect("the configuration");
+    let access_key = run(&ground, "vsm", &["keygen", "access.key"]);
+    assert!(access_key.status.success(), "{access_key:?}");
     let keygen = run(&ground, "vsm", &["guard", "keygen", "a0.key"]);
     assert!(keygen.status.success(), "{keygen:?}");
     fs::copy(ground.path("a0.key"), ground.path("copy.key")).expect("the other end's");
+    grant(&ground, &keygen);
 
     let bridge = ground.bridge();
     let _aircraft = ground.aircraft();
@@ -85,8 +105,11 @@ fn a_guarded_station_flies_and_its_id_is_worth_nothing_without_the_key() {
     // In flight: another key, a restart of the bridge, and one of the guard.
     let rotated = run(&ground, "vsm", &["guard", "rotate", "a0.key"]);
     assert!(rotated.status.success(), "{rotated:?}");
+    grant(&ground, &rotated);
     let reloaded = run(&ground, "vsm", &["reload"]);
     assert!(reloaded.status.success(), "{reloaded:?}");
+    let text = String::from_utf8_lossy(&reloaded.stdout);
+    assert!(text.contains("access list version 1 -> 2"), "{text}");
     cucs("ping");
     drop(bridge);
     let _bridge = ground.bridge();
@@ -111,8 +134,11 @@ fn a_guarded_station_flies_and_its_id_is_worth_nothing_without_the_key() {
     assert!(shown["verified"].as_u64() > Some(3), "{shown}");
     assert_eq!(shown["uses_previous"], false, "{shown}");
     assert!(shown["previous_key_id"].is_string(), "{shown}");
-    let key = fs::read_to_string(ground.path("a0.key")).expect("the key");
-    for text in [status.to_string(), second.output()] {
-        assert!(!text.contains(key.trim()), "{text}");
+    assert_eq!(status["access"]["version"], 2, "{status}");
+    for file in ["a0.key", "access.key"] {
+        let key = fs::read_to_string(ground.path(file)).expect("the key");
+        for text in [status.to_string(), second.output()] {
+            assert!(!text.contains(key.trim()), "{text}");
+        }
     }
 }
