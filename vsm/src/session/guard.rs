@@ -42,8 +42,8 @@ pub struct GuardEnd {
     keys: Vec<Keyed>,
     /// Under which the other end sent last: it has that one for certain.
     in_use: usize,
-    /// Under which it sent what has verified last, believed or not: it can be lifted under that one.
-    verified_by: usize,
+    /// The key and the stamp of what has verified last and was not believed: it can be lifted under that key.
+    behind: Option<(usize, Stamp)>,
     /// What has verified first from elsewhere than where its sender is.
     elsewhere: VecDeque<Elsewhere>,
     /// When an empty datagram may be sent again.
@@ -60,6 +60,8 @@ struct Keyed {
     until: Option<Duration>,
     clock: SigningClock,
     window: Window,
+    /// The newest stamp that a lift has answered.
+    lifted: Stamp,
 }
 
 /// A datagram that has come from elsewhere than where its sender is: it is believed once more from there, for a moment. Who
@@ -154,7 +156,7 @@ impl GuardEnd {
             sends,
             keys: Vec::new(),
             in_use: 0,
-            verified_by: 0,
+            behind: None,
             elsewhere: VecDeque::new(),
             lift_at: Duration::ZERO,
             verified: 0,
@@ -188,6 +190,7 @@ impl GuardEnd {
                     until: *until,
                     clock: SigningClock::start(id, Origin::KeyFile, stored, not_before, now),
                     window: Window::default(),
+                    lifted: Stamp::ZERO,
                 });
             }
         }
@@ -314,9 +317,9 @@ impl GuardEnd {
         let Some((place, keyed)) = verified else {
             return Err(GuardRefusal::Forged);
         };
-        // Not the one in use: a recording under the key before would have everything sealed under that.
-        self.verified_by = place;
         let stamp = stamp_of(trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
+        // Not the key in use: a recording under the key before would have everything sealed under that.
+        self.behind = Some((place, stamp));
         if !keyed.clock.allows(stamp, now) {
             return Err(GuardRefusal::Ahead);
         }
@@ -327,6 +330,7 @@ impl GuardEnd {
         let followed = keyed.clock.follow(stamp, now, disk);
         followed.map_err(|_| GuardRefusal::Disk)?;
         keyed.window.take(now.mono, stamp);
+        self.behind = None;
         self.in_use = place;
         Ok(guarded.datagram)
     }
@@ -366,24 +370,35 @@ impl GuardEnd {
         Ok(sealed?)
     }
 
-    /// The empty datagram by which the other end is lifted, where it is time for one; its length.
+    /// The empty datagram by which the other end is lifted, after what was refused last, where it is time for one; its length.
     pub fn lift(
         &mut self,
         now: Now,
         out: &mut [u8; MAX_GUARDED],
         disk: &mut dyn Disk,
     ) -> Option<usize> {
-        if now.mono < self.lift_at {
+        let (place, stamp) = self.behind.take()?;
+        let keyed = self.keys.get_mut(place)?;
+        // No stamp twice, and the sender's own lies above all that were recorded of it: whoever replays those gets the lift of each
+        // once, and cannot take the one of the sender. Five a second, by either end's time.
+        let later = stamp >= keyed.lifted.plus(LIFT_EVERY);
+        if stamp <= keyed.lifted || (now.mono < self.lift_at && !later) {
             return None;
         }
+        keyed.lifted = stamp;
         self.lift_at = now.mono + LIFT_EVERY;
-        self.seal_under(self.verified_by, now, &[], out, disk).ok()
+        self.seal_under(place, now, &[], out, disk).ok()
+    }
+
+    /// The keys under which something is believed.
+    pub(crate) fn key_ids(&self) -> impl Iterator<Item = KeyId> + '_ {
+        self.keys.iter().map(|one| one.id)
     }
 
     /// Whether the other end may have this key, and what it seals under it is believed.
     #[must_use]
     pub fn has(&self, key: KeyId) -> bool {
-        self.keys.iter().any(|one| one.id == key)
+        self.key_ids().any(|known| known == key)
     }
 
     /// The key in force: the other end is to have it.

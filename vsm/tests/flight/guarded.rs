@@ -391,6 +391,31 @@ fn a_guard_that_is_switched_on_while_the_bridge_runs_counts_from_then_on() {
 }
 
 #[test]
+fn what_was_held_back_before_a_guard_is_not_taken_after_it() {
+    for guarded in [false, true] {
+        let mut rig = rig(1, &[]);
+        let end = rig.carry_out(orders::request_control());
+        assert_eq!(end, Some(AckType::CarriedOut));
+        let forged = forged(&rig, cucs(0), vehicle_id(0), orders::launch(20.0));
+        rig.deliver_from(ELSEWHERE.into(), &forged);
+        rig.run(0.1);
+        if guarded {
+            let id = format!("id = \"{}\"\n", cucs(0));
+            let text =
+                (rig.text).replace(&id, &format!("{id}guard = {{ key_file = \"a.key\" }}\n"));
+            rig.reload(&text).expect("it is applied");
+        }
+        // The station itself moves there, and answers the question: what has waited there is taken with it.
+        rig.stations[0].address = ELSEWHERE.into();
+        rig.stations[0].heartbeats = true;
+        rig.run(20.0);
+        let at = status(&rig)["stations"][0]["address"].clone();
+        assert_eq!(at, json!(SocketAddr::from(ELSEWHERE).to_string()));
+        assert_eq!(rig.truth().landed, guarded);
+    }
+}
+
+#[test]
 fn editions_2_5_and_3_are_guarded_alike() {
     let mut rig = rig(1, &[0]);
     let fields = json!({

@@ -54,13 +54,21 @@ impl Bridge {
         }
         let mut given = Ok(());
         for (id, keys) in keys {
-            let mut stations = self.stations.iter_mut();
-            let guarded = |one: &&mut crate::session::station::GroundStation| {
+            let mut stations = self.stations.iter_mut().enumerate();
+            let guarded = |(_, one): &(usize, &mut crate::session::station::GroundStation)| {
                 one.id() == id && one.config.guard.is_some()
             };
-            let Some(station) = stations.find(guarded) else {
+            let Some((index, station)) = stations.find(guarded) else {
                 continue;
             };
+            let stays = |end: &GuardEnd| {
+                end.key_ids()
+                    .all(|known| keys.iter().any(|(key, _)| key.id() == known))
+            };
+            if !station.guard.as_ref().is_some_and(stays) {
+                // It was held back without a guard, or under a key that is gone.
+                self.paths.forget_candidates(index);
+            }
             let set = match station.guard.take() {
                 Some(mut end) => end.set_keys(keys, not_before, now, disk).map(|()| end),
                 None => {

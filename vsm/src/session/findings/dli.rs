@@ -158,8 +158,9 @@ impl Seen {
             (Fault::NotListed(one, ..), Fault::NotListed(other, ..))
             | (Fault::Address(one, _), Fault::Address(other, _))
             | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
-            | (Fault::Guard(one, _), Fault::Guard(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
+            // A forger's one reason hides no other, which may be an honest guard's.
+            (Fault::Guard(..), Fault::Guard(..)) => self.fault == fault,
             (one, other) => {
                 std::mem::discriminant(&one) == std::mem::discriminant(&other)
                     && self.from.ip() == from.ip()
@@ -214,7 +215,9 @@ impl DliEvidence {
             .seen
             .iter()
             .map(|one| std::mem::discriminant(&one.fault));
-        if kinds.by_ref().filter(|one| *one == kind).count() < PLACES {
+        // Of guards there are as many as there are stations with one and reasons, however many forge.
+        let bounded = matches!(fault, Fault::Guard(..));
+        if bounded || kinds.by_ref().filter(|one| *one == kind).count() < PLACES {
             self.seen.push(Seen {
                 fault,
                 from,
@@ -349,14 +352,20 @@ fn finding(one: &Seen) -> Finding {
             format!("sends from {ip}, but its address is configured as {expected}"),
             format!("if it has moved, set address = \"{ip}\" in its [[cucs]]; if not, somebody else uses its id"),
         ),
-        Fault::Guard(id, why) => of_cucs(
-            Code::CucsGuard,
-            id,
-            format!("has a guard, and datagrams in its name from {ip} are not believed ({why})"),
-            "have it send through `vsm guard`, with the key file that its [[cucs]] names and clocks that differ by less than an \
-             hour; if it does, somebody else writes in its name"
-                .to_owned(),
-        ),
+        Fault::Guard(id, why) => {
+            let mut finding = of_cucs(
+                Code::CucsGuard,
+                id,
+                format!("has a guard, and datagrams in its name from {ip} are not believed ({why})"),
+                "have it send through `vsm guard`, with the key file that its [[cucs]] names and clocks that differ by less \
+                 than an hour; if it does, somebody else writes in its name"
+                    .to_owned(),
+            );
+            // Two reasons of one station stand beside each other.
+            let mixed = |key: u32, byte| key.rotate_left(5) ^ u32::from(byte);
+            finding.key = why.bytes().fold(id.0, mixed);
+            finding
+        }
         Fault::OtherEdition(id, edition) => of_cucs(
             Code::DliEdition,
             id,
@@ -463,6 +472,23 @@ mod tests {
         let message = Message::from(Heartbeat::default());
         let length = message.encode(&envelope, &mut bytes).expect("it fits");
         bytes[..length].to_vec()
+    }
+
+    #[test]
+    fn each_reason_of_a_guard_is_a_finding_of_its_own() {
+        let mut evidence = DliEvidence::default();
+        let reasons = ["a", "b", "c", "d", "e", "f"];
+        for (n, why) in reasons.into_iter().enumerate() {
+            // As many as it needs, whatever else is in the station's name; and of another station too.
+            for _ in 0..5 {
+                for id in [CUCS, VSM] {
+                    evidence.note(Duration::ZERO, address(n as u8), Fault::Guard(id, why));
+                }
+            }
+        }
+        let mut found = vec![];
+        evidence.judge(Duration::ZERO, None, &mut found);
+        assert_eq!(found.len(), 2 * reasons.len());
     }
 
     /// What is found where this datagram arrives so often.

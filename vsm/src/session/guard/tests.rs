@@ -296,6 +296,36 @@ fn a_computer_that_slept_is_lifted() {
 }
 
 #[test]
+fn recordings_do_not_take_the_lifts_of_the_sender_itself() {
+    let (mut cucs, mut vsm) = ends(0);
+    let recorded: Vec<_> = (1..20).map(|at| cucs.seal(s(at), b"x")).collect();
+    assert!(vsm.open(s(20), recorded.last().unwrap()).is_ok());
+    vsm.restart(s(21));
+    let mut lifts = 0;
+    for at in 22..32 {
+        for sealed in recorded.iter().rev() {
+            assert_eq!(vsm.open(s(at), sealed), Err(GuardRefusal::Old));
+            lifts += usize::from(vsm.lift(s(at)).is_some());
+        }
+        // What nobody has verified is lifted by nobody.
+        assert!(vsm.lift(s(at) + LIFT_EVERY).is_none());
+    }
+    assert_eq!(lifts, 1, "the newest of them, once");
+    // A station whose clock is behind, in the very moment after a recording.
+    let (mut cucs, mut vsm) = ends(-600);
+    let recorded = cucs.seal(s(1), b"x");
+    assert!(passes(&mut cucs, &mut vsm, s(2)));
+    vsm.restart(s(300));
+    cucs.disk = MemoryDisk::default();
+    cucs.restart(s(300));
+    assert_eq!(vsm.open(s(301), &recorded), Err(GuardRefusal::Old));
+    assert!(vsm.lift(s(301)).is_some());
+    let sealed = cucs.seal(s(301), b"x");
+    assert_eq!(vsm.open(s(301), &sealed), Err(GuardRefusal::Old));
+    assert!(vsm.lift(s(301)).is_some(), "at once");
+}
+
+#[test]
 fn over_an_hour_ahead_is_refused_and_moves_nothing() {
     let (mut cucs, mut vsm) = ends(3_700);
     for _ in 0..3 {

@@ -256,6 +256,13 @@ impl Paths {
         room
     }
 
+    /// Forgets what came from elsewhere than where the station is: whoever has sent it is judged by another key from now on.
+    pub(crate) fn forget_candidates(&mut self, index: usize) {
+        if let Some(station) = self.stations.get_mut(index) {
+            station.candidates.clear();
+        }
+    }
+
     /// What was held back from where the station is now.
     pub(crate) fn take_held(&mut self, index: usize) -> Vec<Box<[u8]>> {
         let current = self
