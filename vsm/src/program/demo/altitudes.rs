@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::picture::{FLOWN, MAP_WIDTH, MARGIN, PLANNED, WIDTH, escaped, polyline, ticks};
+use super::labels::escaped;
+use super::picture::{FLOWN, MAP_WIDTH, MARGIN, PLANNED, WIDTH, polyline, ticks};
 use super::track::Track;
 
 /// What is drawn.

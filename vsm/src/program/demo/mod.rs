@@ -7,6 +7,7 @@ mod altitudes;
 pub(crate) mod attack;
 mod attacker;
 mod curve;
+mod labels;
 mod payload;
 mod picture;
 mod story;

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use px4_sim::Truth;
 
+use super::labels::{Labels, escaped};
 use super::track::{Look, Point, Track};
 
 /// A planned route as it is drawn.
@@ -103,6 +104,17 @@ impl Picture<'_> {
             )
         };
         sights(svg, self.looks, scale, pixel);
+        let mut labels = Labels::new((MARGIN, MAP_TOP), MAP_WIDTH, MAP_HEIGHT);
+        let pixels = |points: &[Point]| -> Vec<_> {
+            points.iter().map(|point| (x(point), y(point))).collect()
+        };
+        for line in [
+            &self.planned.line,
+            &self.planned.landing,
+            &self.flown.points,
+        ] {
+            labels.line(pixels(line).into_iter());
+        }
         for [end, control] in &self.planned.arms {
             let _ = writeln!(
                 svg,
@@ -130,12 +142,7 @@ impl Picture<'_> {
                 LANDING,
                 "stroke-dasharray=\"7 5\" stroke-width=\"2\"",
             );
-            let _ = writeln!(
-                svg,
-                "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{LANDING}\" text-anchor=\"middle\">landing pattern</text>",
-                x(entry),
-                y(entry) - 14.0
-            );
+            labels.name((x(entry), y(entry)), "landing pattern", LANDING);
         }
         let flown = self.flown.points.iter().map(|point| (x(point), y(point)));
         polyline(svg, flown, FLOWN, "stroke-width=\"2\"");
@@ -150,26 +157,24 @@ impl Picture<'_> {
             let (x, y) = (x(point), y(point));
             let _ = writeln!(
                 svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"#fff\" stroke=\"{PLANNED}\" stroke-width=\"2\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{PLANNED}\">{number}</text>",
-                x + 9.0,
-                y - 7.0
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"#fff\" stroke=\"{PLANNED}\" stroke-width=\"2\"/>"
             );
+            labels.symbol((x, y), 6.0);
+            labels.name((x, y), number.to_string(), PLANNED);
         }
         if let Some(start) = self.flown.points.first() {
             let (x, y) = (x(start), y(start));
             let _ = writeln!(
                 svg,
-                "<path d=\"M{:.1} {:.1} l7 12 h-14 z\" fill=\"{FLOWN}\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\">home</text>",
+                "<path d=\"M{:.1} {:.1} l7 12 h-14 z\" fill=\"{FLOWN}\"/>",
                 x,
                 y - 7.0,
-                x + 10.0,
-                y + 14.0
             );
+            labels.symbol((x, y), 7.0);
+            labels.name((x, y), "home", "#000");
         }
         for (mark, letter) in self.marks.iter().zip('A'..) {
-            diamond(svg, (x(&mark.point), y(&mark.point)), letter, true);
+            diamond(svg, &mut labels, (x(&mark.point), y(&mark.point)), letter);
         }
         scale_bar(svg, scale);
         let (x, y) = (MARGIN + MAP_WIDTH - 26.0, MAP_TOP + 14.0);
@@ -179,6 +184,8 @@ impl Picture<'_> {
              <text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">N</text>",
             y + 44.0
         );
+        labels.symbol((x, y + 22.0), 24.0);
+        labels.write(svg);
     }
 
     fn profile(&self, svg: &mut String) {
@@ -230,9 +237,11 @@ impl Picture<'_> {
             FLOWN,
             "stroke-width=\"2\"",
         );
+        let mut labels = Labels::new((MARGIN, PROFILE_TOP), MAP_WIDTH, PROFILE_HEIGHT);
+        labels.line(points.iter().map(|point| (x(point.time_s), y(point.up_m))));
         for (mark, letter) in self.marks.iter().zip('A'..) {
             let at = (x(mark.point.time_s), y(mark.point.up_m));
-            diamond(svg, at, letter, false);
+            diamond(svg, &mut labels, at, letter);
         }
         for (number, waypoint) in &self.planned.waypoints {
             let Some(nearest) = self.flown.nearest(waypoint) else {
@@ -241,11 +250,12 @@ impl Picture<'_> {
             let (x, y) = (x(nearest.time_s), y(waypoint.up_m));
             let _ = writeln!(
                 svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"none\" stroke=\"{PLANNED}\" stroke-width=\"2\"/>\
-                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{PLANNED}\">{number}</text>",
-                y - 8.0
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"none\" stroke=\"{PLANNED}\" stroke-width=\"2\"/>"
             );
+            labels.symbol((x, y), 5.0);
+            labels.name((x, y), number.to_string(), PLANNED);
         }
+        labels.write(svg);
         let _ = writeln!(
             svg,
             "<text x=\"{MARGIN}\" y=\"{:.1}\" fill=\"#555\">altitude above home in m, over the vehicle's time in s</text>",
@@ -333,33 +343,16 @@ fn sights(
     }
 }
 
-/// A mark with its letter. Marks at one place, such as those of a launch and a landing, have theirs on several `sides`.
-fn diamond(svg: &mut String, (x, y): (f64, f64), letter: char, sides: bool) {
-    let side = if sides {
-        letter as usize - 'A' as usize
-    } else {
-        0
-    };
-    let (right, down) = SIDES[side % SIDES.len()];
+/// A mark; its letter stands where there is room for it.
+fn diamond(svg: &mut String, labels: &mut Labels, (x, y): (f64, f64), letter: char) {
     let _ = writeln!(
         svg,
-        "<path d=\"M{x:.1} {:.1} l6 6 l-6 6 l-6 -6 z\" fill=\"{MARKED}\"/>\
-         <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{MARKED}\" font-weight=\"bold\">{letter}</text>",
-        y - 6.0,
-        x + right,
-        y + down
+        "<path d=\"M{x:.1} {:.1} l6 6 l-6 6 l-6 -6 z\" fill=\"{MARKED}\"/>",
+        y - 6.0
     );
+    labels.symbol((x, y), 6.0);
+    labels.letter((x, y), letter, MARKED);
 }
-
-/// Where the letters of marks at one place stand, in pixels.
-const SIDES: [(f64, f64); 6] = [
-    (-16.0, -6.0),
-    (-16.0, 18.0),
-    (8.0, -6.0),
-    (-16.0, 18.0),
-    (-32.0, -6.0),
-    (-2.0, 34.0),
-];
 
 fn scale_bar(svg: &mut String, pixels_a_metre: f64) {
     let metres = [1.0, 2.0, 5.0]
@@ -404,10 +397,6 @@ pub(super) fn ticks(to: f64) -> impl Iterator<Item = f64> {
     (0..)
         .map(move |n| f64::from(n) * step)
         .take_while(move |value| *value <= to)
-}
-
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 pub(super) const WIDTH: f64 = 920.0;
