@@ -132,6 +132,8 @@ pub(crate) struct FlightView<'a> {
     pub(crate) loss_action: bool,
     /// A contingency is being commanded, or the vehicle was brought to what it flies by one whose cause lasts.
     pub(crate) contingency: bool,
+    /// Until then a wing may be on its final approach: no MISSION_CURRENT has named its item since a silence.
+    pub(crate) item_unknown_until: Option<Duration>,
     /// The VSM commands the vehicle by itself: the loss action, or a contingency.
     pub(crate) commands_by_itself: bool,
     /// What 3002 and 3004 report as commanded.

@@ -14,9 +14,6 @@ use mapping::mode::Px4Mode;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavState;
 
-/// A failsafe of PX4 that holds: what it was to do may follow, or nothing ever.
-pub(crate) const FAILSAFE_HOLD: Other = Other::Failsafe(Px4Mode::LOITER);
-
 /// Who has the vehicle, and the mode that it is in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Other {
@@ -39,6 +36,14 @@ impl Other {
         } else {
             (!is_commanded_from_here(mode)).then_some(Other::Pilot(mode))
         }
+    }
+}
+
+impl Other {
+    /// Whether it is a failsafe of PX4 that may lead nowhere: it holds, or goes on with what was flown. What it was to do may
+    /// follow, or nothing ever.
+    pub(crate) fn may_stay(self) -> bool {
+        matches!(self, Other::Failsafe(mode) if is_commanded_from_here(mode))
     }
 }
 

@@ -260,6 +260,7 @@ impl World {
             loss_action: false,
             contingency: false,
             commands_by_itself: false,
+            item_unknown_until: None,
             commanded: Commanded::default(),
             altimeter: Altimeter::STANDARD,
             loiter: &self.loiter,

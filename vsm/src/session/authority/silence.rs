@@ -12,7 +12,7 @@ use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::context::may_be_on_final;
 use crate::session::effects::{Effects, Request};
-use crate::session::other::{FAILSAFE_HOLD, Other};
+use crate::session::other::Other;
 
 impl AuthorityMachine {
     pub(super) fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -145,7 +145,7 @@ fn what_follows(context: &Context<'_>) -> String {
     if interrupts || context.steering {
         match context.other {
             Some(other @ Other::Pilot(_)) => return format!("{other}; nothing is commanded"),
-            Some(other) if other == FAILSAFE_HOLD => {
+            Some(other) if other.may_stay() => {
                 return format!("{other}; nothing is commanded before it ends, for 30 s at most");
             }
             Some(other) => return format!("{other}; nothing is commanded before it ends"),

@@ -15,11 +15,11 @@ use super::loss_action::{Action, LossContext};
 use super::priority::{Turn, Urgency, turn};
 use super::{Context, Flight, select};
 use crate::config::{ContingencyAction, OnLoss};
-use crate::session::context::MissionView;
+use crate::session::context::{MissionView, Origin};
 use crate::session::effects::{Effects, Request};
 use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{self, Maneuver};
-use crate::session::other::{FAILSAFE_HOLD, Other};
+use crate::session::other::Other;
 
 impl Flight {
     /// Who else has the vehicle, as it showed that last. POSCTL with the sticks (2010) of a CUCS is commanded from here.
@@ -34,7 +34,7 @@ impl Flight {
     pub(crate) fn other(&self, vehicle: &VehicleState, now: Duration) -> Option<Other> {
         vehicle.settled_mode()?;
         let other = self.shown_other(vehicle, now);
-        other.filter(|other| !(*other == FAILSAFE_HOLD && self.only_holds(now)))
+        other.filter(|other| !(other.may_stay() && self.only_holds(now)))
     }
 
     /// Whether a failsafe of PX4 has held the vehicle for so long that nothing follows from it.
@@ -222,8 +222,15 @@ impl Flight {
 
     /// Whether a wing may be on its final approach: no MISSION_CURRENT since a silence has named its item.
     fn item_is_unknown(&self, context: &Context<'_>) -> bool {
-        let since = self.watched.item_unknown_since;
-        since.is_some_and(|since| context.mono().saturating_sub(since) < ITEM_WITHIN)
+        self.item_unknown_until()
+            .is_some_and(|until| context.mono() < until)
+    }
+
+    /// How long it counts as that.
+    pub(super) fn item_unknown_until(&self) -> Option<Duration> {
+        self.watched
+            .item_unknown_since
+            .map(|since| since + ITEM_WITHIN)
     }
 
     fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -304,10 +311,18 @@ impl Flight {
             return;
         }
         self.watched.mode_changed = false;
-        if let (true, Some(other)) = (
-            context.mission.waiting_command().is_some(),
-            self.other(context.vehicle, context.mono()),
-        ) {
+        let Some(other) = self.other(context.vehicle, context.mono()) else {
+            return;
+        };
+        // Nor is a mode that was not entered at once commanded again and again, where nobody commands it at the moment.
+        let enters = |(origin, maneuver): &(Option<Origin>, Maneuver)| {
+            origin.is_none() && maneuver.enters_a_mode()
+        };
+        if matches!(other, Other::Pilot(_)) && self.maneuver.as_ref().is_some_and(enters) {
+            let own = |origin: Option<Origin>| origin.is_none();
+            self.end_running(context, &other.to_string(), own, effects);
+        }
+        if context.mission.waiting_command().is_some() {
             effects.request(Request::DropWaitingCommand {
                 why: other.to_string(),
                 without_right: false,
@@ -322,3 +337,34 @@ const FAILSAFE_ACTS_WITHIN: Duration = Duration::from_secs(30);
 const RECOVERS_PERCENT: u8 = 5;
 /// MISSION_CURRENT comes once a second, and may be lost.
 const ITEM_WITHIN: Duration = Duration::from_secs(5);
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::dialect::{MavCmd, MavResult};
+
+    use super::super::tests::{handle, lose, watch};
+    use super::super::{Flight, Input};
+    use super::*;
+    use crate::session::testing::World;
+
+    /// What PX4 rejects for a moment is commanded again, but not over a pilot who has taken the vehicle since.
+    #[test]
+    fn a_mode_of_its_own_is_not_commanded_again_over_a_pilot() {
+        for taken in [false, true] {
+            let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
+            lose(&mut world, &mut flight);
+            handle(&mut world, &mut flight, Input::Advance);
+            assert_eq!(world.commanded_modes(), [Px4Mode::RTL]);
+            let later = MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+            for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, later) {
+                handle(&mut world, &mut flight, Input::CommandEnded(&event));
+            }
+            if taken {
+                world.show_mode(Px4Mode::POSCTL);
+                handle(&mut world, &mut flight, Input::ModeChanged);
+            }
+            let again = watch(&mut world, &mut flight, 8);
+            assert_eq!(again.is_empty(), taken, "{again:?}");
+        }
+    }
+}

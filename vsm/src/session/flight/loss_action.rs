@@ -24,7 +24,7 @@ use super::priority::Urgency;
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
-use crate::session::other::{FAILSAFE_HOLD, Other};
+use crate::session::other::Other;
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -156,7 +156,7 @@ impl LossAction {
         let next_at = context.now + RETRY_INTERVAL;
         if let Some(other) = other {
             let (priority, comms) = (AlertPriority::Warning, SubsystemId::Comms);
-            let held = if other == FAILSAFE_HOLD {
+            let held = if other.may_stay() {
                 ", 30 s at most"
             } else {
                 ""

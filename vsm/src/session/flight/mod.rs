@@ -190,6 +190,7 @@ impl Flight {
             maneuver: self.maneuver.is_some(),
             loss_action: self.loss_action.is_active(),
             contingency: self.contingencies.stands(),
+            item_unknown_until: self.item_unknown_until(),
             commands_by_itself: self.loss_action.is_active()
                 || self.contingencies.urgency().is_some(),
             commanded: self.commanded,

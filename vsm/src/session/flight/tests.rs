@@ -14,7 +14,7 @@ use crate::session::testing::{World, acknowledgements, origin};
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
-fn handle(world: &mut World, flight: &mut Flight, input: Input<'_>) {
+pub(super) fn handle(world: &mut World, flight: &mut Flight, input: Input<'_>) {
     world.act(|common, views, effects| {
         let context = Context {
             common,
@@ -682,14 +682,14 @@ fn a_pilot_who_takes_over_between_two_steps_keeps_the_aircraft() {
 }
 
 /// The controller is lost, and the vehicle is to return.
-fn lose(world: &mut World, flight: &mut Flight) {
+pub(super) fn lose(world: &mut World, flight: &mut Flight) {
     world.settings.authority.on_loss = OnLoss::Rtl;
     world.controller = None;
     handle(world, flight, Input::ControllerLost);
 }
 
 /// What is commanded in so many seconds.
-fn watch(world: &mut World, flight: &mut Flight, seconds: u64) -> Vec<Px4Mode> {
+pub(super) fn watch(world: &mut World, flight: &mut Flight, seconds: u64) -> Vec<Px4Mode> {
     for _ in 0..seconds {
         world.advance(Duration::from_secs(1));
         handle(world, flight, Input::WatchLossAction);
@@ -702,7 +702,7 @@ fn watch(world: &mut World, flight: &mut Flight, seconds: u64) -> Vec<Px4Mode> {
 fn a_failsafe_that_only_holds_is_respected_for_half_a_minute_and_one_that_does_more_for_ever() {
     for (mode, acts) in [
         (Px4Mode::LOITER, true),
-        (Px4Mode::MISSION, false),
+        (Px4Mode::MISSION, true),
         (Px4Mode::TERMINATION, false),
     ] {
         let (mut world, mut flight) = (World::airborne(mode), Flight::default());

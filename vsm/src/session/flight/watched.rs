@@ -6,7 +6,7 @@ use mapping::mode::Px4Mode;
 
 use crate::session::context::may_be_on_final;
 use crate::session::link::state::VehicleState;
-use crate::session::other::{FAILSAFE_HOLD, Other};
+use crate::session::other::Other;
 
 /// What the vehicle has shown for how long.
 #[derive(Debug, Default)]
@@ -31,7 +31,7 @@ impl Watched {
             .filter(|mode| vehicle.telemetry.mode == Some(*mode));
         // A report of before the last command shows no end of it.
         if vehicle.live() && vehicle.settled_mode().is_some() {
-            let holds = Other::of(&vehicle.telemetry) == Some(FAILSAFE_HOLD);
+            let holds = Other::of(&vehicle.telemetry).is_some_and(Other::may_stay);
             self.holds_since = since(self.holds_since, holds);
         }
     }

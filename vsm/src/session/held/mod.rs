@@ -44,7 +44,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::flight;
 use super::mission::record::unhex;
-use super::other::{FAILSAFE_HOLD, Other};
+use super::other::Other;
 use crate::config::OnLoss;
 
 /// The machine.
@@ -768,7 +768,7 @@ fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> 
     let ends_never = for_loss && context.only_holds;
     match context
         .other
-        .filter(|other| !(ends_never && *other == FAILSAFE_HOLD))
+        .filter(|other| !(ends_never && other.may_stay()))
     {
         // On the ground a failsafe means nothing yet; who has armed it by hand is about to take off.
         Some(other @ Other::Pilot(_)) => Err(other.to_string()),
@@ -780,7 +780,8 @@ fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> 
 
 /// Whether the vehicle is put on hold, or held by a failsafe that may yet do more.
 fn holds_first(context: &Context<'_>) -> bool {
-    context.flight.loss_action || (context.other == Some(FAILSAFE_HOLD) && !context.only_holds)
+    context.flight.loss_action
+        || (context.other.is_some_and(Other::may_stay) && !context.only_holds)
 }
 
 /// Whether it is a launch.

@@ -16,6 +16,7 @@ use stanag_msgs::scalar::{Bam32, Scaled};
 use stanag_msgs::{Text, TimeStamp};
 
 use super::*;
+use crate::session::context::FlightView;
 use crate::session::effects::Request;
 use crate::session::testing::{CUCS, World, acknowledgements, origin};
 
@@ -590,4 +591,32 @@ fn rally_points_that_nobody_configured_are_left_alone_with_an_alert() {
     );
     world.advance(6 * SECOND);
     assert!(unknown(&mut world, &mut mission));
+}
+
+/// After a silence a wing may be on its final approach for as long as its item is not known.
+#[test]
+fn an_upload_is_refused_while_a_wing_may_be_on_its_final_approach() {
+    let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), Vec::new()));
+    let message: Message = MissionTransferCommand {
+        mission_plan_mode: Some(Mode::Clear),
+        ..MissionTransferCommand::default()
+    }
+    .into();
+    for unknown in [true, false] {
+        let (now, origin) = (world.now.mono, origin(&message));
+        world.act(|common, views, effects| {
+            let context = Context {
+                common,
+                flight: FlightView {
+                    item_unknown_until: unknown.then_some(now + SECOND),
+                    ..views.flight
+                },
+                parameters: views.parameters,
+            };
+            let message = &message;
+            mission.handle(&context, Input::Command { origin, message }, effects);
+        });
+        let answers = acknowledgements(&world.sent_to(0));
+        assert_eq!(answers.contains(&AckType::Refused), unknown, "{answers:?}");
+    }
 }

@@ -76,6 +76,12 @@ fn replaceable(context: &Context<'_>, store: &MissionStore) -> Free {
             "the vehicle is on its final approach: abort the landing first (2016 mode 20, wave-off), or let it end",
         );
     }
+    let unknown = context.flight.item_unknown_until;
+    if unknown.is_some_and(|until| context.mono() < until) {
+        return Err(
+            "it is not known yet after a silence whether the vehicle is on its final approach: try again in 5 s",
+        );
+    }
     Ok(())
 }
 
