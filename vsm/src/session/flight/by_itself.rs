@@ -367,4 +367,24 @@ mod tests {
             assert_eq!(again.is_empty(), taken, "{again:?}");
         }
     }
+
+    /// Nothing would end a hold that nobody sees.
+    #[test]
+    fn a_vehicle_that_is_stopped_returns_where_nobody_controls_it() {
+        for (controlled, on_loss, expected) in [
+            (true, OnLoss::Rtl, Px4Mode::LOITER),
+            (false, OnLoss::Continue, Px4Mode::LOITER),
+            (false, OnLoss::Hold, Px4Mode::RTL),
+            (false, OnLoss::Contingency, Px4Mode::RTL),
+        ] {
+            let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
+            world.settings.authority.on_loss = on_loss;
+            if !controlled {
+                world.controller = None;
+            }
+            handle(&mut world, &mut flight, Input::Hold);
+            handle(&mut world, &mut flight, Input::Advance);
+            assert_eq!(world.commanded_modes(), [expected], "{on_loss:?}");
+        }
+    }
 }
