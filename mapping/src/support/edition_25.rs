@@ -119,8 +119,8 @@ rows! {
     1200 "40000, by the numbers of Edition 2.5; #1303 at once for what has no place in Edition 4";
     1201 "acknowledged: there are no remote displays beside the status page";
     1202 "answered by #1304 with the status page, whatever it lists";
-    1300 "41000 and 41003, in the units of the field";
-    1301 "41000, 41001 and 41003 of a field that is a float here, in its unit";
+    1300 "41000 and 41003, in the units of the field; a control of unknown range has that of the type";
+    1301 "41000, 41001 and 41003 of a field that is a float here, in its unit; a control of unknown range has that of the type";
     1302 "41002";
     1303 "44003, and for each message of the level that has none in Edition 4" [4, 5];
     1400 "17000 types 1 and 2, once for each message; not of one that is refused, which #1100 says. Of a station it proves an \
@@ -128,6 +128,7 @@ rows! {
     1401 "its message is acknowledged from then on, until a release or an abort; sent with #1403 to ask an address for a proof" [6];
     1402 "17001; less than 1 Hz is 1 Hz";
     1403 "17002";
+    2012 "50012 without the range; also the value of each control after its #1300 or #1301, and when it is another";
 }
 
 #[cfg(test)]

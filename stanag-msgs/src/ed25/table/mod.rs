@@ -10,6 +10,7 @@ mod flight_status;
 mod general;
 mod mission;
 mod payload;
+mod private;
 mod rows;
 mod subsystems;
 mod system_id;
@@ -18,7 +19,7 @@ use super::Version;
 use crate::table::{self, MessageInfo};
 
 /// The groups, in the order of their message types.
-static GROUPS: [&[MessageInfo]; 9] = [
+static GROUPS: [&[MessageInfo]; 10] = [
     system_id::GROUP,
     flight_command::GROUP,
     flight_status::GROUP,
@@ -28,6 +29,7 @@ static GROUPS: [&[MessageInfo]; 9] = [
     subsystems::GROUP,
     configuration::GROUP,
     general::GROUP,
+    private::GROUP,
 ];
 
 /// Every message, in the order of the Message Types.
@@ -73,7 +75,8 @@ mod tests {
     fn groups_are_in_the_order_of_their_types() {
         let ids: Vec<_> = messages().map(|message| message.id).collect();
         assert!(ids.is_sorted_by(|low, high| low < high), "{ids:?}");
-        assert_eq!(ids.len(), 79);
+        // Of the text, and of this project.
+        assert_eq!(ids.len(), 79 + 3);
     }
 
     #[test]

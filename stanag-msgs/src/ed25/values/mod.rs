@@ -7,6 +7,7 @@ mod flight_command;
 mod general;
 mod mission;
 mod payload;
+mod private;
 mod subsystems;
 mod system_id;
 
@@ -16,6 +17,7 @@ pub(super) use flight_command::*;
 pub(super) use general::*;
 pub(super) use mission::*;
 pub(super) use payload::*;
+pub(super) use private::*;
 pub(super) use subsystems::*;
 pub(super) use system_id::*;
 

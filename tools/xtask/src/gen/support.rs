@@ -207,7 +207,7 @@ their own. A test counts them: at most 15.
 const EDITION_25: &str = "
 ## Edition 2.5
 
-Each of its 79 messages, and what it is inside: a number without # is of Edition 4, whose row says what is done. The last column has
+Each of its 79 messages and of the private ones, and what it is inside: a number without # is of Edition 4, whose row says what is done. The last column has
 the fields with no place in Edition 4: ignored from a CUCS, and sent as 0 or as an empty text, since every field is always sent. A
 field that the vehicle has not reported for a while keeps its last value.
 

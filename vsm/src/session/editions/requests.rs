@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use mapping::configuration::Controls;
 use stanag_msgs::ed25::record::ed4;
 use stanag_msgs::ed25::{self, Record, places};
 use stanag_msgs::enums::AckType;
@@ -10,7 +11,7 @@ use stanag_msgs::messages::{
     ConfigurationComplete, FieldConfigurationEnumeratedResponse, FieldConfigurationFloatResponse,
     FieldConfigurationIntegerResponse, FieldConfigurationRequest,
     FieldConfigurationUnsignedResponse, GenericInformationRequestMessage, MessageAcknowledgement,
-    MessageParameterAvailability, ScheduleMessageUpdateCommand,
+    MessageParameterAvailability, ParameterSetCommand, ScheduleMessageUpdateCommand,
 };
 use stanag_msgs::table::{self, Direction, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, TimeStamp};
@@ -182,6 +183,9 @@ impl Requests {
                 )
             })?;
             let place = match u8::try_from(field).ok().filter(|field| *field > 0) {
+                Some(control @ Controls::FIRST..) if number == PARAMETER_SET => {
+                    Some((ParameterSetCommand::ID, control))
+                }
                 None => info.ed4_messages.first().map(|message| (*message, 0)),
                 Some(field) => {
                     let row = info.fields.get(usize::from(field) - 1);
@@ -220,7 +224,11 @@ impl Requests {
             }
             _ => return None,
         };
-        let places = places(u16::try_from(message).ok()?, u8::try_from(field).ok()?);
+        let (message, field) = (u16::try_from(message).ok()?, u8::try_from(field).ok()?);
+        if message == ParameterSetCommand::ID && field >= Controls::FIRST {
+            return Some(vec![control(answer, field)]);
+        }
+        let places = places(message, field);
         let records = places.map(|(info, field)| match id {
             MessageParameterAvailability::ID => {
                 let mut record = new(1303);
@@ -341,6 +349,46 @@ fn name(mut record: Record, info: &MessageInfo, field: Option<&FieldInfo>) -> Re
     record
 }
 
+/// #1300 of a control that is an integer, #1301 of a float, #1303 of one that is no longer there. Its number is a field of
+/// #2011 that the table does not have.
+fn control(answer: &Record, field: u8) -> Record {
+    let (number, low, high) = match answer.id() {
+        FieldConfigurationIntegerResponse::ID => (1300, f64::from(i32::MIN), f64::from(i32::MAX)),
+        FieldConfigurationFloatResponse::ID => (1301, f64::from(f32::MIN), f64::from(f32::MAX)),
+        _ => {
+            let mut record = new(1303);
+            record.take_from(answer);
+            record.set(7, PARAMETER_SET);
+            record.set(8, field);
+            return record;
+        }
+    };
+    let mut record = new(number);
+    for (of, at) in [(1, 1), (4, 2), (5, 3), (6, 4), (9, 9), (20, 21), (14, 15)] {
+        if let Some(value) = answer.number(at) {
+            record.set(of, value);
+        }
+    }
+    // Each field is sent, and 0 to 0 would be a range: what is not known is all that the type holds, which is no limit.
+    let (most, least) = (answer.number(11), answer.number(12));
+    for (field, value) in [
+        (10, most.unwrap_or(high)),
+        (11, least.unwrap_or(low)),
+        (12, most.unwrap_or(high)),
+        (13, least.unwrap_or(low)),
+        (15, high),
+        (16, high),
+        (17, low),
+        (18, low),
+    ] {
+        record.set(field, value);
+    }
+    record.set_text(19, answer.text(20));
+    record.set(7, PARAMETER_SET);
+    record.set(8, field);
+    record
+}
+
 /// #1300 or #1301, by the type that the field has in Edition 2.5. The bounds of Edition 4 are in steps of its wire.
 fn limits(
     answer: &Record,
@@ -371,6 +419,8 @@ fn limits(
     name(record, info, field)
 }
 
+/// #2011, for 50011.
+const PARAMETER_SET: u32 = 2011;
 const SINGLE: u32 = 0;
 const ABORT: u32 = 6;
 /// Messages that this border answers itself, so that they are supported.

@@ -6,6 +6,7 @@ mod border;
 mod cases;
 mod commands;
 mod effects;
+mod controls;
 mod mixed;
 mod operator;
 mod payload;

@@ -19,16 +19,16 @@ use super::after_2034::set_clock;
 use super::{CUCS, rig};
 
 /// A session on the network of the rig.
-struct Operator {
+pub(super) struct Operator {
     session: Session,
     address: SocketAddr,
     taken: usize,
-    texts: Vec<String>,
-    messages: Vec<Message>,
+    pub(super) texts: Vec<String>,
+    pub(super) messages: Vec<Message>,
 }
 
 impl Operator {
-    fn new(address: SocketAddr) -> Operator {
+    pub(super) fn new(address: SocketAddr) -> Operator {
         let config = SessionConfig::of(Edition::Ed25, CUCS);
         Operator {
             session: Session::new(config),
@@ -70,7 +70,12 @@ impl Operator {
         }
     }
 
-    fn until(&mut self, rig: &mut Rig, limit_s: f64, so: impl Fn(&Operator, &Rig) -> bool) -> bool {
+    pub(super) fn until(
+        &mut self,
+        rig: &mut Rig,
+        limit_s: f64,
+        so: impl Fn(&Operator, &Rig) -> bool,
+    ) -> bool {
         for _ in 0..(limit_s * 20.0) as usize {
             self.pump(rig);
             if so(self, rig) {
@@ -86,7 +91,7 @@ impl Operator {
         self.session.delivery(ticket)
     }
 
-    fn send(&mut self, rig: &mut Rig, message: impl Into<Message>) -> Delivery {
+    pub(super) fn send(&mut self, rig: &mut Rig, message: impl Into<Message>) -> Delivery {
         let now = Operator::now(rig);
         let ticket = self.session.send(now, vehicle_id(0), message);
         let ticket = ticket.expect("Edition 2.5 can say it");

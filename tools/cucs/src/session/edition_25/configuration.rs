@@ -5,7 +5,7 @@ use stanag_msgs::ed25::{self, Record, Version};
 use stanag_msgs::messages::{
     FieldConfigurationEnumeratedResponse, FieldConfigurationFloatResponse,
     FieldConfigurationIntegerResponse, FieldConfigurationUnsignedResponse,
-    MessageParameterAvailability,
+    MessageParameterAvailability, ParameterSetCommand,
 };
 use stanag_msgs::table::Wire;
 
@@ -13,6 +13,9 @@ use stanag_msgs::table::Wire;
 pub(super) fn answer(record: &Record) -> Option<Message> {
     let info = ed25::message(record.whole(7), Version::Ed25)?;
     let (message, number) = match record.whole(8) as usize {
+        control @ FIRST_CONTROL.. if record.whole(7) == PARAMETER_SET => {
+            return self::control(record, u8::try_from(control).ok()?);
+        }
         0 => (*info.ed4_messages.first()?, 0),
         field => info.fields.get(field - 1)?.ed4?,
     };
@@ -45,6 +48,37 @@ pub(super) fn answer(record: &Record) -> Option<Message> {
     said.message().ok()
 }
 
+/// A control of the vehicle, a field of #2011 that the table does not have: its message names its kind.
+fn control(record: &Record, number: u8) -> Option<Message> {
+    let (target, widest) = match record.id() {
+        1300 => (
+            &FieldConfigurationIntegerResponse::INFO,
+            f64::from(i32::MAX),
+        ),
+        1301 => (&FieldConfigurationFloatResponse::INFO, f64::from(f32::MAX)),
+        1303 => {
+            let mut said = record.to_ed4(&MessageParameterAvailability::INFO).ok()?;
+            said.set(5, u32::from(ParameterSetCommand::ID));
+            said.set(6, number);
+            return said.message().ok();
+        }
+        _ => return None,
+    };
+    let mut said = bounds(record, target, ParameterSetCommand::ID, number);
+    // All that the type holds is no limit.
+    for bound in [11, 12] {
+        if said
+            .number(bound)
+            .is_some_and(|value| value.abs() >= widest)
+        {
+            said.clear(bound);
+        }
+    }
+    said.set(7, u32::from(ParameterSetCommand::ID));
+    said.set(8, number);
+    said.message().ok()
+}
+
 /// The bounds of Edition 4 are in steps of its wire.
 fn bounds(
     record: &Record,
@@ -73,3 +107,7 @@ fn bounds(
     said.set_text(20, record.text(19));
     said
 }
+
+/// #2011, for 50011; from this field on are controls.
+const PARAMETER_SET: u32 = 2011;
+const FIRST_CONTROL: usize = 11;

@@ -8,7 +8,8 @@
 //! - each message that awaits an answer goes behind a #1401 for its type, in one datagram, and is sent again with it: the
 //!   request may have lapsed, or the VSM have been restarted;
 //! - what only stores or asks is done once it was received. A mode is carried out once #106 shows it, a request for control
-//!   is answered by #21, a handover by #700, a transfer by #900; a payload does what it was commanded once #302 shows it;
+//!   is answered by #21, a handover by #700, a transfer by #900, a parameter by the private #2012; a payload does what it was commanded once
+//!   #302 shows it;
 //! - a refusal is an alert. One that names the message and this CUCS is taken for the answer to the latest message of that
 //!   type; of a VSM with other words the command waits until its time is up.
 
@@ -238,6 +239,15 @@ impl Border {
                     one.received && shows.is_some_and(|shows| shows.is_met(state))
                 })
             }
+            PARAMETER_REPORT => {
+                let (name, index, count) = (record.text(4), record.whole(7), record.whole(8));
+                waiting.end(vehicle, AckType::CarriedOut, |one| {
+                    let wanted = one.parameter.as_deref().filter(|_| one.received);
+                    wanted.is_some_and(|wanted| {
+                        wanted == name || wanted.is_empty() && index + 1 == count
+                    })
+                })
+            }
             HANDOVER_STATUS => {
                 let kind = match HandoverStatus::from_raw(record.whole(5) as u8) {
                     HandoverStatus::Successful => AckType::CarriedOut,
@@ -293,6 +303,7 @@ pub(crate) const STAMPS_EACH: u64 = 8;
 const VERSION: Version = Version::Ed25;
 const AUTHORISATION: u16 = 1;
 const HANDOVER_STATUS: u16 = 700;
+const PARAMETER_REPORT: u16 = 2012;
 const ACKNOWLEDGEMENT: u16 = 1400;
 const ACKNOWLEDGE: u16 = 1401;
 const REQUEST: u16 = 1403;

@@ -29,6 +29,8 @@ pub(super) struct One {
     pub(super) hands_over: bool,
     /// Of a payload command: what #302 reports at its end.
     pub(super) shows: Option<Shows>,
+    /// The parameter that it requests or sets, whose #2012 is its end; empty: all of them.
+    pub(super) parameter: Option<String>,
     /// #1400 has come.
     pub(super) received: bool,
 }
@@ -50,6 +52,7 @@ impl Waiting {
             mode,
             hands_over: message.id() == PositiveHandoverAuthorisationRequest::ID,
             shows: Shows::of(message),
+            parameter: parameter(message),
             received: false,
         });
     }
@@ -67,6 +70,7 @@ impl Waiting {
         let goes_on = one.mode.is_some()
             || one.hands_over
             || one.shows.is_some()
+            || one.parameter.is_some()
             || ed4 == MissionTransferCommand::ID;
         let kind = if goes_on {
             AckType::Received
@@ -107,6 +111,15 @@ impl Waiting {
         }
         Some(acknowledgement(one.ed4, one.stamp, kind))
     }
+}
+
+fn parameter(message: &Message) -> Option<String> {
+    let name = match message {
+        Message::ParameterRequest(request) => &request.parameter_name,
+        Message::ParameterSetCommand(command) => &command.parameter_name,
+        _ => return None,
+    };
+    Some(name.as_ref().map_or("", |name| name.as_str()).to_owned())
 }
 
 /// 17000 as the session takes it.
