@@ -607,6 +607,7 @@ fn an_upload_is_refused_while_a_wing_may_be_on_its_final_approach() {
         world.act(|common, views, effects| {
             let context = Context {
                 common,
+                rights: views.rights,
                 flight: FlightView {
                     item_unknown_until: unknown.then_some(now + SECOND),
                     ..views.flight

@@ -1,7 +1,7 @@
 //! `[http] listen`: the operator's page, /status.json, /map.json, /events.json and /metrics. Nothing can be commanded here,
 //! only read.
 //!
-//! `routes` is what is answered to which request, `events` what the bridge has logged of late, `metrics` the format of
+//! `source` is what the page asks of the bridge, `routes` what is answered to which request, `events` what the bridge has logged of late, `metrics` the format of
 //! Prometheus; `page` holds the page itself: HTML, style, ES modules, and Leaflet for the map. All of it is in the
 //! program: no other host is asked for anything.
 //!
@@ -14,6 +14,7 @@
 mod events;
 mod metrics;
 mod routes;
+mod source;
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -38,19 +39,10 @@ use tokio::task::{AbortHandle, JoinError, JoinSet};
 
 pub use self::events::{Event, Events};
 use self::routes::Query;
+pub use self::source::Source;
 use super::tasks::Beat;
 use super::test_fault;
 use crate::session::{Status, VehicleMap};
-
-/// What the page shows, as the bridge has it now.
-pub trait Source {
-    /// How everything stands.
-    fn status(&self) -> Status;
-    /// What a map shows beside it.
-    fn map(&self) -> Vec<VehicleMap>;
-    /// What was logged of late, from this number on.
-    fn events(&self, from: u64) -> Vec<Event>;
-}
 
 /// Serves until it is dropped. `hosts`: names that it may be asked by, beside `localhost` and its addresses.
 ///

@@ -11,7 +11,8 @@ use axum::http::{Response, StatusCode};
 use axum::routing::get;
 use tokio::sync::{mpsc, oneshot};
 
-use super::{Source, metrics};
+use super::metrics;
+use super::source::Source;
 
 /// A question to the bridge, and where its answer goes: JSON, or the text of /metrics.
 #[derive(Debug)]
