@@ -43,6 +43,11 @@ impl<W: Write> Operator<W> {
                 Message::ParameterReport(report) => Some(report),
                 _ => None,
             })
+            // Not those that are reported because they have changed.
+            .filter(|report| {
+                let of = report.parameter_name.as_ref().map(|of| of.as_str());
+                name.is_none() || of == name
+            })
             .collect();
         reports.sort_by_key(|report| report.parameter_index);
         for report in reports {

@@ -8,7 +8,7 @@
 //! - each message that awaits an answer goes behind a #1401 for its type, in one datagram, and is sent again with it: the
 //!   request may have lapsed, or the VSM have been restarted;
 //! - what only stores or asks is done once it was received. A mode is carried out once #106 shows it, a request for control
-//!   is answered by #21, a handover by #700, a transfer by #900, a parameter by the private #2012; a payload does what it was commanded once
+//!   is answered by #21, a handover by #700, a transfer by #900, configuration by #1203, a parameter by the private #2012; a payload does what it was commanded once
 //!   #302 shows it;
 //! - a refusal is an alert. One that names the message and this CUCS is taken for the answer to the latest message of that
 //!   type; of a VSM with other words the command waits until its time is up.
@@ -24,7 +24,7 @@ use std::collections::{BTreeMap, VecDeque};
 use stanag_msgs::ed25::record::stamp_of;
 use stanag_msgs::ed25::{self, Record, Version};
 use stanag_msgs::enums::{AckType, HandoverStatus};
-use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::messages::{CucsAuthorisationRequest, FieldConfigurationRequest};
 use stanag_msgs::table::Direction;
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp};
 
@@ -239,6 +239,10 @@ impl Border {
                     one.received && shows.is_some_and(|shows| shows.is_met(state))
                 })
             }
+            // Ends the answers to #1200.
+            CONFIGURED => waiting.end(vehicle, AckType::CarriedOut, |one| {
+                one.ed4 == FieldConfigurationRequest::ID
+            }),
             PARAMETER_REPORT => {
                 let (name, index, count) = (record.text(4), record.whole(7), record.whole(8));
                 waiting.end(vehicle, AckType::CarriedOut, |one| {
@@ -304,6 +308,7 @@ const VERSION: Version = Version::Ed25;
 const AUTHORISATION: u16 = 1;
 const HANDOVER_STATUS: u16 = 700;
 const PARAMETER_REPORT: u16 = 2012;
+const CONFIGURED: u16 = 1203;
 const ACKNOWLEDGEMENT: u16 = 1400;
 const ACKNOWLEDGE: u16 = 1401;
 const REQUEST: u16 = 1403;

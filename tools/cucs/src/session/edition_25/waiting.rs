@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{
-    MessageAcknowledgement, MissionTransferCommand, PositiveHandoverAuthorisationRequest,
-    VehicleOperatingModeCommand,
+    FieldConfigurationRequest, MessageAcknowledgement, MissionTransferCommand,
+    PositiveHandoverAuthorisationRequest, VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Id, Message, TimeStamp};
 
@@ -71,6 +71,7 @@ impl Waiting {
             || one.hands_over
             || one.shows.is_some()
             || one.parameter.is_some()
+            || ed4 == FieldConfigurationRequest::ID
             || ed4 == MissionTransferCommand::ID;
         let kind = if goes_on {
             AckType::Received
