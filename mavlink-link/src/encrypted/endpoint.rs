@@ -537,7 +537,9 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         if self.reach().is_none() {
             return;
         }
-        if self.is_worn() || self.is_silent_for_too_long(now.mono) {
+        // Each time, for it moves on what is due next.
+        let silent = self.is_silent_for_too_long(now.mono);
+        if silent || self.is_worn() {
             self.keying.want();
         }
         self.keying.handle_timeout(now, random, disk);

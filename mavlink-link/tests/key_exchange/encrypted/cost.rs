@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use mavlink_link::encrypted::{Carrier, MAX_WIRE};
 
-use super::{AIR, GROUND, World};
+use super::{AIR, World};
 use crate::world::{HONEST, ms};
 
 /// MAVLINK_MODE_LOW_BANDWIDTH of a quadcopter without gimbal, camera or other aircraft: bytes of payload, and milliseconds
@@ -124,5 +124,4 @@ fn a_packet_costs_microseconds() {
     eprintln!("{packets} packets sealed and opened, {each:?} each, both ends");
     assert_eq!(got, 20_000 * frame.len());
     assert!(each < Duration::from_micros(500));
-    let _ = GROUND;
 }
