@@ -106,11 +106,13 @@ def runs(all_rules):
 class Bench:
     """One subject on ports of its own, with the profile that describes it."""
 
-    def __init__(self, run, speed):
+    def __init__(self, run, speed, edition):
+        self.edition = edition
         self.run, self.directory = run, tempfile.TemporaryDirectory()
         self.path = Path(self.directory.name)
         self.port, self.control = free_port(), free_port()
-        self.options = ["--port", str(self.port), "--control", str(self.control), "--speed", str(speed), "--store", str(self.path / "store"), *run.options]
+        self.options = ["--port", str(self.port), "--control", str(self.control), "--speed", str(speed), "--store", str(self.path / "store"), "--edition", edition,
+                        *run.options]
         if run.id in TWO_VEHICLES:
             self.options += ["--vehicles", "2"]
         self.speed, self.relay = speed, None
@@ -134,7 +136,7 @@ class Bench:
 
     def profile(self):
         python, here = sys.executable, Path(__file__).resolve()
-        lines = ["[subject]", f'name = "second VSM, {self.run.id}"', f'address = "127.0.0.1:{self.front}"', 'edition = "4"', 'vsm_id = "%s:00:00:01"' % self.owner()]
+        lines = ["[subject]", f'name = "second VSM, {self.run.id}"', f'address = "127.0.0.1:{self.front}"', f'edition = "{self.edition}"', 'vsm_id = "%s:00:00:01"' % self.owner()]
         for id, _, override in STATIONS:
             lines += ["[[cucs]]", f'id = "{id}"', f"override = {str(override).lower()}"]
         for number in range(2 if self.run.id in TWO_VEHICLES else 1):
@@ -184,7 +186,7 @@ def restart(path):
 def judge(run, args):
     """Runs the suite against one subject."""
     began = time.monotonic()
-    with Bench(run, args.speed) as bench:
+    with Bench(run, args.speed, args.edition) as bench:
         report = bench.path / "report.json"
         command = [args.dli_check, "vsm", "--profile", str(bench.path / "profile.toml"), "--simulated", "--quiet", "--json", str(report)]
         if run.faulty:
@@ -262,6 +264,7 @@ def main():
     parser.add_argument("--all-rules", action="store_true", help="judge the faulty by all rules")
     parser.add_argument("--rule", action="append", default=[], metavar="ID", help="judge by this rule only (repeat)")
     parser.add_argument("--speed", type=float, default=10.0, metavar="FACTOR", help="of the simulated aircraft")
+    parser.add_argument("--edition", choices=["2.5", "3", "4"], default="4", help="of the second VSM and of the suite")
     parser.add_argument("--at-once", type=int, default=8, help="number of runs side by side")
     parser.add_argument("--limit", type=float, default=LIMIT_S, metavar="S", help="time for one run")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the table here as well")

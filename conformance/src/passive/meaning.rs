@@ -63,14 +63,16 @@ fn form_of_ids(view: &View<'_>, found: &mut Found) {
         }
         for (place, id) in ids {
             let owner = id.owner();
-            let broadcast_source = place == "source" && owner == 0xFF;
+            // #1304 has no source but its Vehicle ID, which names all vehicles of its VSM.
+            let of_all = seen.original.is_some() && seen.kind() == 43_000;
+            let broadcast_source = place == "source" && owner == 0xFF && !of_all;
             found.check(seen, !broadcast_source, || {
                 format!(
                     "expected an id of its own as source of message {}, got {id}",
                     seen.kind()
                 )
             });
-            let listed = matches!(owner, 0..=27 | 100..=119) || id == Id::NULL;
+            let listed = matches!(owner, 0..=27 | 100..=119) || id == Id::NULL || of_all;
             if !listed && !broadcast_source {
                 found.warn(
                     seen,
@@ -348,6 +350,12 @@ fn limits_make_sense(view: &View<'_>, found: &mut Found) {
                 let [(low, a), (high, b)] = pair else {
                     continue;
                 };
+                // Edition 2.5 cannot leave out what there is no display for.
+                let undisplayed = seen.value("Max Display Value") == Some(0.0)
+                    && seen.value("Min Display Value") == Some(0.0);
+                if undisplayed && (low.contains("Display") || high.contains("Display")) {
+                    continue;
+                }
                 // Limits of 0 on both sides are how some subjects leave them out.
                 found.check(
                     seen,

@@ -373,6 +373,8 @@ fn a_change_of_availability_is_said(t: &Trial) -> Judged {
             |seen| seen.kind() == 41005,
         )
         .precondition("a full configuration")?;
+        // Some say what is available right behind 41005.
+        t.pause(Duration::from_millis(200))?;
         Ok(availability(&a.received(mark, is_answer), 2016, 2))
     };
     crate::bench::flight::clear(t, &a)?;
@@ -382,12 +384,8 @@ fn a_change_of_availability_is_said(t: &Trial) -> Judged {
         return Err(Stop::inconclusive("a good route was not loaded"));
     }
     t.pause(t.timers().answer / 2)?;
-    let said: BTreeSet<i64> = a
-        .received(mark, |seen| {
-            seen.kind() == 44003
-                && seen.raw("Reported Message") == Some(2016)
-                && seen.raw("Reported Field") == Some(2)
-        })
+    let unasked = about_modes(&a, mark);
+    let said: BTreeSet<i64> = unasked
         .iter()
         .filter_map(|seen| seen.raw("Reported Enumerated Index"))
         .collect();
@@ -401,34 +399,39 @@ fn a_change_of_availability_is_said(t: &Trial) -> Judged {
     t.expect(changed.is_subset(&said), || {
         format!("expected 44003 at once about the modes {changed:?}, which the configuration lists otherwise since a plan is aboard; it came about {said:?}")
     })?;
-    says_which_way(t, &a, mark, &changed, &after)?;
+    says_which_way(t, &unasked, &changed, &after)?;
     // And the other way, when the plan goes.
     let mark = t.bench.net.mark();
     crate::bench::flight::clear(t, &a)?;
     t.pause(t.timers().answer / 2)?;
+    // Before the configuration says the same when it is asked for.
+    let unasked = about_modes(&a, mark);
     let gone = phase()?;
     let changed: BTreeSet<i64> = after.symmetric_difference(&gone).copied().collect();
-    says_which_way(t, &a, mark, &changed, &gone)
+    says_which_way(t, &unasked, &changed, &gone)
+}
+
+/// The 44003s about flight modes since `mark`.
+fn about_modes(a: &Station, mark: usize) -> Vec<Arc<Seen>> {
+    a.received(mark, |seen| {
+        seen.kind() == 44003
+            && seen.raw("Reported Message") == Some(2016)
+            && seen.raw("Reported Field") == Some(2)
+    })
 }
 
 /// The last 44003 about each of these modes says that it is unavailable where the configuration lists it so, else available.
 fn says_which_way(
     t: &Trial,
-    a: &Station,
-    mark: usize,
+    unasked: &[Arc<Seen>],
     changed: &BTreeSet<i64>,
     unavailable: &BTreeSet<i64>,
 ) -> Judged {
     for mode in changed {
-        let said = a.received(mark, |seen| {
-            seen.kind() == 44003
-                && seen.raw("Reported Message") == Some(2016)
-                && seen.raw("Reported Field") == Some(2)
-                && seen.raw("Reported Enumerated Index") == Some(*mode)
-        });
+        let of = |seen: &&Arc<Seen>| seen.raw("Reported Enumerated Index") == Some(*mode);
         let gone = unavailable.contains(mode);
         let what = if gone { "unavailable" } else { "available" };
-        let Some(last) = said.last() else {
+        let Some(last) = unasked.iter().rfind(of) else {
             return Err(Stop::fail(format!(
                 "expected 44003 at once about mode {mode}, which has become {what}; none came"
             )));
@@ -653,10 +656,16 @@ fn altitudes_within_what_is_declared(
     let Some(high) = declared.and_then(|seen| seen.value("Max Value")) else {
         return Ok(());
     };
-    // In steps of 0.02 m, or in metres: beyond both.
-    let beyond = high.max(high * 0.02) * 1.1 + 10.0;
-    let step = high * 0.02 * 1.1 + 10.0;
     let home = home(t, a)?;
+    // Edition 2.5 names no altitude type that the range is in: beyond it in each, so much higher as the ground is.
+    let ground = if t.of_edition_25() {
+        home.altitude.abs()
+    } else {
+        0.0
+    };
+    // In steps of 0.02 m, or in metres: beyond both.
+    let beyond = high.max(high * 0.02) * 1.1 + 10.0 + ground;
+    let step = high * 0.02 * 1.1 + 10.0 + ground;
     let kind = configuration.iter().find(|seen| {
         seen.kind() == 41002
             && seen.raw("Requested Message") == Some(13002)

@@ -79,6 +79,14 @@ pub const NOT_IN_25: &[(&str, &str)] = &[
         "the private messages 50001 and 50002 have no form in Edition 2.5, whose private types are 2000 to 2399",
     ),
     (
+        "LOAD-001",
+        "it counts acknowledgements of 2017, which is #48 there: the suite does not match those of #48",
+    ),
+    (
+        "LOAD-003",
+        "it counts acknowledgements of 2017, which is #48 there: the suite does not match those of #48",
+    ),
+    (
         "MULTI-001",
         "the subject is spoken to at one address: whether a group hears it is not seen",
     ),

@@ -228,10 +228,19 @@ fn arms(t: &Trial, a: &Station, time: Duration) -> Judged<bool> {
     let deadline = t.bench.net.now() + time;
     loop {
         let sent = a.send(terminate(1));
+        // #1400 says that the order came, never that it is refused: the state shows it.
+        if t.of_edition_25() {
+            t.pause(t.timers().ack)?;
+            let state = a.query(3005)?.raw("Reported Flight Termination State");
+            if state == Some(1) {
+                return Ok(true);
+            }
+        }
         let end = a.wait(sent.mark, t.timers().ack, |seen| {
             about(seen, 2005, sent.stamp) && seen.raw("Acknowledgement Type") != Some(1)
         });
-        if end.is_none_or(|end| end.raw("Acknowledgement Type") != Some(3)) {
+        let refused = end.is_some_and(|end| end.raw("Acknowledgement Type") == Some(3));
+        if !refused && !t.of_edition_25() {
             return Ok(true);
         }
         if t.bench.net.now() >= deadline {

@@ -88,10 +88,15 @@ fn steer(station: u8, azimuth: f64) -> Draft {
 
 /// Pointing by angles relative to the aircraft, on, and active.
 fn by_angles(station: u8) -> Draft {
+    active(station, 1)
+}
+
+/// On, active, in this pointing mode.
+fn active(station: u8, pointing: i64) -> Draft {
     Draft::new(19100)
         .raw("Station Number 1-16", bit(station))
         .raw("System Operating Mode", 5)
-        .raw("Set EO/IR Pointing Mode", 1)
+        .raw("Set EO/IR Pointing Mode", pointing)
         .acked()
 }
 
@@ -258,9 +263,18 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
         t.note("a command for two stations at once is refused");
         return Ok(());
     }
+    let before = sent.mark;
     let sent = a.send(steer(first, 0.2).raw("Station Number 1-16", both).acked());
+    // #1400 of Edition 2.5 says that a command came; why it is refused is an alert.
+    let alerted = || {
+        let alerts = a.received(before, |seen| {
+            seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+        });
+        t.of_edition_25() && !alerts.is_empty()
+    };
     if a.wait(sent.mark, t.timers().ack, refused(19001, sent.stamp))
         .is_some()
+        || alerted()
     {
         t.note("a command for two stations at once is refused");
         return Ok(());
@@ -309,13 +323,7 @@ fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
     };
     a.send(steer(station, 0.0).acked());
     turns(t, a, station, 0.0, t.timers().begin / 2)?;
-    let sent = a.send(
-        Draft::new(19100)
-            .raw("Station Number 1-16", bit(station))
-            .raw("System Operating Mode", 5)
-            .raw("Set EO/IR Pointing Mode", 2)
-            .acked(),
-    );
+    let sent = a.send(active(station, 2));
     if refused(&sent) {
         t.note("pointing mode 2 (slew rates) is refused");
         return Ok(());
@@ -392,13 +400,7 @@ fn ground_point(t: &Trial, a: &Station, station: u8) -> Judged {
     let Some(heading) = now.heading else {
         return Ok(());
     };
-    let sent = a.send(
-        Draft::new(19100)
-            .raw("Station Number 1-16", bit(station))
-            .raw("System Operating Mode", 5)
-            .raw("Set EO/IR Pointing Mode", 4)
-            .acked(),
-    );
+    let sent = a.send(active(station, 4));
     let refused = a.wait(sent.mark, t.timers().ack, |seen| {
         about(seen, 19100, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
     });

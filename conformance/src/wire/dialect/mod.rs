@@ -53,6 +53,8 @@ pub const PREFERENCE: u16 = 48;
 pub const PREFERENCE_REPORT: u16 = 109;
 /// Messages of Edition 4 that the suite means by [`PREFERENCE`] and its report.
 const LOITER: u16 = 2017;
+/// #201, which commands what a camera does.
+const PAYLOAD_COMMAND: u16 = 201;
 const LOITER_REPORT: u16 = 3004;
 
 thread_local! {

@@ -8,8 +8,8 @@ use stanag_msgs::table::{Direction, FieldInfo, MessageInfo, Wire};
 
 use super::places::{self, NAMING, row, rows_of};
 use super::{
-    ACKNOWLEDGE, ACKNOWLEDGEMENT, EPOCH_2000_S, LOITER, LOITER_REPORT, MODE_COMMAND, PREFERENCE,
-    PREFERENCE_REPORT, RESOURCES, Role, STEERING, marker,
+    ACKNOWLEDGE, ACKNOWLEDGEMENT, EPOCH_2000_S, LOITER, LOITER_REPORT, MODE_COMMAND,
+    PAYLOAD_COMMAND, PREFERENCE, PREFERENCE_REPORT, RESOURCES, Role, STEERING, marker,
 };
 use crate::wire::{Draft, Seen, checksum, ed25 as wrapper};
 
@@ -100,6 +100,10 @@ pub fn encode(draft: &Draft, writer: &Writer, mut instance: impl FnMut() -> u32)
     }
     if kind == 2016 {
         steer(draft, &seen, &mut records);
+    }
+    if records[0].info.id == PAYLOAD_COMMAND && !draft.has("Image Output") {
+        // #201 cannot leave it out, and 0 switches the picture off: that of the EO sensor.
+        records[0].integer(9, 1);
     }
     if kind == LOITER && records[0].info.id == LOITER_CONFIGURATION {
         match writer.loiter {

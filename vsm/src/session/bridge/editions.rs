@@ -293,9 +293,11 @@ impl Bridge {
     ) {
         let (vsm, stamp) = (self.vsm, self.outbox.stamp(now));
         let named = self.shown_as(vehicle);
+        let of = self.aircraft.iter().find(|one| one.id() == vehicle);
+        let kind = of.map_or(0, |one| one.vehicle.vehicle_type());
         let translator = &mut self.stations[index].translator;
         translator.keep_time(self.outbox.last_stamp_ms());
-        let line = translator.holder(vsm, named, holder, levels, stamp);
+        let line = translator.holder(vsm, named, holder, (levels, kind), stamp);
         self.effects(now, disk).0.send_translated(index, &line);
     }
 

@@ -60,8 +60,8 @@ pub(crate) struct Translator {
     last: Option<(Vec<u8>, Vec<Vec<u8>>)>,
     /// Of the cautions that are this border's own.
     cautions: u32,
-    /// The Message Instance ID that was used last.
-    instance: u32,
+    /// The Message Instance ID that was used last, where one was.
+    instance: Option<u32>,
     /// About now, ms since 1970: in which period of their count the stamps of Edition 4 are.
     about_ms: u64,
     /// Alerts whose text took several messages: how many of each.
@@ -578,15 +578,16 @@ impl Translator {
         // Stamps of ours rise strictly, so their low bits tell the messages of a mission apart, after a restart too.
         let stamp = record.stamp().map_or(0, |stamp| stamp.0 as u32);
         // Several messages may be made of one; the difference is taken modulo 2^32.
-        let rises = stamp.wrapping_sub(self.instance).wrapping_sub(1) < u32::MAX / 2;
-        self.instance = if rises {
-            stamp
-        } else {
-            self.instance.wrapping_add(1)
+        // The first is its stamp whatever that is: counted from 0, half of all clocks would begin at 1, as every other station's does.
+        let rises = |last: u32| stamp.wrapping_sub(last).wrapping_sub(1) < u32::MAX / 2;
+        let instance = match self.instance {
+            Some(last) if !rises(last) => last.wrapping_add(1),
+            _ => stamp,
         };
+        self.instance = Some(instance);
         let header = ed25::Header {
             version,
-            instance: self.instance,
+            instance,
             message_type: number,
         };
         let mut out = [0; MAX_DATAGRAM];
@@ -600,10 +601,12 @@ impl Translator {
         vsm: Id,
         vehicle: Id,
         holder: Id,
-        levels: LoiBitmap,
+        (levels, vehicle_type): (LoiBitmap, u16),
         stamp: TimeStamp,
     ) -> Vec<u8> {
         let mut record = new(21);
+        // As in every #21 of this vehicle: of a type of its own it would be another vehicle.
+        record.set(10, vehicle_type);
         record.set_stamp(stamp);
         record.set(4, vsm.0);
         record.set(5, Id::NULL.0);

@@ -56,6 +56,30 @@ fn close(field: &FieldInfo, place: &FieldInfo, sent: &Value, back: &Value) -> bo
     within(apart) || turns && within((apart - std::f64::consts::TAU).abs())
 }
 
+/// Two stations are sent #21 by the same vehicle: their instances differ whatever the clock, and the vehicle is one.
+#[test]
+fn the_first_instance_is_the_stamp_of_its_message_and_a_holder_is_shown_of_the_vehicles_type() {
+    for ms in [800_000_000_000_u64, 800_000_000_000 + (1 << 31)] {
+        let mut instances = Vec::new();
+        for later in 0..2 {
+            let mut translator = Translator::default();
+            let stamp = TimeStamp(ms + later);
+            let (vehicle, holder) = (Id(0x1b00_0101), Id(0x1b00_00a0));
+            let line = (LoiBitmap::LOI4, 13);
+            let bytes = translator.holder(Id(0x1b00_0001), vehicle, holder, line, stamp);
+            let frame = ed25::frames(&bytes).next().unwrap().unwrap();
+            let info = ed25::message(21, Version::Ed25).unwrap();
+            assert_eq!(
+                Record::read(info, frame.data).unwrap().number(10),
+                Some(13.0)
+            );
+            instances.push(frame.header.instance);
+        }
+        assert_eq!(instances[0], ms as u32);
+        assert_eq!(instances[1], ms as u32 + 1);
+    }
+}
+
 /// Each field with a place in Edition 4 comes back from there as it was, for every message and every vector.
 #[test]
 fn fields_survive_the_way_through_edition_4() {
