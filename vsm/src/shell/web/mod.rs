@@ -42,7 +42,6 @@ use self::routes::Query;
 pub use self::source::Source;
 use super::tasks::Beat;
 use super::test_fault;
-use crate::session::{Status, VehicleMap};
 
 /// Serves until it is dropped. `hosts`: names that it may be asked by, beside `localhost` and its addresses.
 ///
@@ -199,6 +198,7 @@ mod tests {
     use tokio::task::LocalSet;
 
     use super::*;
+    use crate::session::{Status, VehicleMap};
 
     struct Nothing;
 
