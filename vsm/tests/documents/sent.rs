@@ -26,7 +26,8 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text, TimeStamp, table};
 
 use super::scene::{altered, done, raw_fields};
-use super::trials::messages::{areas, circle, corner, curve, paper_curve, sticks};
+use super::trials::messages::{areas, circle, corner, curve, look_there, paper_curve, sticks};
+use super::trials::payload::two_payloads;
 use super::trials::trials;
 use kit::bridge::{Rig, Setup, VSM, cucs, orders};
 
@@ -55,6 +56,7 @@ fn sent_fields_are_sent_and_no_others() {
     keep_messages(&received(&everything(Airframe::Plane)));
     keep_messages(&received(&services()));
     keep_messages(&received(&payload()));
+    keep_messages(&received(&payload_at_a_waypoint()));
     keep_messages(&received(&controls()));
     keep_messages(&of_other_sensors());
     // 17000 is taken off by the stations: each of its fields is looked at there.
@@ -329,6 +331,20 @@ fn payload() -> Rig {
     for message in [21000, 21100, 21101] {
         done(&mut rig, request(message));
     }
+    rig
+}
+
+/// What a payload does at a waypoint, given back with every field.
+fn payload_at_a_waypoint() -> Rig {
+    let mut rig = Rig::ready_with(two_payloads());
+    rig.run(6.0);
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 0, 50.0, 0.0, 20.0).into(),
+        filled(look_there().into()),
+    ]);
+    done(&mut rig, orders::load());
+    done(&mut rig, orders::transfer(MissionPlanMode::Download));
     rig
 }
 

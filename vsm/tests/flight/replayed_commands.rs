@@ -100,7 +100,7 @@ fn what_commands_and_has_no_time_stamp_is_refused_with_the_reason() {
         UaStickCommand::default().into(),
     ];
     for message in commands {
-        let text = format!("{} of", message.id());
+        let text = format!("{} (", message.id());
         deliver(&mut rig, message);
         let alerts = rig.station().alerts();
         let named = |alert: &String| alert.contains(&text) && alert.contains("Time Stamp");
@@ -188,10 +188,15 @@ fn sticks_of_a_clock_that_was_set_back_fly_again_in_seconds_and_their_refusal_is
             }
         };
         fly(&mut rig, 100, 0, 0);
-        assert!(!rig.station().has_alert("2010 of"), "before the step");
+        assert!(
+            !rig.station().has_alert("2010 (UA Stick Command)"),
+            "before the step"
+        );
         fly(&mut rig, 6, back_s, 100);
         let alerts = rig.station().alerts();
-        let named = |alert: &String| alert.contains("2010 of") && alert.contains("set back");
+        let named = |alert: &String| {
+            alert.contains("2010 (UA Stick Command)") && alert.contains("set back")
+        };
         assert!(alerts.iter().any(named), "{back_s} s: {alerts:?}");
         let by_hand = VehicleOperatingModeCommand {
             time_stamp: set_back(&rig, back_s),

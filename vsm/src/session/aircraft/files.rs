@@ -106,7 +106,11 @@ impl Aircraft {
                 Definitions::Events => {}
             }
             let ended = reader.advance(now, &mut self.services);
-            all.push((reader.kind(), reader.take_outdated(), ended));
+            let outdated = reader.take_outdated();
+            // Nearly always nothing: this is run for each datagram, and allocates for none.
+            if outdated || ended.is_some() {
+                all.push((reader.kind(), outdated, ended));
+            }
         }
         for (kind, outdated, ended) in all {
             if outdated {

@@ -2,11 +2,12 @@
 
 use stanag_msgs::enums::{
     AltitudeCommandType, AltitudeType, AreaPlanMode, AreaType, FlightPathControlMode as Mode,
-    HeadingCommandType, WaypointSpeedType,
+    HeadingCommandType, PointingModeWp, SensorModeCmd, SensorOutput, StationBitmap1To16,
+    WaypointSpeedType,
 };
 use stanag_msgs::messages::{
-    AreaTransferCommand, AreaVertex, CurveSegment, CurveSegmentPaper, UaPositionWaypoint,
-    UaStickCommand, VehicleOperatingModeCommand,
+    AreaTransferCommand, AreaVertex, CurveSegment, CurveSegmentPaper, PayloadActionWaypoint,
+    UaPositionWaypoint, UaStickCommand, VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Bam16, Bam32, Scaled};
 
@@ -81,6 +82,40 @@ pub(super) fn waypoint_2() -> UaPositionWaypoint {
         waypoint_to_speed: Some(Scaled::saturating_from_si(5.0)),
         waypoint_speed_type: Some(WaypointSpeedType::Ground),
         ..orders::waypoint(2, 3, 90.0, 60.0, 25.0)
+    }
+}
+
+/// 13004: the gimbal of station 1 by angles, from the leg to waypoint 1 on.
+pub(super) fn look_aside() -> PayloadActionWaypoint {
+    PayloadActionWaypoint {
+        payload_az_wrt_ua: Some(Bam16::from_degrees(40.0)),
+        payload_el_wrt_ua: Some(Bam16::from_degrees(-50.0)),
+        payload_sensor_rotation_angle: Some(Bam16::from_degrees(0.0)),
+        ..look(PointingModeWp::AngleToUa)
+    }
+}
+
+/// 13004: at a place on the ground, through the other sensor.
+pub(crate) fn look_there() -> PayloadActionWaypoint {
+    let (latitude, longitude) = orders::place(230.0, 30.0);
+    PayloadActionWaypoint {
+        sensor_output: Some(SensorOutput::Sensor2),
+        starepoint_latitude: Some(Bam32::from_degrees(latitude)),
+        starepoint_longitude: Some(Bam32::from_degrees(longitude)),
+        starepoint_altitude: Some(Scaled::saturating_from_si(5.0)),
+        starepoint_altitude_type: Some(AltitudeType::Agl),
+        ..look(PointingModeWp::LatLongSlaved)
+    }
+}
+
+fn look(mode: PointingModeWp) -> PayloadActionWaypoint {
+    PayloadActionWaypoint {
+        waypoint_number: Some(1),
+        station_number_1_16: Some(StationBitmap1To16::STATION_1),
+        set_sensor_1_mode: Some(SensorModeCmd::On),
+        set_sensor_2_mode: Some(SensorModeCmd::On),
+        set_sensor_pointing_mode: Some(mode),
+        ..PayloadActionWaypoint::default()
     }
 }
 

@@ -29,7 +29,7 @@ macro_rules! trial {
 mod flight;
 mod held;
 pub(super) mod messages;
-mod payload;
+pub(super) mod payload;
 mod private;
 mod requests;
 mod routes;

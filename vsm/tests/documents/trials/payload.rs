@@ -13,7 +13,7 @@ use stanag_msgs::{Bam16, Bam32, Scaled};
 use super::scenes::then_5_s;
 use crate::scene::{Trial, done};
 
-pub(super) fn two_payloads() -> Setup {
+pub(crate) fn two_payloads() -> Setup {
     Setup {
         vehicles: vec![px4_sim::Config {
             payloads: 2,
@@ -25,7 +25,7 @@ pub(super) fn two_payloads() -> Setup {
 }
 
 /// All rights, and the devices known.
-fn control(rig: &mut Rig) {
+pub(super) fn control(rig: &mut Rig) {
     rig.run(3.0);
     done(rig, orders::request_control());
     rig.run(6.0);

@@ -1,4 +1,4 @@
-//! Plans: 13000 to 13003.
+//! Plans: 13000 to 13004, 13006.
 
 use stanag_msgs::enums::{
     LimitType, LoiterDirection, LoiterDurationUnits, LoiterType, MissionPlanMode, SpeedType,
@@ -9,10 +9,11 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Scaled, Text};
 
-use super::messages::waypoint_2;
+use super::messages::{look_aside, look_there, waypoint_2};
+use super::payload::{control as control_of_payloads, two_payloads};
 use super::scenes::{
-    as_loiter, as_route, as_waypoint, control, one, plane, then_5_s, vtol, with_two_routes,
-    with_two_routes_loaded,
+    as_loiter, as_payload_action, as_route, as_waypoint, control, one, plane, then_5_s, vtol,
+    with_two_routes, with_two_routes_loaded,
 };
 use crate::scene::Trial;
 use kit::bridge::orders;
@@ -110,6 +111,38 @@ pub(super) fn routes() -> Vec<Trial> {
                 "Speed Type" = "9",
                 "Loiter Duration" = "90",
                 "Loiter Duration Units" = "1",
+            ]
+        ),
+        trial!(
+            two_payloads,
+            control_of_payloads,
+            as_payload_action,
+            look_aside(),
+            [
+                "Waypoint Number" = "2",
+                "Station Number (1-16)" = "3" refused "one station",
+                "Set Sensor 1 Mode" = "0" refused "off and standby are refused",
+                "Set Sensor 2 Mode" = "2" refused "off and standby are refused",
+                "Set Sensor Pointing Mode" = "0",
+                "Set Sensor Pointing Mode" = "6" refused "the others are refused",
+                "Payload Az (wrt UA)" = "-7000",
+                "Payload El (wrt UA)" = "-7000",
+                "Payload El (wrt UA)" = "11000" refused "beyond the gimbal's range it is refused",
+                "Payload Sensor Rotation Angle" = "2000" refused "others are refused",
+            ]
+        ),
+        trial!(
+            two_payloads,
+            control_of_payloads,
+            as_payload_action,
+            look_there(),
+            [
+                "Sensor Output" = "1",
+                "Sensor Output" = "3" refused "both is refused",
+                "Starepoint Latitude" = "+3000",
+                "Starepoint Longitude" = "+3000",
+                "Starepoint Altitude" = "+250",
+                "Starepoint Altitude Type" = "1",
             ]
         ),
         trial!(

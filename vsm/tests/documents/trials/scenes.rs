@@ -190,6 +190,18 @@ pub(super) fn as_loiter(rig: &mut Rig, message: &Message) {
     send(rig, &orders::load().into());
 }
 
+/// 13004 under trial at the first of two waypoints.
+pub(super) fn as_payload_action(rig: &mut Rig, message: &Message) {
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 60.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 0, 60.0, 90.0, 20.0).into(),
+    ]);
+    send(rig, message);
+    // Also without the action, where it was refused.
+    done(rig, orders::load());
+}
+
 /// A curve under trial between two waypoints. 50001 has a stamp of its own kind, which 17000 cannot return.
 pub(super) fn as_curve(rig: &mut Rig, message: &Message) {
     rig.send_plan(vec![

@@ -115,6 +115,7 @@ fn plans() -> Vec<Case> {
     let mut ends = second.clone();
     ends["Next Waypoint"] = json!(0);
     let (north, east) = orders::place(90.0, 70.0);
+    let (further_north, further_east) = orders::place(150.0, 90.0);
     vec![
         case!(800, with_a_route, then_2_s, { "Mission ID": "M1", "Mission Plan Mode": 2 },
             ["Mission ID" = "M2", "Mission Plan Mode" = 1]),
@@ -155,6 +156,21 @@ fn plans() -> Vec<Case> {
               "Loiter Direction": 1 },
             ["Waypoint Number" = 102, "Waypoint Loiter Time" = 90, "Waypoint Loiter Type" = 4, "Loiter Radius" = 90.0,
              "Loiter Direction" = 2]),
+        case!(804, with_a_route_and_a_payload, then_load,
+            { "Waypoint Number": 101, "Station Number": 1, "Set Sensor 1 Mode": 1, "Set Sensor 2 Mode": 1,
+              "Sensor Output": 1, "Set Sensor Pointing Mode": 1, "Starepoint Latitude": (north.to_radians()),
+              "Starepoint Longitude": (east.to_radians()), "Starepoint Altitude Type": 2, "Payload Az (wrt AV)": 0.5,
+              "Payload El (wrt AV)": -0.5 },
+            ["Waypoint Number" = 102, "Sensor Output" = 2, "Set Sensor Pointing Mode" = 4, "Payload Az (wrt AV)" = 0.8,
+             "Payload El (wrt AV)" = -0.8],
+            refused ["Station Number" = 2, "Set Sensor 1 Mode" = 0, "Set Sensor 2 Mode" = 0, "Sensor Output" = 3,
+                "Set Sensor Pointing Mode" = 6, "Payload El (wrt AV)" = 1.2, "Payload Sensor Rotation Angle" = 0.2]),
+        case!(804, with_a_route_and_a_payload, then_load,
+            { "Waypoint Number": 101, "Station Number": 1, "Set Sensor 1 Mode": 1, "Set Sensor 2 Mode": 1,
+              "Set Sensor Pointing Mode": 4, "Starepoint Latitude": (north.to_radians()),
+              "Starepoint Longitude": (east.to_radians()), "Starepoint Altitude": 500.0, "Starepoint Altitude Type": 0 },
+            ["Starepoint Latitude" = further_north.to_radians(), "Starepoint Longitude" = further_east.to_radians(),
+             "Starepoint Altitude" = 510.0, "Starepoint Altitude Type" = 2]),
         case!(806, with_a_route, then_load, { "Waypoint Number": 102, "Tag/Data": "DELAY 5" },
             ["Waypoint Number" = 103, "Tag/Data" = "DELAY 6"],
             refused ["Tag Type" = 1]),
@@ -187,6 +203,9 @@ fn payloads() -> Vec<Case> {
             ["System Operating Mode" = 10, "Set EO/IR Pointing Mode" = 1],
             refused ["Station Number" = 3, "Image Output" = 9, "Fire Laser Pointer/Rangefinder" = 51,
                 "Initiate Laser Designator" = 51]),
+        case!(205, with_two_recorders, then_5_s, { "Recording Device Number": 1, "Set Recording Mode": 2 },
+            ["Recording Device Number" = 2, "Set Recording Mode" = 0],
+            refused ["Recording Device Number" = 3, "Set Recording Mode" = 3, "Set Replay Mode" = 1]),
         case!(1403, operating, then_2_s, { "Message Type": 300 }, [], refused ["Station Number" = 2]),
     ]
 }
@@ -203,6 +222,10 @@ fn requests() -> Vec<Case> {
         case!(1402, ready, then_2_s, { "Requested Message Type": 102, "Frequency": 4.0 },
             ["Requested Message Type" = 103, "Frequency" = 2.0]),
         case!(1403, ready, then_2_s, { "Message Type": 100 }, ["Message Type" = 20]),
+        case!(2010, ready, then_2_s, { "Parameter Name": "MPC_XY_CRUISE" }, ["Parameter Name" = "MIS_LND_ABRT_ALT"]),
+        case!(2011, with_controls, then_2_s, { "Parameter Name": "MPC_XY_CRUISE", "Commanded Value": 7.0 },
+            ["Parameter Name" = "MIS_LND_ABRT_ALT", "Commanded Value" = 8.0],
+            refused ["Parameter Name" = "NAV_DLL_ACT", "Commanded Value" = 30.0]),
     ]
 }
 
@@ -235,6 +258,42 @@ fn two_payloads() -> (Rig, StationEd25) {
         },
         0,
     )
+}
+
+/// Two payload stations with a camera each, both held.
+fn with_two_recorders() -> (Rig, StationEd25) {
+    let (mut rig, mut station) = two_payloads();
+    rig.run(3.0);
+    hold(&mut rig, &mut station, 2, 3);
+    (rig, station)
+}
+
+/// #1 with payload stations.
+fn hold(rig: &mut Rig, station: &mut StationEd25, levels: u8, stations: u16) {
+    let fields = json!({
+        "VSM ID": -1, "Requested/Handover LOI": levels, "Controlled Station": stations, "Controlled Station Mode": 1,
+    });
+    station.send(rig, vehicle_id(0), 1, &fields);
+    rig.run(4.0);
+    let granted = station.take(rig, 21);
+    let is_held = |one: &Value| one["Controlled Station"] == stations;
+    assert!(granted.iter().any(is_held), "{granted:?}");
+}
+
+fn with_controls() -> (Rig, StationEd25) {
+    let vehicle = px4_sim::Config {
+        events: true,
+        ..px4_sim::Config::default()
+    };
+    let setup = Setup {
+        vehicles: vec![vehicle],
+        vehicle_keys: "[vehicle.controls]\nparameters = [\"MPC_XY_CRUISE\", \"MIS_LND_ABRT_ALT\"]\n",
+        ..Setup::default()
+    };
+    let (mut rig, station) = with_setup(setup, 0x0f);
+    // Their ranges are read by then.
+    rig.run(10.0);
+    (rig, station)
 }
 
 fn other_controls() -> (Rig, StationEd25) {
@@ -331,6 +390,15 @@ fn with_waypoints() -> (Rig, StationEd25) {
 
 fn with_a_route() -> (Rig, StationEd25) {
     let (mut rig, mut station) = with_waypoints();
+    upload(&mut rig, &mut station, &[(801, route(101, "R1", 2))]);
+    (rig, station)
+}
+
+fn with_a_route_and_a_payload() -> (Rig, StationEd25) {
+    let (mut rig, mut station) = two_payloads();
+    rig.run(3.0);
+    hold(&mut rig, &mut station, 0x0e, 1);
+    upload(&mut rig, &mut station, &square());
     upload(&mut rig, &mut station, &[(801, route(101, "R1", 2))]);
     (rig, station)
 }

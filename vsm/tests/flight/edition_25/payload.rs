@@ -146,7 +146,8 @@ fn what_a_payload_does_at_a_waypoint_goes_up_and_comes_back() {
     rig.run(0.5);
     let alerts = station.alerts(&rig).concat();
     assert!(
-        alerts.contains("#804 refused: Set Sensor Pointing Mode 6 (stow)"),
+        alerts
+            .contains("#804 (Payload Action Waypoint) refused: Set Sensor Pointing Mode 6 (stow)"),
         "{alerts}"
     );
     for (number, fields) in [
@@ -227,7 +228,7 @@ fn a_recorder_is_the_camera_of_its_station_and_reports_once_for_each_request() {
         "{alerts}"
     );
     assert!(
-        alerts.contains("it needs LOI 3 (payload) of station 2"),
+        alerts.contains("it needs LOI 3 (payload) station 2"),
         "{alerts}"
     );
     assert!(records(&rig));
