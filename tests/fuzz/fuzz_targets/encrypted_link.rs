@@ -38,7 +38,11 @@ fuzz_target!(|input: &[u8]| {
     let keys = || [Identity::new([1; 32]), Identity::new([2; 32])];
     let mut ends = [Role::Ground, Role::Air].map(|role| {
         let ([ground, air], at) = (keys(), usize::from(role == Role::Air));
-        let (identity, peer) = if at == 0 { (ground, air) } else { (air, ground) };
+        let (identity, peer) = if at == 0 {
+            (ground, air)
+        } else {
+            (air, ground)
+        };
         let config = EncryptedConfig {
             role,
             parties,
@@ -63,7 +67,9 @@ fuzz_target!(|input: &[u8]| {
                 ends[at].handle_timeout(now, &mut random, &mut disks[at]);
                 ends[at].send(now.mono, (), &HEARTBEAT);
                 let mut out = [0; MAX_WIRE];
-                while let Some(((), len)) = ends[at].poll_transmit(now.mono, &mut disks[at], &mut out) {
+                while let Some(((), len)) =
+                    ends[at].poll_transmit(now.mono, &mut disks[at], &mut out)
+                {
                     let (to, wire) = (1 - at, &out[..len]);
                     let inner = ends[to].handle(now, (), wire, &mut random, &mut disks[to]);
                     got[to] += usize::from(inner == HEARTBEAT);
