@@ -142,6 +142,10 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         });
     }
 
+    pub(super) fn is_air(&self) -> bool {
+        self.role == Role::Air
+    }
+
     pub(super) fn is_paired(&self) -> bool {
         self.machine.is_some()
     }

@@ -222,26 +222,52 @@ fn recorded_requests_and_offers_cost_no_keys_that_work() {
     assert_eq!(world.state(AIR), EncryptedState::Encrypted);
 }
 
-#[test]
-fn forgeries_are_an_alarm_once_and_a_flood_of_them_costs_one_exchange() {
-    let mut world = flown(10, Carrier::Datagrams);
-    let epoch = world.ends[GROUND].link.as_ref().unwrap().epoch();
-    let good = packets(&world, AIR).pop().unwrap();
-    // A counter that is ahead and needs no escape.
-    let mut forged = good.clone();
+/// A packet of the other end under a counter that is ahead and needs no escape.
+fn forgery(world: &World, at: usize) -> Vec<u8> {
+    let mut forged = packets(world, 1 - at).pop().unwrap();
     forged[7] = 0x20;
-    for _ in 0..66_000 {
-        world.arrive(GROUND, &forged);
+    forged
+}
+
+#[test]
+fn a_flood_of_forgeries_at_either_end_is_an_alarm_once_and_costs_no_keys() {
+    for at in [GROUND, AIR] {
+        let mut world = flown(10, Carrier::Datagrams);
+        let epoch = world.ends[GROUND].link.as_ref().unwrap().epoch();
+        let forged = forgery(&world, at);
+        for _ in 0..70_000 {
+            world.arrive(at, &forged);
+        }
+        let events: Vec<_> =
+            core::iter::from_fn(|| world.ends[at].link.as_mut().unwrap().poll_event()).collect();
+        let alarms = events
+            .iter()
+            .filter(|event| **event == EncryptedEvent::UnderAttack);
+        assert_eq!(alarms.count(), 1);
+        assert_eq!(world.count(at, "forged"), 70_000);
+        world.recovery(ms(100));
+        assert_eq!(world.ends[GROUND].link.as_ref().unwrap().epoch(), epoch);
     }
-    let events: Vec<_> =
-        core::iter::from_fn(|| world.ends[GROUND].link.as_mut().unwrap().poll_event()).collect();
-    let alarms = events
-        .iter()
-        .filter(|event| **event == EncryptedEvent::UnderAttack);
-    assert_eq!(alarms.count(), 1);
-    assert_eq!(world.count(GROUND, "forged"), 65_536);
-    world.recovery(Duration::from_secs(2));
-    assert!(world.ends[GROUND].link.as_ref().unwrap().epoch() > epoch);
+}
+
+#[test]
+fn an_end_that_has_retired_its_key_gets_another_while_the_other_end_is_received_without_a_pause() {
+    for carrier in BOTH {
+        for at in [AIR, GROUND] {
+            let mut world = flown(12, carrier);
+            // Twice: the second time the request of the air is one too many within 10 s.
+            for end in [at, 1 - at] {
+                let epoch = world.ends[at].link.as_ref().unwrap().epoch();
+                let link = world.ends[end].link.as_mut().unwrap();
+                link.count_forgeries(u32::MAX);
+                world.recovery(Duration::from_secs(3));
+                for end in &world.ends {
+                    assert!(end.link.as_ref().unwrap().epoch() > epoch);
+                }
+            }
+            world.check_once();
+        }
+    }
 }
 
 #[test]
