@@ -255,7 +255,6 @@ fn an_end_that_has_retired_its_key_gets_another_while_the_other_end_is_received_
     for carrier in BOTH {
         for at in [AIR, GROUND] {
             let mut world = flown(12, carrier);
-            // Twice: the second time the request of the air is one too many within 10 s.
             for end in [at, 1 - at] {
                 let epoch = world.ends[at].link.as_ref().unwrap().epoch();
                 let link = world.ends[end].link.as_mut().unwrap();
