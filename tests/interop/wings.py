@@ -120,7 +120,7 @@ class Flight:
         f = c.wait(lambda m: m.id == 14000 and m.fields.get("Status") in (1, 2), self.s(60), since, "the end of the upload").fields
         c.pump(0.4)
         parts = [m.fields.get("Text", "") for m in c.inbox[since:] if m.id == 16000]
-        return f.get("Status"), f.get("Waypoint Request"), " ".join(parts)
+        return f.get("Status"), f.get("Waypoint Request"), " ".join(" ".join(parts).split())
 
     def refused(self, what, route, number, words):
         status, waypoint, text = self.load(route)
