@@ -274,7 +274,7 @@ fn release_is_granted(t: &Trial) -> Judged {
     b.take(loi::LOI2 | loi::LOI4)?;
     obeyed(t, &b, "granted after the release of another")?;
     powerless(t, &b, &a, "released")?;
-    // What is given back with everything else is the status: it would go on for ever, to an address that may be another's.
+    // What is given back with everything else is the status: it would continue for ever, to an address that may be another's.
     let mark = t.bench.net.mark();
     t.pause(t.timers().status / 10)?;
     let status = a.received(mark, |seen| {

@@ -5,7 +5,7 @@
 //!
 //! | 13004 | items | why no other |
 //! |---|---|---|
-//! | Set Sensor Pointing Mode 1, azimuth and elevation | DO_SET_ROI_NONE, DO_GIMBAL_MANAGER_CONFIGURE, _PITCHYAW | without control PX4's manager denies angles (input_mavlink.cpp); without the first a nose that follows a place goes on doing so |
+//! | Set Sensor Pointing Mode 1, azimuth and elevation | DO_SET_ROI_NONE, DO_GIMBAL_MANAGER_CONFIGURE, _PITCHYAW | without control PX4's manager denies angles (input_mavlink.cpp); without the first a nose that follows a place continues doing so |
 //! | 4, starepoint | DO_GIMBAL_MANAGER_CONFIGURE, DO_SET_ROI_LOCATION | |
 //! | 2, 3, slew rates | refused | PX4 makes a rate of PITCHYAW one step to angle 0, and 13004 has no field for it |
 //! | 6, stow | refused | PX4 drops the flag RETRACT, and DO_MOUNT_CONTROL's retract only centres |

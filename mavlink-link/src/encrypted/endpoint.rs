@@ -92,7 +92,7 @@ pub struct EncryptedLink<A> {
     fixed: Option<A>,
     /// Where something came from that the other end alone can have made, and where anything came from.
     proven: Option<A>,
-    heard: Option<A>,
+    received_from: Option<A>,
     current: Option<Session>,
     /// Of the keys before, until a packet under the current ones has verified.
     previous: Option<Opener>,
@@ -165,7 +165,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             linger,
             fixed: at,
             proven: None,
-            heard: None,
+            received_from: None,
             current: None,
             previous: None,
             deframer: Deframer::default(),
@@ -286,7 +286,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         match Kind::from_wire(*first) {
             Some(Kind::Data) => {
                 let packet: &[u8; PACKET] = content.try_into().map_err(|_| Dropped::Length)?;
-                self.heard = Some(from);
+                self.received_from = Some(from);
                 let taken = self.take_packet(now, from, packet, disk);
                 match taken {
                     Ok(()) => {}
@@ -397,7 +397,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 if source != self.keying.peer_node() {
                     return Err(Dropped::Station);
                 }
-                self.heard = Some(from);
+                self.received_from = Some(from);
                 let working = self.is_good_within(now.mono, WORKING_FOR);
                 let message = (from, source, frame.payload());
                 if self.keying.handle(now, message, working, random, disk) {
@@ -416,7 +416,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     }
 
     fn reach(&self) -> Option<A> {
-        self.fixed.or(self.proven).or(self.heard)
+        self.fixed.or(self.proven).or(self.received_from)
     }
 
     /// Sends one MAVLink frame to the other end. Without keys it is dropped: the protocols above repeat what matters, and a

@@ -1,7 +1,7 @@
 //! The exchange that gives the link its keys: the one of [`crate::exchange`], for a purpose of its own.
 //!
 //! A second pair of machines beside the one that agrees on signing keys, with a policy of its own in the prologue: what
-//! one agrees on, the other never accepts. Each start of either end agrees anew, so that keys live in memory only.
+//! one agrees on, the other never accepts. Each start of either end agrees again, so that keys live in memory only.
 
 use core::hash::Hash;
 use core::time::Duration;

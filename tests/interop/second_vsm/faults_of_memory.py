@@ -62,7 +62,7 @@ def _(vsm):
 
 # Rights
 
-@fault("AUTH-005s", "status goes on after everything is given back")
+@fault("AUTH-005s", "status continues after everything is given back")
 def _(vsm):
     replace(vsm, "default_schedules", lambda old: lambda peer, vehicle, granted, now: granted and old(peer, vehicle, granted, now))
 
@@ -161,7 +161,7 @@ def _slow(point):
     return point
 
 
-@fault("STAT-015s", "4001 goes on with new stamps after the vehicle fell silent")
+@fault("STAT-015s", "4001 continues with new stamps after the vehicle fell silent")
 def _(vsm):
     for vehicle in vsm.vehicles:
         def send_report(cucs, id, mask=0, wanted=0, v=vehicle, lawful=vehicle.send_report):

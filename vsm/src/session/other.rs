@@ -40,7 +40,7 @@ impl Other {
 }
 
 impl Other {
-    /// Whether it is a failsafe of PX4 that may lead nowhere: it holds, or goes on with what was flown. What it was to do may
+    /// Whether it is a failsafe of PX4 that may lead nowhere: it holds, or continues with what was flown. What it was to do may
     /// follow, or nothing ever.
     pub(crate) fn may_stay(self) -> bool {
         matches!(self, Other::Failsafe(mode) if is_commanded_from_here(mode))

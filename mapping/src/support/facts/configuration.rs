@@ -10,7 +10,7 @@ facts! {
         "Requested Message": "of Request Type 0";
         "Requested Field": "of Request Type 0, from 1; absent or 0: all; of 50011 from 11 on the vehicle's controls";
     }
-    41000 sends "in answer to 40000, and when a parameter changes: signed integers and angles, in steps on the wire; and each control of the vehicle that is an integer, as a field of 50011 from 11 on, also when it is new or described anew" {
+    41000 sends "in answer to 40000, and when a parameter changes: signed integers and angles, in steps on the wire; and each control of the vehicle that is an integer, as a field of 50011 from 11 on, also when it is new or described again" {
         "Time Stamp": STAMP;
         "VSM ID": "dli.vsm_id";
         "Data Link ID": NULL_LINK;
@@ -23,7 +23,7 @@ facts! {
         "Help Text": "the unit, and where the bounds are from; of a control its parameter to the colon, unit and meaning";
         "Subsystem ID": "not assigned";
     }
-    41001 sends "in answer to 40000: floats, which nothing bounds here; and each control of the vehicle that is a float, as a field of 50011 from 11 on, also when it is new or described anew" {
+    41001 sends "in answer to 40000: floats, which nothing bounds here; and each control of the vehicle that is a float, as a field of 50011 from 11 on, also when it is new or described again" {
         "Time Stamp": STAMP;
         "VSM ID": "dli.vsm_id";
         "Data Link ID": NULL_LINK;

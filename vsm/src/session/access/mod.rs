@@ -116,7 +116,7 @@ impl Record for Stored {
     type Key = KeyId;
     const DURABILITY: Durability = Durability::Power;
 
-    // By its key: whoever has another key begins anew, and who returns to the first finds the list that he left.
+    // By its key: whoever has another key begins again, and who returns to the first finds the list that he left.
     fn name(key: &KeyId) -> String {
         format!("access-{key}")
     }

@@ -87,7 +87,7 @@ const CLEAR_AFTER: Duration = Duration::from_secs(10);
 mod tests {
     use super::*;
 
-    /// Reports, one a second: `p`resent, `a`bsent, `b`etween, `.` lost, `s` begun anew after a silence. What stands after each.
+    /// Reports, one a second: `p`resent, `a`bsent, `b`etween, `.` lost, `s` begun again after a silence. What stands after each.
     fn stands_after(reports: &str) -> String {
         let mut watch = Watch::default();
         let mut seen = Seen {

@@ -1,7 +1,7 @@
 //! The vehicle's controls: which of its parameters are (`vehicle.controls`), and who is reported their values.
 //!
 //! They are read once the vehicle is there, each in turn with what stations request. Stations that were configured (40000) are
-//! sent each control that is new or described anew, and each value that is another, whoever has set it.
+//! sent each control that is new or described again, and each value that is another, whoever has set it.
 
 use std::collections::BTreeSet;
 
@@ -34,7 +34,7 @@ impl ControlWatch {
         self.left > 0
     }
 
-    /// The vehicle is there, or is described anew: these are to be read; none while they already are.
+    /// The vehicle is there, or is described again: these are to be read; none while they already are.
     pub(super) fn names_to_read(
         &mut self,
         context: &Context<'_>,

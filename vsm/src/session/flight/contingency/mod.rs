@@ -3,7 +3,7 @@
 //!
 //! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
 //! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
-//! told what is flown, and has the last word: a command that is given while a cause lasts ends its action, and it is not
+//! sent what is flown, and has the last word: a command that is given while a cause lasts ends its action, and it is not
 //! flown again before the cause was gone, unless that CUCS is lost.
 //!
 //! ```text
@@ -359,7 +359,7 @@ impl Contingencies {
             self.save(effects);
         }
         if !context.live {
-            // Much may have happened when it is received again: a landing, another battery. What stands is confirmed anew.
+            // Much may have happened when it is received again: a landing, another battery. What stands is confirmed again.
             self.live_since = None;
             self.trying = None;
             self.watches = Default::default();
@@ -556,7 +556,7 @@ impl Contingencies {
         self.unsaved
     }
 
-    /// The vehicle is on the ground: whatever stands begins anew in the next flight.
+    /// The vehicle is on the ground: whatever stands begins again in the next flight.
     fn land(&mut self, effects: &mut Effects<'_>) {
         self.trying = None;
         self.watches = Default::default();

@@ -82,7 +82,7 @@ async function refresh() {
     // What is shown is old then, and the whole page says so.
     document.body.classList.add("lost");
     connected(`no answer of the bridge: what is shown is old (${error.message})`, "bad");
-    // A bridge that was restarted numbers its events anew.
+    // A bridge that was restarted numbers its events from 0.
     nextEvent = 0;
   }
   setTimeout(refresh, EVERY_MS);
