@@ -117,6 +117,11 @@ pub enum ParameterError {
         "parameter {0} identifies the vehicle on this link: it cannot be written through this VSM"
     )]
     Identity(String),
+    /// The vehicle says that it is a float where the table has an integer, or the other way round.
+    #[error(
+        "parameter {0}: its metadata and the table of PX4 v1.18 differ in whether it is an integer: its range is not known"
+    )]
+    Disputed(String),
     /// No number, or not whole where it must be.
     #[error("parameter {name}: {value}, expected {expected}")]
     Kind {
@@ -176,9 +181,16 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     lines.filter_map(|line| line.split(',').next())
 }
 
-/// The same as the vehicle itself describes it, where it does: its firmware may be another than the table's.
+/// The same as the vehicle itself describes it, where it does: its firmware may be another than the table's. Where it
+/// bounds nothing, the table does.
 fn range_of(name: &str, described: Option<&Described>) -> Option<Range> {
-    described.map_or_else(|| range(name), |of| Some(of.range.clone()))
+    let Some(described) = described else {
+        return range(name);
+    };
+    let own = &described.range;
+    let bounds = own.low.is_some() || own.high.is_some() || !own.values.is_empty();
+    let table = range(name).filter(|table| !bounds && table.kind == own.kind);
+    Some(table.unwrap_or_else(|| own.clone()))
 }
 
 /// The value to write. `described`: what the vehicle's metadata says of the parameter.
@@ -194,6 +206,9 @@ pub fn checked(
         range_of(name, described).ok_or_else(|| ParameterError::Unknown(name.to_owned()))?;
     if IDENTITY.contains(&name) {
         return Err(ParameterError::Identity(name.to_owned()));
+    }
+    if self::range(name).is_some_and(|table| table.kind != range.kind) {
+        return Err(ParameterError::Disputed(name.to_owned()));
     }
     let kind = |expected| ParameterError::Kind {
         name: name.to_owned(),
@@ -364,6 +379,32 @@ mod tests {
             checked("MAV_SYS_ID", 2.0, None),
             Err(ParameterError::Identity(_))
         ));
+    }
+
+    #[test]
+    fn metadata_without_bounds_takes_none_away_and_its_kind_is_the_tables() {
+        let of = |kind, high| Described {
+            range: Range {
+                kind,
+                low: None,
+                high,
+                values: Vec::new(),
+            },
+            default: None,
+            unit: String::new(),
+            short: String::new(),
+            group: String::new(),
+            decimals: None,
+        };
+        let write = |described: &Described| checked("COM_DL_LOSS_T", 400.0, Some(described));
+        let open = of(ParameterKind::Integer, None);
+        assert!(matches!(write(&open), Err(ParameterError::Range { .. })));
+        let wider = of(ParameterKind::Integer, Some(500.0));
+        assert_eq!(write(&wider), Ok(Value::Int(400)));
+        let float = of(ParameterKind::Float, Some(500.0));
+        assert!(matches!(write(&float), Err(ParameterError::Disputed(_))));
+        let own = checked("NOT_IN_THE_TABLE", 0.5, Some(&float));
+        assert_eq!(own, Ok(Value::Real(0.5)));
     }
 
     #[test]

@@ -109,9 +109,11 @@ impl RelayPolicy {
     }
 }
 
-/// Whether PX4 defends itself by a parameter: by default no other ground station writes it, and it is no control of a CUCS.
+/// Whether a life hangs on a parameter: PX4 defends itself by it, or it decides what a switch, a motor, an estimator or a return
+/// does. It is no control of a CUCS by a pattern or a group.
 pub(crate) fn is_safety_net(name: &str) -> bool {
-    PROTECTED.iter().any(|pattern| fits(pattern, name))
+    let mut patterns = PROTECTED.iter().chain(&NO_CONTROLS);
+    patterns.any(|pattern| fits(pattern, name))
 }
 
 /// Whether the name of a parameter fits a pattern, `*` standing for any characters.
@@ -188,6 +190,20 @@ const PROTECTED: [&str; 13] = [
     "SYS_*",
     "UXRCE_*",
     "UAVCAN_*",
+];
+
+/// Beside those, for the controls of a CUCS alone: the switches of the remote control (its kill switch), the motors and servos, the
+/// quadchute, the return, calibration, the estimator.
+const NO_CONTROLS: [&str; 9] = [
+    "RC_*",
+    "CA_*",
+    "VT_QC_*",
+    "VT_FW_QC_*",
+    "RTL_*",
+    "CAL_*",
+    "PWM_*",
+    "EKF2_*",
+    "NAV_FORCE_VT",
 ];
 
 #[cfg(test)]

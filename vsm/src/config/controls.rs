@@ -19,7 +19,8 @@ table! {
     pub struct Controls {
         /// Parameters that a CUCS is offered as controls, to build a screen of ([controls.md](../guide/controls.md)): names, `*`
         /// for any characters. No other is written by 50011 then. Those by which PX4 defends itself (failsafes, geofence, arming
-        /// checks, ports, signing) are none unless they are named in full
+        /// checks, ports, signing), and those of the remote control's switches, of motors,
+        /// calibration, estimator, quadchute and return, are none unless they are named in full
         #[serde(default)]
         pub parameters: Vec<String> => Nothing("none"),
         /// Groups of parameters that are controls, as the vehicle's own metadata names them, such as
@@ -106,8 +107,19 @@ mod tests {
             "CBRK_USB_CHK",
             "MAV_SYS_ID",
             "BAT_CRIT_THR",
+            "RC_MAP_KILL_SW",
+            "RC_KILLSWITCH_TH",
+            "CA_FAILURE_MODE",
+            "VT_QC_T_LOSS",
+            "VT_FW_QC_P",
+            "RTL_RETURN_ALT",
+            "CAL_MAG0_ID",
+            "PWM_MAIN_FUNC1",
+            "EKF2_GPS_CHECK",
+            "NAV_FORCE_VT",
         ] {
             assert!(!all.offers(protected, None), "{protected}");
+            assert!(controls(&[protected], &[]).offers(protected, None));
         }
     }
 

@@ -80,8 +80,7 @@ impl Group {
         }
     }
 
-    /// The group of a message that needs this right. A message that is added later is in the group of its right that moves the
-    /// aircraft.
+    /// The group of a message that needs this right. What needs LOI 4 is named: what is not is in `launch`, the narrowest.
     pub(crate) fn of(message: &Message, right: LoiBitmap) -> Group {
         match message {
             Message::FlightTerminationCommand(_) => Group::Terminate,
@@ -91,14 +90,21 @@ impl Group {
             | Message::UaRoute(_)
             | Message::UaPositionWaypoint(_)
             | Message::UaLoiterWaypoint(_)
+            // Its station needs LOI 3 besides, which only `payload` gives.
+            | Message::PayloadActionWaypoint(_)
             | Message::VehicleSpecificWaypoint(_)
             | Message::CurveSegment(_)
             | Message::CurveSegmentPaper(_)
             | Message::AreaVertex(_)
             | Message::AreaTransferCommand(_) => Group::Plan,
+            Message::VehicleOperatingModeCommand(_) if right == LoiBitmap::LOI4 => Group::Fly,
+            Message::LoiterConfiguration(_)
+            | Message::UaStickCommand(_)
+            | Message::UnmannedAircraftLights(_)
+            | Message::Contingency(_)
+            | Message::HoldCommand(_) => Group::Fly,
             _ if right == LoiBitmap::LOI2 => Group::Monitor,
             _ if right == LoiBitmap::LOI3 => Group::Payload,
-            _ if right == LoiBitmap::LOI4 => Group::Fly,
             _ => Group::Launch,
         }
     }
@@ -130,6 +136,7 @@ pub(super) const EXPECTED: &str =
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::authority::right_for;
 
     #[test]
     fn each_group_has_a_name_and_a_code_of_its_own() {
@@ -140,5 +147,23 @@ mod tests {
             assert!(EXPECTED.contains(group.name()));
         }
         assert!("Fly".parse::<Group>().is_err());
+    }
+
+    #[test]
+    fn every_message_is_in_a_group_of_the_right_that_it_needs() {
+        let mut seen = 0;
+        for message in (0..=u16::MAX).filter_map(Message::empty) {
+            let Some(right) = right_for(&message, None) else {
+                continue;
+            };
+            let group = Group::of(&message, right);
+            assert_eq!(group.level(), right, "{}: {group}", message.id());
+            seen += 1;
+        }
+        assert!(seen > 20, "{seen}");
+        for (message_type, expected) in [(13004, Group::Plan), (50023, Group::Fly)] {
+            let message = Message::empty(message_type).expect("it is in the table");
+            assert_eq!(Group::of(&message, LoiBitmap::LOI4), expected);
+        }
     }
 }

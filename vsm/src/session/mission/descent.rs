@@ -135,7 +135,8 @@ impl DescentWatch {
         let noise_m = if self.reached {
             LOST_M.min(most_m / 5.0)
         } else {
-            LOST_M.min(most_m / 2.0)
+            // On its way up to a low mission it must be found above the ground.
+            LOST_M.min(margin_m / 2.0).max(LOST_M.min(most_m / 5.0))
         };
         let sinks = sample.sinks_m_s > SINKS_M_S && lost_m > noise_m;
         if lands || !sinks {
@@ -170,7 +171,8 @@ const HOVERING_M: f64 = 5.0;
 const WINGS_M: f64 = 20.0;
 /// Slower than this is no descent: a hovering vehicle moves by as much, m/s.
 const SINKS_M_S: f64 = 0.3;
-/// Height that is lost by more than noise and gusts, m; of a multicopter 1 m, and 2.5 m on its way up to the mission.
+/// Height that is lost by more than noise and gusts, m; of a multicopter 1 m, and half of the margin, up to 2.5 m, on
+/// its way up to the mission.
 const LOST_M: f64 = 4.0;
 
 #[cfg(test)]
@@ -277,6 +279,13 @@ mod tests {
             ..at(f64::from(k), 50.0 - f64::from(k), 1.0)
         });
         assert_eq!(found(falls), Some(47.0));
+        // Nor to the ground below a low mission.
+        let low = (0..7).map(|k| Sample {
+            lowest_m: 6.0,
+            ..at(f64::from(k), 2.8 - 0.4 * f64::from(k), 0.4)
+        });
+        let height_m = found(low).expect("it is found");
+        assert!((1.1..1.3).contains(&height_m), "{height_m}");
         let swing = (0..100).map(|k| {
             let time_s = f64::from(k) * 0.2;
             at(time_s, 20.0 + 4.0 * time_s.sin(), -4.0 * time_s.cos())

@@ -38,7 +38,7 @@ use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinError, JoinSet};
 
 pub use self::events::{Event, Events};
-use self::routes::Query;
+use self::routes::{Kept, Query};
 pub use self::source::Source;
 use super::tasks::Beat;
 use super::test_fault;
@@ -52,6 +52,7 @@ pub async fn serve(listener: TcpListener, hosts: Vec<String>, beat: Rc<Beat>, so
     // Handlers of axum may run on any thread, the bridge is of this one: they ask, and it is answered here.
     let (queries, mut asked) = mpsc::channel(MAX_CONNECTIONS);
     let routes = routes::all(queries);
+    let mut kept = Kept::default();
     let mut connections = JoinSet::new();
     let mut open: VecDeque<Connection> = VecDeque::new();
     loop {
@@ -59,7 +60,7 @@ pub async fn serve(listener: TcpListener, hosts: Vec<String>, beat: Rc<Beat>, so
             tokio::select! {
                 accepted = listener.accept() => Some(accepted),
                 Some(query) = asked.recv() => {
-                    Query::answer(query, &source);
+                    Query::answer(query, &source, &mut kept);
                     None
                 }
                 Some(ended) = connections.join_next() => {
@@ -137,6 +138,11 @@ fn check_source<T>(
     let host = host_of(request).ok_or((StatusCode::BAD_REQUEST, "one Host is expected\n"))?;
     if !is_ours(host.host(), here, hosts) {
         return Err((StatusCode::MISDIRECTED_REQUEST, NOT_OURS));
+    }
+    // An image or a script of another page names no Origin; browsers say so here.
+    let mut sites = request.headers().get_all("sec-fetch-site").iter();
+    if sites.any(|site| site == "cross-site") {
+        return Err((StatusCode::FORBIDDEN, "another page may not read this\n"));
     }
     let mut origins = request.headers().get_all(ORIGIN).iter();
     let same = |origin: &HeaderValue| {
@@ -359,6 +365,18 @@ mod tests {
             let with = |origin: &str| format!("Host: {address}\r\nOrigin: {origin}\r\n");
             let own = with(&format!("http://{address}"));
             assert_eq!(code(address, "/status.json", &own).await, "200");
+            for (site, expected) in [
+                ("cross-site", "403"),
+                ("same-origin", "200"),
+                ("none", "200"),
+            ] {
+                let headers = format!("Host: {address}\r\nSec-Fetch-Site: {site}\r\n");
+                assert_eq!(
+                    code(address, "/status.json", &headers).await,
+                    expected,
+                    "{site}"
+                );
+            }
             for other in ["http://attacker.example", "null", "http://127.0.0.1:1", ""] {
                 assert_eq!(
                     code(address, "/status.json", &with(other)).await,
@@ -367,6 +385,38 @@ mod tests {
                 );
             }
         });
+    }
+
+    #[test]
+    fn however_many_ask_it_is_composed_five_times_a_second() {
+        let asked = Cell::new(0);
+        struct Counted<'a>(&'a Cell<u32>);
+        impl Source for Counted<'_> {
+            fn status(&self) -> Status {
+                self.0.set(self.0.get() + 1);
+                Nothing.status()
+            }
+
+            fn map(&self) -> Vec<VehicleMap> {
+                Vec::new()
+            }
+
+            fn events(&self, _from: u64) -> Vec<Event> {
+                Vec::new()
+            }
+        }
+        let mut kept = Kept::default();
+        for _ in 0..20 {
+            let (to, mut answer) = tokio::sync::oneshot::channel();
+            Query::Status(to).answer(&Counted(&asked), &mut kept);
+            assert!(answer.try_recv().is_ok_and(|body| !body.is_empty()));
+        }
+        assert!(asked.get() <= 2, "{}", asked.get());
+        std::thread::sleep(Duration::from_millis(210));
+        let (to, _answer) = tokio::sync::oneshot::channel();
+        let before = asked.get();
+        Query::Status(to).answer(&Counted(&asked), &mut kept);
+        assert_eq!(asked.get(), before + 1);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! What is answered to which request.
 
+use std::time::Duration;
+
 use axum::Router;
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::{Path, RawQuery, State};
 use axum::http::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, HeaderValue, REFERRER_POLICY,
@@ -10,6 +12,7 @@ use axum::http::header::{
 use axum::http::{Response, StatusCode};
 use axum::routing::get;
 use tokio::sync::{mpsc, oneshot};
+use tokio::time::Instant;
 
 use super::metrics;
 use super::source::Source;
@@ -17,21 +20,45 @@ use super::source::Source;
 /// A question to the bridge, and where its answer goes: JSON, or the text of /metrics.
 #[derive(Debug)]
 pub(super) enum Query {
-    Status(oneshot::Sender<String>),
-    Map(oneshot::Sender<String>),
-    Events(u64, oneshot::Sender<String>),
-    Metrics(oneshot::Sender<String>),
+    Status(oneshot::Sender<Bytes>),
+    Map(oneshot::Sender<Bytes>),
+    Events(u64, oneshot::Sender<Bytes>),
+    Metrics(oneshot::Sender<Bytes>),
 }
 
 impl Query {
     /// Answers it; whoever asked may have left.
-    pub(super) fn answer(self, source: &impl Source) {
+    pub(super) fn answer(self, source: &impl Source, kept: &mut Kept) {
         let _ = match self {
-            Query::Status(to) => to.send(json(&source.status())),
-            Query::Map(to) => to.send(json(&source.map())),
-            Query::Events(from, to) => to.send(json(&source.events(from))),
-            Query::Metrics(to) => to.send(metrics::text(&source.status())),
+            Query::Status(to) => to.send(kept.status.get(|| json(&source.status()))),
+            Query::Map(to) => to.send(kept.map.get(|| json(&source.map()))),
+            Query::Events(from, to) => to.send(json(&source.events(from)).into()),
+            Query::Metrics(to) => to.send(kept.metrics.get(|| metrics::text(&source.status()))),
         };
+    }
+}
+
+/// What was answered last: however many ask, the thread that flies composes it a few times a second.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    status: Answer,
+    map: Answer,
+    metrics: Answer,
+}
+
+#[derive(Debug, Default)]
+struct Answer(Option<(Instant, Bytes)>);
+
+impl Answer {
+    fn get(&mut self, compose: impl FnOnce() -> String) -> Bytes {
+        match &self.0 {
+            Some((at, body)) if at.elapsed() < KEPT => body.clone(),
+            _ => {
+                let body = Bytes::from(compose());
+                self.0 = Some((Instant::now(), body.clone()));
+                body
+            }
+        }
     }
 }
 
@@ -82,7 +109,7 @@ async fn events(State(to): State<Queries>, RawQuery(query): RawQuery) -> Respons
 
 async fn ask(
     to: Queries,
-    query: impl FnOnce(oneshot::Sender<String>) -> Query,
+    query: impl FnOnce(oneshot::Sender<Bytes>) -> Query,
     kind: &'static str,
 ) -> Response<Body> {
     let (answer, answered) = oneshot::channel();
@@ -126,6 +153,7 @@ fn response(code: StatusCode, kind: &'static str, body: Body) -> Response<Body> 
     response
 }
 
+const KEPT: Duration = Duration::from_millis(200);
 const JSON: &str = "application/json";
 const PROMETHEUS: &str = "text/plain; version=0.0.4";
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
