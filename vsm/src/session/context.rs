@@ -358,6 +358,17 @@ impl MissionView<'_> {
         self.plan.route_of_type(route_type).is_some() || self.carries(route_type)
     }
 
+    /// The type of the route that the vehicle flies in AUTO.MISSION; none where it does not name the mission that was read
+    /// back from it: another station's is no route of this VSM.
+    pub(crate) fn flies(&self, telemetry: &Telemetry) -> Option<RouteType> {
+        let flown = telemetry.mode == Some(Px4Mode::MISSION);
+        let mission = telemetry.mission.filter(|_| flown)?;
+        let named = self.uploaded?;
+        named
+            .is_aboard(mission.mission_id)
+            .then_some(named.route_type)
+    }
+
     /// Whether the vehicle carries a route of this type.
     pub(crate) fn carries(&self, route_type: RouteType) -> bool {
         self.uploaded

@@ -65,7 +65,12 @@ fn a_low_battery_brings_it_home_once_and_the_operator_has_the_last_word() {
     assert_eq!(rig.truth().mode, Px4::Loiter);
     battery(&mut rig, 29);
     enters(&mut rig, Px4::Rtl);
-    rig.run(2.0);
+    // Not before an operator can have read the alert.
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::Loiter)),
+        Some(AckType::Refused)
+    );
+    rig.run(4.0);
     for text in [
         "30 %: commanding return",
         "30 %: the vehicle is in AUTO.RTL",
@@ -98,6 +103,24 @@ fn a_low_battery_brings_it_home_once_and_the_operator_has_the_last_word() {
     );
     battery(&mut rig, 20);
     enters(&mut rig, Px4::Rtl);
+}
+
+#[test]
+fn a_station_that_repeats_its_command_ends_no_contingency() {
+    let mut rig = flying("[vehicle.contingency]\nbattery = \"rtl\"", Vec::new());
+    battery(&mut rig, 10);
+    for _ in 0..60 {
+        rig.send(orders::mode(Mode::Loiter));
+        rig.run(0.3);
+    }
+    assert_eq!(rig.truth().mode, Px4::Rtl);
+    let why = "this only continues or repeats an earlier command";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    // After a pause the same mode is a decision again.
+    rig.run(6.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.run(6.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
 }
 
 #[test]
@@ -183,6 +206,7 @@ fn what_an_operator_has_ended_is_flown_once_that_operator_is_lost() {
     let mut rig = with_loss("", keys);
     battery(&mut rig, 10);
     enters(&mut rig, Px4::Land);
+    rig.run(4.0);
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
     rig.run(6.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
@@ -422,7 +446,7 @@ fn a_contingency_is_set_by_message_before_the_flight_kept_over_a_restart_and_rea
     assert_eq!(late, Some(AckType::Refused));
     battery(&mut rig, 39);
     enters(&mut rig, Px4::Land);
-    rig.run(2.0);
+    rig.run(4.0);
     let flown = (Some(A::Landing), Some(40), Some(S::Flown));
     assert_eq!(reported(&mut rig, C::Battery), flown);
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);

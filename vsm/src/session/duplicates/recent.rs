@@ -311,6 +311,7 @@ fn thing(message: &Message) -> Option<u64> {
         Message::ParameterSetCommand(command) => {
             command.parameter_name.map(|name| named(name.as_str()))
         }
+        Message::Contingency(set) => set.contingency_cause.map(|cause| cause.raw().into()),
         _ => None,
     }
 }

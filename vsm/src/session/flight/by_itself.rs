@@ -64,10 +64,10 @@ impl Flight {
         vehicle: &VehicleState,
         mission: &MissionView<'_>,
     ) -> Option<Urgency> {
-        let carries = mission.uploaded.map(|uploaded| uploaded.route_type);
+        let flies = mission.flies(&vehicle.telemetry);
         let lands = mission.lands(&vehicle.telemetry);
         self.contingencies
-            .flown(vehicle.settled_mode(), carries, lands)
+            .flown(vehicle.settled_mode(), flies, lands)
     }
 
     /// Whether a contingency is commanded before what is to be flown for a lost controller.
@@ -174,6 +174,7 @@ impl Flight {
             other: other.filter(theirs),
             seen: [engine, position, fence, battery],
             carries: mission.uploaded.map(|uploaded| uploaded.route_type),
+            flies: mission.flies(telemetry),
             lands: mission.lands(telemetry),
             busy: by_itself == Some(true) || waiting == Some(None),
             operator_waits: waiting.flatten().is_some(),

@@ -88,6 +88,10 @@ pub(crate) struct Flight {
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
     contingencies: Contingencies,
+    /// The mode that a CUCS has named last, and when: what names it again at once is one of a stream.
+    mode_commanded: Option<(Mode, Duration)>,
+    /// When the command came that waits for its route, or has.
+    load_commanded: Option<Duration>,
     watched: Watched,
     /// Where AUTO.LAND began, while the vehicle is in it, m above mean sea level.
     landing_from_m: Option<f64>,
@@ -513,6 +517,11 @@ impl Flight {
         if !context.vehicle.live() {
             return effects.refuse(origin, SILENT);
         }
+        if let Some(by) = origin
+            && let Some(why) = self.is_undecided(context, by, command, just_loaded)
+        {
+            return effects.refuse(origin, why);
+        }
         let telemetry = &context.vehicle.telemetry;
         let altimeter = match settings::altimeter_of(command, self.altimeter) {
             Ok(altimeter) => altimeter,
@@ -594,15 +603,16 @@ impl Flight {
                 self.steer(context, origin, order, commanded, effects);
             }
             Task::Load(route_type) => {
-                self.load_and_fly(origin, Some(route_type), command, effects);
+                self.load_and_fly(context, origin, Some(route_type), command, effects);
             }
-            Task::Reload => self.load_and_fly(origin, None, command, effects),
+            Task::Reload => self.load_and_fly(context, origin, None, command, effects),
         }
     }
 
     /// Has a route uploaded, of this type or the loaded one again, and flown then.
     fn load_and_fly(
         &mut self,
+        context: &Context<'_>,
         origin: Option<Origin>,
         route_type: Option<RouteType>,
         command: &VehicleOperatingModeCommand,
@@ -610,6 +620,7 @@ impl Flight {
     ) {
         if origin.is_some_and(|origin| origin.held.is_none()) {
             self.contingencies.operator_loads();
+            self.load_commanded = Some(context.mono());
         }
         effects.request(Request::LoadAndFly {
             origin,

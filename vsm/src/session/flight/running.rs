@@ -4,10 +4,12 @@
 //! it. Beside it runs only what commands nothing: a look for motors that a 2008 wants and the vehicle has shown already.
 
 use std::mem;
+use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::{Context, Flight, select};
 use crate::config::OnLoss;
@@ -23,13 +25,47 @@ impl Flight {
         maneuver: Maneuver,
         effects: &mut Effects<'_>,
     ) {
-        // One that was held until now does not know what stands, and is refused before that.
-        if origin.is_some_and(|origin| origin.held.is_none()) {
+        // One that was held until now does not know what stands, and is refused before that. Motors (2008) are no decision of
+        // what is flown.
+        if origin.is_some_and(|origin| origin.held.is_none() && origin.message_type != 2008) {
             let config = self.contingencies.config(&context.config.contingency);
             self.contingencies.overridden(&config, effects);
         }
         self.supersede(context, origin, effects);
         self.maneuver = Some((origin, maneuver));
+    }
+
+    /// Why a 2016 is not carried out while a contingency stands: it is not a new decision, taken by somebody who knows of it. A
+    /// station that steers, or repeats what it commands, has not decided anything; nor has who commanded before the alert.
+    pub(super) fn is_undecided(
+        &mut self,
+        context: &Context<'_>,
+        origin: Origin,
+        command: &VehicleOperatingModeCommand,
+        just_loaded: bool,
+    ) -> Option<&'static str> {
+        let now = context.mono();
+        let mode = command.select_flight_path_control_mode;
+        let mode = mode.filter(|mode| *mode != Mode::NoMode);
+        let before = self.mode_commanded;
+        let repeats = before.is_some_and(|(before, at)| {
+            Some(before) == mode && now.saturating_sub(at) < REPEATED_WITHIN
+        });
+        let stands = self.contingencies.stands();
+        if let Some(mode) = mode.filter(|_| repeats || !stands) {
+            self.mode_commanded = Some((mode, now));
+        }
+        if !stands || origin.held.is_some() {
+            return None;
+        }
+        if just_loaded {
+            let came = self.load_commanded.unwrap_or(now);
+            return (!self.contingencies.knew_of(came)).then_some(TOO_EARLY);
+        }
+        if mode.is_none() || origin.continues.is_some() || repeats {
+            return Some(NOT_NEW);
+        }
+        (!self.contingencies.knew_of(now)).then_some(TOO_EARLY)
     }
 
     /// Whether a command continues the one that is being carried out: it is answered with it, and supersedes nothing.
@@ -118,6 +154,9 @@ impl Flight {
             });
         }
         self.sticks.forget();
+        if controller.is_none() {
+            self.contingencies.released(effects);
+        }
         if controller.is_none() && steered && !context.termination.holds {
             // Steered by nobody it would fly straight on for ever.
             let other = self.other(context.vehicle, context.mono());
@@ -283,4 +322,10 @@ fn is_outdated(demand: &Origin, later: Origin) -> bool {
 
 /// Commands that are answered with one maneuver at most.
 const MAX_JOINED: usize = 64;
+const TOO_EARLY: &str =
+    "a contingency is commanded since less than 3 s: command again, in knowledge of its alert";
+const NOT_NEW: &str = "a contingency is commanded, and this only continues or repeats an earlier command: command another mode, \
+                       or pause for 5 s";
+/// A command of the same mode so soon after the last one is one of a stream.
+const REPEATED_WITHIN: Duration = Duration::from_secs(5);
 const SUPERSEDED: &str = "superseded by a later command";

@@ -3,8 +3,8 @@
 //!
 //! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
 //! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
-//! sent what is flown, and has the last word: a command that is given while a cause lasts ends its action, and it is not
-//! flown again before the cause was gone, unless that CUCS is lost.
+//! sent what is flown, and has the last word: a new decision, taken 3 s or more after the alert, ends the action, and it is
+//! not flown again before the cause was gone, unless that CUCS is lost or releases control.
 //!
 //! ```text
 //! clear --confirmed by reports--> stands --commanded--> trying(action, n) --shown / a pilot's / an operator's--> handled
@@ -44,6 +44,8 @@ pub(super) struct Contingencies {
     /// What CUCSs have set (50023), over the configuration.
     set: Vec<Setting>,
     trying: Option<Trying>,
+    /// When the first alert about each was raised, since it stands.
+    alerted: [Option<Duration>; Trigger::ALL.len()],
     /// The record could not be written, and is written again then.
     unsaved: Option<Duration>,
     /// Data is received from the vehicle since then.
@@ -121,6 +123,8 @@ pub(super) struct ContingencyContext {
     pub(super) seen: [Option<Seen>; Trigger::ALL.len()],
     /// The route that the vehicle carries.
     pub(super) carries: Option<RouteType>,
+    /// The route that it flies, where it names the mission that was read back from it.
+    pub(super) flies: Option<RouteType>,
     /// In a mission it flies its landing.
     pub(super) lands: bool,
     /// What the VSM has begun by itself is not done yet.
@@ -179,7 +183,7 @@ impl Trigger {
 
 impl ContingencyContext {
     fn shows(&self, action: Action) -> bool {
-        let shown = |mode| is_shown(action, mode, self.carries, self.lands);
+        let shown = |mode| is_shown(action, mode, self.flies, self.lands);
         self.mode.is_some_and(shown)
     }
 }
@@ -248,12 +252,12 @@ impl Contingencies {
     pub(super) fn flown(
         &self,
         mode: Option<Px4Mode>,
-        carries: Option<RouteType>,
+        flies: Option<RouteType>,
         lands: bool,
     ) -> Option<Urgency> {
         let mode = mode?;
         let flown = self.handled.iter().filter_map(|one| match one.end {
-            End::Shown(action) if is_shown(action, mode, carries, lands) => {
+            End::Shown(action) if is_shown(action, mode, flies, lands) => {
                 Some(Urgency::of_contingency(action))
             }
             _ => None,
@@ -287,11 +291,27 @@ impl Contingencies {
         found.map(|one| one.end)
     }
 
-    /// The CUCS in control commands something: of everything that stands it knows, and decides.
+    /// Whether who has commanded something `at` this time may have decided against what is flown: the alerts about all of it
+    /// were raised some seconds before.
+    pub(super) fn knew_of(&self, at: Duration) -> bool {
+        let concerns = |one: &Trigger| {
+            self.trying.is_some_and(|trying| trying.trigger == *one)
+                || (self.is_present(*one) && matches!(self.end_of(*one), Some(End::Shown(_))))
+        };
+        Trigger::ALL.into_iter().filter(concerns).all(|one| {
+            let alerted = self.alerted.get(one.index()).copied().flatten();
+            // None: after a restart of a cause that was flown before it. That is known, and must not refuse for ever.
+            alerted.is_none_or(|alerted| alerted + READ_WITHIN <= at)
+        })
+    }
+
+    /// The CUCS in control commands something else in the knowledge of what stands: it decides.
     pub(super) fn overridden(&mut self, config: &Contingency, effects: &mut Effects<'_>) {
         let standing = Trigger::ALL
             .into_iter()
-            .filter(|one| self.is_present(*one) && one.action(config).is_some());
+            .filter(|one| self.is_present(*one) && one.action(config).is_some())
+            // Of another it does not know yet.
+            .filter(|one| self.alerted.get(one.index()).is_some_and(Option::is_some));
         let standing: Vec<Trigger> = standing
             .filter(|one| self.end_of(*one) != Some(End::Operator))
             .collect();
@@ -329,6 +349,15 @@ impl Contingencies {
         }
     }
 
+    /// The CUCS in control has released the vehicle, and nobody has taken it: what it has ended is flown again.
+    pub(super) fn released(&mut self, effects: &mut Effects<'_>) {
+        let before = self.handled.len();
+        self.handled.retain(|one| one.end != End::Operator);
+        if self.handled.len() != before {
+            self.save(effects);
+        }
+    }
+
     /// A flight termination is commanded: what has not been shown begins again after it, should it be reset in the air.
     pub(super) fn yield_to_termination(&mut self, effects: &mut Effects<'_>) {
         if let Some(trying) = self.trying.take() {
@@ -338,6 +367,7 @@ impl Contingencies {
             );
         }
         self.watches = Default::default();
+        self.alerted = Default::default();
     }
 
     /// The vehicle gets no further on what a contingency has led to: it returns, or lands. False where none has.
@@ -363,6 +393,7 @@ impl Contingencies {
             self.live_since = None;
             self.trying = None;
             self.watches = Default::default();
+            self.alerted = Default::default();
             return;
         }
         self.report_unwatched(context, effects);
@@ -560,6 +591,7 @@ impl Contingencies {
     fn land(&mut self, effects: &mut Effects<'_>) {
         self.trying = None;
         self.watches = Default::default();
+        self.alerted = Default::default();
         for trigger in Trigger::ALL {
             effects.clear(Cause::Contingency(trigger), "the vehicle is on the ground");
         }
@@ -576,6 +608,9 @@ impl Contingencies {
             self.save(effects);
         }
         self.trying = self.trying.filter(|trying| trying.trigger != trigger);
+        if let Some(alerted) = self.alerted.get_mut(trigger.index()) {
+            *alerted = None;
+        }
         effects.clear(Cause::Contingency(trigger), why);
     }
 
@@ -635,12 +670,15 @@ impl Contingencies {
     }
 
     fn raise(
-        &self,
+        &mut self,
         trigger: Trigger,
         priority: AlertPriority,
         text: String,
         effects: &mut Effects<'_>,
     ) {
+        if let Some(alerted) = self.alerted.get_mut(trigger.index()) {
+            alerted.get_or_insert(effects.dli.now.mono);
+        }
         let cause = Cause::Contingency(trigger);
         effects.raise(cause, priority, trigger.subsystem(), text);
     }
@@ -672,6 +710,8 @@ pub(super) fn name(action: Action) -> &'static str {
 const MAX_TRIES: u32 = 2;
 /// From one try, or look, to the next.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
+/// Nobody has read an alert, and decided, in less.
+const READ_WITHIN: Duration = Duration::from_secs(3);
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
 /// ESTIMATOR_STATUS comes every two seconds, and may be lost.
 const REPORTED_WITHIN: Duration = Duration::from_secs(10);

@@ -33,6 +33,7 @@ fn flying(world: &World, causes: &[Trigger]) -> ContingencyContext {
         other: None,
         seen,
         carries: None,
+        flies: None,
         lands: false,
         busy: false,
         operator_waits: false,
@@ -232,5 +233,39 @@ fn nothing_is_flown_for_a_silent_vehicle_on_the_ground_or_on_its_final() {
         assert!(!within_ten_s(&mut world, &mut machine, same, LOW).is_empty());
         world.fill_disk();
         within_ten_s(&mut world, &mut machine, same, LOW);
+    }
+}
+
+#[test]
+fn an_operator_decides_some_seconds_after_its_alert_and_a_release_ends_that() {
+    let (mut world, mut machine) = (World::new(), Contingencies::default());
+    while next(&mut world, &mut machine, same, LOW).is_none() {}
+    let alerted = world.now.mono;
+    assert!(!machine.knew_of(alerted) && !machine.knew_of(alerted + Duration::from_secs(2)));
+    assert!(machine.knew_of(alerted + READ_WITHIN));
+    world.act(|_, _, effects| machine.overridden(&CONFIG, effects));
+    assert!(!machine.stands());
+    // Of another cause there was no alert.
+    let both = &[Trigger::Battery, Trigger::Engine];
+    assert!(!within_ten_s(&mut world, &mut machine, same, both).is_empty());
+    world.act(|_, _, effects| machine.overridden(&CONFIG, effects));
+    assert_eq!(within_ten_s(&mut world, &mut machine, same, both), []);
+    world.act(|_, _, effects| machine.released(effects));
+    assert!(!within_ten_s(&mut world, &mut machine, same, both).is_empty());
+}
+
+/// Another station's mission is no route of contingency, whatever was loaded before it.
+#[test]
+fn a_route_is_shown_only_where_the_vehicle_names_it() {
+    for (flies, flown) in [(None, false), (Some(RouteType::ContingencyA), true)] {
+        let (mut world, mut machine) = (World::new(), Contingencies::default());
+        let with = |context| ContingencyContext {
+            mode: Some(Px4Mode::MISSION),
+            carries: Some(RouteType::ContingencyA),
+            flies,
+            ..context
+        };
+        let commanded = within_ten_s(&mut world, &mut machine, with, LOW);
+        assert_eq!(commanded.is_empty(), flown);
     }
 }
