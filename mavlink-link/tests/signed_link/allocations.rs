@@ -1,34 +1,10 @@
 //! Nothing is allocated for a message, received or sent.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-use crate::support::*;
+use kit::heap::{Counting, allocations};
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-fn allocations() -> u64 {
-    ALLOCATIONS.with(Cell::get)
-}
-
-// SAFETY: every call is passed on unchanged to the system's allocator.
-#[allow(unsafe_code, reason = "counting allocations needs an allocator")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|n| n.set(n.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(ptr, layout) }
-    }
-}
+use crate::support::*;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -57,35 +33,37 @@ fn no_message_costs_an_allocation() {
     .heartbeat();
     let noise = [0xfd; 300];
 
-    let before = allocations();
     let mut delivered = 0;
     let mut out = [0; MAX_FRAME];
-    for (n, (message, frame)) in messages.iter().zip(&signed).enumerate() {
-        let now = at(10 + n as u64 * 3);
-        for (from, bytes) in [
-            (VEHICLE, &frame[..]),
-            (VEHICLE, frame),
-            (STRANGER, &forged),
-            (STRANGER, &noise),
-        ] {
+    let (count, ()) = allocations(|| {
+        for (n, (message, frame)) in messages.iter().zip(&signed).enumerate() {
+            let now = at(10 + n as u64 * 3);
+            for (from, bytes) in [
+                (VEHICLE, &frame[..]),
+                (VEHICLE, frame),
+                (STRANGER, &forged),
+                (STRANGER, &noise),
+            ] {
+                let auth = Station::auth(&mut station.keys, &mut station.store);
+                station
+                    .link
+                    .handle_datagram(now, from, bytes, auth, &mut |_| delivered += 1);
+            }
+            open.handle_datagram(now, VEHICLE, frame, Auth::Off, &mut |_| delivered += 1);
+            station.link.handle_timeout(now);
             let auth = Station::auth(&mut station.keys, &mut station.store);
-            station
-                .link
-                .handle_datagram(now, from, bytes, auth, &mut |_| delivered += 1);
+            station.link.poll_transmit(now, auth, &mut out);
+            let auth = Station::auth(&mut station.keys, &mut station.store);
+            station.link.send(now, auth, message, &mut out).unwrap();
+            while station.link.poll_event().is_some() {}
         }
-        open.handle_datagram(now, VEHICLE, frame, Auth::Off, &mut |_| delivered += 1);
-        station.link.handle_timeout(now);
-        let auth = Station::auth(&mut station.keys, &mut station.store);
-        station.link.poll_transmit(now, auth, &mut out);
-        let auth = Station::auth(&mut station.keys, &mut station.store);
-        station.link.send(now, auth, message, &mut out).unwrap();
-        while station.link.poll_event().is_some() {}
-    }
-    assert_eq!(allocations() - before, 0);
+    });
+    assert_eq!(count, 0);
     assert_eq!(delivered, 2 * messages.len());
 
     // And the counter counts.
-    let before = allocations();
-    std::hint::black_box(Box::new(delivered));
-    assert_eq!(allocations() - before, 1);
+    assert_eq!(
+        allocations(|| std::hint::black_box(Box::new(delivered))).0,
+        1
+    );
 }

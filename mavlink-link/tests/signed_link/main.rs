@@ -1,4 +1,5 @@
-//! One link between a station and a vehicle: frames, signatures, the clock, the peer lock, and a change of its key.
+//! One link between a station and a vehicle: frames, signatures, the clock, the peer lock, a change of its key, and the
+//! client sides of PX4's services.
 
 mod allocations;
 mod c_library;
@@ -11,5 +12,6 @@ mod link;
 mod parser;
 mod pitfalls;
 mod rollover;
+mod services;
 mod support;
 mod vectors;

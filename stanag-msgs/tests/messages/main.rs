@@ -1,5 +1,6 @@
 //! The table against the facts, the codec against vectors and against malformed data, the wrapper, the JSON form.
 
+mod allocations;
 mod ed25;
 mod every_input;
 #[cfg(feature = "guard")]

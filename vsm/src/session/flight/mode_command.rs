@@ -1,32 +1,30 @@
 //! What a 2016 asks of PX4, or why PX4 cannot do it: a pure function of the [`Situation`].
 //!
-//! [`task`] comes first, then the modes: routes (11, 19, 23, 24), launch (21), loiter (12), steering (15). What wings do
-//! otherwise is in [`wings`].
+//! [`task`] comes first, then the modes: launch (21), wave-off (20), steering (15). `route`: the modes that fly one (11, 19,
+//! 23, 24); `loiter`: 12. What wings do otherwise is in [`wings`].
 
-use curve_paths::Position;
-use mapping::altitude::Level;
-use mapping::limits::{HeightError, disc};
+mod loiter;
+mod route;
+
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mapping::route::check_way;
-use mapping::telemetry::Telemetry;
-use mavlink_link::dialect::MissionState;
 use stanag_msgs::enums::{
-    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, LoiterDirection,
-    RouteType, SpeedType,
+    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, RouteType, SpeedType,
 };
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::settings::{self, Pattern};
+use self::loiter::{flown_over, loiter};
+pub(crate) use self::route::restarts_route;
+use self::route::{fly, is_current};
+use super::settings::Pattern;
 use super::situation::{
-    Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, flown_as, has,
-    holds, level, mode_of, names_mode, place, plain, speed, steps_to_waypoint,
+    NEAR_M, Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, has,
+    holds, level, mode_of, names_mode, plain, speed,
 };
 use super::steering::{self, Vertical};
 use super::wings;
 use crate::session::duplicates::commands_values;
 use crate::session::maneuver::{self, Step};
-use crate::session::mission::record::UploadedMission;
 
 /// Decides.
 ///
@@ -117,217 +115,6 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
         return Err("mode 11 (waypoint): no route has been loaded (13000)".to_owned());
     }
     fly(command, RouteType::Flight, at)
-}
-
-/// The route of this type, once it is uploaded.
-fn fly(
-    command: &VehicleOperatingModeCommand,
-    route: RouteType,
-    at: &Situation<'_>,
-) -> Result<Task, String> {
-    // What makes it impossible is found out before another route goes aboard for it.
-    let speed = speed(command, &at.route_performance)?;
-    wings::may_begin_a_route(at)?;
-    let number = command
-        .commanded_waypoint_number
-        .filter(|number| *number != 0);
-    let absent = |number: u16| format!("waypoint {number} is not in the route");
-    let uploaded = match at.uploaded {
-        Some(uploaded)
-            if serves(uploaded, route, at)
-                && holds(at.telemetry, uploaded)
-                && (route == RouteType::Flight || is_current(uploaded, route, at)) =>
-        {
-            uploaded
-        }
-        // Another route went aboard for another mode: what 13000 has loaded comes back.
-        _ if route == RouteType::Flight && at.loaded.is_some() && at.loaded != at.uploaded => {
-            let knows = |number| {
-                at.loaded
-                    .and_then(|loaded_mission| loaded_mission.compiled.first_item_of(number))
-            };
-            return match number.filter(|number| knows(*number).is_none()) {
-                Some(number) => Err(absent(number)),
-                None => Ok(Task::Reload),
-            };
-        }
-        // Mode 11 flies what 13000 has loaded, never what has been stored since.
-        _ if route == RouteType::Flight => {
-            return Err(
-                "mode 11 (waypoint): the vehicle no longer holds the loaded route; load it again (13000)"
-                    .to_owned(),
-            );
-        }
-        _ => {
-            let sent = at.plan.route_of_type(route).map(|sent| at.plan.part(sent));
-            let knows = |number| sent.as_ref().and_then(|sent| sent.waypoint(number));
-            return match number.filter(|number| knows(*number).is_none()) {
-                Some(number) => Err(absent(number)),
-                None => Ok(Task::Load(route)),
-            };
-        }
-    };
-    check_heights(uploaded, at)?;
-    let mut steps = Vec::new();
-    let enters = at.settled_mode() != Some(Px4Mode::MISSION);
-    let start = match number {
-        Some(number) => Some(
-            uploaded
-                .compiled
-                .first_item_of(number)
-                .ok_or_else(|| format!("{} aboard", absent(number)))?,
-        ),
-        None => continued_from(command, uploaded, at),
-    };
-    if enters || start.is_some() {
-        check_way_to_route(uploaded, start, enters, at)?;
-    }
-    // A speed for the leg that is being flown is the operator's decision: it applies, and the mission watchdog holds a
-    // vehicle that flies past its waypoint.
-    let begins = enters || start.is_some();
-    if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
-        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
-        let seq = seq.unwrap_or(0);
-        let level = Some(comes_level(uploaded, seq, enters, at));
-        if let Some(number) = uploaded
-            .compiled
-            .missed_at(seq, level, speed_m_s, &at.performance)
-        {
-            return Err(format!(
-                "at {speed_m_s:.1} m/s the vehicle could miss waypoint {number}, to or from which it climbs or \
-                 descends, and fly on: give the route this speed (13002), so that it stops there"
-            ));
-        }
-    }
-    if begins {
-        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
-        wings::turn_for_the_leg(uploaded, seq.unwrap_or(0), at, &mut steps)?;
-    }
-    // Before the mode: in AUTO.MISSION the vehicle flies to the item that is current.
-    steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
-    if begins {
-        steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
-    }
-    let mut commanded = if enters {
-        Commanded::default()
-    } else {
-        at.commanded
-    };
-    if let Some(speed_m_s) = speed {
-        // After the mode: entering one takes PX4 back to its own speed.
-        steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
-        commanded.speed_m_s = Some(speed_m_s);
-        commanded.speed_type = Some(flown_as(at.wings.is_none()));
-    }
-    Ok(Task::Steps(steps, commanded))
-}
-
-/// The item to begin with where no waypoint is named; none to fly on to the current one.
-fn continued_from(
-    command: &VehicleOperatingModeCommand,
-    uploaded: &UploadedMission,
-    at: &Situation<'_>,
-) -> Option<u16> {
-    let restart = restarts_route(command, at.telemetry, Some(uploaded)).then_some(0);
-    match at.under_way.item {
-        // Where an earlier command sends the vehicle, and it does not report yet.
-        Some(item) if !uploaded.compiled.lands(item) => Some(item),
-        // But to the landing of a mode 19: it may have become current, and mode 11 flies back to where the route was left.
-        Some(_) => restart.or(at.telemetry.mission.map(|mission| mission.seq)),
-        None => restart,
-    }
-}
-
-/// Whether the straight way from the vehicle to where its route is begun or continued is above the terrain, where that is
-/// known. On the ground there is none yet: a launch is refused elsewhere, and this is compared when the route is flown.
-fn check_way_to_route(
-    uploaded: &UploadedMission,
-    start: Option<u16>,
-    enters: bool,
-    at: &Situation<'_>,
-) -> Result<(), String> {
-    let Some(terrain) = at.terrain.filter(|_| at.telemetry.airborne()) else {
-        return Ok(());
-    };
-    let compiled = &uploaded.compiled;
-    let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
-    let leg = compiled.leg_of_item(compiled.place_from(seq.unwrap_or(0)));
-    let Some(leg) = leg.and_then(|index| compiled.order.get(index)) else {
-        return Ok(());
-    };
-    let present = at
-        .telemetry
-        .position
-        .ok_or("the vehicle has not reported a position yet")?;
-    let home = at.telemetry.home.ok_or("home is not known yet")?;
-    let to_m = leg.level.amsl(home.amsl_m);
-    // On entering AUTO.MISSION a multicopter climbs before, on the spot; a wing climbs on the way.
-    let climbs_first = enters && at.wings.is_none();
-    let from_m = if climbs_first {
-        present.amsl_m.max(to_m)
-    } else {
-        present.amsl_m
-    };
-    let from = Position::new(present.latitude, present.longitude, from_m);
-    let to = Position::new(leg.latitude, leg.longitude, to_m);
-    check_way(from, to, &at.limits, terrain).map_err(|fault| {
-        format!(
-            "from where the vehicle is, waypoint {}: {fault}",
-            leg.number
-        )
-    })
-}
-
-/// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
-/// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
-fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
-    let compiled = &uploaded.compiled;
-    let leg = compiled.leg_of_item(compiled.place_from(seq));
-    let leg = leg.and_then(|index| compiled.order.get(index));
-    let (Some(leg), Some(here), Some(home)) = (leg, at.telemetry.position, at.telemetry.home)
-    else {
-        return false;
-    };
-    let above_m = here.amsl_m - leg.level.amsl(home.amsl_m);
-    above_m.abs() < NEAR_M || (enters && above_m < 0.0)
-}
-
-/// Whether a route that has been flown to its end restarts: where the mode is commanded, and no waypoint.
-pub(crate) fn restarts_route(
-    command: &VehicleOperatingModeCommand,
-    vehicle: &Telemetry,
-    uploaded: Option<&UploadedMission>,
-) -> bool {
-    // A wing's mission is not complete at the end of its route: it waits there for its landing.
-    let past = |seq| uploaded.is_some_and(|uploaded| uploaded.compiled.is_past_the_route(seq));
-    let complete = vehicle.mission.is_some_and(|mission| {
-        mission.state == MissionState::MISSION_STATE_COMPLETE || past(mission.seq)
-    });
-    complete && names_mode(command) && !steps_to_waypoint(command)
-}
-
-/// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.
-fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> bool {
-    if wanted == RouteType::Flight {
-        let contingency = [RouteType::ContingencyA, RouteType::ContingencyB];
-        !contingency.contains(&uploaded.route_type)
-            && at
-                .loaded
-                .is_none_or(|loaded_mission| loaded_mission == uploaded)
-    } else {
-        uploaded.route_type == wanted
-    }
-}
-
-/// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
-/// 13000.
-fn is_current(uploaded: &UploadedMission, route: RouteType, at: &Situation<'_>) -> bool {
-    at.just_loaded
-        || at.loaded == Some(uploaded)
-        || at
-            .plan
-            .route_of_type(route)
-            .is_none_or(|sent| at.plan.part(sent) == uploaded.plan)
 }
 
 /// Mode 20 of a vehicle in AUTO.LAND: up to the commanded altitude, else to the one at which the landing began, through
@@ -429,229 +216,6 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     Ok(Task::Launch(steps, commanded))
 }
 
-/// A loiter as far as it is composed.
-struct Draft {
-    steps: Vec<Step>,
-    commanded: Commanded,
-    /// The speed that is still to be commanded by itself, m/s.
-    speed_m_s: Option<f64>,
-    /// The mode is named: the loiter is flown as it is configured now.
-    anew: bool,
-}
-
-/// Mode 12: here or at a place, at an altitude, hovering or on a circle.
-fn loiter(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
-    let speed = speed(command, &at.performance)?;
-    let place = place(command, at)?;
-    let pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
-    let level = match altitude(command) {
-        Some(metres) => {
-            let over = flown_over(place, pattern, command, at)?;
-            Some(checked_level(metres, command, &over, at)?)
-        }
-        None => None,
-    };
-    if let (None, Some(kind)) = (level, command.altitude_command_type)
-        && !matches!(
-            kind,
-            AltitudeCommandType::None | AltitudeCommandType::Altitude
-        )
-    {
-        return Err(format!(
-            "mode 12 (loiter): Altitude Command Type {} is not flown; a vertical speed needs mode 15 (autopilot)",
-            kind.raw()
-        ));
-    }
-    let loiters = at.settled_mode().map(Px4Mode::reported) == Some(Mode::Loiter);
-    let mut draft = Draft {
-        steps: Vec::new(),
-        commanded: if loiters {
-            at.commanded
-        } else {
-            Commanded::default()
-        },
-        speed_m_s: speed,
-        anew: names_mode(command),
-    };
-    // A VTOL hovers, or circles on its wings, as the loiter asks: it turns into that first.
-    let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
-    if place.is_none() && level.is_none() && !wings::circles_here(pattern, hovers, command) {
-        stay(&mut draft, command, loiters, at)?;
-    } else {
-        go(&mut draft, place, level, (pattern, hovers), at)?;
-    }
-    let Draft {
-        mut steps,
-        mut commanded,
-        speed_m_s,
-        ..
-    } = draft;
-    if let Some(speed_m_s) = speed_m_s {
-        steps.push(maneuver::change_speed(speed_m_s, hovers));
-        commanded.speed_m_s = Some(speed_m_s);
-        commanded.speed_type = Some(flown_as(hovers));
-    }
-    Ok(Task::Steps(steps, commanded))
-}
-
-/// The places that a loiter leads over, for a height above the ground: only that needs to know where the vehicle is.
-fn flown_over(
-    place: Option<(f64, f64)>,
-    pattern: Pattern,
-    command: &VehicleOperatingModeCommand,
-    at: &Situation<'_>,
-) -> Result<Vec<(f64, f64)>, String> {
-    if !at.datum().is_above_ground(command.altitude_type) {
-        return Ok(Vec::new());
-    }
-    let centre = match place {
-        Some(place) => place,
-        None => at.here()?,
-    };
-    let own_m = at.wings.map_or(0.0, |wings| wings.loiter_radius_m.abs());
-    let radius_m = match pattern {
-        Pattern::Hover => 0.0,
-        Pattern::Own => own_m,
-        Pattern::Circle(radius_m) => radius_m,
-        // Wherever its long axis points.
-        Pattern::FigureEight([half_m, radius_m, _]) => {
-            let radius_m = radius_m.unwrap_or(own_m);
-            half_m.unwrap_or(radius_m) + radius_m
-        }
-    };
-    Ok(disc(centre, radius_m))
-}
-
-/// Where it is, at its altitude.
-fn stay(
-    draft: &mut Draft,
-    command: &VehicleOperatingModeCommand,
-    loiters: bool,
-    at: &Situation<'_>,
-) -> Result<(), String> {
-    if !names_mode(command) && steps_to_waypoint(command) {
-        return Err("a commanded waypoint needs mode 11 (waypoint)".to_owned());
-    }
-    match draft.speed_m_s {
-        // On a circle PX4 ignores any speed but that of DO_ORBIT.
-        Some(speed_m_s) if at.settled_mode() == Some(Px4Mode::ORBIT) => {
-            draft.steps.extend(faster_or_slower(speed_m_s, at)?);
-            draft.speed_m_s = None;
-            draft.commanded.speed_m_s = Some(speed_m_s);
-            draft.commanded.speed_type = Some(flown_as(true));
-        }
-        Some(_) if loiters => {}
-        _ if names_mode(command) => {
-            draft.steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
-            draft.commanded = Commanded::default();
-        }
-        _ => {}
-    }
-    Ok(())
-}
-
-/// At another place, or at another altitude.
-fn go(
-    draft: &mut Draft,
-    place: Option<(f64, f64)>,
-    level: Option<Level>,
-    (pattern, hovers): (Pattern, bool),
-    at: &Situation<'_>,
-) -> Result<(), String> {
-    if !at.telemetry.airborne() {
-        return Err("a loiter position or altitude needs an airborne vehicle".to_owned());
-    }
-    let present = at
-        .telemetry
-        .position
-        .ok_or("the vehicle has not reported a position yet")?;
-    let home = at.telemetry.home.ok_or("home is not known yet")?;
-    // Without an altitude the vehicle is sent there at its present one, which a flight by hand may have left below home.
-    let level = level.unwrap_or(Level::Amsl(present.amsl_m));
-    if let Err(fault @ HeightError::BelowHome { .. }) = at.limits.check_height(level, home.amsl_m) {
-        return Err(format!(
-            "mode 12 (loiter) without an altitude: the present {fault}"
-        ));
-    }
-    let amsl_m = level.amsl(home.amsl_m);
-    if let Some(terrain) = at.terrain {
-        let to = place.unwrap_or((present.latitude, present.longitude));
-        let from = Position::new(present.latitude, present.longitude, present.amsl_m);
-        let to = Position::new(to.0, to.1, amsl_m);
-        check_way(from, to, &at.limits, terrain)
-            .map_err(|fault| format!("mode 12 (loiter): {fault}"))?;
-    }
-    let here = (present.latitude, present.longitude);
-    // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
-    let keeps = place.is_none()
-        && at.settled_mode() == Some(Px4Mode::LOITER)
-        && draft.steps.is_empty()
-        && !hovers;
-    match (place.or((!hovers).then_some(here)), pattern) {
-        _ if keeps && !draft.anew => draft.steps.extend(maneuver::change_altitude(amsl_m)),
-        (Some(place), Pattern::FigureEight(shape)) => {
-            if let (Some(wings), [_, Some(radius_m), _]) = (&at.wings, shape) {
-                wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
-            }
-            draft
-                .steps
-                .extend(maneuver::figure_eight(place, amsl_m, shape));
-        }
-        (Some(place), Pattern::Circle(radius_m)) => {
-            let turn = match at.loiter.loiter_direction {
-                Some(LoiterDirection::CounterClockwise) => -radius_m,
-                _ => radius_m,
-            };
-            let speed = draft.speed_m_s;
-            if let Some(wings) = at.wings.as_ref().filter(|_| !hovers) {
-                wings::check_circle(wings, radius_m, speed, at)?;
-            }
-            if hovers {
-                // PX4 takes the speed on a multicopter's circle from DO_ORBIT alone: no DO_CHANGE_SPEED follows.
-                within_the_circle(speed, radius_m)?;
-                draft.speed_m_s = None;
-                draft.commanded.speed_m_s = speed;
-                draft.commanded.speed_type = speed.map(|_| SpeedType::Ground);
-            }
-            let steps = maneuver::orbit(place, amsl_m, turn, speed, hovers);
-            draft.steps.extend(steps);
-        }
-        _ => {
-            // The speed follows by DO_CHANGE_SPEED: entering a mode takes PX4 back to its own.
-            let steps = maneuver::reposition(place, amsl_m, None);
-            draft.steps.extend(steps);
-        }
-    }
-    draft.commanded.altitude_amsl_m = Some(amsl_m);
-    draft.commanded.loiter_position = place;
-    Ok(())
-}
-
-/// The circle that is flown, at another speed.
-fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, String> {
-    let orbit = at
-        .telemetry
-        .orbit
-        .ok_or("the vehicle has not reported the circle that it flies")?;
-    within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
-    let centre = (orbit.centre.latitude, orbit.centre.longitude);
-    let amsl_m = orbit.centre.amsl_m;
-    let mut steps = maneuver::orbit(centre, amsl_m, orbit.radius_m, Some(speed_m_s), true);
-    steps.push(maneuver::shows_speed(speed_m_s));
-    Ok(steps)
-}
-
-/// PX4 flies a circle more slowly than told where it would be drawn outward by more than it allows.
-fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
-    let most_m_s = (MAX_INWARD_M_S2 * radius_m).sqrt();
-    match speed_m_s {
-        Some(speed_m_s) if speed_m_s > most_m_s => Err(format!(
-            "speed {speed_m_s:.1} m/s on a circle of {radius_m:.0} m, at most {most_m_s:.1}"
-        )),
-        _ => Ok(()),
-    }
-}
-
 /// Mode 15: speed, direction and climb by set points.
 fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if !at.telemetry.airborne() {
@@ -709,10 +273,6 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
     Ok(Task::Steer(order, commanded))
 }
 
-/// So near an altitude it is flown to without a swing, m.
-const NEAR_M: f64 = 1.0;
-/// What PX4 allows toward the centre of a circle, m/s2.
-const MAX_INWARD_M_S2: f64 = 2.0;
 /// PX4 does not leave the ground for less, m.
 const LOWEST_LAUNCH_M: f64 = 1.5;
 
@@ -731,6 +291,7 @@ mod tests {
 
     use super::super::situation::UnderWay;
     use super::*;
+    use crate::session::mission::record::UploadedMission;
 
     #[test]
     fn a_launch_waits_for_the_vehicles_word_that_it_stands() {

@@ -327,3 +327,6 @@ pub(super) fn place(
     }
     Ok(Some((latitude, longitude)))
 }
+
+/// So near an altitude it is flown to without a swing, m.
+pub(super) const NEAR_M: f64 = 1.0;

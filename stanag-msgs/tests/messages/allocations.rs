@@ -1,43 +1,17 @@
 //! Decoding and encoding allocate nothing.
-#![allow(unsafe_code, reason = "counting allocations needs an allocator")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::hint::black_box;
 
+use kit::heap::{Counting, allocations};
 use stanag_msgs::table::MESSAGES;
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, Packer, Profile, frames};
-
-struct Counting;
-
-thread_local! {
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is passed unchanged to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.set(COUNT.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = COUNT.get();
-    work();
-    COUNT.get() - before
-}
-
 #[test]
 fn the_count_counts() {
-    assert_eq!(allocations(|| drop(black_box(Box::new(1)))), 1);
+    assert_eq!(allocations(|| drop(black_box(Box::new(1)))).0, 1);
 }
 
 #[test]
@@ -58,7 +32,7 @@ fn no_message_allocates() {
     let profile = Profile::default();
     let mut packer = Packer::new();
     let mut decoded = 0;
-    let count = allocations(|| {
+    let (count, ()) = allocations(|| {
         for message in &messages {
             let mut out = [0; 548];
             let length = profile.encode(message, &envelope, &mut out).unwrap();

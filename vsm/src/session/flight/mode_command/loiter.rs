@@ -1,0 +1,248 @@
+//! Mode 12: a loiter here or at a place, at an altitude, hovering, on a circle or on a figure of eight.
+
+use curve_paths::Position;
+use mapping::altitude::Level;
+use mapping::limits::{HeightError, disc};
+use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
+use mapping::route::check_way;
+use stanag_msgs::enums::{
+    AltitudeCommandType, FlightPathControlMode as Mode, LoiterDirection, SpeedType,
+};
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use crate::session::flight::settings::{self, Pattern};
+use crate::session::flight::situation::{
+    Situation, Task, altitude, checked_level, flown_as, names_mode, place, speed, steps_to_waypoint,
+};
+use crate::session::flight::wings;
+use crate::session::maneuver::{self, Step};
+
+/// A loiter as far as it is composed.
+struct Draft {
+    steps: Vec<Step>,
+    commanded: Commanded,
+    /// The speed that is still to be commanded by itself, m/s.
+    speed_m_s: Option<f64>,
+    /// The mode is named: the loiter is flown as it is configured now.
+    anew: bool,
+}
+
+/// Mode 12: here or at a place, at an altitude, hovering or on a circle.
+pub(super) fn loiter(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    let speed = speed(command, &at.performance)?;
+    let place = place(command, at)?;
+    let pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
+    let level = match altitude(command) {
+        Some(metres) => {
+            let over = flown_over(place, pattern, command, at)?;
+            Some(checked_level(metres, command, &over, at)?)
+        }
+        None => None,
+    };
+    if let (None, Some(kind)) = (level, command.altitude_command_type)
+        && !matches!(
+            kind,
+            AltitudeCommandType::None | AltitudeCommandType::Altitude
+        )
+    {
+        return Err(format!(
+            "mode 12 (loiter): Altitude Command Type {} is not flown; a vertical speed needs mode 15 (autopilot)",
+            kind.raw()
+        ));
+    }
+    let loiters = at.settled_mode().map(Px4Mode::reported) == Some(Mode::Loiter);
+    let mut draft = Draft {
+        steps: Vec::new(),
+        commanded: if loiters {
+            at.commanded
+        } else {
+            Commanded::default()
+        },
+        speed_m_s: speed,
+        anew: names_mode(command),
+    };
+    // A VTOL hovers, or circles on its wings, as the loiter asks: it turns into that first.
+    let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
+    if place.is_none() && level.is_none() && !wings::circles_here(pattern, hovers, command) {
+        stay(&mut draft, command, loiters, at)?;
+    } else {
+        go(&mut draft, place, level, (pattern, hovers), at)?;
+    }
+    let Draft {
+        mut steps,
+        mut commanded,
+        speed_m_s,
+        ..
+    } = draft;
+    if let Some(speed_m_s) = speed_m_s {
+        steps.push(maneuver::change_speed(speed_m_s, hovers));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = Some(flown_as(hovers));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+/// The places that a loiter leads over, for a height above the ground: only that needs to know where the vehicle is.
+pub(super) fn flown_over(
+    place: Option<(f64, f64)>,
+    pattern: Pattern,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Vec<(f64, f64)>, String> {
+    if !at.datum().is_above_ground(command.altitude_type) {
+        return Ok(Vec::new());
+    }
+    let centre = match place {
+        Some(place) => place,
+        None => at.here()?,
+    };
+    let own_m = at.wings.map_or(0.0, |wings| wings.loiter_radius_m.abs());
+    let radius_m = match pattern {
+        Pattern::Hover => 0.0,
+        Pattern::Own => own_m,
+        Pattern::Circle(radius_m) => radius_m,
+        // Wherever its long axis points.
+        Pattern::FigureEight([half_m, radius_m, _]) => {
+            let radius_m = radius_m.unwrap_or(own_m);
+            half_m.unwrap_or(radius_m) + radius_m
+        }
+    };
+    Ok(disc(centre, radius_m))
+}
+
+/// Where it is, at its altitude.
+fn stay(
+    draft: &mut Draft,
+    command: &VehicleOperatingModeCommand,
+    loiters: bool,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    if !names_mode(command) && steps_to_waypoint(command) {
+        return Err("a commanded waypoint needs mode 11 (waypoint)".to_owned());
+    }
+    match draft.speed_m_s {
+        // On a circle PX4 ignores any speed but that of DO_ORBIT.
+        Some(speed_m_s) if at.settled_mode() == Some(Px4Mode::ORBIT) => {
+            draft.steps.extend(faster_or_slower(speed_m_s, at)?);
+            draft.speed_m_s = None;
+            draft.commanded.speed_m_s = Some(speed_m_s);
+            draft.commanded.speed_type = Some(flown_as(true));
+        }
+        Some(_) if loiters => {}
+        _ if names_mode(command) => {
+            draft.steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+            draft.commanded = Commanded::default();
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// At another place, or at another altitude.
+fn go(
+    draft: &mut Draft,
+    place: Option<(f64, f64)>,
+    level: Option<Level>,
+    (pattern, hovers): (Pattern, bool),
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    if !at.telemetry.airborne() {
+        return Err("a loiter position or altitude needs an airborne vehicle".to_owned());
+    }
+    let present = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has not reported a position yet")?;
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    // Without an altitude the vehicle is sent there at its present one, which a flight by hand may have left below home.
+    let level = level.unwrap_or(Level::Amsl(present.amsl_m));
+    if let Err(fault @ HeightError::BelowHome { .. }) = at.limits.check_height(level, home.amsl_m) {
+        return Err(format!(
+            "mode 12 (loiter) without an altitude: the present {fault}"
+        ));
+    }
+    let amsl_m = level.amsl(home.amsl_m);
+    if let Some(terrain) = at.terrain {
+        let to = place.unwrap_or((present.latitude, present.longitude));
+        let from = Position::new(present.latitude, present.longitude, present.amsl_m);
+        let to = Position::new(to.0, to.1, amsl_m);
+        check_way(from, to, &at.limits, terrain)
+            .map_err(|fault| format!("mode 12 (loiter): {fault}"))?;
+    }
+    let here = (present.latitude, present.longitude);
+    // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
+    let keeps = place.is_none()
+        && at.settled_mode() == Some(Px4Mode::LOITER)
+        && draft.steps.is_empty()
+        && !hovers;
+    match (place.or((!hovers).then_some(here)), pattern) {
+        _ if keeps && !draft.anew => draft.steps.extend(maneuver::change_altitude(amsl_m)),
+        (Some(place), Pattern::FigureEight(shape)) => {
+            if let (Some(wings), [_, Some(radius_m), _]) = (&at.wings, shape) {
+                wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
+            }
+            draft
+                .steps
+                .extend(maneuver::figure_eight(place, amsl_m, shape));
+        }
+        (Some(place), Pattern::Circle(radius_m)) => {
+            let turn = match at.loiter.loiter_direction {
+                Some(LoiterDirection::CounterClockwise) => -radius_m,
+                _ => radius_m,
+            };
+            let speed = draft.speed_m_s;
+            if let Some(wings) = at.wings.as_ref().filter(|_| !hovers) {
+                wings::check_circle(wings, radius_m, speed, at)?;
+            }
+            if hovers {
+                // PX4 takes the speed on a multicopter's circle from DO_ORBIT alone: no DO_CHANGE_SPEED follows.
+                within_the_circle(speed, radius_m)?;
+                draft.speed_m_s = None;
+                draft.commanded.speed_m_s = speed;
+                draft.commanded.speed_type = speed.map(|_| SpeedType::Ground);
+            }
+            let steps = maneuver::orbit(place, amsl_m, turn, speed, hovers);
+            draft.steps.extend(steps);
+        }
+        _ => {
+            // The speed follows by DO_CHANGE_SPEED: entering a mode takes PX4 back to its own.
+            let steps = maneuver::reposition(place, amsl_m, None);
+            draft.steps.extend(steps);
+        }
+    }
+    draft.commanded.altitude_amsl_m = Some(amsl_m);
+    draft.commanded.loiter_position = place;
+    Ok(())
+}
+
+/// The circle that is flown, at another speed.
+fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, String> {
+    let orbit = at
+        .telemetry
+        .orbit
+        .ok_or("the vehicle has not reported the circle that it flies")?;
+    within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
+    let centre = (orbit.centre.latitude, orbit.centre.longitude);
+    let amsl_m = orbit.centre.amsl_m;
+    let mut steps = maneuver::orbit(centre, amsl_m, orbit.radius_m, Some(speed_m_s), true);
+    steps.push(maneuver::shows_speed(speed_m_s));
+    Ok(steps)
+}
+
+/// PX4 flies a circle more slowly than told where it would be drawn outward by more than it allows.
+fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
+    let most_m_s = (MAX_INWARD_M_S2 * radius_m).sqrt();
+    match speed_m_s {
+        Some(speed_m_s) if speed_m_s > most_m_s => Err(format!(
+            "speed {speed_m_s:.1} m/s on a circle of {radius_m:.0} m, at most {most_m_s:.1}"
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// What PX4 allows toward the centre of a circle, m/s2.
+const MAX_INWARD_M_S2: f64 = 2.0;

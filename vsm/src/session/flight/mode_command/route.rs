@@ -1,0 +1,228 @@
+//! Modes that fly a route: the one aboard, from the waypoint that is commanded, or another one that is uploaded first.
+
+use curve_paths::Position;
+use mapping::mode::Px4Mode;
+use mapping::report::Commanded;
+use mapping::route::check_way;
+use mapping::telemetry::Telemetry;
+use mavlink_link::dialect::MissionState;
+use stanag_msgs::enums::RouteType;
+use stanag_msgs::messages::VehicleOperatingModeCommand;
+
+use crate::session::flight::situation::{
+    NEAR_M, Situation, Task, check_heights, flown_as, holds, names_mode, speed, steps_to_waypoint,
+};
+use crate::session::flight::wings;
+use crate::session::maneuver::{self, Step};
+use crate::session::mission::record::UploadedMission;
+
+/// The route of this type, once it is uploaded.
+pub(super) fn fly(
+    command: &VehicleOperatingModeCommand,
+    route: RouteType,
+    at: &Situation<'_>,
+) -> Result<Task, String> {
+    // What makes it impossible is found out before another route goes aboard for it.
+    let speed = speed(command, &at.route_performance)?;
+    wings::may_begin_a_route(at)?;
+    let number = command
+        .commanded_waypoint_number
+        .filter(|number| *number != 0);
+    let absent = |number: u16| format!("waypoint {number} is not in the route");
+    let uploaded = match at.uploaded {
+        Some(uploaded)
+            if serves(uploaded, route, at)
+                && holds(at.telemetry, uploaded)
+                && (route == RouteType::Flight || is_current(uploaded, route, at)) =>
+        {
+            uploaded
+        }
+        // Another route went aboard for another mode: what 13000 has loaded comes back.
+        _ if route == RouteType::Flight && at.loaded.is_some() && at.loaded != at.uploaded => {
+            let knows = |number| {
+                at.loaded
+                    .and_then(|loaded_mission| loaded_mission.compiled.first_item_of(number))
+            };
+            return match number.filter(|number| knows(*number).is_none()) {
+                Some(number) => Err(absent(number)),
+                None => Ok(Task::Reload),
+            };
+        }
+        // Mode 11 flies what 13000 has loaded, never what has been stored since.
+        _ if route == RouteType::Flight => {
+            return Err(
+                "mode 11 (waypoint): the vehicle no longer holds the loaded route; load it again (13000)"
+                    .to_owned(),
+            );
+        }
+        _ => {
+            let sent = at.plan.route_of_type(route).map(|sent| at.plan.part(sent));
+            let knows = |number| sent.as_ref().and_then(|sent| sent.waypoint(number));
+            return match number.filter(|number| knows(*number).is_none()) {
+                Some(number) => Err(absent(number)),
+                None => Ok(Task::Load(route)),
+            };
+        }
+    };
+    check_heights(uploaded, at)?;
+    let mut steps = Vec::new();
+    let enters = at.settled_mode() != Some(Px4Mode::MISSION);
+    let start = match number {
+        Some(number) => Some(
+            uploaded
+                .compiled
+                .first_item_of(number)
+                .ok_or_else(|| format!("{} aboard", absent(number)))?,
+        ),
+        None => continued_from(command, uploaded, at),
+    };
+    if enters || start.is_some() {
+        check_way_to_route(uploaded, start, enters, at)?;
+    }
+    // A speed for the leg that is being flown is the operator's decision: it applies, and the mission watchdog holds a
+    // vehicle that flies past its waypoint.
+    let begins = enters || start.is_some();
+    if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
+        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+        let seq = seq.unwrap_or(0);
+        let level = Some(comes_level(uploaded, seq, enters, at));
+        if let Some(number) = uploaded
+            .compiled
+            .missed_at(seq, level, speed_m_s, &at.performance)
+        {
+            return Err(format!(
+                "at {speed_m_s:.1} m/s the vehicle could miss waypoint {number}, to or from which it climbs or \
+                 descends, and fly on: give the route this speed (13002), so that it stops there"
+            ));
+        }
+    }
+    if begins {
+        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+        wings::turn_for_the_leg(uploaded, seq.unwrap_or(0), at, &mut steps)?;
+    }
+    // Before the mode: in AUTO.MISSION the vehicle flies to the item that is current.
+    steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
+    if begins {
+        steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+    }
+    let mut commanded = if enters {
+        Commanded::default()
+    } else {
+        at.commanded
+    };
+    if let Some(speed_m_s) = speed {
+        // After the mode: entering one takes PX4 back to its own speed.
+        steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
+        commanded.speed_m_s = Some(speed_m_s);
+        commanded.speed_type = Some(flown_as(at.wings.is_none()));
+    }
+    Ok(Task::Steps(steps, commanded))
+}
+
+/// The item to begin with where no waypoint is named; none to fly on to the current one.
+fn continued_from(
+    command: &VehicleOperatingModeCommand,
+    uploaded: &UploadedMission,
+    at: &Situation<'_>,
+) -> Option<u16> {
+    let restart = restarts_route(command, at.telemetry, Some(uploaded)).then_some(0);
+    match at.under_way.item {
+        // Where an earlier command sends the vehicle, and it does not report yet.
+        Some(item) if !uploaded.compiled.lands(item) => Some(item),
+        // But to the landing of a mode 19: it may have become current, and mode 11 flies back to where the route was left.
+        Some(_) => restart.or(at.telemetry.mission.map(|mission| mission.seq)),
+        None => restart,
+    }
+}
+
+/// Whether the straight way from the vehicle to where its route is begun or continued is above the terrain, where that is
+/// known. On the ground there is none yet: a launch is refused elsewhere, and this is compared when the route is flown.
+fn check_way_to_route(
+    uploaded: &UploadedMission,
+    start: Option<u16>,
+    enters: bool,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    let Some(terrain) = at.terrain.filter(|_| at.telemetry.airborne()) else {
+        return Ok(());
+    };
+    let compiled = &uploaded.compiled;
+    let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+    let leg = compiled.leg_of_item(compiled.place_from(seq.unwrap_or(0)));
+    let Some(leg) = leg.and_then(|index| compiled.order.get(index)) else {
+        return Ok(());
+    };
+    let present = at
+        .telemetry
+        .position
+        .ok_or("the vehicle has not reported a position yet")?;
+    let home = at.telemetry.home.ok_or("home is not known yet")?;
+    let to_m = leg.level.amsl(home.amsl_m);
+    // On entering AUTO.MISSION a multicopter climbs before, on the spot; a wing climbs on the way.
+    let climbs_first = enters && at.wings.is_none();
+    let from_m = if climbs_first {
+        present.amsl_m.max(to_m)
+    } else {
+        present.amsl_m
+    };
+    let from = Position::new(present.latitude, present.longitude, from_m);
+    let to = Position::new(leg.latitude, leg.longitude, to_m);
+    check_way(from, to, &at.limits, terrain).map_err(|fault| {
+        format!(
+            "from where the vehicle is, waypoint {}: {fault}",
+            leg.number
+        )
+    })
+}
+
+/// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
+/// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
+fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
+    let compiled = &uploaded.compiled;
+    let leg = compiled.leg_of_item(compiled.place_from(seq));
+    let leg = leg.and_then(|index| compiled.order.get(index));
+    let (Some(leg), Some(here), Some(home)) = (leg, at.telemetry.position, at.telemetry.home)
+    else {
+        return false;
+    };
+    let above_m = here.amsl_m - leg.level.amsl(home.amsl_m);
+    above_m.abs() < NEAR_M || (enters && above_m < 0.0)
+}
+
+/// Whether a route that has been flown to its end restarts: where the mode is commanded, and no waypoint.
+pub(crate) fn restarts_route(
+    command: &VehicleOperatingModeCommand,
+    vehicle: &Telemetry,
+    uploaded: Option<&UploadedMission>,
+) -> bool {
+    // A wing's mission is not complete at the end of its route: it waits there for its landing.
+    let past = |seq| uploaded.is_some_and(|uploaded| uploaded.compiled.is_past_the_route(seq));
+    let complete = vehicle.mission.is_some_and(|mission| {
+        mission.state == MissionState::MISSION_STATE_COMPLETE || past(mission.seq)
+    });
+    complete && names_mode(command) && !steps_to_waypoint(command)
+}
+
+/// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.
+fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> bool {
+    if wanted == RouteType::Flight {
+        let contingency = [RouteType::ContingencyA, RouteType::ContingencyB];
+        !contingency.contains(&uploaded.route_type)
+            && at
+                .loaded
+                .is_none_or(|loaded_mission| loaded_mission == uploaded)
+    } else {
+        uploaded.route_type == wanted
+    }
+}
+
+/// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
+/// 13000.
+pub(super) fn is_current(uploaded: &UploadedMission, route: RouteType, at: &Situation<'_>) -> bool {
+    at.just_loaded
+        || at.loaded == Some(uploaded)
+        || at
+            .plan
+            .route_of_type(route)
+            .is_none_or(|sent| at.plan.part(sent) == uploaded.plan)
+}
