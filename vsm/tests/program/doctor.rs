@@ -447,6 +447,12 @@ fn each_fault_of_the_dli_has_its_line() {
     let knocks = printed.lines().filter(|line| line.contains("1b:00:00:b7"));
     let knocks: Vec<_> = knocks.collect();
     assert!(knocks.len() == 1 && knocks[0].contains("WARN"), "{printed}");
+    // It listens beyond loopback and nobody is guarded: said at the start, and in the status for who has not seen that.
+    let unguarded = "CUCSs are not authenticated without a guard";
+    let warned = |line: &str| line.contains("WARN") && line.contains(unguarded);
+    assert!(printed.lines().any(warned), "{printed}");
+    let (_, status) = place.command(&["status", "vsm.toml"]);
+    assert!(status.contains(unguarded), "{status}");
 }
 
 #[test]
