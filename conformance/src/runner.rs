@@ -482,7 +482,7 @@ impl Run<'_> {
     fn attempt(&self, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
         let trial = Trial::with_cast(&self.bench, self.cast.clone());
         let _ = (self.bench.net.take_missing(), dialect::take_unplaced());
-        let mut judgement = trial.judge(|| (scene.play)(&trial));
+        let mut judgement = trial.judge(|| played(&trial, scene));
         let (missing, unplaced) = (self.bench.net.take_missing(), dialect::take_unplaced());
         // What was not sent proves nothing either way.
         if !missing.is_empty() && judgement.verdict != Verdict::NotApplicable {
@@ -687,6 +687,7 @@ fn flies(rule: &Rule) -> bool {
     rule.hazard == Hazard::Flight
         || rule.needs.iter().any(|need| need == "airborne")
         || [
+            "ROUTE-002",
             "ROUTE-004",
             "ROUTE-007",
             "STAT-009",
@@ -733,6 +734,20 @@ fn rank(rule: &Rule) -> (u8, String) {
         _ => set,
     };
     (rank, rule.id.clone())
+}
+
+/// The scene, and what else is looked at once it has passed. What the subject lacks of that was no part of the scene: a note.
+fn played(t: &Trial, scene: &rules::Scene) -> Judged {
+    (scene.play)(t)?;
+    let further = rules::further(scene.rule).filter(|_| !t.of_edition_25());
+    for scene in further {
+        t.clean_up()?;
+        match (scene.play)(t) {
+            Err(Stop::NotApplicable(reason)) => t.note(reason),
+            other => other?,
+        }
+    }
+    Ok(())
 }
 
 fn tour(t: &Trial) -> Judged {

@@ -4,6 +4,7 @@
 //! occur. To add one: write a function in the file of its subject, which looks at [`View::messages`] and calls
 //! [`Found`]'s methods, and name it in that file's `JUDGES`.
 
+mod agreement;
 mod dialogue;
 mod ed25;
 mod endurance;
@@ -29,6 +30,7 @@ pub fn judges() -> Vec<&'static Judge> {
         values::JUDGES,
         meaning::JUDGES,
         dialogue::JUDGES,
+        agreement::JUDGES,
     ]
     .into_iter()
     .flatten()

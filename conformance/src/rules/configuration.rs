@@ -520,7 +520,8 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
     t.cite(declared);
     let limit = declared.raw("Low Caution Limit").unwrap_or_default();
     let level = |seen: &Seen| seen.raw("Current Propulsion Energy Level");
-    if level(&*station.query(3002)?).is_none_or(|level| level <= limit) {
+    let full = level(&*station.query(3002)?);
+    if full.is_none_or(|level| level <= limit) {
         return Err(Stop::inconclusive(
             "the energy level is below its declared caution limit already, or absent",
         ));
@@ -532,10 +533,14 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
             seen.kind() == 3002 && level(seen).is_some_and(|level| level < limit)
         });
         t.pause(t.timers().quiet)?;
-        Ok(low.is_some())
+        Ok((low.is_some(), level(&*station.query(3002)?)))
     })();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
-    if !result? {
+    let (low, shown) = result?;
+    if !low {
+        t.expect(shown != full, || {
+            format!("expected Current Propulsion Energy Level of 3002 to follow means.lower_energy, or no CUCS can watch it; it stays {full:?}")
+        })?;
         return Err(Stop::inconclusive(
             "means.lower_energy did not bring the energy level in 3002 below its declared caution limit",
         ));
@@ -632,6 +637,14 @@ fn speeds_within_what_is_declared(t: &Trial, a: &Station, configuration: &[Arc<S
         return Ok(());
     }
     let home = home(t, a)?;
+    // What is declared can be flown, in steps or in m/s; whoever leaves room for more than it takes announces too much.
+    let fastest = if integers { high * 0.5 } else { high };
+    let mut plan = Plan::zigzag(&home, "FASTEST", &[95, 96]);
+    plan.points[1] = plan.points[1].clone().set("Waypoint to Speed", fastest);
+    let found = load(t, a, &plan)?;
+    t.expect(found.status != Some(2), || {
+        format!("expected a waypoint at {fastest:.1} m/s, the declared maximum, to be accepted; 14000 status 2 came")
+    })?;
     let mut plan = Plan::zigzag(&home, "TOOFAST", &[93, 94]);
     plan.points[1] = plan.points[1].clone().set("Waypoint to Speed", beyond);
     let found = load(t, a, &plan)?;

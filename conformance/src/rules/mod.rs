@@ -5,6 +5,7 @@
 //! `SCENES`, and show with a mutant that it can fail.
 
 mod acknowledgement;
+mod agreement;
 mod alerts;
 mod authority;
 mod configuration;
@@ -66,6 +67,11 @@ pub fn scenes() -> Vec<&'static Scene> {
     .collect()
 }
 
+/// What else is played for a rule once its scene has passed; in Edition 2.5 nothing.
+pub fn further(rule: &str) -> impl Iterator<Item = &'static Scene> {
+    agreement::scenes().filter(move |scene| scene.rule == rule)
+}
+
 /// Rules of the catalogue that have neither scene nor judge, with the reason.
 pub const WITHOUT_CODE: &[(&str, &str)] = &[(
     "ROUTE-018",
@@ -117,6 +123,14 @@ mod tests {
             .into_iter()
             .map(|scene| scene.rule)
             .chain(judges.into_iter().map(|judge| judge.rule));
+        let known: Vec<_> = scenes().into_iter().map(|scene| scene.rule).collect();
+        for scene in agreement::scenes() {
+            assert!(
+                known.contains(&scene.rule),
+                "{} has no scene before its second",
+                scene.rule
+            );
+        }
         for id in ids {
             assert!(catalogue.find(id).is_some(), "{id} is not in the catalogue");
         }

@@ -11,13 +11,14 @@ from .authority import Access
 from .faults_by_rule import BY_RULE
 from .faults_in_corners import IN_CORNERS
 from .faults_in_detail import IN_DETAIL
+from .faults_of_agreement import OF_AGREEMENT
 from .faults_of_memory import OF_MEMORY
 from .mutants import MUTANTS
 from .variants import VARIANTS
 from .vsm import Vsm
 from .wire import parse_id, show_id
 
-FAULTS = MUTANTS | BY_RULE | IN_DETAIL | IN_CORNERS | OF_MEMORY
+FAULTS = MUTANTS | BY_RULE | IN_DETAIL | IN_CORNERS | OF_MEMORY | OF_AGREEMENT
 # Options without which a fault does not show.
 CIRCUMSTANCES = {"V56": ["--no-fix"], "DISC-005": ["--no-link"], "MODE-008": ["--wind=8,0"], "LINK-005": ["--on-loss", "hold"]}
 HOME = (47.3977434, 8.5455939, 488.0)

@@ -1,0 +1,413 @@
+//! Judges of two things that have to agree: two reports of one state, a report and the time at which it was taken, an answer and
+//! who asked, a value and the profile.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use stanag_msgs::Id;
+
+use super::view::{Found, Judge, View};
+use crate::bench::fix::Fix;
+use crate::wire::{Direction, Seen};
+
+pub(super) const JUDGES: &[Judge] = &[
+    Judge {
+        rule: "STAT-007",
+        judge: motion_is_reported_alike,
+    },
+    Judge {
+        rule: "TIME-003",
+        judge: positions_are_as_new_as_their_stamps,
+    },
+    Judge {
+        rule: "STAT-012",
+        judge: no_ground_state_in_flight,
+    },
+    Judge {
+        rule: "ALERT-003",
+        judge: alerts_say_what_and_how_long,
+    },
+    Judge {
+        rule: "PAYL-005",
+        judge: limits_of_the_camera,
+    },
+    Judge {
+        rule: "PAYL-007",
+        judge: the_image_is_on_the_ground,
+    },
+    Judge {
+        rule: "AUTH-016",
+        judge: the_answer_names_the_request,
+    },
+    Judge {
+        rule: "WRAP-016",
+        judge: acknowledgements_and_alerts_are_the_vehicles,
+    },
+    Judge {
+        rule: "CONF-001",
+        judge: configuration_for_who_asked,
+    },
+    Judge {
+        rule: "DISC-009",
+        judge: the_tail_number_of_the_profile,
+    },
+];
+
+/// Messages of one kind from one vehicle at one socket belong together.
+type Ends = (u32, usize);
+
+fn ends(seen: &Seen) -> Ends {
+    (seen.piece.source.0, seen.socket)
+}
+
+/// How many of the looks at one thing were wrong, and the last that was.
+#[derive(Default)]
+struct Tally {
+    looks: usize,
+    wrong: usize,
+    last: Option<Arc<Seen>>,
+}
+
+impl Tally {
+    fn look(&mut self, seen: &Arc<Seen>, right: bool) {
+        self.looks += 1;
+        if !right {
+            self.wrong += 1;
+            self.last = Some(seen.clone());
+        }
+    }
+
+    /// Fails where nearly all looks were wrong: single ones are gusts, or two moments.
+    fn settle(self, found: &mut Found, fewest: usize, reason: &str) {
+        if self.looks < fewest {
+            return;
+        }
+        found.saw();
+        if self.wrong * 5 > self.looks * 4
+            && let Some(last) = &self.last
+        {
+            found.fail(
+                last,
+                format!("{reason} ({} of {} times)", self.wrong, self.looks),
+            );
+        }
+    }
+}
+
+/// 4000 and 3009 report one motion: a turn leans to its side, and climbs and airspeeds are those of both.
+fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
+    let mut latest: BTreeMap<Ends, Arc<Seen>> = BTreeMap::new();
+    let (mut banks, mut climbs, mut speeds) =
+        (Tally::default(), Tally::default(), Tally::default());
+    for seen in view.messages() {
+        if seen.kind() == 4000 {
+            if let (Some(roll), Some(turn), Some(fix)) =
+                (seen.value("Roll"), seen.value("Turn Rate"), Fix::of(seen))
+                && roll.abs() > 0.08
+                && turn.abs() > 0.08
+                && fix.north.hypot(fix.east) > 4.0
+            {
+                banks.look(seen, roll * turn > 0.0);
+            }
+            latest.insert(ends(seen), seen.clone());
+        }
+        let Some(fix) = (seen.kind() == 3009)
+            .then(|| latest.get(&ends(seen)))
+            .flatten()
+            .filter(|motion| seen.at.abs_diff(motion.at).as_millis() < 400)
+            .and_then(|motion| Fix::of(motion))
+        else {
+            continue;
+        };
+        if let Some(rate) = seen.value("Barometric Altitude Rate")
+            && rate.abs() > 1.0
+            && fix.down.abs() > 1.0
+        {
+            climbs.look(seen, rate * fix.down < 0.0);
+        }
+        let (Some(air), Some(north), Some(east)) = (
+            seen.value("True Airspeed"),
+            seen.value("U_Wind"),
+            seen.value("V_Wind"),
+        ) else {
+            continue;
+        };
+        let through = (fix.north - north).hypot(fix.east - east);
+        if through > 4.0 && air > 0.0 {
+            speeds.look(seen, (air / through - 1.0).abs() < 0.4);
+        }
+    }
+    banks.settle(
+        found,
+        8,
+        "expected Roll and Turn Rate of 4000 to the same side in a turn in flight, right wing down to the right; they are opposed",
+    );
+    climbs.settle(
+        found,
+        2,
+        "expected Barometric Altitude Rate of 3009 up where W_Speed of 4000 is up; they are opposed",
+    );
+    speeds.settle(
+        found,
+        2,
+        "expected True Airspeed of 3009 to be the speed of 4000 less the wind of 3009; it differs by more than 40 %",
+    );
+}
+
+/// The speeds of the same report say that it moves; then a position with a later stamp is another one.
+fn positions_are_as_new_as_their_stamps(view: &View<'_>, found: &mut Found) {
+    /// Between samples of a slow vehicle link.
+    const BETWEEN_MS: i64 = 900;
+    let mut last: BTreeMap<Ends, (i64, [Option<i64>; 2])> = BTreeMap::new();
+    for seen in view.messages().filter(|seen| seen.kind() == 4000) {
+        let (Some(stamp), Some(fix)) = (seen.stamp(), Fix::of(seen)) else {
+            continue;
+        };
+        let place = ["Latitude", "Longitude"].map(|name| seen.raw(name));
+        let moves = fix.north.hypot(fix.east) > 3.0;
+        let before = last.entry(ends(seen)).or_insert((stamp, place));
+        if !moves || before.1 != place || stamp < before.0 {
+            *before = (stamp, place);
+            continue;
+        }
+        let still = stamp - before.0;
+        found.check(seen, still < BETWEEN_MS, || {
+            format!(
+                "expected a position of the time of its stamp; it is the same for {still} ms of stamps while the speed is {:.0} m/s",
+                fix.north.hypot(fix.east)
+            )
+        });
+    }
+}
+
+/// UA State 1 to 4 are states before a launch.
+fn no_ground_state_in_flight(view: &View<'_>, found: &mut Found) {
+    let mut flying: BTreeMap<Ends, u32> = BTreeMap::new();
+    for seen in view.messages() {
+        match seen.kind() {
+            4000 => {
+                let Some(fix) = Fix::of(seen) else { continue };
+                let count = flying.entry(ends(seen)).or_default();
+                *count = if fix.north.hypot(fix.east) > 3.0 {
+                    *count + 1
+                } else {
+                    0
+                };
+            }
+            3002 => {
+                let Some(state) = seen.raw("UA State") else {
+                    continue;
+                };
+                if flying.get(&ends(seen)).is_some_and(|&count| count > 3) {
+                    found.check(seen, !(1..=4).contains(&state), || {
+                        format!("expected no UA State of before the launch (1 to 4) in 3002 while 4000 shows flight; got {state}")
+                    });
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn alerts_say_what_and_how_long(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages().filter(|seen| seen.kind() == 16000) {
+        let Some(priority) = seen.raw("Priority").filter(|&priority| priority >= 2) else {
+            continue;
+        };
+        // What more there is may be asked for by its reference.
+        let more = seen
+            .raw("Subsystem State Report Reference")
+            .is_some_and(|reference| reference >= 0);
+        if let Some(text) = seen.text("Text").filter(|_| !more) {
+            found.check(seen, !text.is_empty(), || {
+                format!("expected an alert of priority {priority} to say what happened; its text is empty")
+            });
+        }
+        if seen.raw("Type") == Some(3)
+            && let Some(time) = seen.raw("Persistence")
+        {
+            found.check(seen, time != 0, || {
+                "expected an alert that is shown for a time (type 3) to name the time; its Persistence is 0".into()
+            });
+        }
+    }
+}
+
+fn limits_of_the_camera(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages().filter(|seen| seen.kind() == 21100) {
+        for part in ["Elevation", "Azimuth"] {
+            let end = |name: &str| seen.raw(&format!("Field of Regard - {part} {name}"));
+            if let (Some(low), Some(high)) = (end("Min"), end("Max")) {
+                found.check(seen, low <= high, || {
+                    format!("expected Field of Regard - {part} Min not above Max in 21100; got {low} and {high}")
+                });
+            }
+        }
+    }
+}
+
+/// What a camera sees below the horizon lies below it.
+fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
+    let mut latest: BTreeMap<Ends, Fix> = BTreeMap::new();
+    for seen in view.messages() {
+        if seen.kind() == 4000
+            && let Some(fix) = Fix::of(seen)
+        {
+            latest.insert(ends(seen), fix);
+        }
+        if seen.kind() != 21101 || seen.raw("Image Position") == Some(0) {
+            continue;
+        }
+        let (Some(ground), Some(elevation), Some(vehicle)) = (
+            seen.value("Altitude"),
+            seen.value("Actual Centreline Elevation Angle"),
+            latest.get(&ends(seen)),
+        ) else {
+            continue;
+        };
+        // Of one datum: 21101 names none, and those of 4000 differ by less than a mountain.
+        if elevation < -0.1 && vehicle.altitude_type == 3 {
+            found.check(seen, ground < vehicle.altitude + 5.0, || {
+                format!(
+                    "expected the image centre of a camera that looks down below the vehicle; it is at {ground:.0} m, the vehicle at {:.0} m",
+                    vehicle.altitude
+                )
+            });
+        }
+    }
+}
+
+/// Access Requested of #2 is that of the #1 that it answers.
+fn the_answer_names_the_request(view: &View<'_>, found: &mut Found) {
+    let mut requests: BTreeMap<Ends, (i64, Duration)> = BTreeMap::new();
+    let mut answers = Tally::default();
+    for seen in view
+        .datagrams
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+    {
+        match (seen.direction, seen.kind()) {
+            (Direction::Sent, 1) => {
+                let access = seen.raw("Requested/Handover Access").unwrap_or_default();
+                requests.insert(ends(seen), (access, seen.at));
+            }
+            (Direction::Received, 2) => {
+                let key = (seen.piece.destination.0, seen.socket);
+                // At once, so that it is no news of something else; an access of 0 may stand for none.
+                if let (Some(named), Some((asked, at))) =
+                    (seen.raw("Access Requested"), requests.remove(&key))
+                    && asked != 0
+                    && seen.at.abs_diff(at) < Duration::from_millis(500)
+                {
+                    answers.look(seen, named == asked);
+                }
+            }
+            _ => {}
+        }
+    }
+    answers.settle(
+        found,
+        3,
+        "expected #2 to name in Access Requested what the request that it answers has in Requested/Handover Access",
+    );
+}
+
+fn acknowledgements_and_alerts_are_the_vehicles(view: &View<'_>, found: &mut Found) {
+    let (vehicles, vsm_ids) = (view.vehicles(), view.vsm_ids());
+    let only_vsm = |id: &Id| vsm_ids.contains(id) && !vehicles.contains(id);
+    let mut addressed: BTreeMap<(u32, i64, i64), BTreeSet<Id>> = BTreeMap::new();
+    for seen in view.requests().filter(|seen| seen.piece.ack()) {
+        let stamp = seen.stamp().unwrap_or_default();
+        addressed
+            .entry((seen.piece.source.0, seen.kind().into(), stamp))
+            .or_default()
+            .insert(seen.piece.destination);
+    }
+    for seen in view.messages() {
+        let source = seen.piece.source;
+        match seen.kind() {
+            17000 => {
+                let key = seen
+                    .raw("Original Message Type")
+                    .zip(seen.raw("Original Message Time Stamp"))
+                    .map(|(kind, stamp)| (seen.piece.destination.0, kind, stamp));
+                let Some(to) = key.and_then(|key| addressed.get(&key)) else {
+                    continue;
+                };
+                let to_vehicles = to.iter().all(|id| vehicles.contains(id));
+                found.check(seen, !to_vehicles || !only_vsm(&source), || {
+                    format!("expected 17000 from the vehicle that was addressed; it came from the VSM's id {source}")
+                });
+            }
+            16000 => {
+                // The VSM may speak for itself: subsystem 9.
+                let own = seen
+                    .raw("Subsystem ID")
+                    .is_none_or(|subsystem| subsystem == 9);
+                if !own && only_vsm(&source) {
+                    found.warn(seen, format!("an alert about a part of a vehicle comes from the VSM's id {source}: which vehicle it is about is not known"));
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A configuration phase is for the CUCS that began it, and has one end.
+fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
+    let mut asked: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    let mut ended: BTreeMap<(u32, u32), BTreeSet<i64>> = BTreeMap::new();
+    let mut askers = BTreeSet::new();
+    for seen in view
+        .datagrams
+        .iter()
+        .flat_map(|datagram| &datagram.messages)
+    {
+        let (source, destination) = (seen.piece.source.0, seen.piece.destination.0);
+        match (seen.direction, seen.kind()) {
+            (Direction::Sent, 40_000) => {
+                askers.insert(source);
+                *asked.entry((destination, source)).or_default() += 1;
+            }
+            // What is vehicle-specific (41002) is described to whoever is sent it.
+            (Direction::Received, kind @ (41_000 | 41_001 | 41_003 | 41_005))
+                if seen.piece.destination != Id::BROADCAST =>
+            {
+                found.check(seen, askers.contains(&destination), || {
+                    format!("expected the configuration ({kind}) at CUCSs that sent 40000 only; it came to {}", seen.piece.destination)
+                });
+                if kind == 41_005 {
+                    let key = (source, destination);
+                    let ends = ended.entry(key).or_default();
+                    ends.insert(seen.stamp().unwrap_or_default());
+                    let (ends, asked) = (ends.len(), asked.get(&key).copied().unwrap_or_default());
+                    found.check(seen, asked == 0 || ends <= asked, || {
+                        format!("expected one 41005 to each 40000; {ends} came to {asked}")
+                    });
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn the_tail_number_of_the_profile(view: &View<'_>, found: &mut Found) {
+    for seen in view.messages().filter(|seen| seen.kind() == 3) {
+        let claim = view
+            .profile
+            .vehicle
+            .iter()
+            .find(|claim| claim.id.parse() == Ok(seen.piece.source));
+        let (Some(expected), Some(named)) = (
+            claim.and_then(|claim| claim.tail_number.as_ref()),
+            seen.text("Tail Number"),
+        ) else {
+            continue;
+        };
+        // A logical id says "0".
+        found.check(seen, named == *expected || named == "0", || {
+            format!("expected the tail number {expected:?} of the profile in #3, got {named:?}")
+        });
+    }
+}

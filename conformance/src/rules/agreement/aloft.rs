@@ -1,0 +1,480 @@
+//! Second looks in flight: routes to their end, the finer fields of 2016, a lost link.
+
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use super::{refused, released_to_fly};
+use crate::bench::flight::{
+    Fix, Plan, airborne, clear, fix, fly_until, hold, home, load, loaded, mode, mode_becomes,
+    mode_command, reported_mode, stretch, to_number, wrapped,
+};
+use crate::bench::station::{Station, loi, schedule};
+use crate::bench::trial::Trial;
+use crate::rules::link::{fresh_again, loss_alert};
+use crate::rules::scene::Scene;
+use crate::verdict::{Judged, Precondition, Stop};
+use crate::wire::{Draft, Seen};
+
+pub(super) const FURTHER: &[Scene] = &[
+    Scene {
+        rule: "ROUTE-002",
+        play: loading_is_not_flying,
+    },
+    Scene {
+        rule: "ROUTE-015",
+        play: turns_are_no_seconds,
+    },
+    Scene {
+        rule: "MODE-004",
+        play: to_the_end_and_from_elsewhere,
+    },
+    Scene {
+        rule: "MODE-006",
+        play: banks_turns_and_climb_limits,
+    },
+    Scene {
+        rule: "MODE-015",
+        play: a_part_acts_and_the_rest_stays,
+    },
+    Scene {
+        rule: "STAT-007",
+        play: climbs_and_turns_are_reported_alike,
+    },
+    Scene {
+        rule: "STAT-015",
+        play: everybody_is_informed_and_served_again,
+    },
+];
+
+fn loading_is_not_flying(t: &Trial) -> Judged {
+    if !released_to_fly(t) {
+        return Ok(());
+    }
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let (home, began) = (home(t, &a)?, fix(t, &a)?);
+    let mut plan = Plan::zigzag(&home, "LATER", &[1, 2]);
+    stretch(&home, &mut plan, 200.0);
+    loaded(t, &a, &plan)?;
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    t.pause(Duration::from_secs_f64((15.0 / speed).max(1.5)))?;
+    let (shown, now) = (reported_mode(&a)?, fix(t, &a)?);
+    let away = now.distance(began.latitude, began.longitude);
+    hold(t, &a)?;
+    t.expect(shown == Some(mode::LOITER) && away < 150.0, || {
+        format!("expected a load in mode 12 to change neither mode nor flight; 3001 shows {shown:?}, the vehicle is {away:.0} m away")
+    })
+}
+
+fn turns_are_no_seconds(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "TURNS", &[1, 2]);
+    stretch(&home, &mut plan, 120.0);
+    let (turns, radius) = (2, 60.0);
+    plan.points.insert(
+        1,
+        Draft::new(13_003)
+            .raw("Waypoint Number", 1)
+            .raw("Waypoint Loiter Type", 1)
+            .set("Loiter Radius", radius)
+            .raw("Loiter Direction", 1)
+            .raw("Loiter Duration", turns)
+            .raw("Loiter Duration Units", 1),
+    );
+    clear(t, &a)?;
+    if load(t, &a, &plan)?.status != Some(1) {
+        t.note("a loiter whose duration is in turns is refused");
+        return Ok(());
+    }
+    let (latitude, longitude) = place(&plan, 0);
+    a.send(
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", 1)
+            .acked(),
+    );
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Ok(());
+    }
+    let near = fly_until(t, &a, t.timers().flight, |fix| {
+        fix.distance(latitude, longitude) < radius + 15.0
+    })?;
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    let began = t.bench.net.now();
+    // Two turns of 380 m take more than a minute at the 5 m/s of the plan.
+    let least = Duration::from_secs_f64(40.0 / speed);
+    while near.is_some() && t.bench.net.now() < began + least && to_number(&a)? == Some(1) {
+        t.pause(Duration::from_millis(50))?;
+    }
+    let stayed = (t.bench.net.now() - began).as_secs_f64() * speed;
+    hold(t, &a)?;
+    t.expect(near.is_none() || stayed >= 39.0, || {
+        format!(
+            "expected {turns} turns of {radius:.0} m at waypoint 1; it was left after {stayed:.0} s"
+        )
+    })
+}
+
+fn to_the_end_and_from_elsewhere(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let to = |number: i64| {
+        mode_command(mode::WAYPOINT)
+            .raw("Commanded Waypoint Number", number)
+            .acked()
+    };
+    let route = |name: &str, spacing: f64| {
+        let mut plan = Plan::zigzag(&home, name, &[1, 2, 3]);
+        stretch(&home, &mut plan, spacing);
+        for point in &mut plan.points {
+            *point = point.clone().set("Waypoint to Speed", 8.0);
+        }
+        plan
+    };
+    let plan = route("WHOLE", 80.0);
+    loaded(t, &a, &plan)?;
+    a.send(to(1));
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        return Ok(());
+    }
+    let (latitude, longitude) = place(&plan, 2);
+    let there = fly_until(t, &a, t.timers().flight.div_f64(2.0), |fix| {
+        fix.distance(latitude, longitude) < 25.0
+    })?;
+    hold(t, &a)?;
+    t.expect(there.is_some(), || {
+        "expected the route to be flown to its last waypoint; the vehicle never came within 25 m of it".into()
+    })?;
+    // On its way to the first, it is sent to the third.
+    loaded(t, &a, &route("ELSEWHERE", 600.0))?;
+    a.send(to(1));
+    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? || to_number(&a)? != Some(1) {
+        return Ok(());
+    }
+    let sent = a.send(to(3));
+    if refused(t, &a, &sent) {
+        t.note("another waypoint is refused in mode 11");
+        hold(t, &a)?;
+        return Ok(());
+    }
+    let deadline = t.bench.net.now() + t.timers().answer;
+    while to_number(&a)? == Some(1) && t.bench.net.now() < deadline {
+        t.pause(Duration::from_millis(50))?;
+    }
+    let shown = to_number(&a)?;
+    hold(t, &a)?;
+    t.expect(shown != Some(1), || {
+        "expected waypoint 3, commanded in mode 11 on the way to waypoint 1, to be flown to; 4001 still shows To 1".into()
+    })
+}
+
+/// Where a plan's waypoint lies.
+fn place(plan: &Plan, index: usize) -> (f64, f64) {
+    let point = plan.points[index].seen();
+    let value = |name: &str| point.value(name).unwrap_or_default();
+    (
+        value("Waypoint to Latitude or Relative Y"),
+        value("Waypoint to Longitude or Relative X"),
+    )
+}
+
+/// How far the heading turned, to the right above 0, in this much of the vehicle's time after a command; none where it is refused.
+fn turned(t: &Trial, a: &Station, command: Draft, seconds: f64) -> Judged<Option<f64>> {
+    let sent = a.send(command.acked());
+    if refused(t, a, &sent) || !mode_becomes(a, mode::AUTOPILOT, t.timers().begin)? {
+        return Ok(None);
+    }
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    let deadline = t.bench.net.now() + Duration::from_secs_f64((seconds / speed).max(0.5));
+    let (mut all, mut before) = (0.0, fix(t, a)?.heading);
+    while t.bench.net.now() < deadline {
+        let now = fix(t, a)?.heading;
+        if let (Some(from), Some(to)) = (before, now) {
+            all += wrapped(to - from);
+        }
+        before = now;
+    }
+    Ok(before.map(|_| all))
+}
+
+fn banks_turns_and_climb_limits(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let steer = |kind: i64| {
+        mode_command(mode::AUTOPILOT)
+            .raw("Heading Command Type", kind)
+            .raw("Altitude Command Type", 0)
+            .set("Commanded Speed", 8.0)
+            .raw("Speed Type", 2)
+    };
+    for (command, what) in [
+        (
+            steer(4).set("Commanded Roll", 0.3),
+            "a roll of 0.3 rad (type 4)",
+        ),
+        (
+            steer(5).set("Commanded Turn Rate", 0.15),
+            "a turn rate of 0.15 rad/s (type 5)",
+        ),
+    ] {
+        let by = turned(t, &a, command, 8.0)?;
+        hold(t, &a)?;
+        match by {
+            None => t.note(format!("{what} is refused")),
+            Some(by) => t.expect(by > -0.1, || {
+                format!(
+                    "expected {what} to turn to the right; the heading turned by {:.0} degrees",
+                    by.to_degrees()
+                )
+            })?,
+        }
+    }
+    magnetic_headings(t, &a)?;
+    // Type 3: the altitude, no faster than the vertical speed.
+    let began = fix(t, &a)?;
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Altitude Command Type", 3)
+            .set("Commanded Altitude", began.altitude + 30.0)
+            .raw("Altitude Type", began.altitude_type)
+            .set("Commanded Vertical Speed", 0.5)
+            .acked(),
+    );
+    if refused(t, &a, &sent) || !mode_becomes(&a, mode::AUTOPILOT, t.timers().begin)? {
+        t.note("altitude command type 3 is refused");
+        return Ok(());
+    }
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    t.pause(Duration::from_secs_f64((5.0 / speed).max(1.0)))?;
+    hold(t, &a)?;
+    // From the command on: a climb without a limit may be over before it is looked at.
+    let fastest = a
+        .received(sent.mark, |seen| seen.kind() == 4000)
+        .iter()
+        .filter_map(|seen| Some(-Fix::of(seen)?.down))
+        .fold(0.0, f64::max);
+    t.expect(fastest < 1.5, || {
+        format!("expected altitude command type 3 to climb at 0.5 m/s, as the vertical speed says; 4000 shows {fastest:.1} m/s")
+    })
+}
+
+/// Where magnetic north lies elsewhere, a heading of that reference is another one.
+fn magnetic_headings(t: &Trial, a: &Station) -> Judged {
+    let variation = a
+        .query(4000)?
+        .value("Magnetic Variation")
+        .unwrap_or_default();
+    if variation.abs() < 0.15 {
+        return Ok(());
+    }
+    let Some(heading) = fix(t, a)?.heading else {
+        return Ok(());
+    };
+    let magnetic = wrapped(heading + TAU / 5.0);
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Heading Command Type", 1)
+            .set("Commanded Heading", magnetic)
+            .raw("Heading Reference", 1)
+            .raw("Altitude Command Type", 0)
+            .acked(),
+    );
+    if refused(t, a, &sent) {
+        t.note("magnetic headings are refused");
+        return Ok(());
+    }
+    let target = wrapped(magnetic + variation);
+    let reached = fly_until(t, a, t.timers().begin, |fix| {
+        fix.heading
+            .is_some_and(|heading| wrapped(heading - target).abs() < 0.05)
+    })?;
+    // It may pass through on its way: it has to stay.
+    t.pause(Duration::from_millis(500))?;
+    let stays = fix(t, a)?.heading.unwrap_or(target);
+    hold(t, a)?;
+    t.expect(reached.is_some() && wrapped(stays - target).abs() < 0.1, || {
+        format!(
+            "expected a heading of {:.0} degrees true for one of {:.0} degrees magnetic, with a variation of {:.0}; 4000 shows {:.0}",
+            target.to_degrees().rem_euclid(360.0),
+            magnetic.to_degrees().rem_euclid(360.0),
+            variation.to_degrees(),
+            stays.to_degrees().rem_euclid(360.0)
+        )
+    })
+}
+
+fn a_part_acts_and_the_rest_stays(t: &Trial) -> Judged {
+    let a = airborne(t)?;
+    let home = home(t, &a)?;
+    let mut plan = Plan::zigzag(&home, "PARTS", &[1, 2]);
+    stretch(&home, &mut plan, 900.0);
+    loaded(t, &a, &plan)?;
+    let higher = |from: f64, kind: i64| {
+        Draft::new(2016)
+            .raw("Altitude Command Type", 1)
+            .set("Commanded Altitude", from + 25.0)
+            .raw("Altitude Type", kind)
+            .acked()
+    };
+    a.send(mode_command(mode::WAYPOINT).acked());
+    if mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
+        let low = fix(t, &a)?;
+        let sent = a.send(higher(low.altitude, low.altitude_type));
+        if refused(t, &a, &sent) {
+            t.note("an altitude alone is refused on a route");
+        } else {
+            let up = fly_until(t, &a, t.timers().begin, |fix| {
+                fix.altitude > low.altitude + 12.0
+            })?;
+            t.expect(up.is_some(), || {
+                "expected a 2016 with an altitude alone, accepted on a route, to change the altitude by 25 m; it did not".into()
+            })?;
+        }
+    }
+    hold(t, &a)?;
+    // In mode 15 the heading that is turned to is still turned to.
+    let now = fix(t, &a)?;
+    let Some(heading) = now.heading else {
+        return Ok(());
+    };
+    let target = wrapped(heading + TAU / 2.2);
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Heading Command Type", 1)
+            .set("Commanded Heading", target)
+            .raw("Altitude Command Type", 0)
+            .acked(),
+    );
+    // Before the turn has ended, however fast the simulation is.
+    t.pause(Duration::from_millis(60))?;
+    a.send(higher(now.altitude - 15.0, now.altitude_type));
+    if refused(t, &a, &sent) || !mode_becomes(&a, mode::AUTOPILOT, t.timers().begin)? {
+        return Ok(());
+    }
+    let reached = fly_until(t, &a, t.timers().begin, |fix| {
+        fix.heading
+            .is_some_and(|heading| wrapped(heading - target).abs() < 0.26)
+    })?;
+    hold(t, &a)?;
+    t.expect(reached.is_some(), || {
+        format!("expected a 2016 with an altitude alone to leave the commanded heading of {:.0} degrees; it is not reached", target.to_degrees().rem_euclid(360.0))
+    })
+}
+
+/// Nothing is judged here: a climb and two turns, for the judge who compares 3009 and 4000.
+fn climbs_and_turns_are_reported_alike(t: &Trial) -> Judged {
+    if !released_to_fly(t) {
+        return Ok(());
+    }
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let now = fix(t, &a)?;
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    for up in [25.0, 0.0] {
+        a.send(
+            Draft::new(2016)
+                .raw("Altitude Command Type", 1)
+                .set("Commanded Altitude", now.altitude + up)
+                .raw("Altitude Type", now.altitude_type),
+        );
+        t.pause(Duration::from_secs_f64((3.0 / speed).max(0.4)))?;
+        for _ in 0..3 {
+            a.query(4000)?;
+            a.query(3009)?;
+        }
+    }
+    a.send(schedule(
+        4000,
+        t.bench.profile.figures.largest_rate_hz.min(10),
+    ));
+    let Some(heading) = fix(t, &a)?.heading else {
+        return Ok(());
+    };
+    for part in [0.0, 0.45, 0.9, 0.45, 0.0] {
+        a.send(
+            mode_command(mode::AUTOPILOT)
+                .raw("Heading Command Type", 2)
+                .set("Commanded Course", wrapped(heading + part * TAU))
+                .raw("Altitude Command Type", 0)
+                .set("Commanded Speed", 8.0)
+                .raw("Speed Type", 2),
+        );
+        t.pause(Duration::from_secs_f64((8.0 / speed).max(0.8)))?;
+        a.query(3009)?;
+    }
+    a.send(schedule(4000, 0));
+    hold(t, &a)?;
+    Ok(())
+}
+
+fn everybody_is_informed_and_served_again(t: &Trial) -> Judged {
+    let means = &t.bench.profile.means;
+    let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
+        return Ok(());
+    };
+    let a = if released_to_fly(t) {
+        airborne(t).or_else(|_| t.controller())?
+    } else {
+        t.controller()?
+    };
+    let b = t.b()?;
+    t.grant(&b, loi::LOI2)?;
+    fix(t, &b).precondition("the vehicle has a position")?;
+    let flown = on_a_long_route(t, &a)?;
+    let mark = t.bench.net.mark();
+    crate::means::shell(cut).map_err(Stop::Inconclusive)?;
+    let result = (|| {
+        let warned = |seen: &Seen| seen.raw("Priority").is_some_and(|priority| priority >= 2);
+        for (station, what) in [(&a, "the holder"), (&b, "a CUCS with LOI 2")] {
+            let said = loss_alert(t, station, mark, warned)?;
+            t.expect(said.is_some(), || {
+                format!("expected a 16000 about the loss of the vehicle at {} ({what}) as well; none came within 10 s", station.id)
+            })?;
+        }
+        let asked = t.bench.net.mark();
+        a.send(Draft::new(15_000).raw("Subsystem ID", 1 << 3));
+        let link = a.wait(asked, t.timers().answer, |seen| {
+            seen.kind() == 16_001 && seen.raw("Subsystem ID") == Some(3)
+        });
+        match link {
+            Some(link) => t.expect_of(&link, link.raw("Subsystem State") != Some(1), || {
+                "expected subsystem 3 (communications) not to be nominal (1) in 16001 while the vehicle's link is lost".into()
+            }),
+            None => Ok(()),
+        }
+    })();
+    crate::means::shell(restore).map_err(Stop::Inconclusive)?;
+    let mark = t.bench.net.mark();
+    // Unasked, as before the loss.
+    let mut stamps = BTreeSet::new();
+    let again = b.wait(mark, Duration::from_secs(8), |seen| {
+        seen.kind() == 4000 && seen.has("Latitude") && {
+            stamps.extend(seen.stamp());
+            stamps.len() > 3
+        }
+    });
+    fresh_again(t)?;
+    let shown = reported_mode(&a);
+    if flown {
+        hold(t, &a)?;
+    }
+    result?;
+    // Its own failsafe may have taken over meanwhile.
+    if flown && shown != Ok(Some(mode::WAYPOINT)) {
+        t.warn(format!("the flight in mode 11 did not continue through a loss of the link: 3001 shows {shown:?} once it is back"));
+    }
+    t.expect(again.is_some(), || {
+        format!("expected 4000 to come to {} by itself again once the vehicle's link was back; {} came in 8 s", b.id, stamps.len())
+    })
+}
+
+/// Whether the vehicle flies a route that lasts for longer than its link is cut.
+fn on_a_long_route(t: &Trial, a: &Station) -> Judged<bool> {
+    if reported_mode(a)? != Some(mode::LOITER) {
+        return Ok(false);
+    }
+    let home = home(t, a)?;
+    let mut plan = Plan::zigzag(&home, "THROUGH", &[1, 2, 3]);
+    stretch(&home, &mut plan, 1_500.0);
+    loaded(t, a, &plan)?;
+    a.send(mode_command(mode::WAYPOINT).acked());
+    mode_becomes(a, mode::WAYPOINT, t.timers().begin)
+}
