@@ -76,6 +76,14 @@ impl Trial {
         self.bench.net.dialect().is_some()
     }
 
+    /// Whether rules that fly are released.
+    #[must_use]
+    pub fn may_fly(&self) -> bool {
+        self.bench
+            .flight_released
+            .load(std::sync::atomic::Ordering::SeqCst)
+    }
+
     /// Waits.
     ///
     /// # Errors

@@ -46,6 +46,14 @@ pub(super) fn about(seen: &Seen, kind: u16, stamp: i64) -> bool {
         && seen.raw("Original Message Time Stamp") == Some(stamp)
 }
 
+/// Whether 17000 type 3 came about a message within the time of an acknowledgement.
+pub(super) fn refused(t: &Trial, a: &Station, sent: &Sent) -> bool {
+    a.wait(sent.mark, t.timers().ack, |seen| {
+        about(seen, sent.kind, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
+    })
+    .is_some()
+}
+
 /// The 17000 that says that a message was carried out, where one comes within `time`. A refusal ends the wait, but for what it
 /// may have done all the same.
 pub(super) fn carried_out(

@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use super::{refused, released_to_fly};
 use crate::bench::flight::{
     Fix, Plan, airborne, clear, fix, fly_until, hold, home, load, loaded, mode, mode_becomes,
     mode_command, reported_mode, stretch, to_number, wrapped,
 };
 use crate::bench::station::{Station, loi, schedule};
 use crate::bench::trial::Trial;
+use crate::rules::acknowledgement::refused;
 use crate::rules::link::{fresh_again, loss_alert};
 use crate::rules::scene::Scene;
 use crate::verdict::{Judged, Precondition, Stop};
@@ -48,7 +48,7 @@ pub(super) const FURTHER: &[Scene] = &[
 ];
 
 fn loading_is_not_flying(t: &Trial) -> Judged {
-    if !released_to_fly(t) {
+    if !t.may_fly() {
         return Ok(());
     }
     let Ok(a) = airborne(t) else { return Ok(()) };
@@ -362,7 +362,7 @@ fn a_part_acts_and_the_rest_stays(t: &Trial) -> Judged {
 
 /// Nothing is judged here: a climb and two turns, for the judge who compares 3009 and 4000.
 fn climbs_and_turns_are_reported_alike(t: &Trial) -> Judged {
-    if !released_to_fly(t) {
+    if !t.may_fly() {
         return Ok(());
     }
     let Ok(a) = airborne(t) else { return Ok(()) };
@@ -410,7 +410,7 @@ fn everybody_is_informed_and_served_again(t: &Trial) -> Judged {
     let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
         return Ok(());
     };
-    let a = if released_to_fly(t) {
+    let a = if t.may_fly() {
         airborne(t).or_else(|_| t.controller())?
     } else {
         t.controller()?

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use super::{refused, released_to_fly};
 use crate::bench::flight::{
     Plan, clear, deliver, fix, fly_until, home, loaded, mode, mode_command, run_transfer, transfer,
 };
@@ -11,7 +10,7 @@ use crate::bench::station::{
     Access, Station, authorisation, discovery, information_request, loi, schedule,
 };
 use crate::bench::trial::Trial;
-use crate::rules::acknowledgement::about;
+use crate::rules::acknowledgement::{about, refused};
 use crate::rules::configuration::full;
 use crate::rules::mission::aboard;
 use crate::rules::scene::Scene;
@@ -197,7 +196,7 @@ fn a_station_has_one_holder(t: &Trial) -> Judged {
 }
 
 fn no_mode_of_loi_4_launches(t: &Trial) -> Judged {
-    if !released_to_fly(t) {
+    if !t.may_fly() {
         return Ok(());
     }
     let a = t.controller()?;
