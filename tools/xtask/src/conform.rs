@@ -49,7 +49,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     let second = SECOND_VEHICLE.replace("MAVLINK", &mavlink);
     fs::write(&configuration, text + FURTHER + &second).context("vsm.toml")?;
 
-    let _bridge = Started::begin(program("vsm", &folder).arg("run"))?;
+    let bridge = Bridge::begin(&folder)?;
     let vehicles = (1..=2)
         .map(|number| {
             let mut vehicle = program("px4-sim", &folder);
@@ -64,8 +64,9 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     // A stopped vehicle sends and answers nothing, as one out of range.
     let pid = vehicles[0].0.id();
     let means = format!(
-        "[means]\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n\
-         lower_energy = \"kill -USR1 {pid}\"\nrestore_energy = \"kill -USR2 {pid}\"\n"
+        "[means]\nrestart = \"sh {}\"\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n\
+         lower_energy = \"kill -USR1 {pid}\"\nrestore_energy = \"kill -USR2 {pid}\"\n",
+        bridge.script.display()
     );
     fs::write(folder.join("profile.toml"), PROFILE.to_owned() + &means).context("profile.toml")?;
     let mut judge = program("dli-check", &folder);
@@ -168,6 +169,52 @@ impl Drop for Started {
         let _ = self.0.wait();
     }
 }
+
+/// The bridge, which the judge may end and start again: by a script that keeps its process id in a file.
+struct Bridge {
+    script: PathBuf,
+}
+
+impl Bridge {
+    fn begin(folder: &Path) -> Result<Self> {
+        let script = folder.join("bridge.sh");
+        let program = root().join("target/debug/vsm");
+        let text = format!(
+            "cd {} || exit 1\n{END_BRIDGE}{} run </dev/null >>log.txt 2>&1 &\necho $! >bridge.pid\n",
+            folder.display(),
+            program.display()
+        );
+        fs::write(&script, text).context("bridge.sh")?;
+        let bridge = Self { script };
+        bridge
+            .sh(&["bridge.sh"])
+            .context("the bridge cannot be started")?;
+        Ok(bridge)
+    }
+
+    fn sh(&self, arguments: &[&str]) -> Result<()> {
+        let folder = self.script.parent().context("bridge.sh has no folder")?;
+        Command::new("sh")
+            .args(arguments)
+            .current_dir(folder)
+            .status()?;
+        Ok(())
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        let _ = self.sh(&["-c", END_BRIDGE]);
+    }
+}
+
+/// Ends the bridge as a service manager does, and by force after five seconds.
+const END_BRIDGE: &str = "if [ -s bridge.pid ]; then
+  old=$(cat bridge.pid); kill $old; left=100
+  while [ $left -gt 0 ] && kill -0 $old 2>/dev/null; do sleep 0.05; left=$((left - 1)); done
+  kill -9 $old 2>/dev/null; rm -f bridge.pid
+fi
+";
 
 /// Beside the station that `vsm init` lists: another, and one that may override. Silence is acted on sooner than by default, since the
 /// suite waits for it.
