@@ -34,6 +34,7 @@ def near(picture):
 
 EYES = {
     "radius-outside": ("radius:10", lambda p: not p["done"]),
+    "radius-beyond": ("radius:900", lambda p: not p["done"]),
     "mode-unavailable": ("show", lambda p: not UNAVAILABLE & set(p["offered_modes"])),
     "alerts": ("show", lambda p: texts(p) == sorted((WARNING, CAUTION))),
     "alert-updated": ("show", lambda p: texts(p) == sorted((WARNING, UPDATED))),

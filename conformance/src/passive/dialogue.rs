@@ -242,6 +242,10 @@ fn one_type_for_one_vehicle(view: &View<'_>, found: &mut Found) {
         else {
             continue;
         };
+        // Not identified yet, as after a restart.
+        if (kind, subtype) == (0, 0) {
+            continue;
+        }
         let first = *types
             .entry(seen.piece.source.0)
             .or_insert((seen.kind(), kind, subtype));

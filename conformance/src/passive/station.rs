@@ -453,6 +453,9 @@ fn configuration_by_its_own_message(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// Three times what a sender waits before it repeats.
+const ACKNOWLEDGED_S: f64 = 3.0;
+
 fn acknowledges_when_asked(view: &View<'_>, found: &mut Found) {
     let last = view
         .datagrams
@@ -466,15 +469,22 @@ fn acknowledges_when_asked(view: &View<'_>, found: &mut Found) {
         if last - at < 2.0 {
             continue;
         }
-        let answered = view.messages().any(|seen| {
+        let answer = view.messages().find(|seen| {
             seen.kind() == 17_000
                 && seen.raw("Original Message Type") == Some(asked.kind().into())
                 && seen.raw("Original Message Time Stamp") == asked.stamp()
                 && seen.at > asked.at
         });
-        found.check(asked, answered, || {
+        found.check(asked, answer.is_some(), || {
             format!(
                 "expected 17000 about message {}, which asked for it; none came",
+                asked.kind()
+            )
+        });
+        let late = answer.map_or(0.0, |seen| seen.at.as_secs_f64() - at);
+        found.check(asked, late <= ACKNOWLEDGED_S, || {
+            format!(
+                "expected 17000 about message {} within {ACKNOWLEDGED_S:.0} s; it came after {late:.1} s, when it would have been sent again",
                 asked.kind()
             )
         });

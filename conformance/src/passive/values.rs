@@ -210,6 +210,13 @@ fn reserved_values_are_not_sent(view: &View<'_>, found: &mut Found) {
             let Some(value) = seen.raw(field.name) else {
                 continue;
             };
+            // A refusal repeats what was asked for.
+            if seen.kind() == 14_000
+                && field.name == "Mission Plan Mode"
+                && seen.raw("Status") == Some(2)
+            {
+                continue;
+            }
             // 23 to 25 are inferred, and this project's own private values are nobody's business.
             let known = values.text(value).filter(|text| *text != "reserved");
             let range = values.ranges.iter().find(|(range, _)| within(range, value));

@@ -546,7 +546,10 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
         ));
     }
     let own = station.received(mark, |seen| {
-        seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+        // The VSM (subsystem 9) may have something else to say meanwhile.
+        seen.kind() == 16000
+            && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+            && seen.raw("Subsystem ID") != Some(9)
     });
     if let Some(own) = own.first() {
         t.expect_of(own, false, || {

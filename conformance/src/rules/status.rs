@@ -171,9 +171,29 @@ fn scheduled_rate_is_kept(t: &Trial) -> Judged {
             t.expect((found - f64::from(hertz)).abs() <= tolerance, || {
                 format!("expected {kind} at {hertz} Hz within 20 % after 17001, got {found:.1} Hz")
             })?;
+            if kind == 4000 {
+                one_by_one(t, &station, mark, hertz)?;
+            }
         }
     }
     Ok(())
+}
+
+/// Of a burst nearly all gaps are nothing, whatever the rate is.
+fn one_by_one(t: &Trial, station: &Station, mark: usize, hertz: u16) -> Judged {
+    let came = station.received(mark, |seen| seen.kind() == 4000);
+    let mut gaps: Vec<f64> = came
+        .windows(2)
+        .map(|pair| (pair[1].at - pair[0].at).as_secs_f64())
+        .collect();
+    gaps.sort_by(f64::total_cmp);
+    // The same message by multicast and unicast is one.
+    let stamps: BTreeSet<_> = came.iter().map(|seen| seen.stamp()).collect();
+    let median = gaps.get(gaps.len() / 2).copied().unwrap_or_default();
+    let judged = hertz >= 4 && gaps.len() > 8 && stamps.len() * 4 > came.len() * 3;
+    t.expect(!judged || median > 0.25 / f64::from(hertz), || {
+        format!("expected 4000 at {hertz} Hz one by one; half of them come within {:.0} ms of the one before, in bursts", median * 1000.0)
+    })
 }
 
 fn frequency_0_cancels(t: &Trial) -> Judged {
@@ -594,12 +614,15 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
     };
     let station = t.monitor()?;
     let before = fix(t, &station).precondition("the vehicle has a position")?;
+    let other = t.b().ok();
+    if let Some(other) = &other {
+        t.grant(other, loi::LOI2)?;
+    }
     crate::means::shell(cut).map_err(Stop::Inconclusive)?;
     let mark = t.bench.net.mark();
+    let warned = |seen: &Seen| seen.raw("Priority").is_some_and(|priority| priority >= 2);
     let result = (|| {
-        let alert = super::link::loss_alert(t, &station, mark, |seen| {
-            seen.raw("Priority").is_some_and(|priority| priority >= 2)
-        })?;
+        let alert = super::link::loss_alert(t, &station, mark, warned)?;
         let stamps = super::link::stamps_of_the_silent(t, &station)?;
         t.expect(stamps.len() <= 1, || {
             format!("expected the stamps of 4000 and 4001 to stop within 10 s of the vehicle's silence; {} different stamps came in 2 s ({:.5} as before the loss)", stamps.len(), before.latitude.to_degrees())
@@ -607,11 +630,41 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
         t.expect(alert.is_some(), || {
             "expected a 16000 (caution or worse) within 10 s of the loss of the vehicle; none came"
                 .into()
-        })
+        })?;
+        // Whoever is connected is as blind as the first.
+        if let Some(other) = &other {
+            let informed = other.received(mark, |seen| seen.kind() == 16000 && warned(seen));
+            t.expect(!informed.is_empty(), || {
+                format!("expected a 16000 about the loss of the vehicle at {} as well, which has LOI 2; none came", other.id)
+            })?;
+        }
+        let asked = t.bench.net.mark();
+        station.send(Draft::new(15000).raw("Subsystem ID", 1 << 3));
+        let link = station.wait(asked, t.timers().answer / 2, |seen| {
+            seen.kind() == 16001 && seen.raw("Subsystem ID") == Some(3)
+        });
+        match link {
+            Some(link) => t.expect_of(&link, link.raw("Subsystem State") != Some(1), || {
+                "expected subsystem 3 (communications) not to be nominal (1) in 16001 while the vehicle is silent".into()
+            }),
+            None => Ok(()),
+        }
     })();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
-    super::link::fresh_again(t)?;
-    result
+    let mark = t.bench.net.mark();
+    // Unasked, as before the loss.
+    let mut stamps = BTreeSet::new();
+    let again = station.wait(mark, Duration::from_secs(8), |seen| {
+        seen.kind() == 4000 && seen.has("Latitude") && {
+            stamps.extend(seen.stamp());
+            stamps.len() > 3
+        }
+    });
+    t.pause(Duration::from_millis(500))?;
+    result?;
+    t.expect(again.is_some(), || {
+        format!("expected 4000 to come by itself again once the vehicle's link was back; {} came in 8 s", stamps.len())
+    })
 }
 
 fn subsystems_answer_for_themselves(t: &Trial) -> Judged {

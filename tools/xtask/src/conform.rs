@@ -222,7 +222,7 @@ const FURTHER: &str = "
 [authority]
 warn_s = 1.0
 offer_s = 2.0
-act_s = 5.0
+act_s = 4.0
 [[cucs]]
 id = \"1b:00:00:a1\"
 loi = [2, 3, 4, 5]
@@ -268,7 +268,7 @@ simulated = true
 [figures]
 speed_factor = 10.0
 offer_s = 2.0
-act_s = 5.0
+act_s = 4.0
 on_loss = \"continue\"
 ";
 /// Until the vehicle has a position and can be armed, ten times faster than time.

@@ -1,6 +1,5 @@
-//! Second looks in flight: routes to their end, the finer fields of 2016, a lost link.
+//! Second looks in flight: routes to their end, the finer fields of 2016.
 
-use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
@@ -8,13 +7,12 @@ use crate::bench::flight::{
     Fix, Plan, airborne, clear, fix, fly_until, hold, home, load, loaded, mode, mode_becomes,
     mode_command, reported_mode, stretch, to_number, wrapped,
 };
-use crate::bench::station::{Station, loi, schedule};
+use crate::bench::station::{Station, schedule};
 use crate::bench::trial::Trial;
 use crate::rules::acknowledgement::refused;
-use crate::rules::link::{fresh_again, loss_alert};
 use crate::rules::scene::Scene;
-use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::{Draft, Seen};
+use crate::verdict::Judged;
+use crate::wire::Draft;
 
 pub(super) const FURTHER: &[Scene] = &[
     Scene {
@@ -40,10 +38,6 @@ pub(super) const FURTHER: &[Scene] = &[
     Scene {
         rule: "STAT-007",
         play: climbs_and_turns_are_reported_alike,
-    },
-    Scene {
-        rule: "STAT-015",
-        play: everybody_is_informed_and_served_again,
     },
 ];
 
@@ -131,7 +125,7 @@ fn to_the_end_and_from_elsewhere(t: &Trial) -> Judged {
         }
         plan
     };
-    let plan = route("WHOLE", 80.0);
+    let plan = route("WHOLE", 60.0);
     loaded(t, &a, &plan)?;
     a.send(to(1));
     if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
@@ -388,7 +382,7 @@ fn climbs_and_turns_are_reported_alike(t: &Trial) -> Judged {
     let Some(heading) = fix(t, &a)?.heading else {
         return Ok(());
     };
-    for part in [0.0, 0.45, 0.9, 0.45, 0.0] {
+    for part in [0.45, 0.9, 0.45] {
         a.send(
             mode_command(mode::AUTOPILOT)
                 .raw("Heading Command Type", 2)
@@ -403,78 +397,4 @@ fn climbs_and_turns_are_reported_alike(t: &Trial) -> Judged {
     a.send(schedule(4000, 0));
     hold(t, &a)?;
     Ok(())
-}
-
-fn everybody_is_informed_and_served_again(t: &Trial) -> Judged {
-    let means = &t.bench.profile.means;
-    let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
-        return Ok(());
-    };
-    let a = if t.may_fly() {
-        airborne(t).or_else(|_| t.controller())?
-    } else {
-        t.controller()?
-    };
-    let b = t.b()?;
-    t.grant(&b, loi::LOI2)?;
-    fix(t, &b).precondition("the vehicle has a position")?;
-    let flown = on_a_long_route(t, &a)?;
-    let mark = t.bench.net.mark();
-    crate::means::shell(cut).map_err(Stop::Inconclusive)?;
-    let result = (|| {
-        let warned = |seen: &Seen| seen.raw("Priority").is_some_and(|priority| priority >= 2);
-        for (station, what) in [(&a, "the holder"), (&b, "a CUCS with LOI 2")] {
-            let said = loss_alert(t, station, mark, warned)?;
-            t.expect(said.is_some(), || {
-                format!("expected a 16000 about the loss of the vehicle at {} ({what}) as well; none came within 10 s", station.id)
-            })?;
-        }
-        let asked = t.bench.net.mark();
-        a.send(Draft::new(15_000).raw("Subsystem ID", 1 << 3));
-        let link = a.wait(asked, t.timers().answer, |seen| {
-            seen.kind() == 16_001 && seen.raw("Subsystem ID") == Some(3)
-        });
-        match link {
-            Some(link) => t.expect_of(&link, link.raw("Subsystem State") != Some(1), || {
-                "expected subsystem 3 (communications) not to be nominal (1) in 16001 while the vehicle's link is lost".into()
-            }),
-            None => Ok(()),
-        }
-    })();
-    crate::means::shell(restore).map_err(Stop::Inconclusive)?;
-    let mark = t.bench.net.mark();
-    // Unasked, as before the loss.
-    let mut stamps = BTreeSet::new();
-    let again = b.wait(mark, Duration::from_secs(8), |seen| {
-        seen.kind() == 4000 && seen.has("Latitude") && {
-            stamps.extend(seen.stamp());
-            stamps.len() > 3
-        }
-    });
-    fresh_again(t)?;
-    let shown = reported_mode(&a);
-    if flown {
-        hold(t, &a)?;
-    }
-    result?;
-    // Its own failsafe may have taken over meanwhile.
-    if flown && shown != Ok(Some(mode::WAYPOINT)) {
-        t.warn(format!("the flight in mode 11 did not continue through a loss of the link: 3001 shows {shown:?} once it is back"));
-    }
-    t.expect(again.is_some(), || {
-        format!("expected 4000 to come to {} by itself again once the vehicle's link was back; {} came in 8 s", b.id, stamps.len())
-    })
-}
-
-/// Whether the vehicle flies a route that lasts for longer than its link is cut.
-fn on_a_long_route(t: &Trial, a: &Station) -> Judged<bool> {
-    if reported_mode(a)? != Some(mode::LOITER) {
-        return Ok(false);
-    }
-    let home = home(t, a)?;
-    let mut plan = Plan::zigzag(&home, "THROUGH", &[1, 2, 3]);
-    stretch(&home, &mut plan, 1_500.0);
-    loaded(t, a, &plan)?;
-    a.send(mode_command(mode::WAYPOINT).acked());
-    mode_becomes(a, mode::WAYPOINT, t.timers().begin)
 }
