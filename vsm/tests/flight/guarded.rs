@@ -13,10 +13,10 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{ChecksumStyle, Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 
-const ELSEWHERE: ([u8; 4], u16) = ([127, 0, 0, 9], 9_999);
+pub(super) const ELSEWHERE: ([u8; 4], u16) = ([127, 0, 0, 9], 9_999);
 
 /// Stations that may all override; those of `guarded` have a guard.
-fn rig(stations: u8, guarded: &[usize]) -> Rig {
+pub(super) fn rig(stations: u8, guarded: &[usize]) -> Rig {
     let setup = Setup {
         stations,
         ..Setup::default()
@@ -42,7 +42,7 @@ fn status(rig: &Rig) -> Value {
     serde_json::to_value(status).expect("JSON")
 }
 
-fn refused(rig: &Rig, name: &str) -> u64 {
+pub(super) fn refused(rig: &Rig, name: &str) -> u64 {
     status(rig)["refused"][name].as_u64().unwrap_or(0)
 }
 
@@ -54,7 +54,7 @@ fn controller(rig: &Rig) -> Option<String> {
 }
 
 /// A datagram in the name of a station, as whoever knows its id can write it.
-fn forged(rig: &Rig, station: Id, to: Id, message: impl Into<Message>) -> Vec<u8> {
+pub(super) fn forged(rig: &Rig, station: Id, to: Id, message: impl Into<Message>) -> Vec<u8> {
     let stamp = TimeStamp::from_unix_ms(rig.station_now().wall.as_millis() as u64);
     let message = message.into().stamped(stamp);
     let envelope = Envelope::new(station, to).summed(ChecksumStyle::Crc32);

@@ -11,7 +11,7 @@
 //! - commands that wait, and what is flown by itself: `held_commands`, `contingencies`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
-//! - who may command: `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
+//! - who may command: `guarded`, `false_data`, `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - payload stations: `payload`, `payload_at_waypoints`
 //! - a station of Edition 2.5: `edition_25`
 //! - reports: `status`, `equipment`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
@@ -35,6 +35,7 @@ mod edition_25;
 mod effects_order;
 mod equipment;
 mod events;
+mod false_data;
 mod faults;
 mod fence;
 mod files;
