@@ -9,6 +9,7 @@ mod configuration;
 mod demo_attack;
 mod demo_curves;
 mod demo_payload;
+mod demo_web;
 mod demo_wings;
 mod doctor;
 mod every_subcommand;

@@ -10,6 +10,7 @@ mod curve;
 mod labels;
 mod payload;
 mod picture;
+mod stage;
 mod story;
 mod table;
 mod track;
@@ -18,21 +19,23 @@ mod world;
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::pin::pin;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use cucs::{LoiterAt, Route, Session, Station, Waypoint};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, WaypointSpeedType};
 
 use self::curve::Section;
 use self::picture::{Picture, Planned};
+use self::stage::Stage;
 use self::story::{
     CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover, take_control,
 };
 use self::track::{Point, Track};
 use self::wings::Scenario;
-use self::world::{Protection, Remains, World, north_east_deg};
-use super::process::{Failure, failed};
+use self::world::{Remains, World, north_east_deg};
+use super::process::{Failure, failed, stop_signal};
 
 /// Fly the bridge, a simulated PX4 and a CUCS on loopback, and leave a picture and a recording
 #[derive(Debug, clap::Args)]
@@ -40,7 +43,16 @@ pub(crate) struct Arguments {
     /// Write picture and recording to this folder
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Run the simulator this many times faster than real time (default: 10; with --payload 3)
+    /// Serve the operator's page on this port of 127.0.0.1 while it flies, and after that until Ctrl-C
+    #[arg(
+        long,
+        value_name = "PORT",
+        num_args = 0..=1,
+        default_missing_value = "8586",
+        conflicts_with = "attack"
+    )]
+    web: Option<u16>,
+    /// Run the simulator this many times faster than real time (default: 10; with --payload or --web 3)
     #[arg(long)]
     speed: Option<f64>,
     /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
@@ -63,6 +75,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments {
         out,
+        web,
         speed,
         attack,
         curve,
@@ -70,30 +83,39 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         vtol,
         payload,
     } = arguments;
-    // A gimbal is steered in real time: faster than this the vehicle has flown on before it is turned after it.
-    let usual = if *payload { 3.0 } else { 10.0 };
+    // A gimbal is steered in real time: faster than this the vehicle has flown on before it is turned after it. Who looks
+    // at the page is not faster either.
+    let usual = if *payload || web.is_some() { 3.0 } else { 10.0 };
     let speed = speed.unwrap_or(usual);
     if *attack {
         return attack::run(out, speed);
     }
+    let stage = &Stage {
+        out,
+        speed,
+        page: *web,
+    };
     let flown = if *curve {
-        fly_curves(out, speed)
+        fly_curves(stage)
     } else if *payload {
-        fly_with_payload(out, speed)
+        fly_with_payload(stage)
     } else if *wing || *vtol {
-        fly_on_wings(out, speed, Scenario::of(*vtol))
+        fly_on_wings(stage, Scenario::of(*vtol))
     } else {
-        fly(out, speed)
+        fly(stage)
     };
     flown.map_err(failed)
 }
 
-fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
-    let mut story = Story::begin(speed);
-    let world = World::start(out, speed, px4_sim::Config::default(), Protection::On)?;
-    let (station, remains) = session(world, &mut story, async |_, station, story, vehicle| {
+fn fly(stage: &Stage<'_>) -> anyhow::Result<()> {
+    let mut story = Story::begin(stage.speed);
+    let world = stage.start(px4_sim::Config::default())?;
+    let flown = session(world, &mut story, async |_, station, story, vehicle| {
         flight(station, story, vehicle).await
     })?;
+    let Some((station, remains)) = flown else {
+        return Ok(());
+    };
     let track = Track::flown(&remains.track);
     let planned = planned();
     let deviation_m = track.deviation_m(&planned.line);
@@ -108,20 +130,23 @@ fn fly(out: &Path, speed: f64) -> anyhow::Result<()> {
     let report = format!(
         "\nlargest deviation from the route {deviation_m:.1} m (corners are cut by PX4's acceptance radius)\n"
     );
-    leave(out, &picture, &station, &remains, &story, &report)
+    leave(stage.out, &picture, &station, &remains, &story, &report)
 }
 
-fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
+fn fly_curves(stage: &Stage<'_>) -> anyhow::Result<()> {
     let section = Section::new()?;
-    let mut story = Story::begin(speed);
+    let mut story = Story::begin(stage.speed);
     let vehicle = px4_sim::Config {
         home: section.home(),
         ..px4_sim::Config::default()
     };
-    let world = World::start(out, speed, vehicle, Protection::On)?;
-    let (station, remains) = session(world, &mut story, async |_, station, story, vehicle| {
+    let world = stage.start(vehicle)?;
+    let flown = session(world, &mut story, async |_, station, story, vehicle| {
         curve::flight(station, story, vehicle, &section).await
     })?;
+    let Some((station, remains)) = flown else {
+        return Ok(());
+    };
     let track = Track::flown(&remains.track);
     let planned = section.planned();
     let compared = section.compare(&remains.track, &remains.status)?;
@@ -137,15 +162,18 @@ fn fly_curves(out: &Path, speed: f64) -> anyhow::Result<()> {
         looks: &[],
     };
     let report = section.report(&compared)?;
-    leave(out, &picture, &station, &remains, &story, &report)
+    leave(stage.out, &picture, &station, &remains, &story, &report)
 }
 
-fn fly_on_wings(out: &Path, speed: f64, scenario: &Scenario) -> anyhow::Result<()> {
-    let mut story = Story::begin(speed);
-    let world = World::start(out, speed, scenario.vehicle(), Protection::On)?;
-    let (station, remains) = session(world, &mut story, async |_, station, story, vehicle| {
+fn fly_on_wings(stage: &Stage<'_>, scenario: &Scenario) -> anyhow::Result<()> {
+    let mut story = Story::begin(stage.speed);
+    let world = stage.start(scenario.vehicle())?;
+    let flown = session(world, &mut story, async |_, station, story, vehicle| {
         scenario.flight(station, story, vehicle).await
     })?;
+    let Some((station, remains)) = flown else {
+        return Ok(());
+    };
     let (track, marks, off_m) = scenario.flown(&remains)?;
     let planned = scenario.planned();
     let picture = Picture {
@@ -167,21 +195,24 @@ fn fly_on_wings(out: &Path, speed: f64, scenario: &Scenario) -> anyhow::Result<(
         );
     }
     report += &format!("touched down {off_m:.1} m from its place\n");
-    leave(out, &picture, &station, &remains, &story, &report)
+    leave(stage.out, &picture, &station, &remains, &story, &report)
 }
 
-fn fly_with_payload(out: &Path, speed: f64) -> anyhow::Result<()> {
-    let mut story = Story::begin(speed);
+fn fly_with_payload(stage: &Stage<'_>) -> anyhow::Result<()> {
+    let mut story = Story::begin(stage.speed);
     let vehicle = px4_sim::Config {
         payloads: 1,
         ..px4_sim::Config::default()
     };
-    let world = World::start(out, speed, vehicle, Protection::On)?;
+    let world = stage.start(vehicle)?;
     let mut watched = payload::Watched::default();
-    let (station, remains) = session(world, &mut story, async |world, station, story, vehicle| {
+    let flown = session(world, &mut story, async |world, station, story, vehicle| {
         watched = payload::flight(world, station, story, vehicle).await?;
         Ok(())
     })?;
+    let Some((station, remains)) = flown else {
+        return Ok(());
+    };
     let track = Track::flown(&remains.track);
     let picture = Picture {
         title: "vsm demo --payload: one CUCS flies, another operates the EO/IR payload",
@@ -192,34 +223,50 @@ fn fly_with_payload(out: &Path, speed: f64) -> anyhow::Result<()> {
         looks: &watched.near(),
     };
     let report = watched.report();
-    leave(out, &picture, &station, &remains, &story, &report)
+    leave(stage.out, &picture, &station, &remains, &story, &report)
 }
 
-/// From discovery to release, `fly` between take-over and landing; the world is stopped also where it fails.
+/// From discovery to release, `fly` between take-over and landing; the world is stopped also where it fails. With a page it
+/// stays after that, until it is stopped; `None` where it was stopped before all was flown.
 fn session(
     world: World,
     story: &mut Story,
     fly: impl AsyncFnOnce(&World, &mut Station, &mut Story, Id) -> anyhow::Result<()>,
-) -> anyhow::Result<(Station, Remains)> {
+) -> anyhow::Result<Option<(Station, Remains)>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
+    let page = world.page;
     let flown = runtime.block_on(async {
+        let Ok(stop) = stop_signal() else {
+            bail!("the signals that end the demo cannot be received");
+        };
+        let mut stop = pin!(stop);
+        if let Some(page) = page {
+            story.tell(format!("the operator's page: http://{page}/"));
+        }
         let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
         let whole = async {
             let vehicle = take_over(&mut station, story).await?;
             fly(&world, &mut station, story, vehicle).await?;
             land(&mut station, story, vehicle).await
         };
-        let flown = tokio::select! {
-            flown = whole => flown,
-            _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!("interrupted")),
-        };
-        flown.map(|()| station)
+        tokio::select! {
+            flown = whole => flown?,
+            () = &mut stop => {
+                anyhow::ensure!(page.is_some(), "interrupted");
+                return Ok(None);
+            }
+        }
+        if let Some(page) = page {
+            story.tell(format!("all is flown; http://{page}/ stays until Ctrl-C"));
+            stop.await;
+        }
+        Ok(Some(station))
     });
     // Also after a failed flight: the threads end, and the recording is flushed.
     let remains = world.stop()?;
-    Ok((flown?, remains))
+    Ok(flown?.map(|station| (station, remains)))
 }
 
 /// Writes the picture, and tells the table and where everything is.

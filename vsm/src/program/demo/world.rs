@@ -31,6 +31,8 @@ pub(crate) enum Protection {
 pub(crate) struct World {
     /// Where the bridge listens for a CUCS.
     pub(crate) vsm: SocketAddr,
+    /// Where the operator's page is, where there is one.
+    pub(super) page: Option<SocketAddr>,
     bridge: JoinHandle<Option<Result<Status, TaskFault>>>,
     stop: oneshot::Sender<()>,
     simulator: Simulator,
@@ -56,6 +58,17 @@ impl World {
         vehicle: px4_sim::Config,
         protection: Protection,
     ) -> anyhow::Result<World> {
+        World::open(out, speed, vehicle, protection, "")
+    }
+
+    /// The same; `more` is added to the configuration of the bridge.
+    pub(super) fn open(
+        out: &Path,
+        speed: f64,
+        vehicle: px4_sim::Config,
+        protection: Protection,
+        more: &str,
+    ) -> anyhow::Result<World> {
         std::fs::create_dir_all(out)
             .with_context(|| format!("the folder {} cannot be made", out.display()))?;
         let private = TempDir::new().context("a folder for the demo's key and state")?;
@@ -78,7 +91,7 @@ impl World {
             .replace("OUT", &toml_text(&out)?)
             .replace("SIGNING", signing)
             .replace("ADDRESS", address);
-        let config = Config::parse(&text, private.path())?;
+        let config = Config::parse(&(text + more), private.path())?;
         let (tell, told) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
         let bridge = std::thread::Builder::new()
@@ -100,6 +113,7 @@ impl World {
         let simulator = background.block_on(Simulator::spawn(simulation))?;
         Ok(World {
             vsm: addresses.dli,
+            page: addresses.page,
             bridge,
             stop,
             simulator,
@@ -162,6 +176,7 @@ pub(super) fn north_east_m(latitude_deg: f64, longitude_deg: f64) -> (f64, f64) 
 
 struct Addresses {
     dli: SocketAddr,
+    page: Option<SocketAddr>,
     vehicle: SocketAddr,
     recording: String,
 }
@@ -208,6 +223,7 @@ fn open(config: &Config) -> anyhow::Result<(Server, Addresses)> {
     let server = Server::open(config)?;
     let addresses = Addresses {
         dli: server.dli_address()?,
+        page: server.page_address(),
         vehicle: server
             .vehicle_address(0)
             .context("the vehicle's link has no address")?,

@@ -68,6 +68,12 @@ impl Server {
         self.dli.unicast.local_addr()
     }
 
+    /// Where the operator's page is; `None` where none is served.
+    #[must_use]
+    pub fn page_address(&self) -> Option<SocketAddr> {
+        self.page.as_ref()?.0.local_addr().ok()
+    }
+
     /// Where the vehicle with this index reaches it; `None` for a serial line.
     #[must_use]
     pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {

@@ -1,0 +1,28 @@
+//! `vsm demo --web`: the flight with the operator's page beside it.
+
+use std::path::Path;
+
+use super::world::{Protection, World};
+
+/// Where and how a demo is flown.
+#[derive(Debug)]
+pub(super) struct Stage<'a> {
+    /// The folder of picture and recordings.
+    pub(super) out: &'a Path,
+    /// Times faster than time.
+    pub(super) speed: f64,
+    /// The port of the page, 0 for any; `None` where there is none.
+    pub(super) page: Option<u16>,
+}
+
+impl Stage<'_> {
+    /// The bridge and its vehicle, protected.
+    pub(super) fn start(&self, vehicle: px4_sim::Config) -> anyhow::Result<World> {
+        // Loopback alone: whoever reaches the page reads it.
+        let more = self
+            .page
+            .map(|port| format!("[http]\nlisten = \"127.0.0.1:{port}\"\n"));
+        let more = more.unwrap_or_default();
+        World::open(self.out, self.speed, vehicle, Protection::On, &more)
+    }
+}

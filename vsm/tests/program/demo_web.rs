@@ -1,0 +1,70 @@
+//! `vsm demo --web`: the page is there while the demo flies and after that, until Ctrl-C.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::time::Duration;
+
+use kit::process::{Running, program};
+use serde_json::Value;
+
+#[test]
+fn the_page_shows_the_flight_and_stays_until_it_is_interrupted() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().to_str().expect("its name");
+    let arguments = ["demo", "--web", "0", "--speed", "20", "--out", folder];
+    let mut demo = Running::start(&program("vsm"), arguments);
+    demo.wait_for("flies the route", LIMIT);
+    let printed = demo.output();
+    let page = printed
+        .split("http://")
+        .nth(1)
+        .and_then(|rest| rest.split('/').next())
+        .expect("its address");
+    assert!(get(page, "/").contains("<title>vsm</title>"));
+    let flying = &json(page, "/status.json")["vehicles"][0];
+    assert_eq!(flying["armed"], true, "{flying}");
+    assert_eq!(flying["controller"], "1b:00:00:a0", "{flying}");
+    demo.wait_for("stays until Ctrl-C", LIMIT);
+    let waypoints = &json(page, "/map.json")[0]["route"]["waypoints"];
+    assert_eq!(waypoints.as_array().map(Vec::len), Some(5), "{waypoints}");
+    assert!(
+        !out.path().join("flight.svg").exists(),
+        "it has not ended yet"
+    );
+    demo.signal("INT");
+    let ended = demo.wait(LIMIT).expect("it ends");
+    assert!(ended.success(), "{}", demo.output());
+    assert!(out.path().join("flight.svg").exists(), "{}", demo.output());
+    TcpStream::connect(page).expect_err("the page has ended with it");
+}
+
+#[test]
+fn who_has_seen_enough_ends_it_in_flight() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().to_str().expect("its name");
+    let arguments = ["demo", "--web=0", "--out", folder];
+    let mut demo = Running::start(&program("vsm"), arguments);
+    demo.wait_for("launched", LIMIT);
+    demo.signal("INT");
+    let ended = demo.wait(LIMIT).expect("it ends");
+    assert!(ended.success(), "{}", demo.output());
+}
+
+fn json(page: &str, path: &str) -> Value {
+    let answer = get(page, path);
+    let body = answer.split("\r\n\r\n").nth(1).unwrap_or_default();
+    serde_json::from_str(body).unwrap_or_else(|fault| panic!("{fault}: {answer}"))
+}
+
+fn get(page: &str, path: &str) -> String {
+    let mut stream = TcpStream::connect(page).expect("it accepts");
+    let request = format!("GET {path} HTTP/1.1\r\nHost: {page}\r\n\r\n");
+    stream
+        .write_all(request.as_bytes())
+        .expect("it takes the request");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("it answers");
+    answer
+}
+
+const LIMIT: Duration = Duration::from_secs(40);
