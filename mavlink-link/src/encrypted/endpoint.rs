@@ -11,7 +11,7 @@ use super::packet::PACKET;
 use super::record::EncryptedRecord;
 use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
-use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Suite};
+use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Received, Suite, VERSION};
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
 use crate::store::{Disk, Store as _, StoreError};
 
@@ -157,7 +157,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         let strict = carrier == Carrier::Stream;
         let mut keying = Keying::new(role, parties, identity, record.unwrap_or_default(), strict);
         if let Some(peer) = peer {
-            keying.set_peer(peer, true, now);
+            keying.set_peer(peer, now);
         }
         Ok(Self {
             keying,
@@ -185,10 +185,10 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     }
 
     /// A pairing has pinned this peer: the keys of another are dropped.
-    pub fn set_peer(&mut self, peer: PublicKey, now: Duration) {
+    pub fn set_peer(&mut self, peer: PublicKey, now: Duration, disk: &mut dyn Disk) {
         (self.current, self.previous, self.good_at) = (None, None, None);
         (self.pending_to, self.flush_at) = (None, None);
-        self.keying.set_peer(peer, false, now);
+        self.keying.pin(peer, now, disk);
     }
 
     /// How it stands.
@@ -290,7 +290,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 let taken = self.take_packet(now, from, packet, disk);
                 match taken {
                     Ok(()) => {}
-                    Err(Dropped::NoKey) => self.keying.hasten(now.mono),
+                    Err(Dropped::NoKey) => self.keying.hasten(now.mono, false),
                     Err(_) => self.note_bad(now.mono),
                 }
                 taken
@@ -647,9 +647,12 @@ impl<A> Queued<A> {
 /// The suite of an exchange that may pass in the clear; `None` for every other frame, the legacy exchange too.
 fn clear_suite(frame: &FrameView<'_>) -> Option<Suite> {
     let exchange = frame.header().message_id == KEY_EXCHANGE_ID && frame.is_checked();
-    // 229.suite; zeros at the end are trimmed, and no suite is 0.
-    let suite = frame.payload().get(38)?;
-    Suite::from_wire(*suite).filter(|_| exchange)
+    match Message::parse(frame.payload()) {
+        Ok(Received::Exchange(message)) if exchange && message.version == VERSION => {
+            Suite::from_wire(message.suite)
+        }
+        _ => None,
+    }
 }
 
 /// The link works: a request for other keys is a recording, or comes from an end that will ask again.

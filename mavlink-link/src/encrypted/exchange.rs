@@ -16,7 +16,7 @@ use crate::exchange::{
     Message, Node, Parties, PublicKey, Random, Received, Responder, ResponderConfig,
     ResponderEvent, Step, Trust, Wanted, policy_digest,
 };
-use crate::store::{Changes, Disk, Progress};
+use crate::store::{Changes, Disk, Progress, Store as _};
 
 /// Which end of the link this is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,11 +111,18 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         }
     }
 
-    /// From now on with this peer. The counter of another one says nothing about this one's.
-    pub(super) fn set_peer(&mut self, peer: PublicKey, known: bool, now: Duration) {
-        if !known {
-            self.record.counter = 0;
+    /// A pairing has pinned another peer, about whose counter the one before says nothing: on disk too, or a restart before the first
+    /// exchange would hold it to that one.
+    pub(super) fn pin(&mut self, peer: PublicKey, now: Duration, disk: &mut dyn Disk) {
+        self.record.counter = 0;
+        if let Err(fault) = disk.save(&self.vehicle, &self.record) {
+            self.fault = Some(fault.to_string());
         }
+        self.set_peer(peer, now);
+    }
+
+    /// From now on with this peer.
+    pub(super) fn set_peer(&mut self, peer: PublicKey, now: Duration) {
         (self.staged, self.confirmed, self.hint) = (None, false, Hint::default());
         let (parties, identity) = (self.parties, self.identity.duplicate());
         self.machine = Some(match self.role {
@@ -228,7 +235,7 @@ impl<A: Copy + Eq + Hash> Keying<A> {
             until,
         });
         if result == Err(Ignored::Limited) && !working && is_request(payload) {
-            self.hasten(now.mono);
+            self.hasten(now.mono, true);
         }
         matches!(result, Ok(()) | Err(Ignored::Limited | Ignored::Hint))
     }
@@ -241,14 +248,15 @@ impl<A: Copy + Eq + Hash> Keying<A> {
     }
 
     /// The other end is there and has no keys that fit ours: an attempt that waits for its time waits no longer, at most
-    /// once a second.
-    pub(super) fn hasten(&mut self, now: Duration) {
+    /// once a second. `asked`: it has requested an exchange. A packet that fits no key is anybody's: where an answer takes over a second,
+    /// an attempt that began again with each would never end.
+    pub(super) fn hasten(&mut self, now: Duration, asked: bool) {
         let lately = |at: Duration| now.saturating_sub(at) < HASTEN_EVERY;
         if let Some(Machine::Ground(initiator)) = &mut self.machine
             && !self.hastened_at.is_some_and(lately)
         {
             self.hastened_at = Some(now);
-            initiator.hasten(now);
+            initiator.hasten(now, asked);
         }
     }
 

@@ -21,7 +21,8 @@ const TAG: usize = 8;
 const ASSOCIATED: usize = 1 + 8;
 
 /// One key, used in one direction by one station in one epoch. The schedule lies on the heap, where it is wiped when
-/// dropped: a move leaves no copy.
+/// dropped: no later move leaves a copy. It is made on the stack, which may keep one until that is written again: the crate has
+/// no way to make it in place.
 pub(super) struct PacketKey {
     cipher: Box<AesGcm<Aes256, U12, U8>>,
     id: u32,

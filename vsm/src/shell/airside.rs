@@ -401,7 +401,7 @@ impl AirsideServer {
                 }
                 PairingNews::Paired(peer) => {
                     if let Some(encryption) = &mut self.encryption {
-                        encryption.set_peer(peer, self.clock.mono());
+                        encryption.set_peer(peer, self.clock.mono(), &mut self.disk.store);
                     }
                     asker
                         .send_line(&format!("paired with   {}", peer.fingerprint()))

@@ -113,8 +113,8 @@ impl Encryption {
     }
 
     /// A pairing has pinned the other end.
-    pub(super) fn set_peer(&mut self, peer: PublicKey, now: Duration) {
-        self.link.set_peer(peer, now);
+    pub(super) fn set_peer(&mut self, peer: PublicKey, now: Duration, disk: &mut dyn Disk) {
+        self.link.set_peer(peer, now, disk);
     }
 
     /// The next thing for the log; a warning is one for operators too.

@@ -413,13 +413,13 @@ impl Initiator {
         }
     }
 
-    /// The peer seems to be there and to have no key: what would be sent later is sent now, and an attempt that it may have
-    /// forgotten begins again. For a caller that limits how often it does so.
-    pub(crate) fn hasten(&mut self, now: Duration) {
+    /// The peer seems to be there and to have no key: what would be sent later is sent now, and, where it has said so itself (`asked`),
+    /// an attempt that it may have forgotten begins again. For a caller that limits how often it does so.
+    pub(crate) fn hasten(&mut self, now: Duration, asked: bool) {
         match &self.phase {
             Phase::Idle => self.not_before = self.not_before.min(now),
             Phase::Confirming(confirming, _)
-                if now.saturating_sub(confirming.since) >= FORGOTTEN =>
+                if asked && now.saturating_sub(confirming.since) >= FORGOTTEN =>
             {
                 self.fail(now, Duration::ZERO);
             }

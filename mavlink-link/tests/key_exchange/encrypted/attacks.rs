@@ -3,10 +3,11 @@
 use core::time::Duration;
 
 use mavlink_link::encrypted::{Carrier, EncryptedEvent, EncryptedState};
+use mavlink_link::exchange::{Identity, VERSION};
 use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
 
 use super::{AIR, GROUND, World, numbered};
-use crate::world::{HONEST, ms};
+use crate::world::{HONEST, ms, parties};
 
 const BOTH: [Carrier; 2] = [Carrier::Stream, Carrier::Datagrams];
 
@@ -161,7 +162,7 @@ fn plaintext_is_never_taken_and_never_sent() {
     }
 }
 
-fn exchange(suite: u8) -> Vec<u8> {
+fn exchange(suite: u8, version: u8) -> Vec<u8> {
     let header = Header {
         system_id: 1,
         component_id: 191,
@@ -169,7 +170,7 @@ fn exchange(suite: u8) -> Vec<u8> {
         ..Header::default()
     };
     let mut payload = [1; 60];
-    payload[38] = suite;
+    (payload[36], payload[38], payload[42]) = (version, suite, 17);
     let mut out = [0; MAX_FRAME];
     let len = encode_raw(header, &payload, &mut out).unwrap();
     out[..len].to_vec()
@@ -178,8 +179,11 @@ fn exchange(suite: u8) -> Vec<u8> {
 #[test]
 fn of_exchanges_only_a_pairing_passes_inside_and_only_it_leaves_in_the_clear() {
     let mut world = flown(8, Carrier::Datagrams);
-    for (suite, passes) in [(0, false), (1, false), (2, true), (3, false)] {
-        let frame = exchange(suite);
+    let cases = [(0, false), (1, false), (2, true), (3, false)]
+        .map(|(suite, passes)| (suite, VERSION, passes));
+    // Of version 0 it is the legacy exchange, whatever its suite.
+    for (suite, version, passes) in cases.into_iter().chain([(2, 0, false), (2, 1, false)]) {
+        let frame = exchange(suite, version);
         let framed = [&[0x7e, 2][..], &frame, &[0x7e]].concat();
         let inside = world.arrive(GROUND, &framed);
         assert_eq!(inside == frame, passes, "suite {suite}");
@@ -281,4 +285,35 @@ fn nothing_of_a_key_is_shown() {
             "{shown}"
         );
     }
+}
+
+#[test]
+fn who_pretends_to_have_no_key_does_not_keep_a_slow_link_from_agreeing() {
+    let mut world = World::new(13, Carrier::Datagrams);
+    // An answer takes longer than after what an attempt counts as forgotten.
+    world.radio.latency = ms(700);
+    let garbage = [&[0x7e, 0][..], &[0x20; 96], &[0x7e]].concat();
+    for _ in 0..20 {
+        world.arrive(GROUND, &garbage);
+        world.run(ms(500), ms(20));
+        world.arrive(GROUND, &garbage);
+        world.run(ms(510), ms(20));
+    }
+    assert!(world.count(GROUND, "no_key") > 0);
+    assert_eq!(world.state(GROUND), EncryptedState::Encrypted);
+}
+
+#[test]
+fn a_pairing_forgets_the_counter_of_the_peer_before_on_disk_too() {
+    let mut world = flown(14, Carrier::Datagrams);
+    let name = format!("encrypted-{:08x}", parties().vehicle_id);
+    let record = |world: &World| world.ends[AIR].disk.records[&name].clone();
+    assert!(!record(&world).starts_with(b"0 "));
+    let (now, end) = (world.now, &mut world.ends[AIR]);
+    let other = Identity::new([9; 32]).public();
+    let link = end.link.as_mut().unwrap();
+    link.set_peer(other, now, &mut end.disk);
+    let text = String::from_utf8(record(&world)).unwrap();
+    // The epoch stays: no nonce is used twice.
+    assert!(text.starts_with("0 ") && text != "0 0\n", "{text}");
 }
