@@ -19,7 +19,9 @@ use mapping::report::Commanded;
 use mapping::route::{Curving, FixedWing, Pattern, Policy, Vertices, Wings};
 use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
-use stanag_msgs::enums::{CommandedEngineState, FlightPathControlMode, FtState, RouteType};
+use stanag_msgs::enums::{
+    CommandedEngineState, FlightPathControlMode, FtState, LoiBitmap, RouteType,
+};
 use stanag_msgs::messages::{LoiterConfiguration, UaStickCommand, VehicleId};
 use stanag_msgs::{Id, Text, TimeStamp};
 
@@ -179,6 +181,18 @@ impl Context<'_> {
     pub(crate) fn asker(&self, index: usize) -> Option<Asker> {
         let station = self.stations.get(index)?;
         Some(station.asker(self.id()))
+    }
+
+    /// The station as the sender of the message that is handled now.
+    pub(crate) fn sender(&self, index: usize) -> Option<Asker> {
+        let station = self.stations.get(index)?;
+        Some(station.sender(self.id()))
+    }
+
+    /// The levels that a station may give up, or hand over, by that message.
+    pub(crate) fn disposes_of(&self, index: usize) -> LoiBitmap {
+        let station = self.stations.get(index);
+        station.map_or(LoiBitmap::NONE, |one| one.disposes_of(self.id()))
     }
 
     /// Which messages with a derived layout are used with a station: all with one of Edition 2.5, whose layouts are those of

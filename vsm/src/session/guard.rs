@@ -69,6 +69,8 @@ struct Keyed {
 #[derive(Debug)]
 struct Elsewhere {
     trailer: Trailer,
+    /// Under which it has verified.
+    key: KeyId,
     at: Duration,
     sender: SocketAddr,
 }
@@ -239,11 +241,11 @@ impl GuardEnd {
         disk: &mut dyn Disk,
     ) -> Result<&'a [u8], GuardRefusal> {
         let opened = self.judge(now, guarded, disk);
-        self.count(opened)
+        self.count(opened).map(|(inside, _)| inside)
     }
 
-    /// As [`open`](Self::open), of a datagram that has come from this address. `sender`: where its sender is, if that is
-    /// known; what a copy from elsewhere has used up is taken once more from there.
+    /// As [`open`](Self::open), of a datagram that has come from this address, with the key that it has verified under. `sender`: where
+    /// its sender is, if that is known; what a copy from elsewhere has used up is taken once more from there.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -253,7 +255,7 @@ impl GuardEnd {
         guarded: &Guarded<'a>,
         (from, sender): (SocketAddr, Option<SocketAddr>),
         disk: &mut dyn Disk,
-    ) -> Result<&'a [u8], GuardRefusal> {
+    ) -> Result<(&'a [u8], KeyId), GuardRefusal> {
         let trailer = guarded.trailer;
         self.elsewhere.retain(|one| one.at + ELSEWHERE > now.mono);
         let mut opened = self.judge(now, guarded, disk);
@@ -262,9 +264,12 @@ impl GuardEnd {
         if opened == Err(GuardRefusal::Replayed)
             && let Some(place) = self.elsewhere.iter().position(copied)
         {
-            self.elsewhere.remove(place);
-            opened = Ok(guarded.datagram);
-        } else if opened.is_ok()
+            // Under its own key, whatever has verified since: what it may command is that key's.
+            let known = self.elsewhere.remove(place);
+            opened = known
+                .map(|one| (guarded.datagram, one.key))
+                .ok_or(GuardRefusal::Replayed);
+        } else if let Ok((_, key)) = opened
             && let Some(sender) = sender.filter(|sender| *sender != from)
         {
             if self.elsewhere.len() == WINDOW {
@@ -273,6 +278,7 @@ impl GuardEnd {
             let at = now.mono;
             self.elsewhere.push_back(Elsewhere {
                 trailer,
+                key,
                 at,
                 sender,
             });
@@ -280,10 +286,7 @@ impl GuardEnd {
         self.count(opened)
     }
 
-    fn count<'a>(
-        &mut self,
-        opened: Result<&'a [u8], GuardRefusal>,
-    ) -> Result<&'a [u8], GuardRefusal> {
+    fn count<T>(&mut self, opened: Result<T, GuardRefusal>) -> Result<T, GuardRefusal> {
         match opened {
             Ok(_) => self.verified += 1,
             Err(why) => self.refused.count(why.name()),
@@ -296,7 +299,7 @@ impl GuardEnd {
         now: Now,
         guarded: &Guarded<'a>,
         disk: &mut dyn Disk,
-    ) -> Result<&'a [u8], GuardRefusal> {
+    ) -> Result<(&'a [u8], KeyId), GuardRefusal> {
         let trailer = &guarded.trailer;
         if trailer.direction != self.sends.back() {
             return Err(GuardRefusal::Direction);
@@ -330,9 +333,10 @@ impl GuardEnd {
         let followed = keyed.clock.follow(stamp, now, disk);
         followed.map_err(|_| GuardRefusal::Disk)?;
         keyed.window.take(now.mono, stamp);
+        let key = keyed.id;
         self.behind = None;
         self.in_use = place;
-        Ok(guarded.datagram)
+        Ok((guarded.datagram, key))
     }
 
     /// Seals a datagram under the key that the other end has shown to have; returns the length.
@@ -405,12 +409,6 @@ impl GuardEnd {
     #[must_use]
     pub fn in_force(&self) -> Option<KeyId> {
         self.keys.first().map(|one| one.id)
-    }
-
-    /// The key that its newest datagram has verified under.
-    #[must_use]
-    pub fn verified_under(&self) -> Option<KeyId> {
-        self.keys.get(self.in_use).map(|one| one.id)
     }
 
     /// How it stands.

@@ -40,6 +40,8 @@ pub(crate) struct GroundStation {
     pub(crate) sends_heartbeats: bool,
     /// The end of its guarded way, where it has one and there is a key.
     pub(crate) guard: Option<GuardEnd>,
+    /// The guard key that has sealed what is handled now.
+    pub(crate) sealed_under: Option<KeyId>,
     /// What the access list allows it.
     pub(crate) permits: Permits,
     /// What it may still send.
@@ -63,6 +65,7 @@ impl GroundStation {
             delay: Delay::Unknown,
             sends_heartbeats: false,
             guard: None,
+            sealed_under: None,
             permits: Permits::default(),
             allowance: StationAllowance::default(),
             spoken: None,
@@ -114,6 +117,24 @@ impl GroundStation {
         self.asker_for(self.permits.levels(vehicle, has))
     }
 
+    /// What it may request by the message that is handled now: what the key that has sealed that is listed with. One that was replaced
+    /// verifies for a day, and its thief must not request by it what is listed under the new one.
+    pub(crate) fn sender(&self, vehicle: Id) -> Asker {
+        let key = self.sealing_key();
+        self.asker_for(self.permits.levels(vehicle, |listed| listed == key))
+    }
+
+    /// What it may give up, or hand over, by that message, if it holds it: an entry that has ended keeps nobody from that.
+    pub(crate) fn disposes_of(&self, vehicle: Id) -> LoiBitmap {
+        self.permits.kept_under(vehicle, self.sealing_key())
+    }
+
+    fn sealing_key(&self) -> KeyId {
+        let key = self.sealed_under.filter(|_| self.guard.is_some());
+        // Without a guard it has no key at all, and no entry is for that.
+        key.unwrap_or(KeyId::from_bytes([0; 8]))
+    }
+
     /// What it keeps of a vehicle where it holds it. In the air nothing ends by a clock, or by another guard key.
     pub(crate) fn keeper(&self, vehicle: Id, flies: bool) -> Asker {
         if flies {
@@ -131,13 +152,7 @@ impl GroundStation {
         flies: bool,
         held: bool,
     ) -> Permitted {
-        let key = self
-            .guard
-            .as_ref()
-            .and_then(super::guard::GuardEnd::verified_under);
-        // Without a guard it has no key at all, and no entry is for that.
-        let key = key.unwrap_or(KeyId::from_bytes([0; 8]));
-        let key = (!held).then_some(key);
+        let key = (!held).then(|| self.sealing_key());
         self.permits.judge(vehicle, group, key, flies)
     }
 

@@ -28,6 +28,9 @@ use crate::config::{Config, Signing};
 pub struct Order {
     /// Key files in force, where they really are: what belongs to each lies beside it.
     keys: Vec<PathBuf>,
+    /// Lists of who may command: they name keys and vehicles.
+    #[serde(default)]
+    lists: Vec<PathBuf>,
     /// The folder of recordings.
     recordings: Option<PathBuf>,
     /// The audit logs and their key stay.
@@ -89,6 +92,7 @@ impl Order {
         let others = forwards.chain(guards).chain(access);
         Order {
             keys: vehicles.chain(others).map(real).collect(),
+            lists: config.access.iter().map(|one| real(&one.list)).collect(),
             recordings: config.record.as_ref().map(|record| absolute(&record.dir)),
             keep_audit: config.zeroize.keep_audit,
         }
@@ -99,6 +103,7 @@ impl Order {
     pub fn of_agent(config: &AirsideConfig) -> Order {
         Order {
             keys: vec![real(&config.agent.get_ref().key_file)],
+            lists: Vec::new(),
             recordings: None,
             keep_audit: false,
         }
@@ -133,6 +138,8 @@ impl Order {
             }
             files.push(path);
         }
+        let lists = self.lists.iter().filter(|list| list.is_file());
+        files.extend(lists.cloned());
         if let Some(folder) = &self.recordings {
             let recorded = entries(folder, erased).into_iter();
             files.extend(recorded.filter(|path| named(path, is_recording)));
@@ -141,11 +148,12 @@ impl Order {
     }
 
     /// Whether a file that cannot be erased keeps the order standing. Whoever may write into the folder of recordings could keep
-    /// it standing for ever.
+    /// it standing for ever; and a list may be another user's, who signs it.
     #[must_use]
     pub fn needs(&self, path: &Path) -> bool {
         let within = |folder: &PathBuf| folder_of(path) == folder;
-        !self.recordings.as_ref().is_some_and(within)
+        let listed = self.lists.iter().any(|list| list == path);
+        !listed && !self.recordings.as_ref().is_some_and(within)
     }
 }
 

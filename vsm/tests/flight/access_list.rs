@@ -1,12 +1,20 @@
 //! The access list: what a CUCS may do is what the configuration and the list give it, by the list that is newest.
 
 use std::num::NonZeroU64;
+use std::time::Duration;
 
-use kit::bridge::{Rig, Setup, VSM, access_key, cucs, guard_key, orders, vehicle_id};
-use mavlink_link::signing::KeyId;
+use kit::bridge::{Rig, Setup, StationGuard, VSM, access_key, cucs, guard_key, orders, vehicle_id};
+use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::store::Disk as _;
 use serde_json::Value;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap};
-use stanag_msgs::messages::ParameterSetCommand;
+use stanag_msgs::enums::{
+    AckType, ContingencyAction, ContingencyCause, FlightPathControlMode as Mode, LoiBitmap,
+    RequestedAccess,
+};
+use stanag_msgs::messages::{
+    Contingency, CucsAuthorisationRequest, ParameterSetCommand,
+    PositiveHandoverAuthorisationRequest,
+};
 use stanag_msgs::{Message, Text};
 use vsm::session::{AccessEntry, AccessGroup as Group, AccessKey, AccessList};
 
@@ -55,6 +63,13 @@ fn renew(rig: &mut Rig, list: String) -> Result<Vec<String>, String> {
     rig.access = list;
     let text = rig.text.clone();
     rig.reload(&text).map(|report| report.applied)
+}
+
+fn audited(rig: &Rig) -> String {
+    let name = format!("audit-{:08x}.log", vehicle_id(0).0);
+    let log = rig.store.read(&name, u64::MAX);
+    let log = log.expect("it can be read").expect("it is there");
+    String::from_utf8_lossy(&log).into_owned()
 }
 
 fn status(rig: &Rig) -> Value {
@@ -150,9 +165,24 @@ fn what_a_newer_list_takes_away_ends_at_once_and_an_older_one_brings_nothing_bac
     let forged = list(2, &[Group::Launch], None).replace("version 2", "version 9");
     let fault = renew(&mut rig, forged).expect_err("it does not verify");
     assert!(fault.contains("does not verify"), "{fault}");
+    rig.run(2.0);
+    let found = status(&rig)["findings"].to_string();
+    assert!(found.contains("does not verify"), "{found}");
     renew(&mut rig, list(3, &all, None)).expect("it is newer");
     rig.run(2.0);
     assert!(!status(&rig)["findings"].to_string().contains("access-list"));
+    // Who could command by which list is in the audit log, with what was refused.
+    let log = audited(&rig);
+    for what in [
+        "version 1, key",
+        "version 1 -> 2, 1 entries",
+        "version 1, and version 2 is in force",
+        "started by version 2 of the store",
+        "does not verify",
+        "version 2 -> 3, 2 entries",
+    ] {
+        assert!(log.contains(what), "{what}: {log}");
+    }
     rig.carry_out(orders::request_control());
     assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
 }
@@ -275,4 +305,82 @@ fn a_list_for_another_vehicle_gives_nothing_of_this_one() {
     );
     assert_eq!(held(&rig), 0);
     is_refused(&mut rig, loiter(), "without the right", "held is nothing");
+}
+
+/// Station 0 with a new guard key; the one before is accepted still, and who has it is returned with the guard of the new one.
+fn rotated(rig: &mut Rig) -> [StationGuard; 2] {
+    let new = || SigningKey::new([0x4e; 32]).expect("not all zero");
+    let now = rig.now();
+    let until = Some(now.mono + Duration::from_secs(24 * HOUR));
+    let keys = vec![(new(), None), (guard_key(cucs(0)), until)];
+    let bridge = rig.bridge.as_mut().expect("it runs");
+    let given = bridge.set_guard_keys(vec![(cucs(0), keys)], now, Duration::ZERO, &mut rig.store);
+    given.expect("their clocks can be read");
+    let thief = rig.guards.remove(&0).expect("it has one");
+    let owner = StationGuard::with_key(cucs(0), new(), rig.station_now());
+    [thief, owner]
+}
+
+#[test]
+fn a_key_that_was_replaced_neither_requests_nor_gives_up_what_is_listed_under_the_new_one() {
+    let groups = [Group::Fly, Group::Launch];
+    let next = SigningKey::new([0x4e; 32]).expect("not all zero").id();
+    let mut rig = rig(2, list_of(1, &groups, None, next));
+    rig.stations[0].heartbeats = true;
+    let [thief, owner] = rotated(&mut rig);
+    rig.guards.insert(0, thief);
+    let asked = rig.carry_out(orders::request_control());
+    assert_eq!((asked, held(&rig)), (Some(AckType::Refused), 0));
+    let thief = rig.guards.insert(0, owner).expect("it was there");
+    rig.carry_out(orders::request_control());
+    rig.take_off(20.0);
+    let all = held(&rig);
+    assert!(all > 0);
+    // In the air, within the day in which the key before verifies.
+    let owner = rig.guards.insert(0, thief).expect("it was there");
+    let release = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0f)),
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        ..CucsAuthorisationRequest::default()
+    };
+    is_refused(
+        &mut rig,
+        release.clone(),
+        OTHER_KEY,
+        "for another guard key",
+    );
+    let hand_over = PositiveHandoverAuthorisationRequest {
+        requesting_cucs_id: Some(cucs(1)),
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0c)),
+        ..PositiveHandoverAuthorisationRequest::default()
+    };
+    is_refused(&mut rig, hand_over, OTHER_KEY, "for another guard key");
+    is_refused(&mut rig, loiter(), OTHER_KEY, "for another guard key");
+    assert_eq!(held(&rig), all);
+    rig.guards.insert(0, owner);
+    assert_eq!(rig.carry_out(land()), Some(AckType::CarriedOut));
+    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    assert_eq!(held(&rig), 0);
+}
+
+#[test]
+fn a_contingency_that_lands_needs_the_group_that_lands() {
+    let set = |action| Contingency {
+        contingency_cause: Some(ContingencyCause::Battery),
+        contingency_action: Some(action),
+        ..Contingency::default()
+    };
+    let mut rig = rig(1, list(1, &[Group::Fly], None));
+    rig.carry_out(orders::request_control());
+    is_refused(
+        &mut rig,
+        set(ContingencyAction::Landing),
+        OUTSIDE,
+        "does not give it this group",
+    );
+    let end = rig.carry_out(set(ContingencyAction::Return));
+    assert_eq!(end, Some(AckType::CarriedOut));
+    renew(&mut rig, list(2, &[Group::Fly, Group::Launch], None)).expect("it is newer");
+    let end = rig.carry_out(set(ContingencyAction::Landing));
+    assert_eq!(end, Some(AckType::CarriedOut));
 }

@@ -15,6 +15,7 @@ use super::parties::VSM;
 #[derive(Debug)]
 pub struct StationGuard {
     station: Id,
+    key: SigningKey,
     end: GuardEnd,
     disk: MemoryDisk,
     /// Everything that it has sent, as it went out.
@@ -24,10 +25,16 @@ pub struct StationGuard {
 impl StationGuard {
     /// One with the key of its station.
     pub fn new(station: Id, now: Now) -> StationGuard {
+        StationGuard::with_key(station, guard_key(station), now)
+    }
+
+    /// One with another key, such as the next of its station.
+    pub fn with_key(station: Id, key: SigningKey, now: Now) -> StationGuard {
         let mut disk = MemoryDisk::default();
-        let end = start(station, now, &mut disk);
+        let end = start(station, &key, now, &mut disk);
         StationGuard {
             station,
+            key,
             end,
             disk,
             sent: Vec::new(),
@@ -36,7 +43,7 @@ impl StationGuard {
 
     /// As after `kill -9`.
     pub fn restart(&mut self, now: Now) {
-        self.end = start(self.station, now, &mut self.disk);
+        self.end = start(self.station, &self.key, now, &mut self.disk);
     }
 
     /// A datagram of its station, sealed.
@@ -64,8 +71,8 @@ impl StationGuard {
     }
 }
 
-fn start(station: Id, now: Now, disk: &mut MemoryDisk) -> GuardEnd {
-    let keys = vec![(guard_key(station), None)];
+fn start(station: Id, key: &SigningKey, now: Now, disk: &mut MemoryDisk) -> GuardEnd {
+    let keys = vec![(key.duplicate(), None)];
     let ids = (station, VSM);
     let end = GuardEnd::new(ids, Direction::ToVsm, keys, Duration::ZERO, now, disk);
     end.expect("its disk is good")

@@ -312,12 +312,20 @@ impl Rig {
         let prepared = prepared.map_err(|fault| fault.to_string())?;
         let access = config.access.as_ref();
         let access = access.map(|_| bridge.prepare_access(self.access.as_bytes()));
-        let access = access.transpose().map_err(|fault| fault.to_string())?;
+        let access = match access.transpose() {
+            Ok(access) => access.flatten(),
+            Err(fault) => {
+                bridge.refuse_access(&fault.to_string(), now, &mut self.store);
+                return Err(fault.to_string());
+            }
+        };
+        let stored = bridge.store_access(access.as_ref(), &mut self.store);
+        stored.expect("it is stored");
         let reloaded = bridge.reload(&config, ends, now, START, &mut self.store);
         reloaded.map_err(|fault| fault.to_string())?;
         bridge.take_forwards(prepared);
-        let taken = bridge.take_access(access.flatten(), now, &mut self.store);
-        report.applied.extend(taken.expect("it is stored"));
+        let taken = bridge.take_access(access, now, &mut self.store);
+        report.applied.extend(taken);
         (self.config, self.text) = (config, text.to_owned());
         self.give_guard_keys();
         Ok(report)

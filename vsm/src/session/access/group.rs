@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use stanag_msgs::Message;
-use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::enums::{ContingencyAction, LoiBitmap};
 
 /// A group of messages. Its order is that of the lines of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -77,6 +77,18 @@ impl Group {
             Group::Payload => LoiBitmap::LOI3,
             Group::Plan | Group::Fly | Group::Settings => LoiBitmap::LOI4,
             Group::Launch | Group::Terminate | Group::Zeroize => LoiBitmap::LOI5,
+        }
+    }
+
+    /// The group that a message needs besides: who may not land the aircraft does not set that it lands by itself.
+    pub(crate) fn besides(message: &Message) -> Option<Group> {
+        match message {
+            Message::Contingency(one)
+                if one.contingency_action == Some(ContingencyAction::Landing) =>
+            {
+                Some(Group::Launch)
+            }
+            _ => None,
         }
     }
 

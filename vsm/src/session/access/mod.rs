@@ -61,6 +61,8 @@ pub(crate) struct Access {
     clock: SigningClock,
     /// Why the file is not in force, where another list is.
     refused: Option<String>,
+    /// Which version the store had at the start.
+    before: Option<u64>,
 }
 
 /// A list that may come into force.
@@ -157,6 +159,7 @@ impl Access {
                 .map(|known| (known.list.version(), &*known.text));
             prepare(&bytes, &key, vsm, known).map_err(|fault| fault.to_string())
         });
+        let before = known.as_ref().map(|known| known.list.version());
         let (PreparedAccess { list, text }, refused) = match (file, known) {
             (Ok(Some(new)), _) => {
                 disk.save(&key.id(), &Stored(new.text.clone()))?;
@@ -176,6 +179,7 @@ impl Access {
             text,
             clock,
             refused,
+            before,
         };
         access.keep(now, disk);
         Ok(access)
@@ -190,22 +194,34 @@ impl Access {
         prepare(file, &self.key, self.list.vsm(), Some(known))
     }
 
-    /// Puts a newer list in force, which the store has from then on; what has changed, for the report.
+    /// Stores a newer list: from then on no start is by an older one.
     ///
     /// # Errors
-    /// It cannot be stored: the one before stays in force.
-    pub(crate) fn take(
-        &mut self,
-        new: PreparedAccess,
+    /// It cannot be stored, and must not come into force.
+    pub(crate) fn store(
+        &self,
+        new: &PreparedAccess,
         disk: &mut dyn Disk,
-    ) -> Result<String, StoreError> {
-        disk.save(&self.key.id(), &Stored(new.text.clone()))?;
+    ) -> Result<(), StoreError> {
+        disk.save(&self.key.id(), &Stored(new.text.clone()))
+    }
+
+    /// Puts a newer list in force, which the store has; what has changed, for the report.
+    pub(crate) fn take(&mut self, new: PreparedAccess) -> String {
         let before = self.list.version();
         (self.list, self.text, self.refused) = (new.list, new.text, None);
         let (after, count) = (self.list.version(), self.list.entries().len());
-        Ok(format!(
-            "access list version {before} -> {after}, {count} entries"
-        ))
+        format!("access list version {before} -> {after}, {count} entries")
+    }
+
+    /// The key that it is signed by.
+    pub(crate) fn key_id(&self) -> KeyId {
+        self.key.id()
+    }
+
+    /// The version that was in force before this start, where the store had one.
+    pub(crate) fn before(&self) -> Option<u64> {
+        self.before
     }
 
     /// The file is not the list in force: why, or that it is again.

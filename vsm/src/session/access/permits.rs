@@ -62,6 +62,11 @@ impl Permits {
         self.union(vehicle, |_| true)
     }
 
+    /// The same, by entries for this key alone.
+    pub(crate) fn kept_under(&self, vehicle: Id, key: KeyId) -> LoiBitmap {
+        self.union(vehicle, |one| one.entry.key == key)
+    }
+
     fn union(&self, vehicle: Id, counts: impl Fn(&Permit) -> bool) -> LoiBitmap {
         let Some(permits) = &self.0 else {
             return EVERY_LEVEL;

@@ -73,7 +73,8 @@ fn an_older_list_is_not_taken_over_a_restart_and_the_newest_stays_in_force() {
     assert_eq!(access.prepare(&file(4)).unwrap_err(), older);
     assert!(access.prepare(&file(5)).unwrap().is_none());
     let new = access.prepare(&file(7)).unwrap().expect("it is newer");
-    let text = access.take(new, &mut disk).unwrap();
+    access.store(&new, &mut disk).unwrap();
+    let text = access.take(new);
     assert_eq!(text, "access list version 5 -> 7, 1 entries");
     // After a start: from the file that was put back, from one that is damaged, gone, or another of the same version.
     let mut other = AccessList::new(VSM);
@@ -108,10 +109,10 @@ fn an_older_list_is_not_taken_over_a_restart_and_the_newest_stays_in_force() {
 fn a_list_that_cannot_be_stored_does_not_come_into_force() {
     let mut disk = MemoryDisk::default();
     let now = clocks(0, 0, 0);
-    let mut access = start(Ok(file(5)), now, &mut disk).unwrap();
+    let access = start(Ok(file(5)), now, &mut disk).unwrap();
     disk.full = Some("");
     let new = access.prepare(&file(6)).unwrap().expect("it is newer");
-    assert!(access.take(new, &mut disk).is_err());
+    assert!(access.store(&new, &mut disk).is_err());
     assert_eq!(access.version(), 5);
     let mut empty = MemoryDisk {
         full: Some(""),

@@ -7,6 +7,7 @@ use stanag_msgs::{Id, table};
 
 use super::rules::{Access, Answer, CONTROL, Refusal, Rights, Stations};
 use super::{AuthorityMachine, Context, Of, Unstored, messages, releases};
+use crate::session::access::Permitted;
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
 
@@ -19,7 +20,7 @@ impl AuthorityMachine {
         request: &CucsAuthorisationRequest,
         effects: &mut Effects<'_>,
     ) -> AckType {
-        let Some(asker) = context.asker(origin.station) else {
+        let Some(asker) = context.sender(origin.station) else {
             return AckType::Refused;
         };
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
@@ -51,6 +52,12 @@ impl AuthorityMachine {
             Access::Release => (wanted, Rights::NONE),
             _ => with_stations(context, wanted, !stations.is_empty()),
         };
+        if access == Access::Release
+            && let Err(refused) = self.may_dispose(context, origin, wanted, effects)
+        {
+            self.answer(context, origin.station, Some(request), effects);
+            return refused;
+        }
         let waits_for_transition = request
             .wait_for_vehicle_data_link_transition_coordination_message
             == Some(WaitTransition::Wait);
@@ -73,6 +80,30 @@ impl AuthorityMachine {
             self.answer(context, origin.station, Some(request), effects);
         }
         self.acknowledgement(origin, asker.id, &answer, effects)
+    }
+
+    /// Whether the key that has sealed a message may give up what its sender holds of these rights, or hand it over: who has a guard key
+    /// that was replaced takes nothing away that is listed under the new one. Refused otherwise, with the reason.
+    pub(super) fn may_dispose(
+        &self,
+        context: &Context<'_>,
+        origin: &Origin,
+        named: Rights,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), AckType> {
+        let may = context.disposes_of(origin.station);
+        let asker = context.asker(origin.station);
+        let held = asker.map_or(Rights::NONE, |asker| self.decided.held(asker.id));
+        let Some((counter, why)) = Permitted::OtherKey.refusal() else {
+            return Ok(());
+        };
+        if may.contains(held.both(named).levels()) && !(named.is_empty() && may.is_empty()) {
+            return Ok(());
+        }
+        effects.dli.counters.count(counter);
+        let text = format!("message {}: {why}", table::named(origin.message_type));
+        effects.answer(&[origin.station], text);
+        Err(AckType::Refused)
     }
 
     /// To everybody, or to the VSM. It is a question for each vehicle, as a discovery is; a release of levels that it

@@ -29,7 +29,7 @@ impl AuthorityMachine {
         request: &PositiveHandoverAuthorisationRequest,
         effects: &mut Effects<'_>,
     ) -> AckType {
-        let Some(by) = context.asker(origin.station) else {
+        let Some(by) = context.sender(origin.station) else {
             return AckType::Refused;
         };
         let acquirer = request
@@ -50,6 +50,11 @@ impl AuthorityMachine {
             };
             return self.acknowledgement(origin, by.id, &answer, effects);
         }
+        if (acquirer != by.id || wanted.is_empty())
+            && let Err(refused) = self.may_dispose(context, origin, wanted, effects)
+        {
+            return refused;
+        }
         let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
         });
@@ -64,7 +69,7 @@ impl AuthorityMachine {
         message: &VehicleDataLinkTransitionCoordination,
         effects: &mut Effects<'_>,
     ) {
-        let Some(by) = context.asker(origin.station) else {
+        let Some(by) = context.sender(origin.station) else {
             return;
         };
         let why = if context.provisional(origin.station) != Provisional::All {
@@ -84,6 +89,11 @@ impl AuthorityMachine {
         let acquirer = message.acquiring_cucs_id.unwrap_or(by.id);
         // 34000 stands for message 4 with LOI 4 and 5, which move together.
         let wanted = Rights::of_control(CONTROL);
+        if acquirer != by.id
+            && let Err(refused) = self.may_dispose(context, &origin, wanted, effects)
+        {
+            return effects.acknowledge(&origin, refused);
+        }
         let answer = self.decide(context, Of::Handover(by.id), effects, |authority, at| {
             authority.handover(at, &by, acquirer, wanted)
         });

@@ -59,9 +59,34 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Result<(), AccessError> {
         let access = Access::start(key, self.vsm, file, now, not_before, disk)?;
+        let (version, key) = (access.version(), access.key_id());
+        let changed = match access.before() {
+            Some(before) if before == version => None,
+            Some(before) => Some(format!(
+                "version {before} -> {version}, key {key}, at a start"
+            )),
+            None => Some(format!("version {version}, key {key}, at its first start")),
+        };
+        let refused = access.refused().map(str::to_owned);
         self.access = Gate::List(Box::new(access));
+        if let Some(why) = changed {
+            self.audit_access(AUDITED, &why, now, disk);
+        }
+        if let Some(why) = refused {
+            let why = format!("{why}; started by version {version} of the store");
+            self.audit_access(AUDITED_REFUSED, &why, now, disk);
+        }
         self.give_permits(now);
         Ok(())
+    }
+
+    /// A line in the audit log of each vehicle: who may command it is decided by the list too.
+    fn audit_access(&mut self, what: &'static str, why: &str, now: Now, disk: &mut dyn Disk) {
+        let (mut dli, aircraft) = self.effects(now, disk);
+        for one in aircraft.iter_mut() {
+            let by = None;
+            one.ask_authority(&mut dli, Input::Audit { what, by, why });
+        }
     }
 
     /// Looks whether a file is a newer list than the one in force; `None` where it is that one. Nothing changes.
@@ -75,32 +100,56 @@ impl Bridge {
         }
     }
 
-    /// Puts a list in force; `None` where the file is that which is. What it no longer allows ends at once, in the air too. Returns
-    /// what has changed.
+    /// The file is not the list that is in force, and does not become it: why, for the findings and the audit log.
+    pub fn refuse_access(&mut self, why: &str, now: Now, disk: &mut dyn Disk) {
+        if let Gate::List(access) = &mut self.access {
+            access.note_file(Some(why.to_owned()));
+            let version = access.version();
+            let why = format!("{why}; version {version} stays in force");
+            self.audit_access(AUDITED_REFUSED, &why, now, disk);
+        }
+    }
+
+    /// Stores a list, before anything else changes that it narrows.
     ///
     /// # Errors
-    /// It cannot be stored: the one before stays in force.
+    /// It cannot be stored, and [`Bridge::take_access`] must not follow.
+    pub fn store_access(
+        &self,
+        new: Option<&PreparedAccess>,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        match (&self.access, new) {
+            (Gate::List(access), Some(new)) => access.store(new, disk),
+            _ => Ok(()),
+        }
+    }
+
+    /// Puts a list in force that is stored; `None` where the file is that which is. What it no longer allows ends at once, in the air
+    /// too. Returns what has changed.
     pub fn take_access(
         &mut self,
         new: Option<PreparedAccess>,
         now: Now,
         disk: &mut dyn Disk,
-    ) -> Result<Option<String>, StoreError> {
+    ) -> Option<String> {
         let Gate::List(access) = &mut self.access else {
-            return Ok(None);
+            return None;
         };
         let Some(new) = new else {
             access.note_file(None);
-            return Ok(None);
+            return None;
         };
-        let text = access.take(new, disk)?;
+        let text = access.take(new);
+        let why = format!("{text}, key {}", access.key_id());
+        self.audit_access(AUDITED, &why, now, disk);
         self.give_permits(now);
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
             one.ask_authority(&mut dli, Input::Reconfigured);
         }
         self.forget_heartbeats(now.mono);
-        Ok(Some(text))
+        Some(text)
     }
 
     /// Gives each station its entries.
@@ -206,6 +255,10 @@ impl Bridge {
         listed.flat_map(of).collect()
     }
 }
+
+/// What the audit log has of it, in two or three words.
+const AUDITED: &str = "access list";
+const AUDITED_REFUSED: &str = "access list refused";
 
 fn entry(station: &GroundStation, permit: &Permit) -> EntryStatus {
     let Permit { entry, over } = permit;

@@ -243,11 +243,11 @@ fn admit(
 ) -> bool {
     match one.right_for(message) {
         Some(right) if one.authority.rights().holds(cucs, right) => {
-            let group = held::inner(message).map_or_else(
-                || Group::of(message, right),
-                |inner| Group::of(&inner, right),
-            );
-            match one.permitted(dli, origin, group).refusal() {
+            let inner = held::inner(message);
+            let meant = inner.as_ref().unwrap_or(message);
+            let groups = [Some(Group::of(meant, right)), Group::besides(meant)];
+            let mut each = groups.into_iter().flatten();
+            match each.find_map(|group| one.permitted(dli, origin, group).refusal()) {
                 Some(why) => refuse_unlisted(one, dli, origin, why),
                 None => {
                     accept(one, dli, origin, true);

@@ -20,6 +20,7 @@ use super::Bridge;
 use super::arrival::{COMMANDS, QUESTIONS, drop_name};
 use super::reach::Arriving;
 use crate::config::Edition;
+use crate::session::access::{Group, Permitted};
 use crate::session::context::Origin;
 use crate::session::duplicates::is_command;
 use crate::session::editions::{self, Contingencies, Inbound, Standing, Upload};
@@ -221,8 +222,10 @@ impl Bridge {
                 self.effects(now, disk).0.send_translated(index, &report);
             }
         }
-        // Also of one that comes again after a restart.
-        if let Some(waypoint) = waypoint.filter(|one| self.holds(vehicle, at.cucs, one)) {
+        // Also of one that comes again after a restart; of who may send no plan any more nothing is kept, which a repetition would be.
+        if let Some(waypoint) = waypoint
+            .filter(|one| self.holds(vehicle, at.cucs, one) && self.may_plan(index, vehicle))
+        {
             self.keep_contingencies(index, vehicle, waypoint, disk);
         }
         if downloads && accepted {
@@ -231,6 +234,21 @@ impl Bridge {
         if discovers && accepted {
             self.show_holders_to(now, index, vehicle, disk);
         }
+    }
+
+    /// Whether a station may change its plan for a vehicle now.
+    fn may_plan(&self, index: usize, vehicle: Id) -> bool {
+        let mut aircraft = self.aircraft.iter();
+        let (station, of) = (
+            &self.stations[index],
+            aircraft.find(|one| one.id() == vehicle),
+        );
+        of.is_some_and(|one| {
+            let flies = one.vehicle.may_fly();
+            let listed = station.permitted(vehicle, Group::Plan, flies, false);
+            let rights = one.authority.rights();
+            rights.holds(station.id(), LoiBitmap::LOI4) && listed == Permitted::Yes
+        })
     }
 
     /// Whether a waypoint is in the upload of its station.

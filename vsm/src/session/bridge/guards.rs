@@ -126,8 +126,11 @@ impl Bridge {
         let peer = self.paths.peer(index);
         match end.open_from(now, &guarded, (from, peer), disk) {
             // It has lifted our stamps, and says nothing else.
-            Ok([]) => Opened::Dropped,
-            Ok(inside) => Opened::Verified(inside, index),
+            Ok(([], _)) => Opened::Dropped,
+            Ok((inside, key)) => {
+                self.stations[index].sealed_under = Some(key);
+                Opened::Verified(inside, index)
+            }
             Err(why) => {
                 self.counters.count(why.name());
                 if !why.wants_lift() {

@@ -86,7 +86,8 @@ impl Bridge {
         self.ask(now, index, from, false);
         self.send_waiting(now, index);
         if !taken && !arriving.acknowledges {
-            let held = self.paths.hold(index, from, arriving.bytes);
+            let key = self.stations[index].sealed_under;
+            let held = self.paths.hold(index, from, arriving.bytes, key);
             self.counters.count(if held {
                 "held back until the address is proven"
             } else {
@@ -193,7 +194,10 @@ impl Bridge {
             self.paths.take_missed(index);
             self.welcome(now, index, disk);
         }
-        for held in self.paths.take_held(index) {
+        // Each is judged by the key that has sealed it, and so is the one that has led here.
+        let arriving = self.stations[index].sealed_under;
+        for (held, key) in self.paths.take_held(index) {
+            self.stations[index].sealed_under = key;
             for frame in ed25::frames(&held).flatten() {
                 self.take_ed25(now, index, &frame, disk);
             }
@@ -202,6 +206,7 @@ impl Bridge {
                 self.take_frame(now, index, &frame, None, disk);
             }
         }
+        self.stations[index].sealed_under = arriving;
     }
 
     /// Copies what the machines may know of a station's address.

@@ -401,3 +401,35 @@ fn a_disk_that_fails_lets_nothing_pass_that_a_restart_would_take_again() {
 }
 
 const TRAILER: usize = stanag_msgs::guard::TRAILER_BYTES;
+
+#[test]
+fn a_copy_is_judged_by_the_key_that_has_sealed_it_whatever_has_verified_since() {
+    let (mut thief, mut vsm) = ends(0);
+    let mut owner = Host::new((CUCS, VSM), Direction::ToVsm, 0);
+    owner.keys = vec![2];
+    owner.restart(s(1));
+    let now = vsm.now(s(1));
+    let keys = vec![(key(2), None), (key(1), Some(s(1_000)))];
+    let set = vsm.end.set_keys(keys, Duration::ZERO, now, &mut vsm.disk);
+    set.unwrap();
+    let at = |port: u16| SocketAddr::from(([192, 0, 2, 1], port));
+    let mut open = |at_s: u64, from, bytes: &[u8]| {
+        let guarded = Guarded::parse(bytes).expect("a trailer");
+        let peers = (from, Some(at(1)));
+        let opened = vsm
+            .end
+            .open_from(vsm_now(at_s), &guarded, peers, &mut vsm.disk);
+        opened.map(|(_, key)| key)
+    };
+    // A recording under the key before, from elsewhere; then the honest one; then the recording as if from the station.
+    let recorded = thief.seal(s(2), b"recorded");
+    let honest = owner.seal(s(2), b"honest");
+    assert_eq!(open(2, at(2), &recorded), Ok(key(1).id()));
+    assert_eq!(open(3, at(1), &honest), Ok(key(2).id()));
+    assert_eq!(open(4, at(1), &recorded), Ok(key(1).id()));
+    assert_eq!(open(4, at(1), &recorded), Err(GuardRefusal::Replayed));
+}
+
+fn vsm_now(at_s: u64) -> Now {
+    Host::clocks(s(at_s), Duration::ZERO, 0)
+}

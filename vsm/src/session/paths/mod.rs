@@ -33,11 +33,16 @@ use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
+use mavlink_link::signing::KeyId;
+
 pub(crate) use self::credit::Verdict;
 pub(crate) use self::proof::{Proof, question_bytes};
 use self::rate::Rate;
 pub(crate) use self::rate::{Kind, Limits};
 use super::outbox::Datagram;
+
+/// A message that was held back, and the guard key that has sealed it.
+type Held = (Box<[u8]>, Option<KeyId>);
 
 /// The paths of all stations, by their index.
 #[derive(Debug, Default)]
@@ -93,7 +98,7 @@ struct Path {
     /// Until then, once it has not answered.
     pause: Duration,
     /// What came from it and waits for the proof.
-    held: Vec<Box<[u8]>>,
+    held: Vec<Held>,
 }
 
 /// What an arriving message is to its station.
@@ -243,7 +248,13 @@ impl Paths {
     }
 
     /// Keeps a message back until its address is proven; false where there is no room.
-    pub(crate) fn hold(&mut self, index: usize, from: SocketAddr, bytes: &[u8]) -> bool {
+    pub(crate) fn hold(
+        &mut self,
+        index: usize,
+        from: SocketAddr,
+        bytes: &[u8],
+        key: Option<KeyId>,
+    ) -> bool {
         let station = self.stations.get_mut(index);
         let paths = station.map(|one| one.candidates.iter_mut());
         let Some(path) = paths.and_then(|mut all| all.find(|path| path.address == from)) else {
@@ -251,7 +262,7 @@ impl Paths {
         };
         let room = path.held.len() < MAX_HELD;
         if room {
-            path.held.push(bytes.into());
+            path.held.push((bytes.into(), key));
         }
         room
     }
@@ -264,7 +275,7 @@ impl Paths {
     }
 
     /// What was held back from where the station is now.
-    pub(crate) fn take_held(&mut self, index: usize) -> Vec<Box<[u8]>> {
+    pub(crate) fn take_held(&mut self, index: usize) -> Vec<Held> {
         let current = self
             .stations
             .get_mut(index)

@@ -110,6 +110,7 @@ impl Scene {
         let scene = Scene {
             order: Order {
                 keys: vec![folder.path().join("uav1.key")],
+                lists: vec![folder.path().join("access.list")],
                 recordings: Some(folder.path().join("record")),
                 keep_audit: false,
             },
@@ -148,13 +149,14 @@ impl Scene {
     }
 }
 
-const SECRETS: [&str; 15] = [
+const SECRETS: [&str; 16] = [
     "uav1.key",
     "uav1.key.new",
     "uav1.key.next",
     "uav1.key.next.new",
     "uav1.key.previous",
     "uav1.key.dead",
+    "access.list",
     "state/exchange-identity",
     "state/exchange-1b000101.json",
     "state/clock-0011223344556677.json",

@@ -120,7 +120,7 @@ struct Reread {
     /// Of the ground stations with a guard.
     guard_keys: Vec<(Id, Vec<GuardKeyUntil>)>,
     /// The file of the access list, where one is configured.
-    access: Option<Vec<u8>>,
+    access: Option<Result<Vec<u8>, String>>,
     /// What the store holds of what is added.
     ahead: ReadAhead,
 }
@@ -248,7 +248,6 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     // The one of the running bridge: another waits for a restart.
     let access = open.config.access.as_ref();
     let access = access.map(|access| guards::access_list(&access.list));
-    let access = access.transpose()?;
     let others = forward_keys.iter().flatten().map(SigningKey::id);
     let of_guards = guard_keys.iter().flat_map(|(_, keys)| keys);
     let of_guards = of_guards.map(|(key, _)| key.id());
@@ -312,8 +311,18 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
             core.store.know(name, bytes);
         }
         check_removed(core, &config)?;
-        let access = new.access.map(|file| core.bridge.prepare_access(&file));
-        let access = access.transpose().map_err(|fault| fault.to_string())?;
+        let access = new.access.map(|file| {
+            let file = file.map_err(|why| why.to_string())?;
+            let prepared = core.bridge.prepare_access(&file);
+            prepared.map_err(|fault| fault.to_string())
+        });
+        let access = match access.transpose() {
+            Ok(access) => access.flatten(),
+            Err(why) => {
+                core.bridge.refuse_access(&why, now, &mut core.store);
+                return Err(why);
+            }
+        };
         let opened = open_added(
             core,
             &config,
@@ -332,6 +341,12 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         let store = &mut Ahead::new(store, &ahead);
         let prepared = bridge.prepare_forwards(&config, ends, now, NOT_BEFORE, store);
         let prepared = prepared.map_err(|fault| fault.to_string())?;
+        // Before what it narrows is applied, which may be wider.
+        if let Err(fault) = bridge.store_access(access.as_ref(), store) {
+            let why = format!("the access list cannot be stored: {fault}");
+            bridge.refuse_access(&why, now, store);
+            return Err(why);
+        }
         let applied = apply(core, config, opened, &ahead, now);
         let receivers = applied.map_err(|fault| fault.to_string())?;
         let Core { bridge, store, .. } = core;
@@ -343,12 +358,8 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
             tracing::error!("a CUCS has no guard key: {fault}");
         }
         report_guard_keys(&before, &bridge.guard_key_ids(), &mut report);
-        match bridge.take_access(access.flatten(), now, store) {
-            Ok(changed) => report.applied.extend(changed),
-            Err(fault) => report.restart.push(format!(
-                "the access list ({fault}; the one before stays in force)"
-            )),
-        }
+        let changed = bridge.take_access(access, now, store);
+        report.applied.extend(changed);
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
         Ok::<_, String>((report, receivers, readers))
