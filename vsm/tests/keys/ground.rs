@@ -99,6 +99,15 @@ impl Ground {
         }
     }
 
+    /// The status names a key as soon as a frame has verified under it; its files follow a moment later.
+    pub(super) async fn files(&self, what: &str, good: impl Fn(&Ground) -> bool) {
+        let end = Instant::now() + Duration::from_secs(10);
+        while !good(self) {
+            assert!(Instant::now() < end, "the key files are not so: {what}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
     fn status_json(&self) -> Option<Value> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.http)).ok()?;
         stream

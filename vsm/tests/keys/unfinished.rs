@@ -18,9 +18,12 @@ async fn the_bridge_finds_out_that_the_vehicle_has_the_next_key() {
     ground
         .link_status("the next key", |link| is_live_under(link, &id(SECOND)))
         .await;
-    assert!(ground.key("uav1.key").same_as(&key(SECOND)));
+    ground
+        .files("the next one in force", |ground| {
+            !ground.has("uav1.key.next") && ground.key("uav1.key").same_as(&key(SECOND))
+        })
+        .await;
     assert!(ground.key("uav1.key.previous").same_as(&key(FIRST)));
-    assert!(!ground.has("uav1.key.next"));
 }
 
 /// The same, and the vehicle has the old key: only half a minute of nothing else throws the new one away.
@@ -40,8 +43,12 @@ async fn the_bridge_finds_out_that_the_vehicle_has_kept_its_key() {
     ground
         .link_status("the old key", |link| is_live_under(link, &id(FIRST)))
         .await;
+    ground
+        .files("the next one deleted", |ground| {
+            !ground.has("uav1.key.next")
+        })
+        .await;
     assert!(ground.key("uav1.key").same_as(&key(FIRST)));
-    assert!(!ground.has("uav1.key.next"));
 }
 
 /// "A random one that nobody else holds": not the one that an earlier command left half-way.
@@ -78,8 +85,14 @@ async fn the_bridge_deletes_a_revoked_key_too() {
     ground
         .link_status("the next key", |link| is_live_under(link, &id(SECOND)))
         .await;
-    assert!(ground.key("uav1.key").same_as(&key(SECOND)));
-    assert!(!ground.has("uav1.key.previous") && !ground.has("uav1.key.revoked"));
+    ground
+        .files("the next one in force, the revoked one deleted", |ground| {
+            !["uav1.key.next", "uav1.key.previous", "uav1.key.revoked"]
+                .iter()
+                .any(|name| ground.has(name))
+                && ground.key("uav1.key").same_as(&key(SECOND))
+        })
+        .await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
