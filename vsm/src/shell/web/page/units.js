@@ -13,8 +13,10 @@ export function chooseUnits(choice) {
 }
 
 const known = (value) => value !== null && value !== undefined;
+// What is rounded to nothing has no sign: not "-0.0".
+const rounded = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]*$)/, "");
 const shown = (value, factor, digits, unit) =>
-  known(value) ? `${(value * factor).toFixed(digits)} ${unit}` : "unknown";
+  known(value) ? `${rounded(value * factor, digits)} ${unit}` : "unknown";
 
 export const height = (m) => (units === "aviation" ? shown(m, FEET, 0, "ft") : shown(m, 1, 1, "m"));
 export const speed = (m_s) => (units === "aviation" ? shown(m_s, KNOTS, 1, "kt") : shown(m_s, 1, 1, "m/s"));
