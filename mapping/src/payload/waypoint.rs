@@ -155,10 +155,18 @@ fn stare_point(action: &PayloadActionWaypoint) -> Result<StarePoint, String> {
             "Starepoint Latitude {latitude:.4} deg, expected -90 to 90"
         ));
     }
+    // Which of the known types can be flown depends on home and the configuration, and is judged when the route is loaded.
+    let altitude_type = match action.starepoint_altitude_type {
+        None => return Err(missing("Starepoint Altitude Type")),
+        Some(AltitudeType::Unknown(value)) => {
+            return Err(format!("Starepoint Altitude Type {value}, expected 0 to 3"));
+        }
+        known => known,
+    };
     Ok(StarePoint {
         place: (latitude, longitude),
         altitude_m,
-        altitude_type: action.starepoint_altitude_type,
+        altitude_type,
     })
 }
 

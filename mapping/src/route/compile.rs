@@ -249,7 +249,7 @@ impl<'a> Draft<'a> {
                 // PX4 leaves MIS_MNT_YAW_CTL at 0.
                 if site.hovers() {
                     self.compiled.notes.push(format!(
-                        "waypoint {number}: the vehicle turns its nose to its starepoint (13004) until another 13004 or ROI OFF, \
+                        "waypoint {number}: the vehicle turns its nose to its starepoint (13004) until another one or ROI OFF, \
                          unless MIS_MNT_YAW_CTL is 1"
                     ));
                 }

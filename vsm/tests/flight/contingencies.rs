@@ -7,7 +7,7 @@ use kit::bridge::{Rig, Setup, orders};
 use px4_sim::{HealthFaults, Mode as Px4};
 use stanag_msgs::enums::{
     AckType, AreaPlanMode, AreaType, ContingencyAction, ContingencyCause, ContingencyState,
-    FlightPathControlMode as Mode, LoiBitmap, RouteType,
+    FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
     AreaTransferCommand, AreaVertex, Contingency, CucsAuthorisationRequest,
@@ -232,23 +232,164 @@ fn a_contingency_that_cannot_be_watched_is_named_before_the_flight() {
 
 #[test]
 fn a_contingency_route_is_flown_and_a_return_where_there_is_none() {
-    let route = UaRoute {
-        route_id: Some(Text::new("CA")),
-        route_type: Some(RouteType::ContingencyA),
-        ..orders::route(7)
-    };
-    let plan = vec![
-        route.into(),
-        orders::waypoint(7, 8, 60.0, 0.0, 30.0).into(),
-        orders::waypoint(8, 0, 60.0, 50.0, 30.0).into(),
-    ];
     let keys = "[vehicle.contingency]\nbattery = \"contingency-a\"";
-    let mut rig = flying(keys, plan);
+    let mut rig = flying(keys, contingency_a());
     battery(&mut rig, 10);
     enters(&mut rig, Px4::Mission);
     let mut rig = flying(keys, Vec::new());
     battery(&mut rig, 10);
     enters(&mut rig, Px4::Rtl);
+}
+
+/// Contingency A, 60 m north and then 50 m east of home.
+fn contingency_a() -> Vec<Message> {
+    let route = UaRoute {
+        route_id: Some(Text::new("CA")),
+        route_type: Some(RouteType::ContingencyA),
+        ..orders::route(7)
+    };
+    vec![
+        route.into(),
+        orders::waypoint(7, 8, 60.0, 0.0, 30.0).into(),
+        orders::waypoint(8, 0, 60.0, 50.0, 30.0).into(),
+    ]
+}
+
+/// On hold at the end of contingency A.
+fn holds_at_its_end(rig: &mut Rig) {
+    enters(rig, Px4::Mission);
+    assert!(rig.until(90.0, |rig| rig.truth().mode == Px4::Loiter));
+    let at = rig.truth().position;
+    // A waypoint is reached within NAV_ACC_RAD, 10 m.
+    assert!(
+        (at.n - 60.0).abs() < 12.0 && (at.e - 50.0).abs() < 12.0,
+        "{at:?}"
+    );
+    rig.run(3.0);
+}
+
+#[test]
+fn a_contingency_route_that_was_flown_to_its_end_is_not_flown_again() {
+    let keys = "[vehicle.contingency]\nbattery = \"contingency-a\"";
+    let mut rig = flying(keys, contingency_a());
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    battery(&mut rig, 10);
+    holds_at_its_end(&mut rig);
+    let why = "contingency A is flown to its end, and the vehicle holds there";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    // Who controls it decides what follows, also where the VSM is started again meanwhile.
+    rig.restart_bridge();
+    rig.run(20.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig.stations[0].heartbeats = false;
+    assert!(rig.until(40.0, |rig| rig.truth().mode != Px4::Loiter));
+    assert_eq!(rig.truth().mode, Px4::Rtl);
+}
+
+#[test]
+fn a_route_for_a_lost_cucs_that_was_flown_to_its_end_is_not_flown_again() {
+    let mut rig = Rig::ready_with(Setup {
+        tables: "[authority]\non_loss = \"contingency\"\n",
+        ..Setup::default()
+    });
+    rig.send_plan(orders::square());
+    rig.send_plan(contingency_a());
+    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    rig.stations[0].heartbeats = false;
+    holds_at_its_end(&mut rig);
+    // It is there again, commands nothing, and is lost again.
+    for commanded in [false, true] {
+        rig.stations[0].heartbeats = true;
+        assert_eq!(rig.carry_out(orders::request_control()), DONE);
+        if commanded {
+            assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+        }
+        rig.run(2.0);
+        rig.stations[0].heartbeats = false;
+        let flies = rig.until(40.0, |rig| rig.truth().mode != Px4::Loiter);
+        // Once it was put on hold by a command it may have been anywhere since.
+        assert_eq!(flies, commanded);
+    }
+}
+
+#[test]
+fn nothing_less_than_the_configuration_is_set_by_message() {
+    use {ContingencyAction as A, ContingencyCause as C};
+    let keys = "[vehicle.contingency]\nbattery = \"rtl\"\nbattery_percent = 30\nengine = \"contingency-a\"";
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: keys,
+        ..Setup::default()
+    });
+    let low = |action, percent| Contingency {
+        contingency_percent: Some(percent),
+        ..set(C::Battery, action)
+    };
+    for (less, why) in [
+        (
+            set(C::Battery, A::Hold),
+            "a hold is less than the return that vehicle.contingency.battery promises",
+        ),
+        (low(A::ContingencyA, 40), "a contingency A is less"),
+        (
+            low(A::Landing, 29),
+            "29 % is later than the 30 % of vehicle.contingency.battery_percent: expected 30 to 90",
+        ),
+        (set(C::Engine, A::Hold), "vehicle.contingency.engine"),
+    ] {
+        assert_eq!(rig.carry_out(less), Some(AckType::Refused), "{why}");
+        rig.run(0.3);
+        assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    }
+    assert_eq!(reported(&mut rig, C::Battery).0, Some(A::Return));
+    for more in [
+        low(A::Landing, 30),
+        low(A::Return, 90),
+        set(C::Engine, A::ContingencyB),
+    ] {
+        assert_eq!(rig.carry_out(more), DONE, "{:?}", rig.station().alerts());
+    }
+    // Where nothing is configured a level promises nothing.
+    assert_eq!(rig.carry_out(set(C::Fence, A::Hold)), DONE);
+}
+
+#[test]
+fn who_takes_control_over_is_alerted_to_what_the_one_before_has_ended() {
+    let mut rig = Rig::new(Setup {
+        vehicle_keys: "[vehicle.contingency]\nbattery = \"land\"",
+        stations: 2,
+        ..Setup::default()
+    });
+    let id = format!("id = \"{}\"\n", rig.stations[1].id);
+    let text = rig.text.replace(&id, &format!("{id}override = true\n"));
+    rig.restart_with(&text);
+    rig.run(12.0);
+    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.take_off(20.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    battery(&mut rig, 10);
+    enters(&mut rig, Px4::Land);
+    rig.run(4.0);
+    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.run(6.0);
+    let why = "the CUCS that controlled the vehicle before has commanded otherwise";
+    assert!(!rig.stations[1].has_alert(why));
+    let over = CucsAuthorisationRequest {
+        requested_handover_access: Some(RequestedAccess::Override),
+        ..orders::request_control()
+    };
+    rig.send_as(1, 0, over);
+    assert!(
+        rig.until(5.0, |rig| rig.stations[1].has_alert(why)),
+        "{:?}",
+        rig.stations[1].alerts()
+    );
+    rig.run(5.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
 }
 
 #[test]

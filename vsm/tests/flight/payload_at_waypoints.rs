@@ -206,6 +206,20 @@ fn what_a_mission_cannot_point_is_refused_when_it_is_sent_and_leaves_nothing() {
         ),
         (action(8, 2, Pointing::Stow), "do not retract it"),
         (action(8, 2, Pointing::SlewRateInertial), "Pointing Mode 3"),
+        (
+            PayloadActionWaypoint {
+                starepoint_altitude_type: Some(AltitudeType::Unknown(9)),
+                ..stare(8)
+            },
+            "Starepoint Altitude Type 9, expected 0 to 3",
+        ),
+        (
+            PayloadActionWaypoint {
+                starepoint_altitude_type: None,
+                ..stare(8)
+            },
+            "Starepoint Altitude Type is missing",
+        ),
     ];
     for (message, why) in cases {
         assert_eq!(rig.carry_out(message), REFUSED, "{why}");
@@ -236,6 +250,38 @@ fn what_a_mission_cannot_point_is_refused_when_it_is_sent_and_leaves_nothing() {
     let kind = mavlink_link::service::mission::MavMissionType::MAV_MISSION_TYPE_MISSION;
     let items = rig.vehicles[0].vehicle().plan(kind);
     assert!(items.iter().all(|item| item.command == 16), "{items:?}");
+}
+
+/// The station has passed on between the 13004 and the 13000: who looks through the sensor now must not have it turned.
+#[test]
+fn a_route_that_points_a_station_of_another_cucs_is_not_loaded() {
+    let mut rig = rig("provisional = \"all\"", 2);
+    take(&mut rig, 0, ALL, 1);
+    let mut plan = legs();
+    plan.push(angles(8, 1, 40.0, -50.0).into());
+    rig.send_plan(plan);
+    let release = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(LOI_3)),
+        requested_handover_access: Some(RequestedAccess::Relinquish),
+        controlled_station_1_16: Some(StationBitmap1To16::STATION_1),
+        ..CucsAuthorisationRequest::default()
+    };
+    let ticket = rig.send_as(0, 0, release);
+    assert_eq!(rig.end_as(0, ticket), DONE);
+    take(&mut rig, 1, LOI_3, 1);
+    assert_eq!(rig.carry_out(orders::load()), REFUSED);
+    let why = "waypoint 8 has a payload action (13004): it needs LOI 3 (payload) of station 1";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    let kind = mavlink_link::service::mission::MavMissionType::MAV_MISSION_TYPE_MISSION;
+    assert!(rig.vehicles[0].vehicle().plan(kind).is_empty());
+    // A route without it is loaded.
+    rig.send_plan(legs());
+    assert_eq!(
+        rig.carry_out(orders::load()),
+        DONE,
+        "{:?}",
+        rig.station().alerts()
+    );
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mavlink_link::dialect::MavLandedState;
+use mavlink_link::dialect::{MavLandedState, MissionState};
 use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 
 use super::cause::{Seen, What};
@@ -52,9 +52,11 @@ impl Flight {
     ) -> bool {
         let steered = self.steers(&vehicle.telemetry);
         let carries = mission.carries(RouteType::ContingencyA);
+        let completed = self.completed_seen(vehicle, mission);
         let flown = self.flown_contingency(vehicle, mission);
         Action::of(on_loss, steered).is_some_and(|action| {
-            action.is_shown(vehicle.settled_mode(), carries) || flown >= Some(action.urgency())
+            action.is_shown(vehicle.settled_mode(), carries, completed)
+                || flown >= Some(action.urgency())
         })
     }
 
@@ -68,6 +70,23 @@ impl Flight {
         let lands = mission.lands(&vehicle.telemetry);
         self.contingencies
             .flown(vehicle.settled_mode(), flies, lands)
+    }
+
+    /// The route that the vehicle has flown to its end, where it holds there: nobody has put it on hold from here.
+    fn completed(&self, vehicle: &VehicleState, mission: &MissionView<'_>) -> Option<RouteType> {
+        let holds = vehicle.settled_mode() == Some(Px4Mode::LOITER);
+        let entered = self.watched.entered == Some(Px4Mode::LOITER) || self.maneuver.is_some();
+        let (reported, uploaded) = (vehicle.telemetry.mission?, mission.uploaded?);
+        let over = reported.state == MissionState::MISSION_STATE_COMPLETE
+            && mission.progress.was_flown()
+            && uploaded.is_aboard(reported.mission_id);
+        (holds && over && !entered).then_some(uploaded.route_type)
+    }
+
+    /// Whether this process has seen the route of contingency A flown to its end: what a CUCS commanded before a restart is not
+    /// known after it.
+    fn completed_seen(&self, vehicle: &VehicleState, mission: &MissionView<'_>) -> bool {
+        self.watched.flew && self.completed(vehicle, mission) == Some(RouteType::ContingencyA)
     }
 
     /// Whether a contingency is commanded before what is to be flown for a lost controller.
@@ -175,6 +194,8 @@ impl Flight {
             seen: [engine, position, fence, battery],
             carries: mission.uploaded.map(|uploaded| uploaded.route_type),
             flies: mission.flies(telemetry),
+            completed: self.completed(vehicle, mission),
+            controlled: context.controller.is_some(),
             lands: mission.lands(telemetry),
             busy: by_itself == Some(true) || waiting == Some(None),
             operator_waits: waiting.flatten().is_some(),
@@ -244,6 +265,7 @@ impl Flight {
             // What was given up when control was lost may still be entered: an older report ends no action.
             mode: context.vehicle.settled_mode(),
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
+            completed: self.completed_seen(context.vehicle, &context.mission),
             // A command of the VSM itself that waits for its route is the action's own.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
             on_final: context.mission.is_on_final(telemetry) || self.item_is_unknown(context),

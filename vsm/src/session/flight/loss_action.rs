@@ -59,6 +59,8 @@ pub(super) struct LossContext {
     pub(super) mode: Option<Px4Mode>,
     /// The vehicle carries the route of contingency A.
     pub(super) carries_contingency: bool,
+    /// It has flown that to its end, and holds there.
+    pub(super) completed: bool,
     /// A maneuver is in progress, or a route is being uploaded for a mode command: another command now would conflict
     /// with it.
     pub(super) busy: bool,
@@ -90,12 +92,20 @@ impl Action {
         }
     }
 
-    /// Whether a vehicle in this mode flies it, or what stands for it.
-    pub(super) fn is_shown(self, mode: Option<Px4Mode>, carries_contingency: bool) -> bool {
+    /// Whether a vehicle in this mode flies it, or what stands for it. A route that was flown to its end (`completed`) is not flown
+    /// again from its start.
+    pub(super) fn is_shown(
+        self,
+        mode: Option<Px4Mode>,
+        carries_contingency: bool,
+        completed: bool,
+    ) -> bool {
         match mode {
             // Its own failsafe brings it down, too.
             Some(Px4Mode::RTL | Px4Mode::LAND) => true,
-            Some(Px4Mode::LOITER | Px4Mode::ORBIT) => self == Action::Hold,
+            Some(Px4Mode::LOITER | Px4Mode::ORBIT) => {
+                self == Action::Hold || (self == Action::Contingency && completed)
+            }
             Some(Px4Mode::MISSION) => self == Action::Contingency && carries_contingency,
             _ => false,
         }
@@ -228,7 +238,7 @@ fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
     if context.on_ground {
         return Some("vehicle is on the ground");
     }
-    let shown = action.is_shown(context.mode, context.carries_contingency);
+    let shown = action.is_shown(context.mode, context.carries_contingency, context.completed);
     shown.then_some("the vehicle carries out the loss action")
 }
 
@@ -259,6 +269,7 @@ mod tests {
             controlled: false,
             mode: Some(Px4Mode::POSCTL),
             carries_contingency: false,
+            completed: false,
             busy: false,
             on_final: false,
             may_change_mission: true,

@@ -1,13 +1,13 @@
 //! Contingencies by message (50023): set by the CUCS in control before the flight, and read back.
 //!
 //! What a CUCS sets goes over the configuration, and stays for the vehicle: over restarts, over handovers, until the next 50023 for
-//! that cause. Nobody can set that nothing is flown where the configuration has an action. In the air nothing is set: who takes
+//! that cause. Nobody can set less than the configuration has: no action that is less urgent, no lower threshold. In the air nothing is set: who takes
 //! control there reads what holds (17002), and commands what is to be otherwise.
 
 use stanag_msgs::enums::{AckType, ContingencyAction, ContingencyCause, ContingencyState};
 use stanag_msgs::messages::Contingency;
 
-use super::contingency::{Setting, Standing};
+use super::contingency::{Contingencies, Setting, Standing};
 use super::{Context, Flight};
 use crate::config;
 use crate::session::context::Origin;
@@ -27,6 +27,10 @@ impl Flight {
             Ok(checked) => checked,
             Err(why) => return effects.refuse(Some(origin), why),
         };
+        let configured = &context.config.contingency;
+        if let Some(why) = setting.and_then(|one| Contingencies::promised_more(&one, configured)) {
+            return effects.refuse(Some(origin), why);
+        }
         // On disk before 17000: what is acknowledged must hold in the flight, whatever happens to the VSM before.
         if let Err(fault) = self.contingencies.provision(trigger, setting, effects) {
             return effects.refuse(Some(origin), format!("it cannot be stored: {fault}"));

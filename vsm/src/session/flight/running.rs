@@ -154,8 +154,12 @@ impl Flight {
             });
         }
         self.sticks.forget();
-        if controller.is_none() {
-            self.contingencies.released(effects);
+        match controller {
+            None => self.contingencies.released(effects),
+            Some(_) => {
+                let config = self.contingencies.config(&context.config.contingency);
+                self.contingencies.taken_over(&config, effects);
+            }
         }
         if controller.is_none() && steered && !context.termination.holds {
             // Steered by nobody it would fly straight on for ever.

@@ -19,6 +19,8 @@ pub(super) struct Watched {
     pub(super) mode_changed: bool,
     /// The mode that a maneuver has led to, while the vehicle stays in it: nobody else has entered it.
     pub(super) entered: Option<Px4Mode>,
+    /// It has flown a mission, and only held since.
+    pub(super) flew: bool,
 }
 
 impl Watched {
@@ -29,6 +31,11 @@ impl Watched {
         self.entered = self
             .entered
             .filter(|mode| vehicle.telemetry.mode == Some(*mode));
+        self.flew = match vehicle.telemetry.mode {
+            Some(Px4Mode::MISSION) => true,
+            Some(Px4Mode::LOITER) => self.flew,
+            _ => false,
+        };
         // A report of before the last command shows no end of it.
         if vehicle.live() && vehicle.settled_mode().is_some() {
             let holds = Other::of(&vehicle.telemetry).is_some_and(Other::may_stay);

@@ -1,4 +1,5 @@
-//! Whether a payload station can do what a 13004 asks of it: asked when it is sent, since a mission reports nothing of it later.
+//! Whether a payload station can do what a 13004 asks of it: asked when it is sent, since a mission reports nothing of it later. The
+//! right is asked again when the route is loaded: the station may have passed to another CUCS.
 //!
 //! What no mission of PX4 does is refused by [`PayloadAction::of`] already. Here is what depends on this vehicle and its
 //! sender: a mission reaches PX4's own gimbal manager and no other, and a gimbal no farther than its drives. LOI 4 is needed as
@@ -6,13 +7,47 @@
 
 use mapping::payload::report::Station;
 use mapping::payload::waypoint::{PayloadAction, Pointing, camera_of};
+use mapping::plan::Plan;
 use mavlink_link::dialect::CameraCapFlags;
+use stanag_msgs::Id;
 use stanag_msgs::messages::PayloadActionWaypoint;
 
 use super::Context;
 use crate::config::Provisional;
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
+
+/// Whether who loads a route holds the payload stations that it points. Asked of 13000 alone: a route that is aboard is flown by LOI 4
+/// whoever holds a station, and one of contingency by nobody.
+///
+/// # Errors
+/// The waypoint, and which right is missing.
+pub(super) fn may_load(
+    context: &Context<'_>,
+    by: Id,
+    route: &Plan,
+) -> Result<(), (Option<u16>, String)> {
+    for waypoint in route.numbers() {
+        let Some(action) = route.payload_action(waypoint) else {
+            continue;
+        };
+        if let Err(why) = may_point(context, by, action.station) {
+            let why = format!("waypoint {waypoint} has a payload action (13004): {why}");
+            return Err((Some(waypoint), why));
+        }
+    }
+    Ok(())
+}
+
+fn may_point(context: &Context<'_>, by: Id, station: u8) -> Result<(), String> {
+    if context.rights.holds_station(by, station) {
+        return Ok(());
+    }
+    Err(format!(
+        "it needs LOI 3 (payload) of station {station} beside LOI 4, held is {}",
+        context.rights.held(by).in_words()
+    ))
+}
 
 /// Whether a 13004 may become a part of a plan.
 ///
@@ -34,12 +69,7 @@ pub(super) fn admit(
     let number = action.station;
     let by = context.asker(origin.station).map(|asker| asker.id);
     let by = by.ok_or("its sender is not configured")?;
-    if !context.rights.holds_station(by, number) {
-        return Err(format!(
-            "it needs LOI 3 (payload) of station {number} beside LOI 4, held is {}",
-            context.rights.held(by).in_words()
-        ));
-    }
+    may_point(context, by, number)?;
     if !context.vehicle.live() {
         return Err("no data from the vehicle".to_owned());
     }

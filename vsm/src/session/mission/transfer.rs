@@ -17,6 +17,7 @@ use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingMod
 
 use super::download::{Download, Part};
 use super::input::Context;
+use super::payload_action;
 use super::progress::RouteProgress;
 use super::record::UploadedMission;
 use super::route_upload::{Outcome, RouteUpload};
@@ -150,11 +151,15 @@ impl Transfers {
             return status::reject(effects, origin, &name, Mode::Load, waypoint, why);
         }
         let begun = free.map_err(str::to_owned).and(found);
+        let begun = begun.map_err(|why| (None, why)).and_then(|found| {
+            let part = store.offered(cucs).part(&found.0);
+            payload_action::may_load(context, cucs, &part).map(|()| found)
+        });
         let (route, route_type) = match begun {
             Ok(found) => found,
-            Err(why) => {
+            Err((waypoint, why)) => {
                 store.load_failed(false, cucs, effects);
-                return status::reject(effects, origin, &name, Mode::Load, None, why);
+                return status::reject(effects, origin, &name, Mode::Load, waypoint, why);
             }
         };
         let flights = store.offered(cucs).routes().iter();

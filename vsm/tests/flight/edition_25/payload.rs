@@ -150,6 +150,13 @@ fn what_a_payload_does_at_a_waypoint_goes_up_and_comes_back() {
             .contains("#804 (Payload Action Waypoint) refused: Set Sensor Pointing Mode 6 (stow)"),
         "{alerts}"
     );
+    let mut place = at_waypoint(1, 4);
+    place["Starepoint Altitude Type"] = json!(9);
+    station.send(&mut rig, vehicle_id(0), 804, &place);
+    rig.run(0.5);
+    let alerts = station.alerts(&rig).concat();
+    let why = "#804 (Payload Action Waypoint) refused: Starepoint Altitude Type 9";
+    assert!(alerts.contains(why), "{alerts}");
     for (number, fields) in [
         (801, route(1, "R1", 2)),
         (802, waypoint(1, 2, 40.0, 0.0)),

@@ -13,7 +13,8 @@
 //!   +------------------------- the cause is gone for CLEAR_AFTER, or the vehicle is on the ground ------------------+
 //! ```
 //!
-//! What was handled is on disk: a restart neither flies it again nor forgets what has not been flown. A failsafe of PX4 ends
+//! A contingency route that was flown to its end is not flown again from its start: the vehicle holds there for whoever controls
+//! it, and returns where nobody does. What was handled is on disk: a restart neither flies it again nor forgets what has not been flown. A failsafe of PX4 ends
 //! nothing: the action waits for its end, of one that only holds not for long. Which goes first, this or the loss action, is
 //! decided in `priority`; `watch`: whether a cause stands.
 
@@ -63,10 +64,22 @@ struct Handled {
 enum End {
     /// The vehicle has shown this.
     Shown(Action),
+    /// It has flown the route of this to its end, and holds there.
+    Completed(Action),
     /// A pilot has the vehicle.
     Pilot,
     /// The CUCS in control has commanded otherwise.
     Operator,
+}
+
+impl End {
+    /// What the vehicle was brought to.
+    fn flown(self) -> Option<Action> {
+        match self {
+            End::Shown(action) | End::Completed(action) => Some(action),
+            End::Pilot | End::Operator => None,
+        }
+    }
 }
 
 /// What a CUCS has set for a cause.
@@ -125,6 +138,10 @@ pub(super) struct ContingencyContext {
     pub(super) carries: Option<RouteType>,
     /// The route that it flies, where it names the mission that was read back from it.
     pub(super) flies: Option<RouteType>,
+    /// The route that it has flown to its end, where it holds now.
+    pub(super) completed: Option<RouteType>,
+    /// A CUCS holds LOI 4 or 5.
+    pub(super) controlled: bool,
     /// In a mission it flies its landing.
     pub(super) lands: bool,
     /// What the VSM has begun by itself is not done yet.
@@ -151,6 +168,16 @@ impl Trigger {
 
     pub(super) fn index(self) -> usize {
         self as usize
+    }
+
+    /// Its key in `vehicle.contingency`, and what is set there.
+    fn key(self, config: &mut Contingency) -> (&'static str, &mut Option<Action>) {
+        match self {
+            Trigger::Engine => ("engine", &mut config.engine),
+            Trigger::Position => ("position", &mut config.position),
+            Trigger::Fence => ("fence", &mut config.fence),
+            Trigger::Battery => ("battery", &mut config.battery),
+        }
     }
 
     fn subsystem(self) -> SubsystemId {
@@ -198,22 +225,45 @@ impl Contingencies {
         Ok(())
     }
 
-    /// The configuration, with what CUCSs have set.
+    /// The configuration, with what CUCSs have set where that is not less: it may have been set before the configuration was
+    /// changed.
     pub(super) fn config(&self, configured: &Contingency) -> Contingency {
         let mut config = *configured;
         for one in &self.set {
-            let action = match one.trigger {
-                Trigger::Engine => &mut config.engine,
-                Trigger::Position => &mut config.position,
-                Trigger::Fence => &mut config.fence,
-                Trigger::Battery => &mut config.battery,
-            };
-            *action = Some(one.action);
+            let least = one.trigger.action(configured);
+            let (_, action) = one.trigger.key(&mut config);
+            if !least.is_some_and(|least| is_less(one.action, least)) {
+                *action = Some(one.action);
+            }
             if let Some(percent) = one.percent {
-                config.battery_percent = percent;
+                // Where nothing is configured its level promises nothing.
+                let least = least.map_or(0, |_| configured.battery_percent);
+                config.battery_percent = percent.max(least);
             }
         }
         config
+    }
+
+    /// The configuration promises more than a CUCS wants to set: what that is.
+    pub(super) fn promised_more(setting: &Setting, configured: &Contingency) -> Option<String> {
+        let least = setting.trigger.action(configured)?;
+        if is_less(setting.action, least) {
+            let mut copy = *configured;
+            let (key, _) = setting.trigger.key(&mut copy);
+            return Some(format!(
+                "a {} is less than the {} that vehicle.contingency.{key} promises: expected that or what is more urgent (hold, \
+                 route, return, landing)",
+                name(setting.action),
+                name(least)
+            ));
+        }
+        let (percent, promised) = (setting.percent?, configured.battery_percent);
+        (percent < promised).then(|| {
+            format!(
+                "Contingency Percent {percent} % is later than the {promised} % of vehicle.contingency.battery_percent: expected \
+                 {promised} to 90"
+            )
+        })
     }
 
     /// Sets what is flown for a cause, or forgets what was set.
@@ -237,7 +287,7 @@ impl Contingencies {
         match self.end_of(trigger) {
             _ if !self.is_present(trigger) => Standing::Absent,
             None => Standing::Commanded,
-            Some(End::Shown(_)) => Standing::Flown,
+            Some(End::Shown(_) | End::Completed(_)) => Standing::Flown,
             Some(End::Pilot | End::Operator) => Standing::Ended,
         }
     }
@@ -267,8 +317,7 @@ impl Contingencies {
 
     /// A cause stands, and neither a pilot nor an operator has decided otherwise.
     pub(super) fn stands(&self) -> bool {
-        let flown =
-            |one: &Handled| matches!(one.end, End::Shown(_)) && self.is_present(one.trigger);
+        let flown = |one: &Handled| one.end.flown().is_some() && self.is_present(one.trigger);
         self.trying.is_some() || self.handled.iter().any(flown)
     }
 
@@ -296,7 +345,7 @@ impl Contingencies {
     pub(super) fn knew_of(&self, at: Duration) -> bool {
         let concerns = |one: &Trigger| {
             self.trying.is_some_and(|trying| trying.trigger == *one)
-                || (self.is_present(*one) && matches!(self.end_of(*one), Some(End::Shown(_))))
+                || (self.is_present(*one) && self.end_of(*one).and_then(End::flown).is_some())
         };
         Trigger::ALL.into_iter().filter(concerns).all(|one| {
             let alerted = self.alerted.get(one.index()).copied().flatten();
@@ -342,8 +391,9 @@ impl Contingencies {
     /// The CUCS in control is lost: whoever has decided otherwise does not see what becomes of the vehicle any more.
     pub(super) fn controller_lost(&mut self, effects: &mut Effects<'_>) {
         let before = self.handled.len();
-        // What the vehicle still shows is handled again at once.
-        self.handled.retain(|one| one.end == End::Pilot);
+        // What the vehicle still shows is handled again at once. A route that is flown is not flown again from its start.
+        let stays = |end| matches!(end, End::Pilot | End::Completed(_));
+        self.handled.retain(|one| stays(one.end));
         if self.handled.len() != before {
             self.save(effects);
         }
@@ -372,7 +422,7 @@ impl Contingencies {
 
     /// The vehicle gets no further on what a contingency has led to: it returns, or lands. False where none has.
     pub(super) fn begin_again(&mut self, now: Duration) -> bool {
-        let flown = |one: &&Handled| matches!(one.end, End::Shown(_));
+        let flown = |one: &&Handled| one.end.flown().is_some();
         let flown = self.handled.iter().find(flown).map(|one| one.trigger);
         let Some(trigger) = self.trying.map(|trying| trying.trigger).or(flown) else {
             return false;
@@ -406,8 +456,55 @@ impl Contingencies {
         for trigger in Trigger::ALL {
             self.watch_one(context, trigger, effects);
         }
+        self.complete(context, effects);
         self.select(context);
         self.finish(context, effects);
+    }
+
+    /// A contingency route is flown to its end, and what it was for lasts. Who controls the vehicle decides what follows; where nobody
+    /// does, nothing would end the hold there: it returns, or lands.
+    fn complete(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
+        let of = |action| match action {
+            Action::ContingencyA => Some(RouteType::ContingencyA),
+            Action::ContingencyB => Some(RouteType::ContingencyB),
+            _ => None,
+        };
+        for trigger in Trigger::ALL {
+            match self.end_of(trigger).filter(|_| self.is_present(trigger)) {
+                Some(End::Shown(action))
+                    if context.completed.is_some() && of(action) == context.completed =>
+                {
+                    self.set(trigger, End::Completed(action));
+                    self.save(effects);
+                    let (what, route) = (trigger.text(&context.config), name(action));
+                    let text =
+                        format!("{what}: {route} is flown to its end, and the vehicle holds there");
+                    self.raise(trigger, AlertPriority::Emergency, text, effects);
+                }
+                Some(End::Completed(_)) if !context.controlled && self.trying.is_none() => {
+                    self.handled.retain(|one| one.trigger != trigger);
+                    self.unsaved = Some(context.now);
+                    self.trying = Some(Trying::of(trigger, self.last(), context.now));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Another CUCS has taken control: it must know what the one before has ended, or a pilot, and that it lasts.
+    pub(super) fn taken_over(&self, config: &Contingency, effects: &mut Effects<'_>) {
+        for trigger in Trigger::ALL.into_iter().filter(|one| self.is_present(*one)) {
+            let ended = match self.end_of(trigger) {
+                Some(End::Operator) => {
+                    "the CUCS that controlled the vehicle before has commanded otherwise; nothing is flown for that, unless control \
+                     is lost or released"
+                }
+                Some(End::Pilot) => "it was left to a pilot, and nothing is flown for that",
+                Some(End::Shown(_) | End::Completed(_)) | None => continue,
+            };
+            let text = format!("{}: {ended}", trigger.text(config));
+            effects.notify(AlertPriority::Warning, trigger.subsystem(), text);
+        }
     }
 
     fn watch_one(
@@ -427,7 +524,9 @@ impl Contingencies {
         let gone = gone || trigger.action(&context.config).is_none();
         if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
             let how = match end {
-                End::Shown(action) => format!("the vehicle was brought to {}", name(action)),
+                End::Shown(action) | End::Completed(action) => {
+                    format!("the vehicle was brought to {}", name(action))
+                }
                 End::Pilot => "it was left to a pilot".to_owned(),
                 End::Operator => "a CUCS has commanded otherwise".to_owned(),
             };
@@ -694,6 +793,11 @@ impl Trying {
             yields: false,
         }
     }
+}
+
+/// Whether an action is less than another.
+fn is_less(action: Action, least: Action) -> bool {
+    Urgency::of_contingency(action) < Urgency::of_contingency(least)
 }
 
 pub(super) fn name(action: Action) -> &'static str {

@@ -34,6 +34,8 @@ fn flying(world: &World, causes: &[Trigger]) -> ContingencyContext {
         seen,
         carries: None,
         flies: None,
+        completed: None,
+        controlled: true,
         lands: false,
         busy: false,
         operator_waits: false,
