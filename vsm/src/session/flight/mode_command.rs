@@ -335,7 +335,7 @@ mod tests {
         };
         let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
         assert_eq!(judged(Some(stands)), Ok(true));
-        // A VSM that was started anew while the vehicle flies.
+        // A VSM that was restarted while the vehicle flies.
         assert!(judged(None).is_err_and(|why| why.contains("not reported yet")));
     }
 

@@ -25,7 +25,7 @@ struct Draft {
     /// The speed that is still to be commanded by itself, m/s.
     speed_m_s: Option<f64>,
     /// The mode is named: the loiter is flown as it is configured now.
-    anew: bool,
+    restarts: bool,
 }
 
 /// Mode 12: here or at a place, at an altitude, hovering or on a circle.
@@ -63,7 +63,7 @@ pub(super) fn loiter(
             Commanded::default()
         },
         speed_m_s: speed,
-        anew: names_mode(command),
+        restarts: names_mode(command),
     };
     // A VTOL hovers, or circles on its wings, as the loiter asks: it turns into that first.
     let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
@@ -180,7 +180,7 @@ fn go(
         && draft.steps.is_empty()
         && !hovers;
     match (place.or((!hovers).then_some(here)), pattern) {
-        _ if keeps && !draft.anew => draft.steps.extend(maneuver::change_altitude(amsl_m)),
+        _ if keeps && !draft.restarts => draft.steps.extend(maneuver::change_altitude(amsl_m)),
         (Some(place), Pattern::FigureEight(shape)) => {
             if let (Some(wings), [_, Some(radius_m), _]) = (&at.wings, shape) {
                 wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
@@ -233,7 +233,7 @@ fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, Str
     Ok(steps)
 }
 
-/// PX4 flies a circle more slowly than told where it would be drawn outward by more than it allows.
+/// PX4 flies a circle more slowly than commanded where it would be drawn outward by more than it allows.
 fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
     let most_m_s = (MAX_INWARD_M_S2 * radius_m).sqrt();
     match speed_m_s {
