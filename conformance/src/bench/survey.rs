@@ -72,6 +72,11 @@ impl Survey {
         self.vehicles.first()
     }
 
+    /// The ids of the vehicles, in the order in which they were offered.
+    pub fn vehicle_ids(&self) -> impl Iterator<Item = Id> {
+        self.vehicles.iter().map(|vehicle| vehicle.id)
+    }
+
     /// Ids that may have these levels, those without override first.
     #[must_use]
     pub fn with(&self, levels: i64) -> Vec<&CucsFound> {

@@ -61,7 +61,7 @@ impl<'a> View<'a> {
     #[must_use]
     pub fn vehicles(&self) -> Vec<Id> {
         match self.survey {
-            Some(survey) => survey.vehicles.iter().map(|vehicle| vehicle.id).collect(),
+            Some(survey) => survey.vehicle_ids().collect(),
             None => {
                 let mut ids: Vec<Id> = self
                     .messages()

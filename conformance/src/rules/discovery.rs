@@ -76,13 +76,7 @@ fn broadcast_request_is_answered(t: &Trial) -> Judged {
 
 fn one_response_for_each_vehicle(t: &Trial) -> Judged {
     let station = t.any()?;
-    let expected: BTreeSet<Id> = t
-        .bench
-        .surveyed()?
-        .vehicles
-        .iter()
-        .map(|vehicle| vehicle.id)
-        .collect();
+    let expected: BTreeSet<Id> = t.bench.surveyed()?.vehicle_ids().collect();
     let found: BTreeSet<Id> = station
         .discover()?
         .iter()

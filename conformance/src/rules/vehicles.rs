@@ -38,13 +38,7 @@ fn the_loss_of_one_leaves_the_other(t: &Trial, stations: &[Station], before: f64
 }
 
 fn commands_reach_their_vehicle_only(t: &Trial) -> Judged {
-    let vehicles: Vec<_> = t
-        .bench
-        .surveyed()?
-        .vehicles
-        .iter()
-        .map(|vehicle| vehicle.id)
-        .collect();
+    let vehicles: Vec<_> = t.bench.surveyed()?.vehicle_ids().collect();
     let a = t.a()?;
     let mut stations = Vec::new();
     for &vehicle in vehicles.iter().take(2) {

@@ -350,13 +350,7 @@ fn only_what_is_addressed_to_it(t: &Trial) -> Judged {
     })
     .precondition("commands work")?;
     let (before, mode) = (a.radius()?, reported_mode(&a)?);
-    let known: Vec<Id> = t
-        .bench
-        .surveyed()?
-        .vehicles
-        .iter()
-        .map(|vehicle| vehicle.id)
-        .collect();
+    let known: Vec<Id> = t.bench.surveyed()?.vehicle_ids().collect();
     let foreign = (1..)
         .map(|step| Id(a.vehicle.0.wrapping_add(0x0000_4200 + step)))
         .find(|id| !known.contains(id))

@@ -394,13 +394,7 @@ fn while_others_are_connected(t: &Trial) -> Judged {
 }
 
 fn a_refusal_names_its_vehicle(t: &Trial) -> Judged {
-    let vehicles: Vec<_> = t
-        .bench
-        .surveyed()?
-        .vehicles
-        .iter()
-        .map(|vehicle| vehicle.id)
-        .collect();
+    let vehicles: Vec<_> = t.bench.surveyed()?.vehicle_ids().collect();
     let [first, second, ..] = vehicles[..] else {
         return Ok(());
     };
