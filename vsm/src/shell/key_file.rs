@@ -20,7 +20,8 @@ use super::ownership::{self, OwnershipError};
 #[derive(Debug, thiserror::Error)]
 pub enum KeyFileError {
     /// It is not there.
-    #[error("there is no key file {path}: `vsm keygen {path}` makes one", path = path.display())]
+    #[error("there is no key file {path}: where the other end has this key, restore the file from a copy; `vsm keygen {path}` makes another \
+         key, which the other end must be given too", path = path.display())]
     Absent {
         /// The file.
         path: PathBuf,
