@@ -180,8 +180,8 @@ fn refused_finding(evidence: &Evidence<'_>, kind: Kind) -> Finding {
             evidence,
             Code::MavlinkUnsigned,
             format!("MAVLink system {system} sends unsigned, expected signatures of key {key}"),
-            "PX4 has no key, or has lost it: with \"vsm run\" stopped, and nobody else on its link, \"vsm key rotate \
-             --vehicle-is-unsigned\" gives it a new one; PX4 before v1.18 cannot sign"
+            "PX4 has no key, or has lost it: on the ground, with \"vsm run\" stopped and nobody else on its link, \"vsm key \
+             rotate --vehicle-is-unsigned\" gives it a new one; PX4 before v1.18 cannot sign"
                 .to_owned(),
         ),
         Kind::Stale => finding(
