@@ -163,7 +163,7 @@ pub struct Figures {
 #[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OnLoss {
-    /// What it does goes on.
+    /// It continues what it does.
     Continue,
     /// It loiters where it is.
     Hold,

@@ -1,6 +1,6 @@
 //! Asking the subject what it is: the survey at the beginning of a run, and whether it is alive.
 //!
-//! Ids that the profile does not name are the ones of this project's examples: a subject that knows none of them is told
+//! Ids that the profile does not name are the ones of this project's examples: a subject that knows none of them is sent
 //! apart from a silent one by the report.
 
 use std::sync::Arc;

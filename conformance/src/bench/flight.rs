@@ -306,7 +306,7 @@ pub fn load(t: &Trial, station: &Station, plan: &Plan) -> Judged<Transfer> {
     run_transfer(t, station, transfer(2, &plan.mission), t.timers().load)
 }
 
-/// Clears the mission: a subject may keep waypoints of earlier uploads until it is told to clear them.
+/// Clears the mission: a subject may keep waypoints of earlier uploads until they are cleared.
 ///
 /// # Errors
 /// The operator stopped the run.

@@ -1,7 +1,7 @@
 //! What the scene of a rule is given: stations with the rights that it begins with, and what it wants to have remarked.
 //!
 //! A scene begins with nobody in control, plays, and returns; [`Trial::clean_up`] then releases what its stations hold and
-//! cancels what they scheduled. Sockets are opened anew for each scene.
+//! cancels what they scheduled. Each scene opens its own sockets.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;

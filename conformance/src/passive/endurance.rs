@@ -40,7 +40,7 @@ pub(super) const JUDGES: &[Judge] = &[
 
 /// Nothing later than this after the input: what was on its way when it came says nothing.
 const ON_ITS_WAY_S: f64 = 0.15;
-/// How long a recording has to go on for its silence to mean something.
+/// How long a recording has to continue for its silence to mean something.
 const SILENCE_S: f64 = 0.4;
 
 fn hostile(datagram: &Datagram) -> bool {
@@ -55,7 +55,7 @@ fn hostile(datagram: &Datagram) -> bool {
 /// The CUCS sends something after the first datagram of this kind. Where several kinds come close together, the first of
 /// them answers for the silence.
 fn continues_after(view: &View<'_>, found: &mut Found, what: &str, kind: fn(&Datagram) -> bool) {
-    // A CUCS that is played step by step may be silent between two steps: there the next step shows whether it goes on.
+    // A CUCS that is played step by step may be silent between two steps: there the next step shows whether it continues.
     if !view.profile.on.keys().eq(["start"]) {
         return;
     }

@@ -1,4 +1,4 @@
-//! How a route ends: PX4 flies no mission of a wing without a landing (MIS_TKO_LAND_REQ), and lands by it when told to.
+//! How a route ends: PX4 flies no mission of a wing without a landing (MIS_TKO_LAND_REQ), and lands by it when commanded.
 //!
 //! | airframe | the mission is |
 //! |---|---|

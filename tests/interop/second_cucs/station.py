@@ -62,7 +62,7 @@ class Station:
     # Receiving
 
     def pump(self, seconds):
-        """Receives for so long, and keeps up what goes on by itself."""
+        """Receives for so long, and keeps up what runs by itself."""
         end = self.now() + seconds
         while True:
             self.tick()

@@ -43,7 +43,7 @@ pub(super) struct HandingOver {
 /// Why a key is handed over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cause {
-    /// It is a new one: until PX4 has it the link goes on under the old one.
+    /// It is a new one: until PX4 has it the link continues under the old one.
     NewKey,
     /// PX4 has lost it, or fallen back to the one before: nothing passes until it has it again.
     LostKey,

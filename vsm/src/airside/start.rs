@@ -36,7 +36,7 @@ pub enum AgentError {
 }
 
 impl Agent {
-    /// Begins, or goes on where an earlier process was ended.
+    /// Begins, or continues where an earlier process was ended.
     ///
     /// # Errors
     /// The list of talkers is empty or too long, or a clock cannot be read.

@@ -120,7 +120,7 @@ pub struct KeyLink {
 }
 
 impl KeyLink {
-    /// Opens the vehicle's link and stages the key, where it is a new one; an unfinished handover goes on with its own.
+    /// Opens the vehicle's link and stages the key, where it is a new one; an unfinished rollover continues with its own.
     /// Must be called within a tokio runtime.
     ///
     /// # Errors

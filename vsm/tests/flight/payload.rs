@@ -362,7 +362,7 @@ fn a_gimbal_keeps_looking_at_a_place_while_the_vehicle_flies_past() {
             "{seen_n} {seen_e} from {at:?}"
         );
     }
-    // Rates: it turns until it is told to stop, or nobody holds it.
+    // Rates: it turns until it is commanded to stop, or nobody holds it.
     done(&mut rig, OPERATOR, pointing(1, Pointing::SlewRateToUa));
     let slew = PayloadSteeringCommand {
         horizontal_slew_rate: Some(Scaled::saturating_from_si(0.1)),

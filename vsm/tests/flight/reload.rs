@@ -117,7 +117,7 @@ fn who_loses_levels_loses_control_at_once_and_it_is_in_the_audit_log() {
     rig.restart_bridge();
     rig.run(3.0);
     assert_eq!(status(&rig).vehicles[0].controller, None);
-    // Given back, it is asked for anew.
+    // Given back, it is requested again.
     changed(&mut rig, "id = \"1b:00:00:a0\"\nloi = [2]", LOI);
     assert_eq!(status(&rig).vehicles[0].controller, None);
     assert_eq!(

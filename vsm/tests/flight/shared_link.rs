@@ -1,4 +1,4 @@
-//! Several vehicles on one link, told apart by their system ids: each keeps its key, its address and its state.
+//! Several vehicles on one link, distinguished by their system ids: each keeps its key, its address and its state.
 
 use std::net::SocketAddr;
 use std::path::Path;

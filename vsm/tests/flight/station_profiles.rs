@@ -91,7 +91,7 @@ impl Scene {
         each.map(|one| (one.to, one.bytes().to_vec())).collect()
     }
 
-    /// Time goes on, in steps of 10 ms.
+    /// Time passes, in steps of 10 ms.
     fn wait(&mut self, s: u64) -> Vec<(Destination, Vec<u8>)> {
         let mut sent = vec![];
         for _ in 0..s * 100 {

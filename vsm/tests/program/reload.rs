@@ -1,4 +1,4 @@
-//! `vsm reload` and SIGHUP to a running `vsm run`: links open and close while the others go on, a bad file changes nothing,
+//! `vsm reload` and SIGHUP to a running `vsm run`: links open and close while the others continue, a bad file changes nothing,
 //! and the command says what the bridge answered.
 
 use std::fs;

@@ -192,7 +192,7 @@ impl World {
         inner
     }
 
-    /// Goes on for so long; each end sends a frame each `every`.
+    /// Runs for so long; each end sends a frame each `every`.
     pub(crate) fn run(&mut self, span: Duration, every: Duration) {
         let end = self.now + span;
         let mut send_at = self.now;

@@ -636,7 +636,7 @@ impl Mission {
         (left && to >= 0.0 && (to as usize) < self.items.len()).then_some(to as usize)
     }
 
-    /// The item to go on with at `index`, jumps taken.
+    /// The item to continue with at `index`, jumps taken.
     fn next_index(&mut self, mut index: usize) -> Option<usize> {
         for _ in 0..=self.items.len() {
             let item = self.items.get(index)?;

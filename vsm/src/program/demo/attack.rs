@@ -144,7 +144,7 @@ async fn hover_and_attack(world: &World, story: &mut Story) -> anyhow::Result<Sh
     };
     let honest = async {
         loop {
-            // A forged sender draws its answers away: then it hears nothing, which is no end.
+            // A forged sender draws its answers away: then it receives nothing, which is no end.
             let _ = station.idle(FLIGHT_WITHIN).await;
         }
     };

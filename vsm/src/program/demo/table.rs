@@ -8,7 +8,7 @@ use cucs::Traffic;
 use px4_sim::Counters;
 use stanag_msgs::table;
 
-/// What is told.
+/// What is printed.
 pub(crate) struct Summary<'a> {
     pub(crate) traffic: &'a Traffic,
     pub(crate) status: &'a Status,

@@ -1,4 +1,4 @@
-//! The flown track, how far it strays from the planned one, and where a payload looked from it.
+//! The flown track, how far it deviates from the planned one, and where a payload looked from it.
 
 use px4_sim::{Mode, Truth};
 use stanag_msgs::enums::EoirPointingMode;

@@ -9,7 +9,7 @@
 //! they are verified as what they are, after it no line without the key counts.
 //!
 //! A log that has grown to a megabyte is put aside, and the next begins with a line that names the digits of the last
-//! line before it: the chain goes on over files, and each can be verified by itself.
+//! line before it: the chain continues over files, and each can be verified by itself.
 
 use std::fmt;
 use std::time::Duration;
@@ -153,7 +153,7 @@ pub enum Entry {
 pub struct Verified {
     /// What it follows: the beginning of all, or the last line of the log before.
     pub follows: Chain,
-    /// Where to go on.
+    /// Where to continue.
     pub chain: Chain,
     /// The first line that does not fit.
     pub broken: Option<Broken>,
@@ -386,7 +386,7 @@ impl Chain {
                     broken = broken.or(Some(Broken {
                         line: chain.lines + 1,
                     }));
-                    // It goes on from what it finds: one break is one break.
+                    // It continues from what it finds: one break is one break.
                     let digits = bytes.get(..HASH_DIGITS).map(String::from_utf8_lossy);
                     if let Some(digits) = digits {
                         chain.last = digits.into_owned();

@@ -18,7 +18,7 @@ pub(crate) enum Step {
         what: &'static str,
         patience: Duration,
     },
-    /// Makes the first of these mission items the current one; the vehicle may go on to the last of them at once.
+    /// Makes the first of these mission items the current one; the vehicle may continue to the last of them at once.
     SetCurrent(RangeInclusive<u16>),
     /// Lets the vehicle take notice of what is sent beside.
     Pause(Duration),

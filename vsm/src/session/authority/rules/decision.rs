@@ -14,7 +14,7 @@ pub struct Decision {
     pub answer: Answer,
     /// What changed hands, in order. Each is a line of the audit log.
     pub changes: Vec<Change>,
-    /// Handovers that began, or went on to wait for something else.
+    /// Handovers that began, or now wait for something else.
     pub begun: Vec<Handover>,
     /// Handovers that ended.
     pub ended: Vec<Ended>,
