@@ -246,6 +246,8 @@ def main():
     parser.add_argument("--curve-plan", default="curve-plan", metavar="PROGRAM")
     parser.add_argument("--vehicle", metavar="FILE", help="the vehicle file that curve-plan predicts for")
     options = parser.parse_args()
+    # Before the flight: what cannot be written after it would cost the flight.
+    Path(options.out).mkdir(parents=True, exist_ok=True)
     flight = Flight(options)
     held = flight.run()
     Path(options.out, "curve-flights.json").write_text(json.dumps(flight.rows, indent=1))
