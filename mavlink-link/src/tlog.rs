@@ -7,8 +7,8 @@
 use core::time::Duration;
 
 use crate::frame::{
-    CRC_LEN, FrameView, HEADER_LEN, INCOMPAT_SIGNED, MAX_FRAME, MAX_PAYLOAD, SETUP_SIGNING_ID,
-    checksum, crc_extra,
+    CRC_LEN, FrameError, FrameView, HEADER_LEN, INCOMPAT_SIGNED, MAX_FRAME, MAX_PAYLOAD,
+    SETUP_SIGNING_ID, checksum, crc_extra,
 };
 
 /// Bytes of the longest record.
@@ -47,5 +47,54 @@ fn extra_of(frame: &FrameView<'_>) -> u8 {
         .unwrap_or(0)
 }
 
+/// The record that the bytes of a recording begin with: its length, the time since 1970, and the frame. Strict: as [`record`]
+/// writes it.
+///
+/// The frame is `None` where it was signed and its message is not known here: nothing proves its bytes now.
+///
+/// # Errors
+/// [`FrameError::Truncated`] where the bytes end within the record, else why there is no frame.
+pub fn first(bytes: &[u8]) -> Result<(usize, Duration, Option<FrameView<'_>>), FrameError> {
+    let (Some(stamp), Some(frame)) = (bytes.first_chunk(), bytes.get(STAMP_LEN..)) else {
+        return Err(FrameError::Truncated);
+    };
+    let wall = Duration::from_micros(u64::from_be_bytes(*stamp));
+    // Nothing of a recording is signed: a frame ends with its checksum.
+    let length = |payload: u8| STAMP_LEN + HEADER_LEN + usize::from(payload) + CRC_LEN;
+    match FrameView::parse(frame) {
+        Ok(view) => Ok((STAMP_LEN + view.as_bytes().len(), wall, Some(view))),
+        Err(FrameError::UnknownId { .. }) => {
+            Ok((length(frame.get(1).copied().unwrap_or(0)), wall, None))
+        }
+        Err(cause) => Err(cause),
+    }
+}
+
 const STAMP_LEN: usize = 8;
 const _: () = assert!(MAX_RECORD > STAMP_LEN + HEADER_LEN + MAX_PAYLOAD + CRC_LEN);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dialect::{HEARTBEAT_DATA, MavMessage};
+    use crate::frame::{Header, encode};
+
+    #[test]
+    fn what_was_recorded_is_read_and_a_cut_is_no_damage() {
+        let mut frame = [0; MAX_FRAME];
+        let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+        let length = encode(&message, Header::default(), &mut frame);
+        let view = FrameView::parse(&frame[..length]).unwrap();
+        let mut out = [0; MAX_RECORD];
+        let wall = Duration::from_micros(1_700_000_000_123_456);
+        let length = record(wall, &view, &mut out);
+        assert_eq!(first(&out).unwrap(), (length, wall, Some(view)));
+        for cut in 0..length {
+            assert_eq!(first(&out[..cut]), Err(FrameError::Truncated), "{cut}");
+        }
+        out[STAMP_LEN + HEADER_LEN] ^= 1;
+        let fault = first(&out).unwrap_err();
+        assert!(matches!(fault, FrameError::BadCrc { .. }), "{fault}");
+        assert_eq!(first(&[7; 40]), Err(FrameError::NoFrame));
+    }
+}

@@ -14,7 +14,7 @@
 //! assert_eq!(file.len() % 4, 0);
 //! ```
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
 /// Section Header Block and Interface Description Block: the start of a file.
@@ -127,6 +127,123 @@ fn checksum(parts: &[&[u8]]) -> u16 {
     !(sum as u16)
 }
 
+/// A datagram of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Captured<'a> {
+    /// When, since 1970.
+    pub wall: Duration,
+    /// Who sent it.
+    pub from: SocketAddr,
+    /// To whom.
+    pub to: SocketAddr,
+    /// What.
+    pub bytes: &'a [u8],
+}
+
+/// Why bytes are no block of a file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReadError {
+    /// They end within the block: there is more to read, or the file was cut off.
+    #[error("ends within a block")]
+    Cut,
+    /// They are no block of such a file.
+    #[error("{0}")]
+    Damaged(String),
+}
+
+/// The length of the block that the bytes begin with, and its datagram: none where it is a block of another kind.
+///
+/// # Errors
+/// They begin with no whole block of a file as [`header`] and [`datagram`] write it.
+pub fn first(bytes: &[u8]) -> Result<(usize, Option<Captured<'_>>), ReadError> {
+    let damaged = |what: String| Err(ReadError::Damaged(what));
+    let (Some(kind), Some(length)) = (word(bytes, 0), word(bytes, 4)) else {
+        return Err(ReadError::Cut);
+    };
+    if !matches!(kind, SECTION_HEADER | 1..=MAX_KIND) {
+        return damaged(format!(
+            "a block of kind {kind:#010x}, expected those of a pcapng file"
+        ));
+    }
+    if length < 12 || length % 4 != 0 || length > MAX_BLOCK {
+        return damaged(format!(
+            "a block of {length} bytes, expected 12 to {MAX_BLOCK} in steps of 4"
+        ));
+    }
+    let length = length as usize;
+    let Some(block) = bytes.get(..length) else {
+        return Err(ReadError::Cut);
+    };
+    let body = &block[8..length - 4];
+    let number = |at| word(body, at).unwrap_or(0);
+    if word(block, length - 4) != Some(length as u32) {
+        return damaged(format!(
+            "a block of {length} bytes that does not end with its length"
+        ));
+    }
+    match kind {
+        SECTION_HEADER if number(0) != BYTE_ORDER_MAGIC => {
+            damaged("a section that is not little-endian".to_owned())
+        }
+        INTERFACE_DESCRIPTION if number(0) & 0xffff != u32::from(LINKTYPE_RAW) => damaged(format!(
+            "an interface of link type {}, expected {LINKTYPE_RAW} (IP packets alone)",
+            number(0) & 0xffff
+        )),
+        ENHANCED_PACKET => {
+            let micros = u64::from(number(4)) << 32 | u64::from(number(8));
+            let packet = body
+                .get(20..)
+                .and_then(|rest| rest.get(..number(12) as usize));
+            let Some(packet) = packet else {
+                return damaged("a packet that is longer than its block".to_owned());
+            };
+            let captured = udp(packet).map(|(from, to, bytes)| Captured {
+                wall: Duration::from_micros(micros),
+                from,
+                to,
+                bytes,
+            });
+            Ok((length, captured))
+        }
+        _ => Ok((length, None)),
+    }
+}
+
+/// Little-endian.
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    let four = bytes.get(at..).and_then(<[u8]>::first_chunk);
+    four.map(|four| u32::from_le_bytes(*four))
+}
+
+/// Sender, receiver and payload of a UDP packet.
+fn udp(packet: &[u8]) -> Option<(SocketAddr, SocketAddr, &[u8])> {
+    let (from, to, rest): (IpAddr, IpAddr, _) = match packet.first()? >> 4 {
+        4 if *packet.get(9)? == UDP => {
+            let address = |at: usize| -> Option<IpAddr> {
+                Some(Ipv4Addr::from(*packet.get(at..)?.first_chunk::<4>()?).into())
+            };
+            let header = usize::from(packet.first()? & 0x0f) * 4;
+            (address(12)?, address(16)?, packet.get(header..)?)
+        }
+        6 if *packet.get(6)? == UDP => {
+            let address = |at: usize| -> Option<IpAddr> {
+                let address = Ipv6Addr::from(*packet.get(at..)?.first_chunk::<16>()?);
+                Some(IpAddr::from(address).to_canonical())
+            };
+            (address(8)?, address(24)?, packet.get(40..)?)
+        }
+        _ => return None,
+    };
+    let number = |at: usize| Some(u16::from_be_bytes(*rest.get(at..)?.first_chunk()?));
+    let bytes = rest.get(UDP_HEADER..usize::from(number(4)?))?;
+    let (from, to) = ((from, number(0)?), (to, number(2)?));
+    Some((from.into(), to.into(), bytes))
+}
+
+/// A datagram has at most 64 KiB; other programs may add blocks of their own.
+const MAX_BLOCK: u32 = 1 << 20;
+/// Kinds of blocks are small numbers, but for the section header.
+const MAX_KIND: u32 = 0xffff;
 const SECTION_HEADER: u32 = 0x0a0d_0d0a;
 const INTERFACE_DESCRIPTION: u32 = 1;
 const ENHANCED_PACKET: u32 = 6;
@@ -159,6 +276,53 @@ mod tests {
             kinds,
             [SECTION_HEADER, INTERFACE_DESCRIPTION, ENHANCED_PACKET]
         );
+    }
+
+    #[test]
+    fn what_was_written_is_read_and_a_cut_is_no_damage() {
+        let four: SocketAddr = "10.0.0.1:4586".parse().unwrap();
+        let six: SocketAddr = "[2001:db8::1]:7".parse().unwrap();
+        let wall = Duration::from_micros(1_700_000_000_123_456);
+        for (at, bytes) in [(four, &b"odd"[..]), (six, b"")] {
+            let mut block = Vec::new();
+            datagram(&mut block, wall, at, at, bytes);
+            let (length, captured) = first(&block).unwrap();
+            let expected = Captured {
+                wall,
+                from: at,
+                to: at,
+                bytes,
+            };
+            assert_eq!((length, captured), (block.len(), Some(expected)));
+            for cut in 0..block.len() {
+                assert_eq!(first(&block[..cut]), Err(ReadError::Cut), "{cut}");
+            }
+        }
+        let head = header();
+        let (length, captured) = first(&head).unwrap();
+        assert_eq!((length, captured), (28, None));
+        assert_eq!(first(&head[length..]).unwrap(), (20, None));
+    }
+
+    #[test]
+    fn damage_is_named() {
+        let from = SocketAddr::from(([127, 0, 0, 1], 4_586));
+        let mut block = Vec::new();
+        datagram(&mut block, Duration::ZERO, from, from, b"abcd");
+        let damaged = |at: usize, value: u8| {
+            let mut block = block.clone();
+            block[at] = value;
+            first(&block).unwrap_err().to_string()
+        };
+        assert!(damaged(4, 7).contains("a block of 7 bytes"));
+        assert!(damaged(block.len() - 4, 1).contains("does not end with its length"));
+        assert!(damaged(20, 255).contains("longer than its block"));
+        let text = first(b"no capture file").unwrap_err().to_string();
+        assert!(text.contains("expected those of a pcapng file"), "{text}");
+        let mut head = header();
+        head[36] = 1;
+        let text = first(&head[28..]).unwrap_err().to_string();
+        assert!(text.contains("link type 1, expected 101"), "{text}");
     }
 
     #[test]
