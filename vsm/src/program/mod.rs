@@ -20,6 +20,7 @@ mod klv;
 mod pair;
 mod process;
 mod reload;
+mod replay;
 mod run;
 mod status;
 mod zeroize;
@@ -95,6 +96,7 @@ enum Command {
     /// Send a vehicle's state as video metadata (MISB ST 0601 KLV), alone or in an MPEG transport stream with a video
     #[cfg(feature = "klv")]
     Klv(klv::Klv),
+    Replay(replay::Arguments),
     /// Let a running bridge read its configuration again, and show what of it is applied
     Reload {
         #[command(flatten)]
@@ -157,6 +159,7 @@ impl Command {
             self,
             Command::Status { .. }
                 | Command::Files(_)
+                | Command::Replay(_)
                 | Command::Reload { .. }
                 | Command::Decode { .. }
                 | Command::Encode { .. }
@@ -196,6 +199,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "klv")]
         Command::Klv(arguments) => klv::run(arguments),
         Command::Doctor { config, json } => doctor::run(config.path(), json),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Reload { config, json } => reload::reload(config.path(), json),
         Command::Keygen { file } => key::generate(&file),
         Command::Key { action } => key::run(action),

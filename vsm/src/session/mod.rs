@@ -94,6 +94,7 @@ mod other;
 mod outbox;
 mod paths;
 mod payload;
+pub mod replay;
 mod reports;
 mod station;
 mod station_profile;

@@ -447,6 +447,7 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("files rm /a", Refused("cannot be reached")),
         ("files mkdir /a", Refused("cannot be reached")),
         ("reload", Done),
+        ("replay nothing-there", Refused("nothing-there")),
         ("reload --json", Done),
         ("audit verify", Done),
         ("audit export", Done),

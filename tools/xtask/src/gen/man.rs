@@ -188,6 +188,7 @@ const EXAMPLES: &[&str] = &[
     "vsm status",
     "vsm status --json",
     "vsm reload",
+    "vsm replay records",
     "vsm doctor",
     "vsm files ls @MAV_LOG",
     "vsm files get @MAV_LOG/2026-11-23/09_15_02.ulg",

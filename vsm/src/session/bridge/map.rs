@@ -134,7 +134,7 @@ fn vehicle(aircraft: &Aircraft) -> VehicleMap {
     }
 }
 
-fn place(at: (f64, f64), level: Level, home_m: Option<f64>) -> PlaceMap {
+pub(crate) fn place(at: (f64, f64), level: Level, home_m: Option<f64>) -> PlaceMap {
     PlaceMap {
         at: [at.0, at.1],
         amsl_m: match level {
@@ -145,7 +145,7 @@ fn place(at: (f64, f64), level: Level, home_m: Option<f64>) -> PlaceMap {
 }
 
 /// The place that an item is flown to: none of a DO command, which may have one too (what a camera looks at).
-fn flown_to(item: &Item, home_m: Option<f64>) -> Option<PlaceMap> {
+pub(crate) fn flown_to(item: &Item, home_m: Option<f64>) -> Option<PlaceMap> {
     if !item.is_global() || item.command >= MAV_CMD_NAV_LAST {
         return None;
     }

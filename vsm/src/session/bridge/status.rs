@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
-use mapping::payload::report::Station;
+use mapping::payload::report::{Ground, Station};
+use mapping::payload::{Equipment, Payloads};
 use mapping::route::Curved;
 use mapping::telemetry::Telemetry;
 use serde::Serialize;
@@ -68,7 +69,7 @@ pub struct StationStatus {
     pub id: String,
     /// Where it is sent to.
     pub address: Option<String>,
-    /// Whether it has proved to be there: "answered", "configured" (the operator vouches for the address) or "none".
+    /// Whether it has proved to be there: "answered", "configured" (the operator vouches for the address), "none", or "recorded".
     pub proof: &'static str,
     /// Since anything of it was accepted, s.
     pub silent_s: Option<f64>,
@@ -128,7 +129,7 @@ pub struct VehicleStatus {
 }
 
 /// How a vehicle moves, as it reports it.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MotionStatus {
     /// Where its nose points, 0 to 360 degrees from true north.
     pub heading_deg: Option<f64>,
@@ -143,7 +144,7 @@ pub struct MotionStatus {
 }
 
 /// An alert that stands.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AlertStatus {
     /// Warning ID of its 16000.
     pub id: i32,
@@ -154,7 +155,7 @@ pub struct AlertStatus {
 }
 
 /// Where a sensor of a vehicle looks.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FootprintStatus {
     /// The payload station, 1 to 32.
     pub station: u8,
@@ -167,10 +168,10 @@ pub struct FootprintStatus {
 /// The altitudes that a vehicle must stay within.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct BandStatus {
-    /// Metres above home, by `vehicle.limits` and GF_MAX_VER_DIST.
-    pub lowest_m: f64,
+    /// Metres above home, by `vehicle.limits` and GF_MAX_VER_DIST; none in a replay.
+    pub lowest_m: Option<f64>,
     /// Metres above home.
-    pub highest_m: f64,
+    pub highest_m: Option<f64>,
     /// Whether the vehicle is outside them.
     pub outside: bool,
 }
@@ -282,6 +283,37 @@ pub struct LinkStatus {
     pub received: ByType,
     /// Sent, by message id.
     pub sent: ByType,
+}
+
+impl LinkStatus {
+    /// Of a recording: signatures are not recorded, and nothing else of the link is.
+    pub(crate) fn recorded(live: bool) -> LinkStatus {
+        LinkStatus {
+            address: String::new(),
+            peer: None,
+            signed: false,
+            key_id: None,
+            verified_s: None,
+            verified_key_id: None,
+            arrives: None,
+            stale_at_start: 0,
+            state: if live { "live" } else { "waiting" },
+            live_s: None,
+            unanswered_s: None,
+            refused_though_verified: BTreeMap::new(),
+            round_trip_s: None,
+            lost: None,
+            clock_known: false,
+            exchange: None,
+            encryption: None,
+            refused: BTreeMap::new(),
+            strangers: 0,
+            other_systems: BTreeMap::new(),
+            frames: BTreeMap::new(),
+            received: ByType::default(),
+            sent: ByType::default(),
+        }
+    }
 }
 
 impl Bridge {
@@ -418,7 +450,8 @@ fn set_aside(refused: &Counters) -> Counters {
     set_aside
 }
 
-fn motion(telemetry: &Telemetry) -> MotionStatus {
+/// How it moves, by what it reports.
+pub(crate) fn motion(telemetry: &Telemetry) -> MotionStatus {
     let yaw = telemetry.attitude.map(|attitude| attitude.yaw);
     MotionStatus {
         heading_deg: yaw.map(|yaw| yaw.to_degrees().rem_euclid(360.0)),
@@ -450,10 +483,27 @@ fn looks_at(aircraft: &Aircraft, now: Duration) -> Vec<FootprintStatus> {
     let configured: Vec<_> = (aircraft.config.payload.iter())
         .map(|one| one.equipment())
         .collect();
-    let seen = vehicle.payloads.stations(&configured).into_iter();
+    footprints(
+        &vehicle.payloads,
+        &configured,
+        &vehicle.telemetry,
+        &ground,
+        now,
+    )
+}
+
+/// Where sensors of this equipment look; of what reports itself, where none is configured.
+pub(crate) fn footprints(
+    payloads: &Payloads,
+    configured: &[Equipment],
+    telemetry: &Telemetry,
+    ground: &Ground<'_>,
+    now: Duration,
+) -> Vec<FootprintStatus> {
+    let seen = payloads.stations(configured).into_iter();
     let seen = seen.filter_map(|one| {
-        let station = Station::of(one, &vehicle.payloads, now);
-        let at = station.footprint(&vehicle.telemetry, &ground)?;
+        let station = Station::of(one, payloads, now);
+        let at = station.footprint(telemetry, ground)?;
         Some(FootprintStatus {
             station: one.number,
             centre: [at.place.latitude, at.place.longitude, at.place.amsl_m],
@@ -467,8 +517,8 @@ fn altitude_band(aircraft: &Aircraft) -> BandStatus {
     let parameters = aircraft.reports.parameters().values;
     let limits = aircraft.bounds.limits.of(parameters);
     BandStatus {
-        lowest_m: limits.floor_m(),
-        highest_m: limits.highest_m,
+        lowest_m: Some(limits.floor_m()),
+        highest_m: Some(limits.highest_m),
         outside: aircraft.mission.outside_band(),
     }
 }

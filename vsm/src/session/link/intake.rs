@@ -239,7 +239,7 @@ impl VehicleLink {
 }
 
 /// Whether a message is about a gimbal or a camera, whichever component of the vehicle sends it.
-fn is_of_payload(message: &MavMessage) -> bool {
+pub(crate) fn is_of_payload(message: &MavMessage) -> bool {
     use MavMessage as M;
     match message {
         M::HEARTBEAT(beat) => beat.mavtype == MavType::MAV_TYPE_CAMERA,

@@ -58,6 +58,7 @@ use super::effects::Effects;
 use super::findings::vehicle::{Arrivals, Evidence, FRESH, Kind};
 use super::log::LogLevel;
 
+pub(crate) use intake::is_of_payload;
 pub(crate) use link_id::LinkId;
 
 /// The machine.

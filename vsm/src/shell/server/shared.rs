@@ -20,7 +20,7 @@ use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::VehicleWriter;
-use crate::shell::web::{Event, Events, Source};
+use crate::shell::web::{Event, Events, PageInfo, Source};
 
 /// Writes to the log what a machine has to report.
 pub(super) fn write_log(entry: &LogEntry) {
@@ -203,15 +203,19 @@ impl Shared {
 }
 
 impl Source for Rc<Shared> {
-    fn status(&self) -> Status {
+    fn page(&self) -> PageInfo {
+        PageInfo::default()
+    }
+
+    fn status(&self, _moment: Option<Duration>) -> Status {
         Shared::status(self)
     }
 
-    fn map(&self) -> Vec<VehicleMap> {
+    fn map(&self, _moment: Option<Duration>) -> Vec<VehicleMap> {
         self.core.borrow().bridge.map()
     }
 
-    fn events(&self, from: u64) -> Vec<Event> {
+    fn events(&self, from: u64, _moment: Option<Duration>) -> Vec<Event> {
         self.events.borrow().from(from).cloned().collect()
     }
 }

@@ -29,25 +29,35 @@ pub struct Event {
     pub text: String,
 }
 
-impl Events {
-    /// Keeps an entry; what only a debug log shows is left out.
-    pub fn push(&mut self, wall: Duration, entry: &LogEntry) {
+impl Event {
+    /// A log entry with its number; none of what only a debug log shows.
+    pub(crate) fn of(number: u64, wall: Duration, entry: &LogEntry) -> Option<Event> {
         let level = match entry.level {
-            LogLevel::Debug => return,
+            LogLevel::Debug => return None,
             LogLevel::Info => "info",
             LogLevel::Warning => "warning",
             LogLevel::Error => "error",
         };
-        if self.kept.len() >= MAX_EVENTS {
-            self.kept.pop_front();
-        }
-        self.kept.push_back(Event {
-            number: self.next,
+        Some(Event {
+            number,
             at_ms: u64::try_from(wall.as_millis()).unwrap_or(u64::MAX),
             level,
             about: entry.about.to_string(),
             text: entry.text.chars().take(MAX_TEXT).collect(),
-        });
+        })
+    }
+}
+
+impl Events {
+    /// Keeps an entry; what only a debug log shows is left out.
+    pub fn push(&mut self, wall: Duration, entry: &LogEntry) {
+        let Some(event) = Event::of(self.next, wall, entry) else {
+            return;
+        };
+        if self.kept.len() >= MAX_EVENTS {
+            self.kept.pop_front();
+        }
+        self.kept.push_back(event);
         self.next += 1;
     }
 

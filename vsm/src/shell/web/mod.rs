@@ -39,7 +39,7 @@ use tokio::task::{AbortHandle, JoinError, JoinSet};
 
 pub use self::events::{Event, Events};
 use self::routes::{Kept, Query};
-pub use self::source::Source;
+pub use self::source::{PageInfo, Source, Span};
 use super::tasks::Beat;
 use super::test_fault;
 
@@ -209,7 +209,11 @@ mod tests {
     struct Nothing;
 
     impl Source for Nothing {
-        fn status(&self) -> Status {
+        fn page(&self) -> PageInfo {
+            PageInfo::default()
+        }
+
+        fn status(&self, _moment: Option<Duration>) -> Status {
             Status {
                 vsm: "1b:00:00:01".to_owned(),
                 uptime_s: 1.0,
@@ -230,11 +234,11 @@ mod tests {
             }
         }
 
-        fn map(&self) -> Vec<VehicleMap> {
+        fn map(&self, _moment: Option<Duration>) -> Vec<VehicleMap> {
             Vec::new()
         }
 
-        fn events(&self, _from: u64) -> Vec<Event> {
+        fn events(&self, _from: u64, _moment: Option<Duration>) -> Vec<Event> {
             Vec::new()
         }
     }
@@ -352,6 +356,10 @@ mod tests {
             assert_eq!(code(address, "/page/../mod.rs", &host).await, "404");
             assert_eq!(code(address, "/events.json?from=x", &host).await, "400");
             assert_eq!(code(address, "/events.json?from=7", &host).await, "200");
+            assert_eq!(code(address, "/status.json?at=7", &host).await, "200");
+            assert_eq!(code(address, "/status.json?at=7&at=8", &host).await, "400");
+            assert_eq!(code(address, "/map.json?from=7", &host).await, "400");
+            assert_eq!(code(address, "/page.json", &host).await, "200");
             assert_eq!(code(address, "/map.json", &host).await, "200");
             let metrics = get(address, "/metrics", &host).await;
             assert!(metrics.contains("# HELP vsm_uptime_seconds"), "{metrics}");
@@ -392,30 +400,34 @@ mod tests {
         let asked = Cell::new(0);
         struct Counted<'a>(&'a Cell<u32>);
         impl Source for Counted<'_> {
-            fn status(&self) -> Status {
-                self.0.set(self.0.get() + 1);
-                Nothing.status()
+            fn page(&self) -> PageInfo {
+                PageInfo::default()
             }
 
-            fn map(&self) -> Vec<VehicleMap> {
+            fn status(&self, moment: Option<Duration>) -> Status {
+                self.0.set(self.0.get() + 1);
+                Nothing.status(moment)
+            }
+
+            fn map(&self, _moment: Option<Duration>) -> Vec<VehicleMap> {
                 Vec::new()
             }
 
-            fn events(&self, _from: u64) -> Vec<Event> {
+            fn events(&self, _from: u64, _moment: Option<Duration>) -> Vec<Event> {
                 Vec::new()
             }
         }
         let mut kept = Kept::default();
         for _ in 0..20 {
             let (to, mut answer) = tokio::sync::oneshot::channel();
-            Query::Status(to).answer(&Counted(&asked), &mut kept);
+            Query::Status(None, to).answer(&Counted(&asked), &mut kept);
             assert!(answer.try_recv().is_ok_and(|body| !body.is_empty()));
         }
         assert!(asked.get() <= 2, "{}", asked.get());
         std::thread::sleep(Duration::from_millis(210));
         let (to, _answer) = tokio::sync::oneshot::channel();
         let before = asked.get();
-        Query::Status(to).answer(&Counted(&asked), &mut kept);
+        Query::Status(None, to).answer(&Counted(&asked), &mut kept);
         assert_eq!(asked.get(), before + 1);
     }
 

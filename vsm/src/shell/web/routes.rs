@@ -20,20 +20,30 @@ use super::source::Source;
 /// A question to the bridge, and where its answer goes: JSON, or the text of /metrics.
 #[derive(Debug)]
 pub(super) enum Query {
-    Status(oneshot::Sender<Bytes>),
-    Map(oneshot::Sender<Bytes>),
-    Events(u64, oneshot::Sender<Bytes>),
+    Page(oneshot::Sender<Bytes>),
+    Status(Moment, oneshot::Sender<Bytes>),
+    Map(Moment, oneshot::Sender<Bytes>),
+    Events(u64, Moment, oneshot::Sender<Bytes>),
+    Tracks(oneshot::Sender<Bytes>),
     Metrics(oneshot::Sender<Bytes>),
 }
+
+/// Of a recording, since 1970; none is now.
+type Moment = Option<Duration>;
 
 impl Query {
     /// Answers it; whoever asked may have left.
     pub(super) fn answer(self, source: &impl Source, kept: &mut Kept) {
         let _ = match self {
-            Query::Status(to) => to.send(kept.status.get(|| json(&source.status()))),
-            Query::Map(to) => to.send(kept.map.get(|| json(&source.map()))),
-            Query::Events(from, to) => to.send(json(&source.events(from)).into()),
-            Query::Metrics(to) => to.send(kept.metrics.get(|| metrics::text(&source.status()))),
+            Query::Page(to) => to.send(json(&source.page()).into()),
+            Query::Status(at, to) => to.send(kept.status.get(at, || json(&source.status(at)))),
+            Query::Map(at, to) => to.send(kept.map.get(at, || json(&source.map(at)))),
+            Query::Events(from, at, to) => to.send(json(&source.events(from, at)).into()),
+            Query::Tracks(to) => to.send(json(&source.tracks()).into()),
+            Query::Metrics(to) => {
+                let compose = || metrics::text(&source.status(None));
+                to.send(kept.metrics.get(None, compose))
+            }
         };
     }
 }
@@ -47,15 +57,15 @@ pub(super) struct Kept {
 }
 
 #[derive(Debug, Default)]
-struct Answer(Option<(Instant, Bytes)>);
+struct Answer(Option<(Instant, Moment, Bytes)>);
 
 impl Answer {
-    fn get(&mut self, compose: impl FnOnce() -> String) -> Bytes {
+    fn get(&mut self, of: Moment, compose: impl FnOnce() -> String) -> Bytes {
         match &self.0 {
-            Some((at, body)) if at.elapsed() < KEPT => body.clone(),
+            Some((at, known, body)) if *known == of && at.elapsed() < KEPT => body.clone(),
             _ => {
                 let body = Bytes::from(compose());
-                self.0 = Some((Instant::now(), body.clone()));
+                self.0 = Some((Instant::now(), of, body.clone()));
                 body
             }
         }
@@ -76,12 +86,14 @@ pub(super) fn all(queries: Queries) -> Router {
             "/page/{*name}",
             get(|Path(name): Path<String>| async move { asset(&name) }),
         )
-        .route(
-            "/status.json",
-            get(|State(to)| ask(to, Query::Status, JSON)),
-        )
-        .route("/map.json", get(|State(to)| ask(to, Query::Map, JSON)))
+        .route("/page.json", get(|State(to)| ask(to, Query::Page, JSON)))
+        .route("/status.json", get(status))
+        .route("/map.json", get(map))
         .route("/events.json", get(events))
+        .route(
+            "/tracks.json",
+            get(|State(to)| ask(to, Query::Tracks, JSON)),
+        )
         .route(
             "/metrics",
             get(|State(to)| ask(to, Query::Metrics, PROMETHEUS)),
@@ -92,19 +104,42 @@ pub(super) fn all(queries: Queries) -> Router {
         .with_state(queries)
 }
 
-/// /events.json, or /events.json?from=NUMBER.
-async fn events(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
-    let from = match query.as_deref() {
-        None => Some(0),
-        Some(query) => query.strip_prefix("from=").and_then(|n| n.parse().ok()),
-    };
-    match from {
-        Some(from) => ask(to, |answer| Query::Events(from, answer), JSON).await,
-        None => text(
-            StatusCode::BAD_REQUEST,
-            "expected /events.json?from=NUMBER, the number of the first event to show\n",
-        ),
+async fn status(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
+    match asked(query) {
+        Some((None, at)) => ask(to, |answer| Query::Status(at, answer), JSON).await,
+        _ => text(StatusCode::BAD_REQUEST, EXPECTED),
     }
+}
+
+async fn map(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
+    match asked(query) {
+        Some((None, at)) => ask(to, |answer| Query::Map(at, answer), JSON).await,
+        _ => text(StatusCode::BAD_REQUEST, EXPECTED),
+    }
+}
+
+async fn events(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
+    match asked(query) {
+        Some((from, at)) => {
+            let from = from.unwrap_or(0);
+            ask(to, |answer| Query::Events(from, at, answer), JSON).await
+        }
+        None => text(StatusCode::BAD_REQUEST, EXPECTED),
+    }
+}
+
+/// from=NUMBER and at=MILLISECONDS, each at most once; `None` of anything else.
+fn asked(query: Option<String>) -> Option<(Option<u64>, Moment)> {
+    let (mut from, mut at) = (None, None);
+    let query = query.unwrap_or_default();
+    for pair in query.split('&').filter(|pair| !pair.is_empty()) {
+        match pair.split_once('=')? {
+            ("from", number) if from.is_none() => from = Some(number.parse().ok()?),
+            ("at", ms) if at.is_none() => at = Some(Duration::from_millis(ms.parse().ok()?)),
+            _ => return None,
+        }
+    }
+    Some((from, at))
 }
 
 async fn ask(
@@ -158,7 +193,10 @@ const JSON: &str = "application/json";
 const PROMETHEUS: &str = "text/plain; version=0.0.4";
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-const THERE_ARE: &str = "there are /, /status.json, /map.json, /events.json and /metrics\n";
+const THERE_ARE: &str =
+    "there are /, /page.json, /status.json, /map.json, /events.json, /tracks.json and /metrics\n";
+const EXPECTED: &str = "expected /events.json?from=NUMBER, the number of the first event to show; of a recording at=MS too, the \
+    milliseconds since 1970 of a moment, as /status.json and /map.json take it\n";
 const ONLY_GET: &str = "only GET: nothing is commanded here\n";
 
 macro_rules! assets {
@@ -172,9 +210,16 @@ const ASSETS: &[(&str, &str, &[u8])] = assets! {
     "index.html" "text/html; charset=utf-8",
     "style.css" "text/css",
     "main.js" "text/javascript",
+    "beat.js" "text/javascript",
+    "confirm.js" "text/javascript",
+    "control.js" "text/javascript",
+    "drawing.js" "text/javascript",
     "map.js" "text/javascript",
     "panel.js" "text/javascript",
     "profile.js" "text/javascript",
+    "messages.js" "text/javascript",
+    "replay.js" "text/javascript",
+    "socket.js" "text/javascript",
     "units.js" "text/javascript",
     "leaflet/leaflet.js" "text/javascript",
     "leaflet/leaflet.css" "text/css",

@@ -1,12 +1,16 @@
-// Asks the bridge how everything stands, twice a second, and shows it.
+// Asks the bridge how everything stands, twice a second, and shows it; of a recording, how it stood at the moment of its time line.
 
+import { Control } from "./control.js";
 import { VehiclesMap } from "./map.js";
-import { addEvents, drawBridge, drawEvents, drawVehicle } from "./panel.js";
+import { addEvents, clearEvents, drawBridge, drawEvents, drawVehicle } from "./panel.js";
 import { drawProfile } from "./profile.js";
-import { chooseUnits, chosenUnits } from "./units.js";
+import { TimeLine } from "./replay.js";
+import { altitudeIn, chooseUnits, chosenUnits, inAltitude } from "./units.js";
 
 const EVERY_MS = 500;
 const MAP_EVERY_MS = 2000;
+// A recording is played smoothly.
+const REPLAY_EVERY_MS = 200;
 const WITHIN_MS = 3000;
 
 const map = new VehiclesMap(document.getElementById("map"));
@@ -19,6 +23,10 @@ let shapes = [];
 let shapesText = "";
 let shapesAt = 0;
 let nextEvent = 0;
+let timeLine = null;
+let control = null;
+let timer = 0;
+let running = false;
 
 async function read(path) {
   const answer = await fetch(path, { signal: AbortSignal.timeout(WITHIN_MS) });
@@ -29,11 +37,11 @@ async function read(path) {
 const chosen = () => status?.vehicles.find((one) => one.id === choice.value) ?? status?.vehicles[0];
 
 function offerVehicles(vehicles) {
-  const ids = vehicles.map((one) => one.id).join();
+  const ids = vehicles.map((one) => `${one.tail_number} ${one.id}`).join();
   if (choice.dataset.ids === ids) return;
   const before = choice.value;
   choice.dataset.ids = ids;
-  choice.replaceChildren(...vehicles.map((one) => new Option(`${one.tail_number} (${one.id})`, one.id)));
+  choice.replaceChildren(...vehicles.map((one) => new Option(one.tail_number ? `${one.tail_number} (${one.id})` : one.id, one.id)));
   if (vehicles.some((one) => one.id === before)) choice.value = before;
 }
 
@@ -41,8 +49,9 @@ function draw() {
   const vehicle = chosen();
   if (!vehicle) return;
   drawBridge(status);
-  drawVehicle(vehicle);
-  map.drawVehicles(status.vehicles, vehicle.id);
+  drawVehicle(vehicle, timeLine !== null, control);
+  control?.draw();
+  map.drawVehicles(status.vehicles, vehicle.id, timeLine?.at);
   const shape = shapes.find((one) => one.id === vehicle.id);
   drawProfile(document.getElementById("profile"), document.getElementById("profile-text"), shape?.route, vehicle);
 }
@@ -56,28 +65,63 @@ function connected(text, kind) {
   connection.className = kind;
 }
 
+/** What differs between a running bridge and a recording. */
+async function begin() {
+  const { replay, control: controllable } = await (await read("page.json")).json();
+  if (controllable) control = new Control(map, chosen);
+  if (replay) {
+    timeLine = new TimeLine(replay, sought);
+    map.setTracks(await (await read("tracks.json")).json());
+  }
+}
+
+/** Another moment is chosen: it is shown at once, and what was shown of a later one goes. */
+function sought(elsewhere) {
+  if (elsewhere) {
+    nextEvent = 0;
+    shapesAt = 0;
+    clearEvents();
+  }
+  if (!running) refresh();
+}
+
+async function show() {
+  if (!begun) {
+    await begin();
+    begun = true;
+  }
+  timeLine?.tick();
+  const of = timeLine ? `?at=${timeLine.at}` : "";
+  status = await (await read(`status.json${of}`)).json();
+  offerVehicles(status.vehicles);
+  if (Date.now() - shapesAt >= MAP_EVERY_MS) {
+    shapesAt = Date.now();
+    const text = await (await read(`map.json${of}`)).text();
+    // Drawn again only where it is something else: what an operator points at does not flicker.
+    if (text !== shapesText) {
+      shapesText = text;
+      shapes = JSON.parse(text);
+      drawShapes();
+    }
+  }
+  const fresh = await (await read(`events.json?from=${nextEvent}${of.replace("?", "&")}`)).json();
+  if (fresh.length > 0) {
+    nextEvent = fresh.at(-1).number + 1;
+    addEvents(fresh);
+  }
+  draw();
+}
+
+let begun = false;
+
 async function refresh() {
+  clearTimeout(timer);
+  running = true;
+  const moment = timeLine?.at;
   try {
-    status = await (await read("status.json")).json();
-    offerVehicles(status.vehicles);
-    if (Date.now() - shapesAt >= MAP_EVERY_MS) {
-      shapesAt = Date.now();
-      const text = await (await read("map.json")).text();
-      // Drawn again only where it is something else: what an operator points at does not flicker.
-      if (text !== shapesText) {
-        shapesText = text;
-        shapes = JSON.parse(text);
-        drawShapes();
-      }
-    }
-    const fresh = await (await read(`events.json?from=${nextEvent}`)).json();
-    if (fresh.length > 0) {
-      nextEvent = fresh.at(-1).number + 1;
-      addEvents(fresh);
-    }
-    draw();
+    await show();
     document.body.classList.remove("lost");
-    connected("connected", "good");
+    connected(timeLine ? "a recording: nothing here is live" : "connected", timeLine ? "quiet" : "good");
   } catch (error) {
     // What is shown is old then, and the whole page says so.
     document.body.classList.add("lost");
@@ -85,11 +129,20 @@ async function refresh() {
     // A bridge that was restarted numbers its events from 0.
     nextEvent = 0;
   }
-  setTimeout(refresh, EVERY_MS);
+  running = false;
+  // Sought while it was read: what was shown is another moment.
+  const late = timeLine && moment !== undefined && timeLine.at < moment;
+  timer = setTimeout(refresh, late ? 0 : timeLine ? REPLAY_EVERY_MS : EVERY_MS);
 }
 
 units.value = chosenUnits();
-units.addEventListener("change", () => { chooseUnits(units.value); draw(); });
+units.addEventListener("change", () => {
+  // What is typed stays the same altitude.
+  const typed = [...document.querySelectorAll("input.altitude")].map((field) => [field, altitudeIn(field)]);
+  chooseUnits(units.value);
+  for (const [field, m] of typed) field.value = m === null ? "" : inAltitude(m);
+  draw();
+});
 choice.addEventListener("change", () => { drawShapes(); draw(); });
 document.getElementById("only-refused").addEventListener("change", drawEvents);
 refresh();

@@ -47,6 +47,8 @@ export class VehiclesMap {
   #moving;
   #vehicles = new Map();
   #placed = false;
+  #draft;
+  #clicked = null;
 
   constructor(node) {
     this.#map = L.map(node, { preferCanvas: false, zoomControl: true, attributionControl: true, zoomSnap: 0.5, maxZoom: 21 });
@@ -55,6 +57,8 @@ export class VehiclesMap {
     this.#grid = L.layerGroup().addTo(this.#map);
     this.#shapes = L.layerGroup().addTo(this.#map);
     this.#moving = L.layerGroup().addTo(this.#map);
+    this.#draft = L.layerGroup().addTo(this.#map);
+    this.#map.on("click", ({ latlng }) => this.#clicked?.([latlng.lat, latlng.lng]));
     this.#map.setView([0, 0], 2);
     this.#map.on("moveend zoomend resize", () => drawGrid(this.#map, this.#grid));
     drawGrid(this.#map, this.#grid);
@@ -93,6 +97,25 @@ export class VehiclesMap {
     this.#show();
   }
 
+  /** What a click on the map does; null: nothing but what maps do. */
+  onClick(act) {
+    this.#clicked = act;
+    this.#map.getContainer().classList.toggle("clicking", act !== null);
+  }
+
+  /** The place in the middle of the map. */
+  middle() {
+    const { lat, lng } = this.#map.getCenter();
+    return [lat, lng];
+  }
+
+  /** A route that is being drawn. */
+  drawDraft(points) {
+    this.#draft.clearLayers();
+    L.polyline(points, { className: "draft", interactive: false }).addTo(this.#draft);
+    points.forEach((at, i) => marker(at, "draft-point", String(i + 1), `drawn point ${i + 1}`).addTo(this.#draft));
+  }
+
   #bounds = null;
 
   /** The first thing that has a place is shown; after that the map is the operator's. */
@@ -102,19 +125,33 @@ export class VehiclesMap {
     this.#map.fitBounds(this.#bounds.pad(0.25), { animate: false, maxZoom: 18 });
   }
 
-  /** Where the vehicles are now. */
-  drawVehicles(vehicles, chosen) {
+  #tracks = new Map();
+
+  /** The whole tracks of a recording: points of time, ms, latitude and longitude. */
+  setTracks(tracks) {
+    this.#tracks = new Map(tracks);
+  }
+
+  /** Where the vehicle was: since the page was opened, or in a recording until this moment. */
+  #track(id, at, live, moment) {
+    const recorded = this.#tracks.get(id);
+    if (recorded) return [...recorded.filter(([ms]) => ms <= moment).map(([, north, east]) => [north, east]), at];
+    const track = this.#vehicles.get(id) ?? [];
+    this.#vehicles.set(id, track);
+    const last = track.at(-1);
+    if (live && (!last || last[0] !== at[0] || last[1] !== at[1])) track.push(at);
+    if (track.length > TRACK_POINTS) track.shift();
+    return track;
+  }
+
+  /** Where the vehicles are; `moment`: of a recording. */
+  drawVehicles(vehicles, chosen, moment) {
     this.#moving.clearLayers();
     for (const { id, position, motion, live, tail_number, looks_at } of vehicles) {
-      const known = this.#vehicles.get(id) ?? { track: [] };
-      this.#vehicles.set(id, known);
       if (!position) continue;
       const at = [position[0], position[1]];
-      const last = known.track.at(-1);
-      if (live && (!last || last[0] !== at[0] || last[1] !== at[1])) known.track.push(at);
-      if (known.track.length > TRACK_POINTS) known.track.shift();
       const faded = id === chosen ? "" : " faded";
-      L.polyline(known.track, { className: `track${faded}`, interactive: false }).addTo(this.#moving);
+      L.polyline(this.#track(id, at, live, moment), { className: `track${faded}`, interactive: false }).addTo(this.#moving);
       for (const seen of looks_at) {
         const centre = [seen.centre[0], seen.centre[1]];
         L.polyline([at, centre], { className: `sight${faded}`, interactive: false }).addTo(this.#moving);

@@ -48,7 +48,48 @@ function battery(vehicle) {
   return ["battery", percent(level), level !== null && level <= 20 ? "bad" : ""];
 }
 
-export function drawVehicle(vehicle) {
+function band({ lowest_m, highest_m, outside }) {
+  // Of the configuration, which is not recorded.
+  if (lowest_m === null) return ["altitude band", "not recorded"];
+  return ["altitude band", `${height(lowest_m)} to ${height(highest_m)} above home${outside ? ": OUTSIDE" : ""}`, outside ? "bad" : ""];
+}
+
+/** Alerts that stand. One that stays keeps its row: a screen reader reads what is new, and a button is not lost under a finger. */
+function drawAlerts(vehicle, control) {
+  const list = by("alerts");
+  const before = new Map([...list.children].map((row) => [row.dataset.key, row]));
+  const made = vehicle.alerts.map((alert) => {
+    const key = `${vehicle.id} ${alert.id} ${alert.priority} ${alert.text}`;
+    const row = before.get(key) ?? node("li", `${alert.priority}: ${alert.text}`, alert.priority);
+    row.dataset.key = key;
+    const by_whom = (alert.acknowledged ?? []).map((one) => `${one.cucs} ${time(one.at_ms)}`).join(", ");
+    if (row.dataset.by !== by_whom) {
+      row.dataset.by = by_whom;
+      row.querySelector("small")?.remove();
+      if (by_whom) row.append(node("small", ` acknowledged by ${by_whom}`));
+    }
+    const offered = control?.canAcknowledge(vehicle.id, alert.id) && !by_whom;
+    const button = row.querySelector("button");
+    if (offered && !button) {
+      const press = node("button", "Acknowledge");
+      press.type = "button";
+      press.addEventListener("click", () => control.acknowledge(vehicle.id, alert.id));
+      row.append(" ", press);
+    } else if (!offered) {
+      button?.remove();
+    }
+    return row;
+  });
+  if (made.length === 0) {
+    const none = before.get("none") ?? node("li", "none stands", "quiet");
+    none.dataset.key = "none";
+    made.push(none);
+  }
+  for (const row of [...list.children]) if (!made.includes(row)) row.remove();
+  made.forEach((row, i) => { if (list.children[i] !== row) list.insertBefore(row, list.children[i] ?? null); });
+}
+
+export function drawVehicle(vehicle, recorded, control) {
   const { motion, position, link } = vehicle;
   const armed = { true: "armed", false: "disarmed", null: "unknown" }[vehicle.armed];
   const ground = { true: "on the ground", false: "in the air", null: "unknown" }[vehicle.on_ground];
@@ -66,12 +107,10 @@ export function drawVehicle(vehicle) {
     ["heading", heading(motion.heading_deg)],
     ["position", position ? place(position) : "unknown"],
     ["flies to", vehicle.flies_to === null ? "no waypoint" : `waypoint ${vehicle.flies_to}`],
-    ["altitude band", `${height(vehicle.altitude_band.lowest_m)} to ${height(vehicle.altitude_band.highest_m)} above home${vehicle.altitude_band.outside ? ": OUTSIDE" : ""}`, vehicle.altitude_band.outside ? "bad" : ""],
+    band(vehicle.altitude_band),
     ...vehicle.looks_at.map((one) => [`camera ${one.station} looks at`, `${place(one.centre)}, ${height(one.range_m)} away`]),
   ]);
-  items(by("alerts"), vehicle.alerts.length > 0
-    ? vehicle.alerts.map((alert) => node("li", `${alert.priority}: ${alert.text}`, alert.priority))
-    : [node("li", "none stands", "quiet")]);
+  drawAlerts(vehicle, control);
   const holders = vehicle.holders.map((holder) => {
     const row = node("tr", "", holder.id === vehicle.controller ? "controls" : "");
     const name = holder.id === vehicle.controller ? `${holder.id} (controls)` : holder.id;
@@ -85,7 +124,7 @@ export function drawVehicle(vehicle) {
   items(by("holders"), holders.length > 0 ? holders : [nobody]);
   items(by("handovers"), vehicle.handovers.map((one) =>
     node("li", `${one.rights}: ${one.from ?? "free"} → ${one.to}, waits for ${one.waits_for}`)));
-  rows(by("link"), [
+  rows(by("link"), recorded ? [["recorded", "frames that the bridge believed; signatures are not recorded"]] : [
     ["signing", ...signing(link)],
     ["state", link.state, link.state === "live" ? "good" : "bad"],
     ["peer", link.peer ?? "no data received yet"],
@@ -126,6 +165,11 @@ const events = [];
 export function addEvents(fresh) {
   events.push(...fresh);
   if (events.length > MAX_SHOWN) events.splice(0, events.length - MAX_SHOWN);
+  drawEvents();
+}
+
+export function clearEvents() {
+  events.length = 0;
   drawEvents();
 }
 

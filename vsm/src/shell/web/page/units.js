@@ -42,3 +42,17 @@ export function levels({ levels: named, stations }) {
   if (stations.length === 0) return named;
   return `${named}; ${stations.length === ALL_STATIONS ? "all payload stations" : `payload station ${stations.join(", ")}`}`;
 }
+
+/** The unit in which altitudes are typed. */
+export const altitudeUnit = () => (units === "aviation" ? "ft" : "m");
+
+/** What is typed in a field, in metres; null where nothing is, or no number: never a number of its own. */
+export function altitudeIn(field) {
+  const text = field.value.trim();
+  const value = Number(text);
+  if (text === "" || !Number.isFinite(value)) return null;
+  return units === "aviation" ? value / FEET : value;
+}
+
+/** Metres as they are typed. */
+export const inAltitude = (m) => String(Number((units === "aviation" ? m * FEET : m).toFixed(1)));

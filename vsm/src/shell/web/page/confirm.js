@@ -1,0 +1,16 @@
+// A question before anything that moves the aircraft. What is under the finger first is No.
+
+const dialog = document.getElementById("confirm");
+
+/** Whether a person says yes; `yes` names what is done then. */
+export function confirmed(question, yes) {
+  document.getElementById("confirm-text").textContent = question;
+  const button = document.getElementById("confirm-yes");
+  button.textContent = yes;
+  dialog.returnValue = "no";
+  dialog.showModal();
+  document.getElementById("confirm-no").focus();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true });
+  });
+}

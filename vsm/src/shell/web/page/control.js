@@ -1,0 +1,362 @@
+// Control: this page as a ground station. What it sends are messages of the DLI over the WebSocket; what it shows of the vehicle
+// is what the vehicle reports, elsewhere on the page, and here what became of each command.
+
+import { confirmed } from "./confirm.js";
+import { Drawing } from "./drawing.js";
+import * as messages from "./messages.js";
+import { ControlSocket, importKey } from "./socket.js";
+import { altitudeIn, altitudeUnit, height, time } from "./units.js";
+
+const by = (id) => document.getElementById(id);
+const MAX_SHOWN = 30;
+// Why a command is refused comes as an alert beside the answer.
+const REASON_WITHIN_MS = 2000;
+
+const idText = (id) => (typeof id === "string" ? id : (id >>> 0).toString(16).padStart(8, "0").replace(/(..)(?=.)/g, "$1:"));
+
+export class Control {
+  #map;
+  #drawing;
+  #chosen;
+  #socket = null;
+  #own = null;
+  #vsm = null;
+  #loi = [];
+  #beat = null;
+  /** What was sent, the newest first: {label, state, kind, stamp, n, at}. */
+  #commands = [];
+  /** By vehicle and alert: to whom its 16000 belongs, and its stamp. */
+  #alerts = new Map();
+  /** By vehicle: {cucs, levels} that asks for what this station holds. */
+  #asked = new Map();
+  #parts = new Map();
+  #routes = Promise.resolve();
+  #routeDone = null;
+
+  /** `chosen()` is the status of the vehicle that is shown. */
+  constructor(map, chosen) {
+    this.#map = map;
+    this.#chosen = chosen;
+    this.#drawing = new Drawing(map);
+    by("control").hidden = false;
+    by("sign-in").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#connect();
+    });
+    const on = (id, act) => by(id).addEventListener("click", act);
+    on("disconnect", () => this.#socket?.close());
+    on("take", () => this.#take());
+    on("release", () => this.#command("release", (vehicle) => messages.relinquish(vehicle.id, this.#vsm)));
+    on("send-drawn", () => this.#sendDrawn());
+    by("route-file").addEventListener("change", () => this.#sendFile(by("route-file").files[0]));
+    on("launch", () => this.#launch());
+    on("fly", () => this.#fly());
+    on("hold", () => this.#ask("hold where it is", "Hold", (vehicle) => messages.hold(vehicle.id)));
+    on("land", () => this.#ask("land where it is", "Land", (vehicle) => messages.land(vehicle.id)));
+    on("loiter", () => this.#loiterByClick());
+    on("loiter-middle", () => this.#loiter(this.#map.middle()));
+    on("hand-over", () => this.#answer(true));
+    on("refuse", () => this.#answer(false));
+    this.#dropOnMap();
+    this.draw();
+    // The link of a demo brings id and key behind its #: they go from the address at once.
+    const [, id, key] = location.hash.match(/^#((?:[0-9a-f]{2}:){3}[0-9a-f]{2})=([0-9a-f]{64})$/i) ?? [];
+    if (key) {
+      history.replaceState(null, "", location.pathname);
+      by("station-id").value = id;
+      by("key").value = key;
+      this.#connect();
+    }
+  }
+
+  /** Whether this alert can be acknowledged here: its 16000 was received. */
+  canAcknowledge(vehicle, alert) {
+    return this.#socket !== null && this.#alerts.has(`${vehicle} ${alert}`);
+  }
+
+  acknowledge(vehicle, alert) {
+    const { from, stamp } = this.#alerts.get(`${vehicle} ${alert}`);
+    this.#socket?.send({ message: messages.acknowledge(from, stamp) });
+  }
+
+  /** Shows what this station may do now, by what the bridge reports of its rights. */
+  draw() {
+    const vehicle = this.#chosen();
+    const connected = this.#socket !== null;
+    by("sign-in").hidden = connected;
+    by("station").hidden = !connected;
+    for (const unit of document.querySelectorAll(".altitude-unit")) set(unit, altitudeUnit());
+    if (!connected || !vehicle) return;
+    const held = vehicle.holders.find((one) => one.id === this.#own);
+    set(by("station-rights"), held ? `holds LOI ${held.levels} of ${name(vehicle)}` : `holds no level of ${name(vehicle)}`);
+    by("station-rights").className = held ? "good" : "";
+    const asked = this.#asked.get(vehicle.id);
+    by("asked").hidden = !asked || !held;
+    if (asked) set(by("asked-text"), `${asked.cucs} asks for ${asked.levels.join(", ")}`);
+  }
+
+  async #connect() {
+    const id = by("station-id").value.trim().toLowerCase();
+    this.#say("connecting", "");
+    try {
+      const file = by("key-file").files[0];
+      const key = await importKey(file ? await file.text() : by("key").value);
+      [this.#socket, { vsm: this.#vsm, loi: this.#loi }] = await ControlSocket.open(id, key, (body) => this.#taken(body), (why) => this.#ended(why));
+    } catch (fault) {
+      this.#say(`not connected: ${fault.message ?? fault}`, "bad");
+      return;
+    }
+    // The key is in the hands of the browser now: it is not kept where it was typed.
+    by("sign-in").reset();
+    by("station-id").value = id;
+    this.#own = id;
+    set(by("station-name"), id);
+    this.#sayConnected();
+    this.#beat = new Worker("page/beat.js");
+    this.#beat.onmessage = () => this.#routes.then(() => this.#socket?.send({ message: messages.heartbeat(this.#vsm) }));
+    this.draw();
+    by("take").focus();
+  }
+
+  #ended(why) {
+    this.#beat?.terminate();
+    this.#socket = null;
+    this.#routeDone?.();
+    this.#alerts.clear();
+    this.#asked.clear();
+    for (const one of this.#commands) if (one.state === "sent") Object.assign(one, { state: "not answered: the connection has ended", kind: "bad" });
+    this.#drawCommands();
+    this.#say(why ? `disconnected: ${why}` : "disconnected", why ? "bad" : "");
+    this.draw();
+  }
+
+  #sayConnected() {
+    this.#say(`connected; may hold LOI ${this.#loi.join(", ")}`, "good");
+  }
+
+  #say(text, kind) {
+    set(by("control-state"), text);
+    by("control-state").className = kind;
+  }
+
+  /** Frames go in the order of their stamps: while a route takes stamps of its own, what follows waits for its end. */
+  async #command(label, make) {
+    const vehicle = this.#chosen();
+    if (!vehicle || !this.#socket) return;
+    await this.#routes;
+    const message = make(vehicle);
+    const one = this.#add(`${label}: ${name(vehicle)}`, message.fields["Time Stamp"]);
+    one.n = await this.#socket?.send({ message });
+  }
+
+  async #ask(what, yes, make) {
+    const vehicle = this.#chosen();
+    if (!vehicle || !(await confirmed(`${name(vehicle)}: ${what}?`, yes))) return;
+    await this.#command(what, make);
+  }
+
+  async #take() {
+    const override = by("override").checked;
+    const vehicle = this.#chosen();
+    const holder = vehicle?.controller;
+    if (override && holder && holder !== this.#own
+      && !(await confirmed(`Take ${name(vehicle)} from ${holder}, which controls it?`, "Take it"))) return;
+    const make = override ? messages.override : messages.request;
+    await this.#command(override ? "take from its holder" : "take", ({ id }) => make(id, this.#vsm, this.#loi));
+  }
+
+  #launch() {
+    const heightM = this.#altitude("launch-altitude");
+    if (heightM !== null) this.#ask(`launch to ${height(heightM)} above home`, "Launch", ({ id }) => messages.launch(id, heightM));
+  }
+
+  #fly() {
+    const from = by("fly-from").value.trim();
+    const number = from === "" ? null : Number(from);
+    const what = number === null ? "fly the route that is loaded" : `fly the route from waypoint ${number}`;
+    this.#ask(what, "Fly", ({ id }) => messages.flyRoute(id, number));
+  }
+
+  #loiterByClick() {
+    this.#say("click on the map where it is to loiter", "");
+    this.#map.onClick((at) => {
+      this.#map.onClick(null);
+      this.#loiter(at);
+    });
+  }
+
+  #loiter(at) {
+    const heightM = altitudeIn(by("loiter-altitude"));
+    const level = heightM === null ? "at its altitude" : `at ${height(heightM)} above home`;
+    this.#ask(`loiter at ${at.map((one) => one.toFixed(5)).join(", ")} ${level}`, "Loiter", ({ id }) => messages.loiterAt(id, at, heightM));
+  }
+
+  /** The altitude of a field, m; null where there is none, and the field says so. */
+  #altitude(id) {
+    const heightM = altitudeIn(by(id));
+    if (heightM === null) by(id).reportValidity();
+    return heightM;
+  }
+
+  #sendDrawn() {
+    const fault = this.#drawing.fault();
+    if (fault) return this.#say(`the route is not sent: ${fault}`, "bad");
+    const route = by("route-name").value.trim() || "DRAWN";
+    const text = messages.routeFile(route, this.#drawing.points);
+    return this.#sendRoute(`route ${route}`, { file: "drawn.route.toml", text });
+  }
+
+  async #sendFile(file) {
+    if (!file) return;
+    const route = { file: file.name };
+    if (/\.kmz$/i.test(file.name)) {
+      const all = new Uint8Array(await file.arrayBuffer());
+      route.base64 = btoa(Array.from(all, (one) => String.fromCharCode(one)).join(""));
+    } else {
+      route.text = await file.text();
+    }
+    // For a file without altitudes alone; one that has them keeps them.
+    const heightM = altitudeIn(by("route-altitude"));
+    if (heightM !== null) route.height_m = heightM;
+    by("route-file").value = "";
+    await this.#sendRoute(`route of ${file.name}`, route);
+  }
+
+  async #sendRoute(label, route) {
+    const vehicle = this.#chosen();
+    if (!vehicle || !this.#socket) return this.#say("the route is not sent: connect and take control first", "bad");
+    if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return undefined;
+    await this.#routes;
+    const first = messages.stamp();
+    const one = this.#add(`${label}: ${name(vehicle)}`, null);
+    this.#routes = new Promise((done) => { this.#routeDone = done; });
+    one.n = await this.#socket?.send({ route: { vehicle: vehicle.id, stamp: first, ...route } });
+    return undefined;
+  }
+
+  /** A file may be dropped on the map. */
+  #dropOnMap() {
+    const map = by("map");
+    map.addEventListener("dragover", (event) => event.preventDefault());
+    map.addEventListener("drop", (event) => {
+      event.preventDefault();
+      this.#sendFile(event.dataTransfer.files[0]);
+    });
+  }
+
+  #answer(yes) {
+    const vehicle = this.#chosen();
+    const asked = this.#asked.get(vehicle?.id);
+    if (!asked) return;
+    this.#asked.delete(vehicle.id);
+    const label = yes ? `hand over to ${asked.cucs}` : `refuse ${asked.cucs}`;
+    this.#command(label, ({ id }) => messages.handOver(id, this.#vsm, asked.cucs, yes ? asked.levels : []));
+    this.draw();
+  }
+
+  #taken(body) {
+    if (body.error) return this.#failed(body.error);
+    if (body.route) return this.#routed(body.route);
+    const { id, source, fields } = body.message ?? {};
+    const from = source === undefined ? null : idText(source);
+    if (id === 17000) this.#answered(fields);
+    else if (id === 16000) this.#alerted(from, fields);
+    else if (id === 4) {
+      this.#asked.set(from, { cucs: idText(fields["Requesting CUCS ID"]), levels: fields["Requested/Handover LOI"] ?? [] });
+      this.draw();
+    }
+    return undefined;
+  }
+
+  #failed({ of, why }) {
+    const one = this.#commands.find((known) => known.n === of);
+    this.#routeDone?.();
+    this.#finish(one, `not used: ${why}`, "bad");
+  }
+
+  #routed({ of, load, lost }) {
+    const one = this.#commands.find((known) => known.n === of);
+    messages.stampedUntil(load);
+    this.#routeDone?.();
+    if (!one) return;
+    one.stamp = load;
+    one.lost = lost ?? [];
+    one.state = one.lost.length > 0 ? `sent without ${one.lost.join(", ")}` : "sent";
+    this.#drawCommands();
+  }
+
+  #answered(fields) {
+    const one = this.#commands.find((known) => known.stamp === fields["Original Message Time Stamp"]);
+    const kind = fields["Acknowledgement Type"];
+    if (kind === "refused") this.#finish(one, "REFUSED", "bad");
+    else if (kind === "carried out") this.#finish(one, "carried out", "good");
+    else if (one?.state === "sent") this.#finish(one, "received", "");
+  }
+
+  #alerted(from, fields) {
+    const alert = Math.abs(fields["Alert (Warning) ID"] ?? 0);
+    this.#alerts.set(`${from} ${alert}`, { from, stamp: fields["Time Stamp"] });
+    const text = this.#whole(`${from} ${alert}`, fields);
+    // A reason stands beside its refusal, before or behind it.
+    if (text === null || fields.Priority?.startsWith("cleared")) return;
+    const now = performance.now();
+    this.#reasons = this.#reasons.filter(({ at }) => now - at < REASON_WITHIN_MS);
+    this.#reasons.push({ at: now, text });
+    const refused = this.#commands.find((one) => one.state.startsWith("REFUSED") && now - one.at < REASON_WITHIN_MS);
+    if (refused) this.#finish(refused, "REFUSED", "bad");
+  }
+
+  #reasons = [];
+
+  /** The text of an alert, once its last part is there; null before. */
+  #whole(key, fields) {
+    const [order, total, text] = [fields["Append Order"], fields["Append Total Number"] ?? 1, fields.Text ?? ""];
+    if (total <= 1 || order === undefined) return text;
+    const parts = this.#parts.get(key) ?? new Map();
+    this.#parts.set(key, parts.set(order, text));
+    if (parts.size < total) return null;
+    this.#parts.delete(key);
+    return [...parts].sort(([a], [b]) => a - b).map(([, part]) => part).join("");
+  }
+
+  #add(label, stamp) {
+    this.#sayConnected();
+    const one = { label, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
+    this.#commands.unshift(one);
+    this.#commands.length = Math.min(this.#commands.length, MAX_SHOWN);
+    this.#drawCommands();
+    return one;
+  }
+
+  #finish(one, state, kind) {
+    if (!one) return;
+    const now = performance.now();
+    if (state === "REFUSED") {
+      if (!one.state.startsWith("REFUSED")) one.at = now;
+      const texts = this.#reasons.filter(({ at }) => Math.abs(at - one.at) < REASON_WITHIN_MS).map(({ text }) => text);
+      one.state = ["REFUSED", ...new Set(texts)].join(": ");
+    } else {
+      one.state = state;
+    }
+    one.kind = kind;
+    this.#drawCommands();
+  }
+
+  /** A row of its own for each, so that a screen reader reads what has changed. */
+  #drawCommands() {
+    const list = by("commands");
+    this.#commands.forEach((one, i) => {
+      one.row ??= document.createElement("li");
+      one.row.className = one.kind;
+      set(one.row, `${time(one.since)} ${one.label}: ${one.state}`);
+      if (list.children[i] !== one.row) list.insertBefore(one.row, list.children[i] ?? null);
+    });
+    while (list.children.length > this.#commands.length) list.lastChild.remove();
+  }
+}
+
+const name = (vehicle) => vehicle.tail_number || vehicle.id;
+
+function set(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}

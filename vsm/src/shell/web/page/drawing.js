@@ -1,0 +1,79 @@
+// A route that is drawn: points by clicks or at the middle of the map, each with its altitude above home. An altitude that was not
+// given is none: such a route is not sent.
+
+import { altitudeIn, altitudeUnit, inAltitude, place } from "./units.js";
+
+const by = (id) => document.getElementById(id);
+
+export class Drawing {
+  #map;
+  #points = [];
+  #listening = false;
+
+  constructor(map) {
+    this.#map = map;
+    by("draw").addEventListener("click", () => this.#listen(!this.#listening));
+    by("draw-middle").addEventListener("click", () => this.#add(this.#map.middle()));
+    by("draw-clear").addEventListener("click", () => this.clear());
+  }
+
+  get points() {
+    return this.#points;
+  }
+
+  /** Why the route cannot be sent yet; null where it can. */
+  fault() {
+    if (this.#points.length < 2) return "a route has two points or more: click on the map";
+    const bare = this.#points.findIndex(({ heightM }) => heightM === null);
+    return bare < 0 ? null : `point ${bare + 1} has no altitude`;
+  }
+
+  clear() {
+    this.#points = [];
+    this.#show();
+  }
+
+  #listen(on) {
+    this.#listening = on;
+    by("draw").setAttribute("aria-pressed", String(on));
+    this.#map.onClick(on ? (at) => this.#add(at) : null);
+  }
+
+  #add(at) {
+    this.#points.push({ at, heightM: altitudeIn(by("route-altitude")), speedMs: null });
+    this.#show();
+  }
+
+  /** The list beside the map, and the line on it. */
+  #show() {
+    this.#map.drawDraft(this.#points.map(({ at }) => at));
+    const rows = this.#points.map((point, i) => {
+      const row = document.createElement("li");
+      const label = document.createElement("label");
+      const input = document.createElement("input");
+      input.type = "number";
+      input.className = "altitude";
+      input.step = "any";
+      input.required = true;
+      input.value = point.heightM === null ? "" : inAltitude(point.heightM);
+      input.addEventListener("change", () => { point.heightM = altitudeIn(input); });
+      const unit = document.createElement("span");
+      unit.className = "altitude-unit";
+      unit.textContent = altitudeUnit();
+      label.append(`${i + 1}: `, input, " ", unit);
+      const where = document.createElement("small");
+      where.textContent = place(point.at);
+      const gone = document.createElement("button");
+      gone.type = "button";
+      gone.textContent = "×";
+      gone.setAttribute("aria-label", `Remove point ${i + 1}`);
+      gone.addEventListener("click", () => {
+        this.#points.splice(i, 1);
+        this.#show();
+      });
+      row.append(label, where, gone);
+      return row;
+    });
+    by("draft").replaceChildren(...rows);
+  }
+}
