@@ -115,6 +115,11 @@ listen = "127.0.0.1:{http}"
         format!("127.0.0.1:{}", self.dli)
     }
 
+    /// The operator's page.
+    pub fn page(&self) -> String {
+        format!("http://127.0.0.1:{}/", self.http)
+    }
+
     /// Starts the bridge and waits until it serves.
     pub fn bridge(&self) -> Running {
         let config = self.path("vsm.toml");

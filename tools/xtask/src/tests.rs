@@ -49,6 +49,7 @@ fn cannot_be_tried(there: impl Fn(&mut Command) -> bool) -> Vec<String> {
         ("tshark", "the Wireshark dissector is not tested"),
         ("dpkg-deb", "the package is not unpacked and run"),
         ("systemd-analyze", "the units are not verified"),
+        ("chromium", "the operator's page is not opened in a browser"),
     ];
     let missing = programs
         .into_iter()
@@ -75,6 +76,7 @@ mod what_is_missing {
         assert!(only("tshark").contains("dissector"));
         assert!(only("dpkg-deb").contains("package"));
         assert!(only("systemd-analyze").contains("units"));
+        assert!(only("chromium").contains("browser"));
         assert!(only("unshare").contains("read-only disk"));
     }
 }

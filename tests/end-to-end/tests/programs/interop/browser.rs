@@ -1,0 +1,70 @@
+//! The operator's page in Debian's Chromium, driven by Playwright: what it shows of a vehicle in flight, and how it behaves.
+
+use std::process::Command;
+use std::time::Duration;
+
+use kit::process::{Running, filter, program};
+use kit::tools::works;
+use vsm_tests::ground::Ground;
+use vsm_tests::{here, peers_python};
+
+#[test]
+fn the_page_is_quick_small_accessible_and_usable_in_a_flood_of_alerts() {
+    if !there_is_a_browser() {
+        return;
+    }
+    let ground = Ground::with_tables("[record]\ndir = \"records\"\n");
+    let mut bridge = ground.bridge();
+    let aircraft = ground.aircraft_with(&["--speed", "3"]);
+    fly_the_square(&ground, &mut bridge);
+    drive("page_reads.py", &[&ground.page()], &bridge);
+    drop(aircraft);
+    bridge.terminate();
+    bridge.wait(LIMIT).expect("it ends");
+
+    // What was just flown, as a recording.
+    let records = ground.path("records").display().to_string();
+    let arguments = ["replay", &records, "--listen", "127.0.0.1:0"];
+    let mut replay = Running::start(&program("vsm"), arguments);
+    replay.wait_for("ready", LIMIT);
+    let printed = replay.output();
+    let page = printed
+        .split_whitespace()
+        .find(|word| word.starts_with("http://"));
+    drive("page_replays.py", &[page.expect("its address")], &replay);
+}
+
+/// Until the vehicle flies the route.
+fn fly_the_square(ground: &Ground, bridge: &mut Running) {
+    bridge.wait_for("the link is live", LIMIT);
+    let route = kit::workspace().join("examples/square.route.toml");
+    let route = route.display();
+    let script = format!("take\nsend {route}\nlaunch 30\nwait airborne\nfly\nwait waypoint 20\n");
+    std::fs::write(ground.path("flight.cucs"), script).expect("the script");
+    let flight = ground.path("flight.cucs").display().to_string();
+    let arguments = ["--vsm", &ground.dli(), "script", &flight];
+    filter(&program("cucs"), arguments, String::new());
+}
+
+fn there_is_a_browser() -> bool {
+    works("chromium", Command::new("chromium").arg("--version"))
+}
+
+/// Runs one of the programs that drive the browser to its end.
+fn drive(script: &str, arguments: &[&str], served_by: &Running) {
+    let script = here().join("interop").join(script).display().to_string();
+    let arguments = [script.as_str()]
+        .into_iter()
+        .chain(arguments.iter().copied());
+    let mut driver = Running::start(&peers_python(), arguments);
+    let status = driver.wait(LIMIT);
+    assert!(
+        status.is_some_and(|status| status.success()),
+        "{status:?}\n{}\n----\n{}",
+        driver.output(),
+        served_by.output()
+    );
+}
+
+/// A run takes 15 s; a busy machine may need more.
+const LIMIT: Duration = Duration::from_secs(120);

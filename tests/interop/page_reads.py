@@ -1,0 +1,205 @@
+"""The operator's page in a browser: it loads from the bridge alone, is quick, small, quiet and accessible, and stays usable in a flood.
+
+    page_reads.py http://127.0.0.1:8586/ [--shots DIR]
+
+With `--shots` it leaves pictures of the page there.
+"""
+
+import argparse
+import gzip
+import sys
+import time
+
+from axe_playwright_python.sync_playwright import Axe
+
+from browser import DESK, PHONE, Browser
+from checks import Checks
+
+MAX_GZIPPED = 500_000
+FIRST_PAINT_MS = 1000
+ALERTS_A_MINUTE = 1000
+FLOOD_S = 3
+# A person takes less for an answer at once; a machine that builds beside it needs some of it.
+ANSWER_WITHIN_MS = 700
+
+
+def shows_the_vehicle(opened):
+    opened.until("document.getElementById('connection').textContent === 'connected'")
+    opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
+
+
+def violations(opened):
+    found = Axe().run(opened.page, options={"resultTypes": ["violations"]}).response["violations"]
+    return [f"{one['id']}: {node['html'][:120]}" for one in found for node in one["nodes"]]
+
+
+def loads(checks, browser, url, shots):
+    checks.step("a page that loads")
+    opened = browser.open(url)
+    shows_the_vehicle(opened)
+    paint = opened.page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    checks.check(f"first paint within {FIRST_PAINT_MS} ms", paint < FIRST_PAINT_MS, paint)
+    opened.until("document.querySelectorAll('.aircraft').length === 1")
+    opened.page.wait_for_timeout(600)
+    files = {one.url: one for one in opened.responses if "/page/" in one.url or one.url == opened.url}
+    size = sum(len(gzip.compress(one.body(), mtime=0)) for one in files.values())
+    checks.check(f"all of it is below {MAX_GZIPPED} bytes gzipped", 20_000 < size < MAX_GZIPPED, size)
+    checks.say(f"{len(files)} files, {size} bytes gzipped, first paint after {paint:.0f} ms")
+    policy = [one.all_headers().get("content-security-policy", "") for one in opened.responses]
+    checks.check("each answer has the policy", policy and all("default-src 'none'" in one for one in policy), policy)
+    checks.check("the console is empty", not opened.complaints, opened.complaints)
+    checks.check("the policy has refused nothing of the page", opened.page.evaluate("window.violations") == [])
+    checks.check("no other host was asked", not opened.elsewhere, opened.elsewhere)
+    checks.check("nothing is kept but the units", opened.page.evaluate("Object.keys(localStorage).filter((k) => k !== 'units').length + Object.keys(sessionStorage).length") == 0)
+    if shots:
+        opened.page.screenshot(path=f"{shots}/page-light.png")
+
+    checks.step("a text that would be code")
+    opened.page.evaluate(
+        "document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.ran = 1\">');"
+        "const s = document.createElement('script'); s.textContent = 'window.ran = 2'; document.body.append(s);"
+    )
+    # Of localhost: another origin than 127.0.0.1, and there all the same.
+    other = opened.url.replace("127.0.0.1", "localhost")
+    reached = opened.page.evaluate("(other) => fetch(other).then(() => true, () => false)", other)
+    opened.page.wait_for_timeout(200)
+    checks.check("it does not run", opened.page.evaluate("window.ran === undefined"))
+    checks.check("another origin is not asked", reached is False)
+    refused = opened.page.evaluate("window.violations.map((one) => one.split(' ')[0]).sort()")
+    checks.check("the policy has refused each", {"connect-src", "script-src-attr", "script-src-elem"} <= set(refused), refused)
+    opened.close()
+
+
+def is_accessible(checks, browser, url, shots):
+    looks = {
+        "light": {},
+        "dark": {"color_scheme": "dark"},
+        "phone": {"viewport": PHONE, "is_mobile": True, "has_touch": True},
+    }
+    for name, options in looks.items():
+        checks.step(f"accessible: {name}")
+        opened = browser.open(url, **options)
+        shows_the_vehicle(opened)
+        opened.page.locator("details summary").first.click()
+        found = violations(opened)
+        checks.check("axe-core finds nothing", not found, found)
+        wide = opened.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        checks.check("nothing is wider than the window", wide <= 0, wide)
+        if shots and name != "light":
+            opened.page.screenshot(path=f"{shots}/page-{name}.png", full_page=name == "phone")
+        opened.close()
+
+
+def by_keyboard(checks, browser, url):
+    checks.step("by keyboard")
+    opened = browser.open(url)
+    page = opened.page
+    shows_the_vehicle(opened)
+    reached = []
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        here = page.evaluate("document.activeElement.id || document.activeElement.className || document.activeElement.tagName")
+        if reached and here in ("BODY", reached[0]):
+            break
+        reached.append(here)
+    wanted = {"skip", "choice", "units", "map", "only-refused", "events", "SUMMARY"}
+    checks.check("all that can be used is reached", wanted <= {one.split(" ")[0] for one in reached}, reached)
+    page.locator(".skip").focus()
+    page.keyboard.press("Enter")
+    checks.check("the map can be skipped", page.evaluate("document.activeElement.id") == "panel")
+    page.locator("#units").focus()
+    page.keyboard.press("f")
+    checks.check("units are chosen", "ft" in opened.text("#vehicle"), opened.text("#vehicle"))
+    page.keyboard.press("m")
+    place = "document.querySelector('.leaflet-map-pane').style.transform"
+    before = page.evaluate(place)
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(500)
+    checks.check("the map is moved", page.evaluate(place) != before)
+    shown = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+    checks.check("where the keyboard is, is seen", shown != "none", shown)
+    checks.step("read aloud")
+    live = page.evaluate("[...document.querySelectorAll('[aria-live], [role=status], [role=alert]')].map((one) => one.id)")
+    checks.check("state and alerts are live regions", {"connection", "alerts"} <= set(live), live)
+    opened.context.set_offline(True)
+    opened.until("document.getElementById('connection').textContent.startsWith('no answer')")
+    checks.check("a bridge that does not answer is named", page.evaluate("document.body.classList.contains('lost')"))
+    opened.context.set_offline(False)
+    opened.until("document.getElementById('connection').textContent === 'connected'")
+    opened.close()
+
+
+def in_a_flood(checks, browser, url):
+    """A thousand alerts a minute, each another text: half of them stand, all of them are events."""
+    checks.step(f"{ALERTS_A_MINUTE} alerts a minute")
+    opened = browser.open(url)
+    page = opened.page
+    shows_the_vehicle(opened)
+    begun = time.monotonic()
+    sent = [10_000]
+
+    def due():
+        return 10_000 + int((time.monotonic() - begun) * ALERTS_A_MINUTE / 60)
+
+    def status(route):
+        answer = route.fetch()
+        body = answer.json()
+        last = due()
+        body["vehicles"][0]["alerts"] = [
+            {"id": n, "priority": ["warning", "caution", "emergency"][n % 3], "text": f"fault {n} of a flood, of which nobody reads more than the first line"}
+            for n in range(last - 60, last)
+        ]
+        route.fulfill(response=answer, json=body)
+
+    def events(route):
+        answer = route.fetch()
+        body = answer.json()
+        for n in range(sent[0], due()):
+            body.append({"number": n, "at_ms": 1_767_225_600_000 + n, "level": "warning", "about": "1b:00:01:01", "text": f"fault {n} was refused and raised again, and again"})
+        sent[0] = due()
+        route.fulfill(response=answer, json=body)
+
+    page.route("**/status.json*", status)
+    page.route("**/events.json*", events)
+    page.evaluate(
+        "() => { window.longest = 0; let last = performance.now();"
+        " const next = (now) => { window.longest = Math.max(window.longest, now - last); last = now; requestAnimationFrame(next); };"
+        " requestAnimationFrame(next); }"
+    )
+    slowest, end = 0, time.monotonic() + FLOOD_S
+    click = """() => new Promise((done) => {
+        const box = document.getElementById('only-refused'), begun = performance.now();
+        box.click();
+        requestAnimationFrame(() => setTimeout(() => done(performance.now() - begun)));
+    })"""
+    while time.monotonic() < end:
+        slowest = max(slowest, page.evaluate(click))
+        page.wait_for_timeout(100)
+    shown = page.locator("#events li").count()
+    standing = page.locator("#alerts li").count()
+    longest = page.evaluate("window.longest")
+    checks.say(f"{sent[0] - 10_000} alerts, {shown} events and {standing} alerts shown, slowest click {slowest:.0f} ms, longest frame {longest:.0f} ms")
+    checks.check("they are shown", shown > ALERTS_A_MINUTE / 60 * FLOOD_S / 2 and standing >= 60, (shown, standing))
+    checks.check(f"a click is answered within {ANSWER_WITHIN_MS} ms", slowest < ANSWER_WITHIN_MS, slowest)
+    checks.check(f"no frame takes {ANSWER_WITHIN_MS} ms", longest < ANSWER_WITHIN_MS, longest)
+    checks.check("the console is empty", not opened.complaints, opened.complaints)
+    opened.close()
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("url")
+    parser.add_argument("--shots")
+    arguments = parser.parse_args()
+    checks = Checks()
+    with Browser() as browser:
+        loads(checks, browser, arguments.url, arguments.shots)
+        is_accessible(checks, browser, arguments.url, arguments.shots)
+        by_keyboard(checks, browser, arguments.url)
+        in_a_flood(checks, browser, arguments.url)
+    checks.close()
+    sys.exit(0 if checks.passed() else 1)
+
+
+main()

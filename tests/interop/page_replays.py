@@ -1,0 +1,84 @@
+"""A recording of a flight in a browser: its time line is played, stopped and sought, by mouse and by keyboard.
+
+    page_replays.py http://127.0.0.1:8587/ [--shots DIR]
+"""
+
+import argparse
+import sys
+
+from axe_playwright_python.sync_playwright import Axe
+
+from browser import Browser
+from checks import Checks
+
+
+def place(page):
+    return page.evaluate("[...document.querySelectorAll('#vehicle dt')].find((one) => one.textContent === 'position')?.nextSibling.textContent")
+
+
+def moment(page):
+    return int(page.locator("#moment").input_value())
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("url")
+    parser.add_argument("--shots")
+    arguments = parser.parse_args()
+    checks = Checks()
+    with Browser() as browser:
+        opened = browser.open(arguments.url)
+        page = opened.page
+        checks.step("a recording")
+        opened.until("document.getElementById('connection').textContent.startsWith('a recording')")
+        opened.until("document.querySelector('#vehicle dd')")
+        checks.check("the time line is there", page.locator("#timeline").is_visible())
+        checks.check("nothing can be commanded", not page.locator("#control").is_visible())
+        checks.check("it says that no signatures are recorded", "signatures are not recorded" in opened.text("#link"), opened.text("#link"))
+
+        checks.step("played")
+        begun, at_first = place(page), moment(page)
+        page.locator("#speed").select_option("20")
+        page.locator("#play").click()
+        opened.until("Number(document.getElementById('moment').value) > 8000")
+        page.locator("#play").click()
+        stopped = moment(page)
+        page.wait_for_timeout(400)
+        checks.check("it advances, and stops where it is stopped", at_first < stopped == moment(page), (at_first, stopped, moment(page)))
+
+        checks.step("sought")
+        page.locator("#moment").focus()
+        page.keyboard.press("End")
+        opened.until("document.querySelector('path.route')")
+        opened.until("document.querySelectorAll('.waypoint').length === 4")
+        page.wait_for_timeout(500)
+        checks.check("the vehicle is elsewhere at the end", place(page) not in (None, begun), place(page))
+        track = page.locator("path.track").get_attribute("d")
+        checks.check("its track is drawn", track.count("L") >= 3, track)
+        events = opened.text("#events")
+        checks.check("who controlled is among the events", "holds LOI" in events and "mode 21 (launch)" in events, events)
+        checks.check("who controls is shown", "1b:00:00:a0 (controls)" in opened.text("#holders"), opened.text("#holders"))
+        if arguments.shots:
+            page.screenshot(path=f"{arguments.shots}/page-replay.png")
+        page.keyboard.press("Home")
+        opened.until("!document.querySelector('path.route')")
+        checks.check("at the beginning it has no route yet", page.locator(".waypoint").count() == 0)
+        opened.until("!document.getElementById('events').textContent.includes('mode 21')")
+        checks.check("and nothing of later", "commands" not in opened.text("#events"), opened.text("#events"))
+        page.keyboard.press("ArrowRight")
+        checks.check("an arrow advances it a little", 0 < moment(page) <= 1000, moment(page))
+        page.locator("#forward").click()
+        checks.check("a button by 10 s", 10_000 < moment(page) <= 11_000, moment(page))
+        spoken = page.locator("#moment").get_attribute("aria-valuetext")
+        checks.check("the moment is spoken as a time", spoken.endswith("UTC"), spoken)
+
+        checks.step("accessible")
+        found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        checks.check("axe-core finds nothing", not found, [f"{one['id']}: {one['nodes'][0]['html']}" for one in found])
+        checks.check("the console is empty", not opened.complaints, opened.complaints)
+        checks.check("no other host was asked", not opened.elsewhere, opened.elsewhere)
+    checks.close()
+    sys.exit(0 if checks.passed() else 1)
+
+
+main()
