@@ -28,47 +28,58 @@ pub struct Files<'a> {
     pub folder: Option<&'a Path>,
 }
 
+/// Writes a file.
+///
+/// # Errors
+/// It cannot be written: its name, why, and what to do.
+pub fn save(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    std::fs::write(path, bytes).map_err(|error| cannot_be_written(path, &error))
+}
+
+fn cannot_be_written(path: &Path, error: &std::io::Error) -> String {
+    let path = path.display();
+    format!(
+        "{path} cannot be written: {error}; name a place in a folder that can be written, on a disk with free space"
+    )
+}
+
 impl Files<'_> {
     /// Writes them.
     ///
     /// # Errors
     /// A file cannot be written: its name and why.
     pub fn write(&self, report: &Report, datagrams: &[Datagram]) -> Result<(), String> {
-        let file = |path: &Path, bytes: &[u8]| {
-            std::fs::write(path, bytes).map_err(|error| format!("{}: {error}", path.display()))
-        };
         if let Some(path) = self.json {
-            file(path, report.to_json().as_bytes())?;
+            save(path, report.to_json().as_bytes())?;
         }
         if let Some(path) = self.junit {
-            file(path, report::junit::junit(report).as_bytes())?;
+            save(path, report::junit::junit(report).as_bytes())?;
         }
         if let Some(path) = self.html {
             let page = report::html::html(report, report::html::Detail::Brief);
-            file(path, page.as_bytes())?;
+            save(path, page.as_bytes())?;
         }
         if let Some(path) = self.expected {
-            file(path, expected::from_run(report).as_bytes())?;
+            save(path, expected::from_run(report).as_bytes())?;
         }
         let Some(folder) = self.folder else {
             return Ok(());
         };
-        std::fs::create_dir_all(folder)
-            .map_err(|error| format!("{}: {error}", folder.display()))?;
+        std::fs::create_dir_all(folder).map_err(|error| cannot_be_written(folder, &error))?;
         let capture = report::capture::pcapng(report, datagrams);
         let mut report = report.clone();
         report.hashes.insert("run.pcapng".into(), sha256(&capture));
-        file(&folder.join("run.pcapng"), &capture)?;
-        file(&folder.join("report.json"), report.to_json().as_bytes())?;
-        file(
+        save(&folder.join("run.pcapng"), &capture)?;
+        save(&folder.join("report.json"), report.to_json().as_bytes())?;
+        save(
             &folder.join("report.html"),
             report::html::html(&report, report::html::Detail::Full).as_bytes(),
         )?;
-        file(
+        save(
             &folder.join("junit.xml"),
             report::junit::junit(&report).as_bytes(),
         )?;
-        file(
+        save(
             &folder.join("statement.md"),
             report::statement::statement(&report).as_bytes(),
         )

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::outcome::print;
+use crate::outcome::{print, save};
 use crate::report::{Report, SCHEMA, matrix};
 
 /// Arguments of `dli-check compare`.
@@ -45,8 +45,7 @@ pub(super) fn compare(arguments: &CompareArguments) -> Result<u8, String> {
     let rows = matrix::rows(&reports);
     print(matrix::markdown(&names, &rows).trim_end());
     if let Some(file) = &arguments.html {
-        std::fs::write(file, matrix::html(&names, &reports, &rows))
-            .map_err(|error| format!("{}: {error}", file.display()))?;
+        save(file, matrix::html(&names, &reports, &rows).as_bytes())?;
     }
     Ok(u8::from(rows.iter().any(matrix::Row::worse)))
 }

@@ -8,7 +8,7 @@ use crate::bench::context::Bench;
 use crate::bench::discovery::survey;
 use crate::bench::station::Station;
 use crate::catalogue::Catalogue;
-use crate::outcome::{eprint, print};
+use crate::outcome::{eprint, print, save};
 use crate::profile::{CucsClaims, VehicleClaims};
 
 /// Arguments of `dli-check init`.
@@ -90,7 +90,7 @@ pub(super) fn write(arguments: &InitArguments) -> Result<u8, String> {
     );
     match &arguments.to {
         Some(file) => {
-            std::fs::write(file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+            save(file, text.as_bytes())?;
             print(&format!(
                 "wrote {}: {} vehicles, {} CUCS ids",
                 file.display(),

@@ -186,6 +186,9 @@ pub(super) fn judge(arguments: &VsmArguments) -> Result<u8, String> {
     let bench = Bench::new(&catalogue, profile, address);
     stop_on_interrupt(&bench.net);
     confirm(arguments, &bench)?;
+    eprint(&format!(
+        "judging the VSM at {address}, all rules in some 10 min: each is printed when it ends, unless --quiet; Ctrl-C ends the run"
+    ));
     let report = run(&catalogue, &options, &bench, arguments.quiet);
     let datagrams = std::mem::take(&mut bench.net.recording().datagrams);
     arguments.outputs.finish(report, expected, &datagrams)

@@ -283,6 +283,13 @@ impl Common {
     }
 }
 
+/// Who waits for the first line knows that the run has begun.
+fn begun() {
+    eprint(
+        "judging, for some minutes: each rule is printed when it ends, unless --quiet; Ctrl-C ends the run",
+    );
+}
+
 fn watch(net: &Arc<Net>) {
     let net = net.clone();
     on_interrupt(move || {
@@ -355,6 +362,9 @@ fn play_autopilot(
 ) -> Result<(Bench, Subject, Vec<String>, Vec<RuleReport>), String> {
     let (mut bench, peer) = autopilot_bench(arguments)?;
     watch(&bench.net);
+    if !quiet {
+        begun();
+    }
     let mut subject = Subject {
         role: "autopilot".into(),
         name: "not found".into(),
@@ -460,6 +470,7 @@ pub(super) fn station(arguments: &StationArguments) -> Result<u8, String> {
         .common
         .bench(&net, Port::open(&net, &arguments.listen)?)?;
     watch(&net);
+    begun();
     let played = station::play(
         &bench,
         arguments.system,
@@ -489,6 +500,7 @@ pub(super) fn router(arguments: &RouterArguments) -> Result<u8, String> {
         .bench(&net, Port::open(&net, &arguments.vehicle)?)?;
     bench.second = Some(Arc::new(Port::open(&net, &arguments.station)?));
     watch(&net);
+    begun();
     let subject = Subject {
         role: "router".into(),
         name: "router".into(),
