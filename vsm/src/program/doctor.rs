@@ -9,8 +9,9 @@ use anyhow::{Context as _, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::process::{Failure, bad, failed, print, runtime};
+use super::process::{Failure, bad, failed, print, runtime, waiting};
 use crate::config::Config;
+use crate::session::Logged;
 use crate::session::findings::Finding;
 use crate::session::findings::host::{self, HostFacts, StoreFact};
 use crate::shell::{self_check, status_socket};
@@ -21,6 +22,9 @@ struct Running {
     vsm: String,
     uptime_s: f64,
     findings: Vec<Finding>,
+    /// None in the answers of earlier versions.
+    #[serde(default)]
+    logged: Vec<Logged>,
     /// None in the answers of earlier versions.
     #[serde(default)]
     stations: Vec<Speaks>,
@@ -37,7 +41,14 @@ struct Speaks {
 
 pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
-    let (running, facts) = runtime()?.block_on(look(&config))?;
+    let (running, facts) = {
+        let longest = LISTEN_FOR.as_secs_f64().max(SETTLED_S);
+        let _waiting = waiting(
+            "what arrives: 3 s, and of a bridge that has just started its first 12 s",
+            Duration::from_secs_f64(longest) + ANSWER_WITHIN,
+        );
+        runtime()?.block_on(look(&config))?
+    };
     let mut found = host::judge(&facts);
     if let Some(running) = &running {
         for finding in &running.findings {
@@ -50,12 +61,15 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
             }
         }
     }
+    let logged = running
+        .as_ref()
+        .map_or_else(Vec::new, |running| beside_findings(&running.logged, &found));
     let speak: Vec<&Speaks> = (running.iter().flat_map(|running| &running.stations))
         .filter(|station| !station.profile.is_empty())
         .collect();
     let store = config.store.dir.display();
     if json {
-        let report = json!({"running": running.is_some(), "findings": found, "profiles": speak});
+        let report = json!({"running": running.is_some(), "findings": found, "logged": logged, "profiles": speak});
         print(&format!("{report}\n"))?;
     } else {
         let mut text = match &running {
@@ -72,7 +86,17 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
             text += &format!("{finding}\n");
         }
         if found.is_empty() {
-            text += "nothing found\n";
+            text += if logged.is_empty() {
+                "nothing found\n"
+            } else {
+                "nothing found now\n"
+            };
+        }
+        for line in &logged {
+            text += &format!(
+                "logged {} s ago, {}: {}: {}\n",
+                line.ago_s, line.level, line.about, line.text
+            );
         }
         for station in &speak {
             let lines = station.profile.join(", ");
@@ -89,6 +113,25 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
     Err(failed(anyhow!("{} found", count(found.len()))))
 }
 
+/// What the log has named of late and is no finding now: who has read the one and asks the other must not doubt either. Each
+/// text once, with its latest time.
+fn beside_findings(logged: &[Logged], found: &[Finding]) -> Vec<Logged> {
+    let mut lines: Vec<Logged> = Vec::new();
+    for line in logged.iter().rev() {
+        let is_same = |one: &&Logged| one.about == line.about && one.text == line.text;
+        // The log names the vehicle by itself.
+        let stands = found
+            .iter()
+            .any(|one| one.to_string().ends_with(&line.text));
+        if !stands && lines.iter().filter(is_same).count() == 0 {
+            lines.push(line.clone());
+        }
+    }
+    lines.truncate(MAX_LOGGED);
+    lines.reverse();
+    lines
+}
+
 fn count(findings: usize) -> String {
     match findings {
         1 => "1 fault".to_owned(),
@@ -97,19 +140,17 @@ fn count(findings: usize) -> String {
 }
 
 async fn look(config: &Config) -> Result<(Option<Running>, HostFacts), Failure> {
-    let Some(mut running) = ask(config)? else {
+    if ask(config)?.is_none() {
         return Ok((None, self_check::before_a_start(config, LISTEN_FOR).await));
-    };
+    }
     let mut facts = self_check::beside(config, LISTEN_FOR).await;
+    let ended = || failed(anyhow!("the bridge has ended meanwhile: look at its log"));
+    // After that, so that nothing has aged.
+    let mut running = ask(config)?.ok_or_else(ended)?;
     // A bridge that has just started has not waited long enough to miss anything.
     while running.uptime_s < SETTLED_S {
         tokio::time::sleep(Duration::from_millis(500)).await;
-        let Some(later) = ask(config)? else {
-            return Err(failed(anyhow!(
-                "the bridge has ended meanwhile: look at its log"
-            )));
-        };
-        running = later;
+        running = ask(config)?.ok_or_else(ended)?;
     }
     let configured = config.dli.vsm_id.to_string();
     if running.vsm != configured {
@@ -134,5 +175,7 @@ fn ask(config: &Config) -> Result<Option<Running>, Failure> {
 const LISTEN_FOR: Duration = Duration::from_secs(3);
 /// A bridge finds what does not work within this time.
 const SETTLED_S: f64 = 12.0;
+/// The latest lines of the log that are shown.
+const MAX_LOGGED: usize = 10;
 /// A bridge that serves answers at once.
 const ANSWER_WITHIN: Duration = Duration::from_secs(3);

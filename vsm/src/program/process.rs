@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::io::{self, IsTerminal as _, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 
 use anyhow::{Context as _, anyhow, bail};
 use tokio::runtime::{Builder, Runtime};
@@ -163,6 +165,34 @@ pub(crate) fn print_line(line: &str) {
     // Nobody is left to report to when standard output is gone.
     let _ = writeln!(io::stdout(), "{line}");
 }
+
+/// Until it is dropped a command waits.
+#[derive(Debug)]
+pub(crate) struct Waiting {
+    _ended: mpsc::Sender<()>,
+}
+
+/// Reports on standard error what a command waits for, and for how long at most, where that lasts: a person must not take a
+/// wait for a hang. A thread does it, since some waits block.
+pub(crate) fn waiting(what: &str, within: Duration) -> Waiting {
+    let (_ended, end) = mpsc::channel();
+    let line = format!("vsm: waiting for {what}; {} s at most", within.as_secs());
+    std::thread::spawn(move || {
+        if end.recv_timeout(NOTICE_AFTER) == Err(RecvTimeoutError::Timeout) {
+            report_line(&line);
+        }
+    });
+    Waiting { _ended }
+}
+
+/// Writes a line on the way to standard error: what a command waits for is no result.
+pub(crate) fn report_line(line: &str) {
+    // Nobody is left to report to when standard error is gone.
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// A wait that is shorter needs no line.
+const NOTICE_AFTER: Duration = Duration::from_millis(500);
 
 #[cfg(test)]
 mod tests {

@@ -122,7 +122,9 @@ pub use authority::rules::{
 };
 pub(crate) use authority::trail::Kind as AuditKind;
 pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap};
-pub use bridge::status::{CurvesStatus, LinkStatus, StationStatus, Status, VehicleStatus};
+pub use bridge::status::{
+    CurvesStatus, LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus,
+};
 pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_config};
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};

@@ -490,6 +490,53 @@ fn a_healthy_bridge_has_no_finding_and_nothing_reads_refused() {
     );
 }
 
+/// The log has named a silence, or bytes that are no frame: doctor must not find nothing then, whenever it is asked.
+#[test]
+fn doctor_agrees_with_the_log() {
+    let (vehicles, ports) = vehicles(&["", ""]);
+    let mut place = Place::new("", &vehicles);
+    for n in 1..=2 {
+        write_key(&place.path(&format!("{n}.key")), &[n; 32]);
+    }
+    place.start();
+    let link = format!("udpout:127.0.0.1:{}", ports[0]);
+    let key = place.path("1.key").display().to_string();
+    let px4 = program("px4-sim");
+    let mut vehicle = Running::start(&px4, ["--link", &link, "--key-file", &key]);
+    let second = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let bridge = place.bridge.as_mut().unwrap();
+    bridge.wait_for("the link is live", Duration::from_secs(20));
+    // It has not waited long enough to miss anything before that.
+    thread::sleep(Duration::from_secs(12));
+
+    vehicle.kill();
+    for _ in 0..3 {
+        second
+            .send_to(b"$GPGGA,123519", ("127.0.0.1", ports[1]))
+            .unwrap();
+        thread::sleep(Duration::from_millis(300));
+    }
+    let bridge = place.bridge.as_mut().unwrap();
+    bridge.wait_for("bytes arrive on", Duration::from_secs(10));
+    bridge.wait_for(
+        "no data from the vehicle: state unknown",
+        Duration::from_secs(10),
+    );
+    let end = Instant::now() + Duration::from_secs(12);
+    while Instant::now() < end {
+        let (code, printed) = place.command(&["doctor"]);
+        assert_eq!(code, Some(1), "{printed}");
+        for id in ["1b:00:01:01", "1b:00:01:02"] {
+            let named = printed
+                .lines()
+                .any(|line| line.starts_with(&format!("vehicle {id}: ")));
+            assert!(named, "{id}: {printed}\n{}", place.printed());
+        }
+        assert!(printed.contains("bytes arrive on"), "{printed}");
+        thread::sleep(Duration::from_millis(400));
+    }
+}
+
 #[test]
 fn before_a_start_it_looks_at_ports_keys_store_and_interface() {
     let (vehicle, ports) = vehicles(&[""]);

@@ -9,7 +9,7 @@ use mapping::payload::report::{Ground, Station};
 use mapping::payload::{Equipment, Payloads};
 use mapping::route::Curved;
 use mapping::telemetry::Telemetry;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use stanag_msgs::table;
 
 use super::Bridge;
@@ -50,6 +50,8 @@ pub struct Status {
     pub held: usize,
     /// What does not work, and why.
     pub findings: Vec<Finding>,
+    /// Warnings and errors of the log of the last [`LATELY`], the oldest first.
+    pub logged: Vec<Logged>,
     /// The ground stations.
     pub stations: Vec<StationStatus>,
     /// What each of them may do with each vehicle.
@@ -61,6 +63,22 @@ pub struct Status {
     /// Other ground stations.
     pub forwards: Vec<ForwardStatus>,
 }
+
+/// A line of the log.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Logged {
+    /// How long ago, s.
+    pub ago_s: u64,
+    /// "warning" or "error".
+    pub level: String,
+    /// The vehicle, CUCS or VSM that it is about.
+    pub about: String,
+    /// What happened.
+    pub text: String,
+}
+
+/// How long ago a line of the log may be that the status still shows: as long as what arrived stays in evidence.
+pub const LATELY: Duration = Duration::from_secs(300);
 
 /// One ground station.
 #[derive(Debug, Clone, Serialize)]
@@ -417,7 +435,8 @@ impl Bridge {
             sent: self.outbox.sent.clone(),
             message_names: message_names(&[&self.received, &self.outbox.sent]),
             held: self.outbox.waiting(),
-            findings: self.found.clone(),
+            findings: self.findings(now),
+            logged: Vec::new(),
             stations: stations.collect(),
             rights: self.rights_status(),
             access: self.access_status(now),

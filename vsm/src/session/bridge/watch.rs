@@ -9,6 +9,7 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::Bridge;
+use crate::session::aircraft::Aircraft;
 use crate::session::alerts::{Cause, Raised};
 use crate::session::findings::{self, Finding, dli, vehicle};
 
@@ -49,12 +50,28 @@ impl Bridge {
 
     fn vehicle_finding(&self, mono: Duration, index: usize) -> Option<Finding> {
         let one = self.aircraft.get(index)?;
+        vehicle::judge(&self.evidence_of(mono, one))
+    }
+
+    /// What does not work, as it stands now.
+    pub(super) fn findings(&self, mono: Duration) -> Vec<Finding> {
+        let mut found = self.found.clone();
+        for one in self.aircraft.iter().filter(|one| !one.vehicle.live()) {
+            let about = one.id().to_string();
+            if !found.iter().any(|known| known.about == about) {
+                found.extend(vehicle::silent(&self.evidence_of(mono, one)));
+            }
+        }
+        found
+    }
+
+    fn evidence_of<'a>(&self, mono: Duration, one: &'a Aircraft) -> vehicle::Evidence<'a> {
         // Who stands in for the vehicle sends the most; the others are what it passes on.
         let others = self.others_on_link(one);
         let other = others.max_by_key(|(_, frames)| *frames);
         let shared = self.aircraft.iter().filter(|other| other.port == one.port);
         let beside = (other.map(|(system, _)| system), shared.count() > 1);
-        vehicle::judge(&one.link.evidence(mono, &one.config, beside))
+        one.link.evidence(mono, &one.config, beside)
     }
 
     pub(super) fn watch_findings(&mut self, now: Now, disk: &mut dyn Disk) {

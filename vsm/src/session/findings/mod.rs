@@ -65,6 +65,8 @@ pub enum Code {
     MavlinkTwoSenders,
     /// The vehicle is received, and receives nothing.
     MavlinkUnanswered,
+    /// The vehicle was received, and reports its state no more: why is not known yet, or is not to be seen from here.
+    MavlinkSilent,
     /// This computer's clock cannot be right.
     Clock,
     /// Another process has the store.

@@ -99,7 +99,11 @@ impl Arrivals {
 
     /// The most specific kind of what has arrived within [`FRESH`].
     pub(crate) fn refused(&self, mono: Duration) -> Option<Kind> {
-        let fresh = |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= FRESH);
+        self.refused_within(mono, FRESH)
+    }
+
+    fn refused_within(&self, mono: Duration, span: Duration) -> Option<Kind> {
+        let fresh = |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= span);
         let mut kinds = Kind::ALL.into_iter().zip(&self.last);
         kinds.find(|(_, at)| fresh(at)).map(|(kind, _)| kind)
     }
@@ -139,7 +143,9 @@ pub(crate) fn judge(evidence: &Evidence<'_>) -> Option<Finding> {
     if !for_long(last, SILENT_FOR) {
         let unanswered = evidence.unanswered.filter(|age| *age > UNANSWERED);
         unanswered.and_then(|_| evidence.accepted.map(|_| unanswered_finding(evidence)))
-    } else if let Some(kind) = evidence.arrivals.refused(mono)
+    // What arrived last is the reason until nothing has arrived for long: between the two there would be none.
+    } else if let Some(kind) = (evidence.arrivals.refused(mono))
+        .or_else(|| evidence.arrivals.refused_within(mono, NOTHING_FOR))
         // On a serial line each vehicle sees the frames of those beside it.
         && (kind != Kind::OtherSystem || evidence.other.is_some())
     {
@@ -296,6 +302,25 @@ fn unanswered_finding(evidence: &Evidence<'_>) -> Finding {
     )
 }
 
+/// That a vehicle reports its state no more, where [`judge`] has no reason for it. The alert for that stands by itself: this
+/// is for who asks, so that the answer is the one that the log has given.
+pub(crate) fn silent(evidence: &Evidence<'_>) -> Option<Finding> {
+    let accepted = evidence.accepted?;
+    let age_s = evidence.mono.saturating_sub(accepted).as_secs();
+    let (cause, cure) = match age_s {
+        0..=2 => (
+            "frames arrive, but none has its mode or is its HEARTBEAT: its state is unknown"
+                .to_owned(),
+            "check which messages PX4 sends on this link, and that the radio is not overloaded (\"vsm status\": lost)",
+        ),
+        _ => (
+            format!("no frame of it for {age_s} s: its state is unknown"),
+            "check its power, the radio and the distance; what arrives in its place is known within some seconds: ask again",
+        ),
+    };
+    Some(finding(evidence, Code::MavlinkSilent, cause, cure))
+}
+
 /// How fresh a kind must be to be the reason; looks at the counters are up to a second apart, and a heartbeat may be lost.
 pub(crate) const FRESH: Duration = Duration::from_secs(4);
 /// How long nothing must have been accepted: a vehicle that has just started is lifted within a second or two.
@@ -371,6 +396,46 @@ mod tests {
     fn a_vehicle_that_is_received_has_no_finding_whatever_else_arrives() {
         assert_eq!(found(|s| s.bad_signature = 9, Some(28)), None);
         assert!(found(|s| s.bad_signature = 9, Some(20)).is_some());
+    }
+
+    /// A vehicle that falls silent, and another program's bytes a moment later: from the first second in which it counts as
+    /// silent on, there is always an answer why.
+    #[test]
+    fn there_is_no_second_of_a_silence_without_a_finding() {
+        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
+        for burst_at in [None, Some(21), Some(24), Some(29)] {
+            let mut stats = LinkStats::default();
+            let mut arrivals = Arrivals::default();
+            let mut codes = Vec::new();
+            for at in 1..60 {
+                // Its last frame is that of 20 s.
+                stats.datagrams += u64::from(at <= 20 || burst_at == Some(at));
+                stats.garbage_bytes += if burst_at == Some(at) { 40 } else { 0 };
+                arrivals.look(seconds(at), &stats, (0, 0));
+                let evidence = Evidence {
+                    mono: seconds(at),
+                    vehicle: stanag_msgs::Id(0x1b00_0101),
+                    address: &address,
+                    system: 7,
+                    key: None,
+                    arrivals: &arrivals,
+                    other: None,
+                    shared: false,
+                    accepted: Some(seconds(at.min(20))),
+                    unanswered: None,
+                };
+                if at >= 22 {
+                    let found = judge(&evidence).or_else(|| silent(&evidence));
+                    let found = found.unwrap_or_else(|| panic!("{burst_at:?}: nothing at {at} s"));
+                    codes.push(found.code);
+                } else {
+                    assert_eq!(judge(&evidence), None, "{at} s");
+                }
+            }
+            let named = codes.contains(&Code::MavlinkUnreadable);
+            assert_eq!(named, burst_at.is_some(), "{burst_at:?}");
+            assert_eq!(codes.last(), Some(&Code::MavlinkNone));
+        }
     }
 
     #[test]

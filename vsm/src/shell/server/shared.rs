@@ -198,6 +198,7 @@ impl Shared {
         if let Some(recording) = &core.dli_recording {
             recording.count(&mut status.recordings);
         }
+        status.logged = self.events.borrow().lately(self.clock.now().wall);
         status
     }
 }

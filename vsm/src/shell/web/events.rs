@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::session::{LogEntry, LogLevel};
+use crate::session::{LATELY, LogEntry, LogLevel, Logged};
 
 /// The newest log entries; older ones are left out.
 #[derive(Debug, Default)]
@@ -59,6 +59,21 @@ impl Events {
         }
         self.kept.push_back(event);
         self.next += 1;
+    }
+
+    /// Warnings and errors of the last [`LATELY`].
+    pub fn lately(&self, wall: Duration) -> Vec<Logged> {
+        let now_ms = u64::try_from(wall.as_millis()).unwrap_or(u64::MAX);
+        let ago = |one: &Event| Duration::from_millis(now_ms.saturating_sub(one.at_ms));
+        let warn = self.kept.iter().filter(|one| one.level != "info");
+        warn.filter(|one| ago(one) <= LATELY)
+            .map(|one| Logged {
+                ago_s: ago(one).as_secs(),
+                level: one.level.to_owned(),
+                about: one.about.clone(),
+                text: one.text.clone(),
+            })
+            .collect()
     }
 
     /// Those from this number on, the oldest first.

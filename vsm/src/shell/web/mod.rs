@@ -219,6 +219,7 @@ mod tests {
                 uptime_s: 1.0,
                 warnings: Vec::new(),
                 findings: Vec::new(),
+                logged: Vec::new(),
                 refused: Default::default(),
                 set_aside: Default::default(),
                 received: Default::default(),
