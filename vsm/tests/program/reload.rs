@@ -183,6 +183,27 @@ fn a_bad_file_changes_nothing_and_is_named_by_the_command_and_in_the_log() {
     assert!(why.contains("cannot listen on vehicle.link"), "{why}");
     drop(taken);
 
+    // As the service manager does it: the unit's own line fails where the file is refused, and is done where it is not.
+    let unit =
+        fs::read_to_string(kit::workspace().join("packaging/vsm.service")).expect("the unit");
+    let line = unit
+        .lines()
+        .find_map(|line| line.strip_prefix("ExecReload="));
+    let line = line.expect("ExecReload").split(' ').map(|word| match word {
+        "/usr/bin/vsm" => program("vsm"),
+        "/etc/vsm/vsm.toml" => world.config(),
+        other => other.into(),
+    });
+    let words: Vec<PathBuf> = line.collect();
+    for (text, succeeds) in [("[dli]\nvsm_id = 7\n", false), (&good, true)] {
+        world.write(text);
+        let output = Command::new(&words[0])
+            .args(&words[1..])
+            .output()
+            .expect("it runs");
+        assert_eq!(output.status.success(), succeeds, "{words:?}: {output:?}");
+    }
+
     let id = world.bridge.id().to_string();
     let hang_up = |world: &World, text: &str| {
         world.write(text);
