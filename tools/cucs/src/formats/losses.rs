@@ -30,6 +30,8 @@ pub struct Losses {
     pub items: usize,
     /// What was lost, in the order in which it was found.
     pub lost: Vec<Loss>,
+    /// What was not taken and is no loss: what a program writes into every file, and nothing is flown by.
+    pub notes: Vec<String>,
 }
 
 impl Default for Losses {
@@ -46,6 +48,7 @@ impl Losses {
             unit,
             items: 0,
             lost: Vec::new(),
+            notes: Vec::new(),
         }
     }
 
@@ -65,6 +68,11 @@ impl Losses {
         });
     }
 
+    /// Something was not taken that nobody misses.
+    pub fn note(&mut self, what: impl Into<String>) {
+        self.notes.push(what.into());
+    }
+
     /// Items of which nothing was lost.
     #[must_use]
     pub fn taken(&self) -> usize {
@@ -78,30 +86,30 @@ impl Losses {
         (!self.lost.is_empty()).then(|| self.to_string())
     }
 
-    /// Prints what was lost of a file on standard error.
+    /// Prints what was lost of a file on standard error, and the notes.
     ///
     /// # Errors
     /// Something was lost, and nothing may be.
     pub fn report(&self, file: &str, strict: bool) -> Result<(), FormatError> {
-        let Some(summary) = self.summary() else {
-            return Ok(());
-        };
-        if strict {
+        let summary = self.summary();
+        if let (Some(summary), true) = (&summary, strict) {
             return Err(FormatError::Lost(format!("{file}: {summary}")));
         }
-        // Nothing is left to do when standard error is closed.
-        let _ = writeln!(std::io::stderr(), "{file}: {summary}");
+        for line in summary.iter().chain(&self.notes) {
+            // Nothing is left to do when standard error is closed.
+            let _ = writeln!(std::io::stderr(), "{file}: {line}");
+        }
         Ok(())
     }
 
-    /// `{"items": 7, "taken": 5, "lost": [{"what": "speed 6 m/s", "item": 3}]}`.
+    /// `{"items": 7, "taken": 5, "lost": [{"what": "speed 6 m/s", "item": 3}], "notes": []}`.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let lost = self.lost.iter();
         let lost: Vec<Value> = lost
             .map(|loss| json!({ "what": loss.what, "item": loss.item }))
             .collect();
-        json!({ "items": self.items, "taken": self.taken(), "lost": lost })
+        json!({ "items": self.items, "taken": self.taken(), "lost": lost, "notes": self.notes })
     }
 }
 

@@ -49,7 +49,12 @@ impl Draft {
 
 /// Speeds that only a .plan has.
 pub(super) fn planned(draft: &Draft, losses: &mut Losses) {
-    if let Some(what) = qgc_plan::planned_speeds(draft) {
+    let Some(what) = qgc_plan::planned_speeds(draft) else {
+        return;
+    };
+    if qgc_plan::has_default_speeds(draft) {
+        losses.note(format!("not taken, as in every new plan: {what}"));
+    } else {
         losses.add_whole(what);
     }
 }

@@ -39,9 +39,12 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
         fault("mission.plannedHomePosition[2]", problem)
     })?;
     let speed = |name: &str| plan["mission"][name].as_f64();
-    draft.planned_m_s = speed("cruiseSpeed")
-        .zip(speed("hoverSpeed"))
-        .map(|(cruise, hover)| [cruise, hover]);
+    match (speed("cruiseSpeed"), speed("hoverSpeed")) {
+        (Some(cruise), Some(hover)) => draft.planned_m_s = Some([cruise, hover]),
+        (None, None) => {}
+        (Some(one), None) => draft.losses.add_whole(planned("cruise", one)),
+        (None, Some(one)) => draft.losses.add_whole(planned("hover", one)),
+    }
     fence(file, text, &plan["geoFence"], &mut draft)?;
     let rally = plan["rallyPoints"]["points"].as_array();
     for (k, point) in rally.into_iter().flatten().enumerate() {
@@ -221,12 +224,22 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
     format!("{plan:#}\n")
 }
 
-/// The planned speeds, in words; `None` where they are those that QGroundControl writes into every file, which nobody chose.
+/// The planned speeds, in words.
 pub(super) fn planned_speeds(draft: &Draft) -> Option<String> {
-    let [cruise, hover] = draft.planned_m_s.filter(|speeds| *speeds != PLANNED_M_S)?;
+    let [cruise, hover] = draft.planned_m_s?;
     Some(format!(
         "planned speeds for estimates: cruise {cruise} m/s, hover {hover} m/s"
     ))
+}
+
+/// Whether the planned speeds are those that QGroundControl writes into every file, which nobody chose.
+pub(super) fn has_default_speeds(draft: &Draft) -> bool {
+    draft.planned_m_s == Some(PLANNED_M_S)
+}
+
+/// One planned speed without the other, in words.
+fn planned(which: &str, m_s: f64) -> String {
+    format!("planned speed for estimates: {which} {m_s} m/s")
 }
 
 /// Cruise and hover speed of a new plan of QGroundControl, m/s.

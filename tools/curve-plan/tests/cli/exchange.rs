@@ -57,7 +57,8 @@ fn a_plan_of_qgroundcontrol_keeps_speeds_loiters_and_its_geofence() {
         error,
         "route.toml: 3 of 7 items taken; lost: camera at item 5, return to launch at item 7, \
          take-off (flown to as a waypoint: launch first) at item 1, \
-         how the loiter is left (its exit heading, its tangent) at item 4, 1 rally point\n"
+         how the loiter is left (its exit heading, its tangent) at item 4, 1 rally point\n\
+         route.toml: not taken, as in every new plan: planned speeds for estimates: cruise 15 m/s, hover 5 m/s\n"
     );
     assert_eq!((&losses["items"], &losses["taken"]), (&json!(7), &json!(3)));
     assert_eq!(
@@ -182,10 +183,27 @@ fn planned_speeds_of_a_plan_come_back_and_are_listed_where_there_is_no_place_for
         let (error, _) = files.convert("fast.plan", there, &[]);
         let expected = "planned speeds for estimates: cruise 18 m/s, hover 4.5 m/s";
         assert!(error.contains(expected), "{there}: {error}");
-        // Those that every new plan has are nobody's choice.
-        let (error, _) = files.convert("qgroundcontrol.plan", there, &[]);
-        assert!(!error.contains("planned speeds"), "{there}: {error}");
+        // Those that every new plan has are nobody's choice: named, and no loss.
+        let (error, losses) = files.convert("qgroundcontrol.plan", there, &[]);
+        let expected = "not taken, as in every new plan: planned speeds for estimates: cruise 15 m/s, hover 5 m/s";
+        assert!(error.contains(expected), "{there}: {error}");
+        assert_eq!(losses["notes"][0], expected, "{there}");
+        assert!(
+            !texts(&losses).iter().any(|lost| lost.contains("planned")),
+            "{there}: {losses}"
+        );
     }
+    // One without the other is not silently left out either.
+    plan["mission"]
+        .as_object_mut()
+        .unwrap()
+        .remove("cruiseSpeed");
+    files.put("half.plan", &plan.to_string());
+    let (error, _) = files.convert("half.plan", "x.toml", &[]);
+    assert!(
+        error.contains("planned speed for estimates: hover 4.5 m/s"),
+        "{error}"
+    );
 }
 
 #[test]
