@@ -125,7 +125,8 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Some(group) => in_group(&arguments, group),
         None => Station::reach(config(&arguments), arguments.listen, &arguments.vsm).await,
     };
-    let station = station.map_err(|fault| failure(fault.exit_status(), fault))?;
+    let mut station = station.map_err(|fault| failure(fault.exit_status(), fault))?;
+    station.on_wait = Some(report_wait);
     let style = if arguments.json {
         Style::Json
     } else {
@@ -233,6 +234,14 @@ fn failure(status: u8, text: impl std::fmt::Display) -> Failure {
 fn report(line: &str) {
     // A closed standard error is no reason to end otherwise.
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// On standard error, so that standard output has results alone.
+fn report_wait(what: &str, left: Duration) {
+    report(&format!(
+        "cucs: waiting for the {what}, {:.0} s at most",
+        left.as_secs_f64()
+    ));
 }
 
 const SERVE_SPAN: Duration = Duration::from_millis(50);

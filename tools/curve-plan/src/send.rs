@@ -1,5 +1,6 @@
 //! `send`: uploads a route through a VSM, as a ground station (CUCS) does.
 
+use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -57,7 +58,16 @@ impl Command {
     }
 
     async fn upload(&self, plan: &cucs::Route, losses: &Losses) -> Result<(), OperatorError> {
-        let station = Station::reach(SessionConfig::new(self.id), self.listen, &self.vsm).await?;
+        let mut station =
+            Station::reach(SessionConfig::new(self.id), self.listen, &self.vsm).await?;
+        station.on_wait = Some(|what, left| {
+            let line = format!(
+                "curve-plan: waiting for the {what}, {:.0} s at most",
+                left.as_secs_f64()
+            );
+            // Nobody is left to report to when standard error is gone.
+            let _ = writeln!(std::io::stderr(), "{line}");
+        });
         let style = if self.json {
             Style::Json
         } else {

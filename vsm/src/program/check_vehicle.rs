@@ -1,6 +1,6 @@
 //! `vsm check-vehicle`: which of PX4's own settings weaken the link. It reads parameters and changes nothing.
 
-use std::io::{self, Write as _};
+use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use anyhow::{Context as _, anyhow};
 use mapping::hardening::{Finding, Reading, Verdict, judge};
 use serde_json::{Value, json};
 
-use super::process::{Failure, bad, failed, print, runtime};
+use super::process::{Failure, bad, failed, print, report_line, runtime};
 use crate::config::Config;
 use crate::session::VehicleSettings;
 use crate::shell::settings_link::{NOTHING_FOR, SettingsLink};
@@ -25,11 +25,9 @@ pub(crate) fn run(path: &Path, json: bool, wait_s: u64) -> Result<(), Failure> {
         );
         return Err(bad(fault));
     }
-    // Who waits must know how long. Nothing is left to do when standard error is closed.
-    let _ = writeln!(
-        io::stderr(),
-        "vsm: reading settings, for at most {wait_s} s a vehicle (--wait-s)"
-    );
+    report_line(&format!(
+        "vsm: reading settings; {wait_s} s a vehicle at most (--wait-s)"
+    ));
     let mut silent = vec![];
     let vehicles = match ask_bridge(&config.store.dir, patience) {
         Ok(vehicles) => vehicles,

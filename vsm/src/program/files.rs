@@ -3,17 +3,17 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use mavlink_link::service::ftp::{FilePath, MAX_WRITE, crc32};
 use serde_json::json;
 
-use super::process::{Failure, bad, failed, print};
+use super::process::{Failure, Waiting, bad, failed, print, report_line, waiting};
 use super::status::no_answer;
 use crate::config::Config;
-use crate::shell::files_socket::{Action, Asker, Entry, Reply, Request};
+use crate::shell::files_socket::{ANSWER_WITHIN, Action, Asker, Entry, Reply, Request};
 
 /// Which bridge, and which of its vehicles.
 #[derive(Debug, Args)]
@@ -128,6 +128,7 @@ impl Bridge<'_> {
 
     fn list(&self, path: &str) -> Result<Vec<Entry>, Failure> {
         let mut asker = self.ask(path, Action::List, &[])?;
+        let _waiting = waiting("the vehicle's list", ANSWER_WITHIN);
         match answer(&mut asker)? {
             (Reply::Listing(mut entries), _) => {
                 entries.sort_by(|a, b| a.name.cmp(&b.name));
@@ -140,6 +141,7 @@ impl Bridge<'_> {
 
     fn once(&self, path: &str, action: Action, done: &str) -> Result<(), Failure> {
         let mut asker = self.ask(path, action, &[])?;
+        let _waiting = waiting("the vehicle's answer", ANSWER_WITHIN);
         match answer(&mut asker)? {
             (Reply::Done { .. }, _) if self.arguments.json => {
                 print(&format!("{}\n", json!({ "path": path, "done": done })))
@@ -177,11 +179,18 @@ impl Bridge<'_> {
             let _ = fs::remove_file(&part);
         }
         let mut asker = asked?;
+        let mut progress = Progress::new(path);
+        let (mut total, mut arrived) = (None, u64::from(offset));
         loop {
             let (reply, bytes) = answer(&mut asker)?;
             match reply {
-                Reply::Opened(_) => {}
+                Reply::Opened(size) => {
+                    total = Some(u64::from(size));
+                    progress.show(arrived, total);
+                }
                 Reply::Data(_) => {
+                    arrived += bytes.len() as u64;
+                    progress.show(arrived, total);
                     // A full disk must not leave the bridge with a transfer that nobody takes.
                     if let Err(cause) = file.write_all(&bytes) {
                         asker.close();
@@ -230,9 +239,10 @@ impl Bridge<'_> {
         let begun = Instant::now();
         let length = content.len();
         let mut asker = self.ask(&path, Action::Write { length }, &content)?;
+        let mut progress = Progress::new(&path);
         loop {
             match answer(&mut asker)?.0 {
-                Reply::Written(..) => {}
+                Reply::Written(bytes, of) => progress.show(bytes.into(), Some(of.into())),
                 Reply::Done { size, crc } => {
                     let done = Transferred { size, crc };
                     return self.report(&path, from, &done, 0, begun);
@@ -266,6 +276,34 @@ impl Bridge<'_> {
              ends: {}\n",
             here.display()
         ))
+    }
+}
+
+/// How far a transfer is, on standard error: over a radio it lasts minutes.
+struct Progress<'a> {
+    path: &'a str,
+    /// Until the first answer, which for a file that was sent in part comes after a checksum of that part.
+    first: Option<Waiting>,
+    shown: Instant,
+}
+
+impl Progress<'_> {
+    fn new(path: &str) -> Progress<'_> {
+        Progress {
+            path,
+            first: Some(waiting("the vehicle to open the file", ANSWER_WITHIN)),
+            shown: Instant::now(),
+        }
+    }
+
+    fn show(&mut self, bytes: u64, total: Option<u64>) {
+        self.first = None;
+        if self.shown.elapsed() < SHOW_EVERY {
+            return;
+        }
+        self.shown = Instant::now();
+        let of = total.map_or_else(String::new, |total| format!(" of {}", total / 1_000));
+        report_line(&format!("vsm: {}: {}{of} kB", self.path, bytes / 1_000));
     }
 }
 
@@ -331,3 +369,6 @@ fn listing(entries: &[Entry]) -> String {
 fn listing_json(entries: &[Entry]) -> Result<String, Failure> {
     Ok(serde_json::to_string(entries).map_err(failed)? + "\n")
 }
+
+/// A line for each so many seconds of a transfer.
+const SHOW_EVERY: Duration = Duration::from_secs(2);

@@ -7,7 +7,7 @@ use crate::config::{Config, Exchange, Signing, Vehicle};
 use crate::key_exchange::ExchangeRecord;
 use crate::shell::disk::{FileDisk, peek, peek_identity};
 use crate::shell::key_file;
-use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Trust, What};
+use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Progress, Trust, UNKNOWN_FOR, What};
 use crate::shell::key_store::{KeyStore, real_path};
 use anyhow::{Context as _, anyhow, bail};
 use clap::{Args, Subcommand};
@@ -17,7 +17,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print, print_line, runtime};
+use super::process::{Failure, bad, failed, print, print_line, report_line, runtime};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -251,9 +251,11 @@ fn round(
             // Whoever finds out that the vehicle has the new key deletes the old one: this command, or `vsm run`.
             link.revoke_current().map_err(failed)?;
         }
-        let mut watch = |event| {
-            sent |= event == Event::State(State::Sent);
-            report(event);
+        let mut watch = |progress| {
+            sent |= progress == Progress::Event(Event::State(State::Sent));
+            if let Some(line) = shown(progress, over.wait_s) {
+                report_line(&format!("vsm: {line}"));
+            }
         };
         let ending = link
             .run(Duration::from_secs(over.wait_s), &mut watch)
@@ -271,37 +273,54 @@ fn round(
     Ok((ending, another))
 }
 
-/// What an operator is shown on the way.
-fn report(event: Event) {
-    match event {
-        Event::State(State::Staged) => {
-            print_line(
-                "the new key is on disk; listening for 10 s that only this vehicle is on the link",
+/// What an operator is shown on the way: what is waited for, and until when.
+fn shown(progress: Progress, wait_s: u64) -> Option<String> {
+    let event = match progress {
+        Progress::OtherKey => {
+            return Some(
+                "the vehicle signs with another key than the one in force here; still waiting for frames under that"
+                    .to_owned(),
             );
         }
-        Event::State(State::WaitDisarm) => {
-            print_line("waiting for the vehicle's word that it is disarmed")
+        Progress::Unsigned => {
+            return Some(
+                "frames arrive that are not signed, and are not believed: if the vehicle has lost its key, end this (Ctrl-C) and add \
+                 --vehicle-is-unsigned; still waiting for signed ones"
+                    .to_owned(),
+            );
         }
-        Event::State(State::Sent) => print_line(
-            "the key is being sent. DO NOT cut the vehicle's power for 5 s: it would start without a key",
+        Progress::Event(event) => event,
+    };
+    let line = match event {
+        Event::State(State::Staged) => format!(
+            "the new key is on disk; waiting for frames of the vehicle, {wait_s} s at most (--wait-s), then 10 s more, in which \
+             only this vehicle may be on the link"
         ),
+        Event::State(State::WaitDisarm) => format!(
+            "waiting for the vehicle's report that it is disarmed, until {wait_s} s after the start (--wait-s)"
+        ),
+        Event::State(State::Sent) => {
+            "the key is being sent. DO NOT cut the vehicle's power for 5 s: it would start without a key".to_owned()
+        }
         Event::State(State::Committed) => {
-            print_line("the vehicle signs with the new key; 5 s more, keep its power on");
+            "the vehicle signs with the new key; 5 s more, keep its power on".to_owned()
         }
-        Event::State(State::NotTaken) => print_line("the vehicle has not taken the key"),
+        Event::State(State::NotTaken) => "the vehicle has not taken the key".to_owned(),
         Event::State(State::RolledBack) => {
-            print_line("the vehicle keeps its key; the new one is deleted if that holds for 30 s");
+            "the vehicle keeps its key; the new one is deleted if that holds for 30 s".to_owned()
         }
-        Event::State(State::Unknown) => {
-            print_line("it is not known which key the vehicle has; asking under both");
-        }
-        Event::SeveralAutopilots { system } => print_line(&format!(
+        Event::State(State::Unknown) => format!(
+            "it is not known which key the vehicle has; asking under both, {} s at most",
+            UNKNOWN_FOR.as_secs()
+        ),
+        Event::SeveralAutopilots { system } => format!(
             "system {system} is on the link too, and PX4 takes a key whomever it is meant for"
-        )),
-        Event::RefusedWhileArmed => print_line("the vehicle refuses while it is armed"),
-        Event::FellBack => print_line("the vehicle lost its key again; retrying"),
-        Event::Commit | Event::Ended(_) => {}
-    }
+        ),
+        Event::RefusedWhileArmed => "the vehicle refuses while it is armed".to_owned(),
+        Event::FellBack => "the vehicle lost its key again; retrying".to_owned(),
+        Event::Commit | Event::Ended(_) => return None,
+    };
+    Some(line)
 }
 
 fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {

@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
             pairing.own_key().fingerprint()
         ));
         print_line(&format!(
-            "pairing with vehicle {} on {}",
+            "pairing with vehicle {} on {}; for {wait_s} s at most (--wait-s)",
             vehicle.id, vehicle.link
         ));
         let patience = Duration::from_secs(wait_s);

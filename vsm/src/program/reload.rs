@@ -8,13 +8,16 @@ use anyhow::{Context as _, anyhow};
 use crate::config::{Config, ConfigError, Report};
 use crate::shell::status_socket;
 
-use super::process::{Failure, bad, failed, print};
+use super::process::{Failure, bad, failed, print, waiting};
 use super::status::no_answer;
 
 pub(crate) fn reload(path: &Path, json: bool) -> Result<(), Failure> {
     let store = store_of(path).map_err(bad)?;
-    let text = status_socket::ask(&store, status_socket::RELOAD, ANSWER_WITHIN)
-        .map_err(|cause| failed(no_answer("vsm", &store, cause)))?;
+    let asked = {
+        let _waiting = waiting("the bridge to apply the file", ANSWER_WITHIN);
+        status_socket::ask(&store, status_socket::RELOAD, ANSWER_WITHIN)
+    };
+    let text = asked.map_err(|cause| failed(no_answer("vsm", &store, cause)))?;
     let report: Report = serde_json::from_str(&text)
         .context("the running vsm answers with something else")
         .map_err(failed)?;

@@ -10,7 +10,7 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 
-use super::process::{Failure, bad, failed, print};
+use super::process::{Failure, bad, failed, print, waiting};
 
 pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
@@ -24,8 +24,11 @@ pub(super) fn report(
     json: bool,
     readable: fn(&Value) -> String,
 ) -> Result<(), Failure> {
-    let text = status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN)
-        .map_err(|cause| failed(no_answer(who, store, cause)))?;
+    let asked = {
+        let _waiting = waiting(&format!("the answer of the {who}"), ANSWER_WITHIN);
+        status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN)
+    };
+    let text = asked.map_err(|cause| failed(no_answer(who, store, cause)))?;
     if json {
         return print(&(text + "\n"));
     }

@@ -9,7 +9,7 @@ use anyhow::{Context as _, anyhow};
 use clap::Args;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print_line};
+use super::process::{Failure, bad, failed, print_line, waiting};
 use crate::config::Config;
 use crate::config::airside::AirsideConfig;
 use crate::shell::disk::{FileDisk, OpenError};
@@ -73,6 +73,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => order_running(&store, arguments.in_flight)?,
     }
     // Whoever comes first to the store erases: this command, or the bridge that has ended.
+    let ends = waiting(
+        "the program that ran there to erase, and to end",
+        UNLOCKED_WITHIN,
+    );
     let erased = match once_unlocked(&store) {
         Err(EraseError::Open(OpenError::Locked { .. })) => {
             return Err(failed(anyhow!(
@@ -82,6 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         erased => erased.map_err(failed)?,
     };
+    drop(ends);
     let there = |file: &PathBuf| std::fs::symlink_metadata(file).is_ok_and(|found| !found.is_dir());
     let (left, files): (Vec<_>, Vec<_>) = files.into_iter().partition(there);
     if let Some(left) = left.iter().find(|file| order.needs(file)) {
@@ -99,6 +104,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Lets the bridge or the agent that has the store give up everything, and end.
 fn order_running(store: &Path, in_flight: bool) -> Result<(), Failure> {
     let word = if in_flight { IN_FLIGHT } else { b'd' };
+    let _waiting = waiting(
+        "the program that runs there to take the order",
+        ANSWER_WITHIN,
+    );
     let answer = status_socket::ask_for(store, ZEROIZE, &[word], ANSWER_WITHIN);
     let answer =
         answer.context("what runs on this store does not answer: stop it, then start this again");

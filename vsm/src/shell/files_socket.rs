@@ -135,4 +135,4 @@ impl Asker {
 }
 
 /// The longest that a bridge is silent about an operation is the checksum of a large file.
-const ANSWER_WITHIN: Duration = Duration::from_secs(300);
+pub const ANSWER_WITHIN: Duration = Duration::from_secs(300);

@@ -103,6 +103,17 @@ pub enum Ending {
     Dragged,
 }
 
+/// Something that whoever waits is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// Of the handover.
+    Event(Event),
+    /// Frames in the vehicle's name arrive that are signed with another key; those of the vehicle are still waited for.
+    OtherKey,
+    /// Frames in the vehicle's name arrive that are not signed, and are not believed.
+    Unsigned,
+}
+
 /// A handover on its way.
 #[derive(Debug)]
 pub struct KeyLink {
@@ -208,16 +219,17 @@ impl KeyLink {
         })
     }
 
-    /// Works until it is known how it ends, at most `patience`. `report` is given each event as it happens.
+    /// Works until it is known how it ends, at most `patience`. `report` is given what happens, as it happens.
     ///
     /// # Errors
     /// The vehicle has the key and the files could not be changed: both keys are kept.
     pub async fn run(
         mut self,
         patience: Duration,
-        report: &mut dyn FnMut(Event),
+        report: &mut dyn FnMut(Progress),
     ) -> Result<Ending, KeyLinkError> {
         let mut bytes = vec![0; 65_536];
+        let (mut other_key, mut unsigned) = (false, false);
         let mut unknown_since = None;
         loop {
             let until = self.handover.poll_timeout().min(self.clock.mono() + LOOK);
@@ -239,7 +251,7 @@ impl KeyLink {
             self.handover.handle_timeout(self.clock.now());
             self.send().await;
             while let Some(event) = self.handover.poll_event() {
-                report(event);
+                report(Progress::Event(event));
                 match event {
                     _ if self.again => {}
                     Event::Commit => {
@@ -252,6 +264,16 @@ impl KeyLink {
                         self.bury();
                     }
                     _ => {}
+                }
+            }
+            if !self.handover.has_received() {
+                // Nothing is concluded from them, since anybody can send them: whoever waits only learns why it lasts.
+                if self.handover.foreign_frames() > 0 && !std::mem::replace(&mut other_key, true) {
+                    report(Progress::OtherKey);
+                }
+                if self.handover.disbelieved_frames() > 0 && !std::mem::replace(&mut unsigned, true)
+                {
+                    report(Progress::Unsigned);
                 }
             }
             let mono = self.clock.mono();
@@ -365,4 +387,4 @@ const LOOK: Duration = Duration::from_millis(50);
 /// How long the vehicle must keep its power after it has taken the key: it writes its file without synchronising it.
 pub const KEEP_POWER: Duration = Duration::from_secs(5);
 /// How long a silent vehicle is asked before the rest is left to `vsm run`.
-const UNKNOWN_FOR: Duration = Duration::from_secs(60);
+pub const UNKNOWN_FOR: Duration = Duration::from_secs(60);

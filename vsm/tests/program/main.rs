@@ -22,4 +22,5 @@ mod reload_on_a_slow_disk;
 mod serial_line;
 mod small_disk;
 mod under_attack;
+mod waits;
 mod zeroize;

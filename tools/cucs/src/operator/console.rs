@@ -37,6 +37,10 @@ pub struct Operator<W> {
     requested: Option<Id>,
     /// The vehicle commanded, once discovery has found it.
     vehicle: Option<Id>,
+    /// Alerts are what is asked for, or are watched: none is shortened.
+    pub(super) alerts_in_full: bool,
+    /// What was printed is a file: alerts go to standard error.
+    pub(super) alerts_aside: bool,
 }
 
 pub(super) type Done = Result<(), OperatorError>;
@@ -50,6 +54,8 @@ impl<W: Write> Operator<W> {
             out,
             requested: vehicle,
             vehicle: None,
+            alerts_in_full: false,
+            alerts_aside: false,
         }
     }
 
@@ -63,6 +69,7 @@ impl<W: Write> Operator<W> {
     /// # Errors
     /// The socket or the output fails.
     pub async fn idle(&mut self, span: Duration) -> Result<(), OperatorError> {
+        self.alerts_in_full = true;
         self.station.idle(span).await?;
         self.print_alerts("")
     }
@@ -94,7 +101,40 @@ impl<W: Write> Operator<W> {
             (None, _) => return Err(OperatorError::Ambiguous(names())),
         };
         self.vehicle = Some(vehicle);
+        if self.style == Style::People && !self.alerts_in_full {
+            self.remark_standing();
+        }
         Ok(vehicle)
+    }
+
+    /// What has arrived before anything was commanded stands already: a VSM sends it to each station that begins to listen, so
+    /// to each process of `cucs`. It is named on standard error, before the answer and in short; an emergency whole.
+    fn remark_standing(&mut self) {
+        let mut rest = Vec::new();
+        while let Some(event) = self.station.session.poll_event() {
+            match event {
+                // Nobody has to act on these; `watch` shows them.
+                Event::Alert { alert, .. }
+                    if matches!(
+                        alert.priority,
+                        AlertPriority::Cleared | AlertPriority::Nominal
+                    ) => {}
+                Event::Alert { from, alert } => {
+                    let text = match alert.priority {
+                        AlertPriority::Emergency | AlertPriority::Failed => alert.text.clone(),
+                        _ => in_short(&alert.text),
+                    };
+                    let more = if text.len() < alert.text.len() {
+                        WHOLE
+                    } else {
+                        ""
+                    };
+                    remark(&format!("{from}: {} stands: {text}{more}", alert.priority));
+                }
+                other => rest.push(other),
+            }
+        }
+        self.station.session.put_back(rest);
     }
 
     /// As [`Self::find_vehicle`], for what needs the vehicle's status: a VSM sends none to a CUCS without LOI.
@@ -197,8 +237,13 @@ impl<W: Write> Operator<W> {
                         AlertPriority::Cleared => "cleared".to_owned(),
                         other => other.to_string(),
                     };
+                    let line = format!("{from}: 16000 {priority}: {}", alert.text);
+                    if self.alerts_aside && self.style == Style::People {
+                        remark(&line);
+                        continue;
+                    }
                     self.print(
-                        &format!("{from}: 16000 {priority}: {}", alert.text),
+                        &line,
                         json!({
                             "alert": alert.text,
                             "vehicle": from.to_string(),
@@ -261,6 +306,27 @@ fn by_type(counts: &ByType) -> String {
         format!("\n  {id} {name}: {count}")
     };
     counts.iter().map(line).collect()
+}
+
+/// The cause of an alert, without what to do about it.
+fn in_short(text: &str) -> String {
+    let cause = text.split_once("; ").map_or(text, |(cause, _)| cause);
+    if cause.chars().count() <= SHORT {
+        return cause.to_owned();
+    }
+    let cut: String = cause.chars().take(SHORT).collect();
+    cut + " .."
+}
+
+/// The characters of a standing alert that are shown beside an answer.
+const SHORT: usize = 110;
+/// Where the rest of it is.
+const WHOLE: &str = " (whole: `cucs watch`)";
+
+/// A line on standard error, which is no result.
+pub(super) fn remark(line: &str) {
+    // Nobody is left to report to when it is closed.
+    let _ = writeln!(std::io::stderr(), "cucs: {line}");
 }
 
 /// How long the answers to a query may lag behind its acknowledgement.

@@ -51,10 +51,19 @@ impl<W: Write> Operator<W> {
         let answers = self
             .query(vehicle, request, "contingencies (50023)")
             .await?;
-        for answer in &answers {
-            if let Message::Contingency(one) = answer {
-                self.print_contingency(one)?;
-            }
+        let reported: Vec<&Contingency> = answers
+            .iter()
+            .filter_map(|answer| match answer {
+                Message::Contingency(one) => Some(one),
+                _ => None,
+            })
+            .collect();
+        if reported.is_empty() {
+            let value = json!({"contingencies": []});
+            self.print(&format!("{vehicle}: no contingencies"), value)?;
+        }
+        for one in reported {
+            self.print_contingency(one)?;
         }
         Ok(())
     }

@@ -46,12 +46,33 @@ pub enum OperatorError {
     /// What needs status needs LOI 2.
     #[error("vehicle {0}: this CUCS holds no LOI and receives no status; run `cucs take` first")]
     NoRights(Id),
-    /// No handover request is known that could be answered.
-    #[error("vehicle {0}: no handover request received; name the CUCS")]
-    NobodyAsks(Id),
-    /// No offer is known that could be accepted.
-    #[error("vehicle {0}: no offer received; name the levels with --loi")]
-    NothingOffered(Id),
+    /// No handover request came that could be answered.
+    #[error(
+        "vehicle {vehicle}: no handover request of {from} received within {within_s} s; it requests with `cucs --id ID ask`; to \
+         offer without a request: `cucs successor ID`"
+    )]
+    NobodyAsks {
+        /// The vehicle.
+        vehicle: Id,
+        /// Who was to request.
+        from: String,
+        /// How long was waited, s.
+        within_s: f64,
+    },
+    /// No offer came that could be accepted.
+    #[error(
+        "vehicle {0}: no offer received within {1} s; the holder offers with `cucs successor ID`; to request what it holds: \
+         `cucs ask`"
+    )]
+    NothingOffered(Id, f64),
+    /// What is waited for comes of a route alone.
+    #[error("vehicle {vehicle} flies no route: {why}")]
+    NoRoute {
+        /// The vehicle.
+        vehicle: Id,
+        /// Why, and what to do.
+        why: String,
+    },
     /// The VSM offers no such control.
     #[error(
         "no control {0}: `cucs controls` lists those that the VSM offers (its vehicle.controls)"

@@ -8,7 +8,7 @@ use stanag_msgs::enums::AreaPlanMode;
 use stanag_msgs::messages::{AreaTransferCommand, AreaVertex};
 use stanag_msgs::{Id, Message};
 
-use super::console::{Done, Operator, Style};
+use super::console::{Done, Operator, Style, remark};
 use super::error::OperatorError;
 use crate::fence;
 use crate::formats::{self, Import, Losses};
@@ -45,9 +45,8 @@ impl<W: Write> Operator<W> {
         let vehicle = self.find_vehicle().await?;
         let download = self.station.download(vehicle).await?;
         let routes = Route::from_download(&download).map_err(crate::StationError::from)?;
-        if let Some(route) = Route::joined(routes) {
-            self.hand_out(vehicle, "plan", "route", &route.to_toml(), path)?;
-        }
+        let text = Route::joined(routes).map_or_else(String::new, |route| route.to_toml());
+        self.hand_out(vehicle, "plan", "route", &text, path)?;
         let missing: Vec<String> = download.missing().iter().map(u16::to_string).collect();
         if missing.is_empty() {
             Ok(())
@@ -112,7 +111,16 @@ impl<W: Write> Operator<W> {
         path: Option<&Path>,
     ) -> Done {
         match path {
-            None if self.style == Style::People => Ok(write!(self.out, "{text}")?),
+            // No file that looks like a plan.
+            _ if text.is_empty() && self.style == Style::People => {
+                remark(&format!("{vehicle}: no {what}: nothing is written"));
+                Ok(())
+            }
+            _ if text.is_empty() => Ok(writeln!(self.out, "{}", json!({key: text}))?),
+            None if self.style == Style::People => {
+                self.alerts_aside = true;
+                Ok(write!(self.out, "{text}")?)
+            }
             None => Ok(writeln!(self.out, "{}", json!({key: text}))?),
             Some(path) => {
                 std::fs::write(path, text).map_err(|source| OperatorError::Write {

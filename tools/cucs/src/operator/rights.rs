@@ -1,6 +1,7 @@
 //! Discovery, rights over the vehicle, and handovers.
 
 use std::io::Write;
+use std::time::Duration;
 
 use serde_json::json;
 use stanag_msgs::Id;
@@ -8,9 +9,11 @@ use stanag_msgs::enums::{LoiBitmap, RequestedAccess, StationBitmap1To16};
 
 use super::console::{Done, Operator};
 use super::error::OperatorError;
+use super::run::seconds;
 use super::verb::{HandoverVerb, LoiList};
+use crate::session::machine::Session;
 use crate::session::vehicle::Vehicle;
-use crate::station::outcome::{levels, loi_numbers};
+use crate::station::outcome::{StationError, levels, loi_numbers};
 use crate::station::report::vehicle_type;
 
 impl<W: Write> Operator<W> {
@@ -80,31 +83,26 @@ impl<W: Write> Operator<W> {
         let state = self.state(vehicle);
         let held = state.map_or(LoiBitmap::NONE, Vehicle::granted);
         let may = state.map_or(LoiBitmap::NONE, Vehicle::authorised);
-        let request = state.and_then(Vehicle::handover_request);
-        let offered = state.and_then(Vehicle::handover_offer);
-        let named = |cucs: &Option<Id>| {
-            cucs.or(request.map(|(id, _)| id))
-                .ok_or(OperatorError::NobodyAsks(vehicle))
-        };
         let (acquirer, loi, done) = match verb {
             HandoverVerb::Ask { loi } => {
                 let requested = loi.map_or(may, |list| list.0);
                 (own, requested, format!("LOI {} is ours", levels(requested)))
             }
-            HandoverVerb::Accept { loi } => {
-                let accepted = loi.map(|list| list.0).or(offered);
-                let requested = accepted.ok_or(OperatorError::NothingOffered(vehicle))?;
-                (own, requested, format!("LOI {} is ours", levels(requested)))
+            HandoverVerb::Accept { loi, within } => {
+                let accepted = match loi {
+                    Some(list) => list.0,
+                    None => self.offered(vehicle, seconds(*within)?).await?,
+                };
+                (own, accepted, format!("LOI {} is ours", levels(accepted)))
             }
             HandoverVerb::Decline => (own, LoiBitmap::NONE, "declined".to_owned()),
-            HandoverVerb::Consent { cucs, loi } => {
-                let to = named(cucs)?;
-                let requested = request.filter(|(id, _)| *id == to).map(|(_, loi)| loi);
-                let given = loi.map(|list| list.0).or(requested).unwrap_or(held);
+            HandoverVerb::Consent { cucs, loi, within } => {
+                let (to, requested) = self.requested_by(vehicle, *cucs, *within).await?;
+                let given = loi.map_or(requested, |list| list.0);
                 (to, given, format!("handed over to {to}"))
             }
-            HandoverVerb::Refuse { cucs } => {
-                let to = named(cucs)?;
+            HandoverVerb::Refuse { cucs, within } => {
+                let (to, _) = self.requested_by(vehicle, *cucs, *within).await?;
                 (to, LoiBitmap::NONE, format!("refused to {to}"))
             }
             HandoverVerb::Successor { cucs, loi } => {
@@ -114,5 +112,52 @@ impl<W: Write> Operator<W> {
         };
         let outcome = self.station.hand_over(vehicle, acquirer, loi).await?;
         self.finish(vehicle, &done, outcome)
+    }
+    /// Who requests a handover, and what: a process that has just begun learns of it as the request is repeated, and who
+    /// types the answer may be faster than who types the request. A message 4 for nobody who asks would be an offer.
+    async fn requested_by(
+        &mut self,
+        vehicle: Id,
+        named: Option<Id>,
+        within_s: f64,
+    ) -> Result<(Id, LoiBitmap), OperatorError> {
+        let within = seconds(within_s)?;
+        let from = named.map_or_else(|| "another CUCS".to_owned(), |id| format!("CUCS {id}"));
+        let requests = |state: &Vehicle| {
+            let request = state.handover_request();
+            request.filter(|(id, _)| named.is_none_or(|named| *id == named))
+        };
+        let expected = format!("handover request of {from} (4)");
+        let waited = self.station.wait_until(&expected, within, |session| {
+            session
+                .vehicle(vehicle)
+                .is_some_and(|state| requests(state).is_some())
+        });
+        match waited.await {
+            Err(StationError::TimedOut { .. }) | Ok(()) => {}
+            Err(fault) => return Err(fault.into()),
+        }
+        let nobody = OperatorError::NobodyAsks {
+            vehicle,
+            from,
+            within_s,
+        };
+        self.state(vehicle).and_then(requests).ok_or(nobody)
+    }
+
+    /// What the holder offers.
+    async fn offered(&mut self, vehicle: Id, within: Duration) -> Result<LoiBitmap, OperatorError> {
+        let offered = |session: &Session| session.vehicle(vehicle)?.handover_offer();
+        let waited = self
+            .station
+            .wait_until("offer of the holder (5)", within, |session| {
+                offered(session).is_some()
+            });
+        match waited.await {
+            Err(StationError::TimedOut { .. }) | Ok(()) => {}
+            Err(fault) => return Err(fault.into()),
+        }
+        let nothing = OperatorError::NothingOffered(vehicle, within.as_secs_f64());
+        offered(self.station.session()).ok_or(nothing)
     }
 }

@@ -5,10 +5,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde_json::json;
-use stanag_msgs::Bam32;
+use stanag_msgs::enums::FlightPathControlMode;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
+use stanag_msgs::{Bam32, Id};
 
-use super::console::{Done, Operator, Style};
+use super::console::{Done, Operator, Style, remark};
 use super::error::OperatorError;
 use super::file_kind::{self, Reader};
 use super::termination::Ordered;
@@ -17,7 +18,7 @@ use crate::formats::Losses;
 use crate::route::model::Route;
 use crate::session::vehicle::Vehicle;
 use crate::station::command::{LoiterAt, set_altitude, set_speed};
-use crate::station::outcome::levels;
+use crate::station::outcome::{StationError, levels};
 
 impl<W: Write> Operator<W> {
     /// Carries a subcommand out and prints the result, then the alerts that came with it. Files are relative to
@@ -26,6 +27,7 @@ impl<W: Write> Operator<W> {
     /// # Errors
     /// It was refused, not answered, or cannot be requested.
     pub async fn run(&mut self, verb: &Verb, folder: &Path) -> Done {
+        self.alerts_aside = false;
         let done = self.carry_out(verb, folder).await;
         self.conclude(done)
     }
@@ -200,6 +202,15 @@ impl<W: Write> Operator<W> {
             | Condition::Lacks { .. } => self.find_vehicle().await?,
             _ => self.find_vehicle_with_status().await?,
         };
+        if matches!(condition, Condition::RouteEnd | Condition::Waypoint { .. })
+            && let Some(why) = self.no_route(vehicle).await?
+        {
+            if matches!(condition, Condition::RouteEnd) {
+                return Err(OperatorError::NoRoute { vehicle, why });
+            }
+            // Another station may begin one yet.
+            remark(&format!("vehicle {vehicle} flies no route: {why}"));
+        }
         // Only alerts from now on: the one waited for may have come before, for another reason.
         let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
         let is_met = |state: &Vehicle| match condition {
@@ -230,7 +241,39 @@ impl<W: Write> Operator<W> {
         self.print_state(vehicle)
     }
 
+    /// Why the vehicle flies no route, and what to do; `None` where it flies one, has flown it to its end, or does not show.
+    async fn no_route(&mut self, vehicle: Id) -> Result<Option<String>, OperatorError> {
+        // What a station that begins to listen is sent first.
+        let shown = |state: &Vehicle| state.waypoints.is_some() && state.mode().is_some();
+        let within = self.station.timeouts.answer;
+        let first = self
+            .station
+            .wait_until("first status (3001, 4001)", within, |session| {
+                session.vehicle(vehicle).is_some_and(shown)
+            });
+        match first.await {
+            Err(StationError::TimedOut { .. }) | Ok(()) => {}
+            Err(fault) => return Err(fault.into()),
+        }
+        let Some(state) = self.state(vehicle).filter(|state| shown(state)) else {
+            return Ok(None);
+        };
+        let to = state.to_waypoint().filter(|number| *number != NO_NUMBER);
+        Ok(match (state.from_waypoint(), to, state.mode()) {
+            (None, None, _) => Some(
+                "none is loaded; `cucs send FILE`, then `cucs fly`, or `cucs launch 30` first where it is on the ground"
+                    .to_owned(),
+            ),
+            (_, Some(number), Some(mode)) if !flies_routes(mode) => Some(format!(
+                "one is loaded, to waypoint {number}, and the mode is {}; `cucs fly` begins or continues it",
+                mode.in_words()
+            )),
+            _ => None,
+        })
+    }
+
     async fn watch(&mut self, span: Duration, every: Duration) -> Done {
+        self.alerts_in_full = true;
         let vehicle = self.find_vehicle_with_status().await?;
         let every = every.max(MIN_WATCH_PERIOD);
         let mut left = span;
@@ -265,6 +308,15 @@ pub(super) fn mode_command(
     Ok(command)
 }
 
+/// Whether a vehicle in this mode may fly a route: what modes from 32 up are is the vehicle's own.
+fn flies_routes(mode: FlightPathControlMode) -> bool {
+    use FlightPathControlMode as Mode;
+    matches!(
+        mode,
+        Mode::Waypoint | Mode::ContingencyA | Mode::ContingencyB
+    ) || mode.raw() >= 32
+}
+
 fn describe(condition: &Condition) -> String {
     match condition {
         Condition::Mode { mode } => format!("3001 mode {}", mode.in_words()),
@@ -282,7 +334,7 @@ fn describe(condition: &Condition) -> String {
     }
 }
 
-fn seconds(value: f64) -> Result<Duration, OperatorError> {
+pub(super) fn seconds(value: f64) -> Result<Duration, OperatorError> {
     if (0.0..=1e6).contains(&value) {
         Ok(Duration::from_secs_f64(value))
     } else {
@@ -290,4 +342,6 @@ fn seconds(value: f64) -> Result<Duration, OperatorError> {
     }
 }
 
+/// 4001 names a place that is no waypoint of a route so, such as that of a loiter.
+const NO_NUMBER: u16 = 65_535;
 const MIN_WATCH_PERIOD: Duration = Duration::from_millis(50);

@@ -50,6 +50,12 @@ impl<W: Write> Operator<W> {
             })
             .collect();
         reports.sort_by_key(|report| report.parameter_index);
+        if reports.is_empty() {
+            self.print(
+                &format!("{vehicle}: no parameters"),
+                json!({"parameters": []}),
+            )?;
+        }
         for report in reports {
             self.print_parameter(report)?;
         }

@@ -233,18 +233,24 @@ pub enum HandoverVerb {
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Hand over to a CUCS that requests it.
+    /// Hand over to a CUCS that requests it, such as `consent 1b:00:00:b0`; wait for its request where it has not come yet.
     Consent {
-        /// Id of that CUCS (default: the one that requested last).
+        /// Id of that CUCS (default: the one that requests).
         cucs: Option<Id>,
-        /// Levels (default: those requested, or if unknown all that this CUCS holds).
+        /// Levels (default: those requested).
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
+        /// Longest time to wait for the request, seconds.
+        #[arg(long, default_value_t = REQUEST_WITHIN_S, value_name = "SECONDS", allow_negative_numbers = true)]
+        within: f64,
     },
-    /// Refuse a CUCS that requests a handover.
+    /// Refuse a CUCS that requests a handover; wait for its request where it has not come yet.
     Refuse {
-        /// Id of that CUCS (default: the one that requested last).
+        /// Id of that CUCS (default: the one that requests).
         cucs: Option<Id>,
+        /// Longest time to wait for the request, seconds.
+        #[arg(long, default_value_t = REQUEST_WITHIN_S, value_name = "SECONDS", allow_negative_numbers = true)]
+        within: f64,
     },
     /// Offer rights to another CUCS, and wait until it accepts or declines.
     Successor {
@@ -254,15 +260,21 @@ pub enum HandoverVerb {
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Accept the rights offered to this CUCS.
+    /// Accept the rights offered to this CUCS; wait for the offer where it has not come yet.
     Accept {
-        /// Levels (default: those offered).
+        /// Levels (default: those offered). With levels no offer is waited for: without one they are requested, as `ask` does.
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
+        /// Longest time to wait for the offer, seconds.
+        #[arg(long, default_value_t = REQUEST_WITHIN_S, value_name = "SECONDS", allow_negative_numbers = true)]
+        within: f64,
     },
     /// Decline an offer, or withdraw a request.
     Decline,
 }
+
+/// How long the holder waits for a request, and a successor for an offer: as long as the VSM gives either for an answer.
+const REQUEST_WITHIN_S: f64 = 20.0;
 
 /// A step of a flight termination, or of a zeroize.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Subcommand)]

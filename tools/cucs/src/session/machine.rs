@@ -398,6 +398,11 @@ impl Session {
         self.events.pop_front()
     }
 
+    /// Events that were polled and are for somebody else.
+    pub(crate) fn put_back(&mut self, events: Vec<Event>) {
+        self.events.extend(events);
+    }
+
     /// A vehicle from which a message was received.
     #[must_use]
     pub fn vehicle(&self, id: Id) -> Option<&Vehicle> {

@@ -34,9 +34,22 @@ pub struct Station {
     started: Instant,
     /// How long its methods wait. May be changed at any time.
     pub timeouts: Timeouts,
+    /// Is given what a method waits for, and how much longer at most, once that has lasted half a second: a person at a
+    /// terminal must not take a wait for a hang. None by default: a library prints nothing.
+    pub on_wait: Option<fn(&str, Duration)>,
+    /// What is waited for now, until the notice of it was given.
+    awaited: Option<Awaited>,
     /// Anything has been received from the VSM.
     pub(super) answered: bool,
     unreachable: bool,
+}
+
+/// What a method waits for.
+#[derive(Debug)]
+struct Awaited {
+    what: String,
+    notice_at: Instant,
+    until: Instant,
 }
 
 impl Station {
@@ -127,6 +140,8 @@ impl Station {
             vsm,
             started: Instant::now(),
             timeouts: Timeouts::default(),
+            on_wait: None,
+            awaited: None,
             answered: false,
             unreachable: false,
         }
@@ -193,7 +208,9 @@ impl Station {
         within: Duration,
         check: impl FnMut(&mut Session) -> Option<T>,
     ) -> Result<T, StationError> {
+        self.awaits(expected, within);
         let found = self.until(Instant::now() + within, check).await?;
+        self.awaits_nothing();
         found.ok_or_else(|| StationError::TimedOut {
             expected: expected.to_owned(),
             within,
@@ -206,6 +223,7 @@ impl Station {
     /// # Errors
     /// The socket fails.
     pub async fn idle(&mut self, span: Duration) -> Result<(), StationError> {
+        self.awaits_nothing();
         let deadline = Instant::now() + span;
         let _: Option<()> = self.until(deadline, |_| None).await?;
         Ok(())
@@ -252,15 +270,17 @@ impl Station {
         within: Duration,
     ) -> Result<Delivery, StationError> {
         let deadline = Instant::now() + within;
+        let message_type = self.session.sent(ticket).map_or(0, |(kind, _)| kind);
+        self.awaits(format!("outcome of {}", table::named(message_type)), within);
         let delivery = self
             .until(deadline, |session| {
                 let delivery = session.delivery(ticket);
                 delivery.is_final().then_some(delivery)
             })
             .await?;
+        self.awaits_nothing();
         // Read before it is withdrawn, which would make it final.
         let last = self.session.delivery(ticket);
-        let message_type = self.session.sent(ticket).map_or(0, |(kind, _)| kind);
         self.session.withdraw(ticket);
         match delivery {
             Some(Delivery::Unanswered) if !self.answered => Err(self.no_vsm(within)),
@@ -287,6 +307,30 @@ impl Station {
         }
     }
 
+    /// Names what is waited for from now on, for [`Station::on_wait`].
+    pub(super) fn awaits(&mut self, what: impl Into<String>, within: Duration) {
+        let now = Instant::now();
+        self.awaited = Some(Awaited {
+            what: what.into(),
+            notice_at: now + NOTICE_AFTER,
+            until: now + within,
+        });
+    }
+
+    /// Nothing that takes long is waited for any more.
+    pub(super) fn awaits_nothing(&mut self) {
+        self.awaited = None;
+    }
+
+    /// Gives the notice that is due.
+    fn notice(&mut self) {
+        let now = Instant::now();
+        let due = self.awaited.take_if(|awaited| now >= awaited.notice_at);
+        if let (Some(awaited), Some(on_wait)) = (due, self.on_wait) {
+            on_wait(&awaited.what, awaited.until.saturating_duration_since(now));
+        }
+    }
+
     /// Serves until `check` has a result, or the time is up.
     pub(super) async fn until<T>(
         &mut self,
@@ -305,8 +349,13 @@ impl Station {
             if Instant::now() >= deadline {
                 return Ok(None);
             }
+            self.notice();
             let due = self.session.poll_timeout().map(|due| self.started + due);
-            let wake = due.map_or(deadline, |due| due.min(deadline));
+            let notice_at = self.awaited.as_ref().map(|awaited| awaited.notice_at);
+            let wake = due
+                .into_iter()
+                .chain(notice_at)
+                .fold(deadline, Instant::min);
             match timeout_at(wake, self.receive(&mut buffer)).await {
                 Err(_) => {}
                 Ok(Ok(bytes)) => {
@@ -356,6 +405,7 @@ impl Station {
         waypoint: Option<u16>,
         mark: u64,
     ) -> Result<Refused, StationError> {
+        self.awaits_nothing();
         let deadline = Instant::now() + self.timeouts.reason;
         let refusals = |session: &mut Session| {
             let state = session.vehicle(vehicle)?;
@@ -469,5 +519,7 @@ fn any_port(vsm: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, 0)
 }
 
+/// A wait that is shorter needs no notice.
+const NOTICE_AFTER: Duration = Duration::from_millis(500);
 /// More than the longest datagram allowed: one that is too long must be seen as such, not cut to a valid length.
 const RECEIVE_BYTES: usize = 2_048;

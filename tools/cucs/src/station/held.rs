@@ -49,7 +49,9 @@ impl Station {
             let delivery = session.delivery(ticket);
             (delivery == Delivery::Received || delivery.is_final()).then_some(delivery)
         };
+        self.awaits("answer (17000) to a 50020", within);
         let delivery = self.until(Instant::now() + within, answered).await?;
+        self.awaits_nothing();
         // Its end may be hours away, and comes by 50022 too.
         self.session.withdraw(ticket);
         match delivery {

@@ -71,6 +71,11 @@ impl fmt::Display for Refused {
         // What commands needs LOI 3, 4 or 5: whoever has none is refused for that, as a rule.
         let commanding = LoiBitmap::LOI3 | LoiBitmap::LOI4 | LoiBitmap::LOI5;
         if self.held.intersects(commanding) {
+            // The VSM's words are for any ground station.
+            let no_route = |text: &String| text.contains("no route has been loaded");
+            if self.reasons.iter().any(no_route) {
+                f.write_str("; `cucs send FILE` loads one")?;
+            }
             return Ok(());
         }
         f.write_str("; this CUCS does not hold control: run `cucs take` first")

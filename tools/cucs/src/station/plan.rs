@@ -50,6 +50,8 @@ impl Station {
         let tickets = self
             .session
             .send_all(now, vehicle, messages.iter().cloned())?;
+        let waited = format!("acknowledgements (17000) of {} messages", tickets.len());
+        self.awaits(waited, within);
         let ended = self
             .until(deadline, |session| {
                 let mut deliveries = tickets.iter().map(|ticket| session.delivery(*ticket));
@@ -59,6 +61,7 @@ impl Station {
                 (refused || deliveries.all(Delivery::is_final)).then_some(())
             })
             .await?;
+        self.awaits_nothing();
         let found = tickets.iter().zip(messages).find_map(|(ticket, message)| {
             let delivery = self.session.delivery(*ticket);
             (delivery != Delivery::CarriedOut).then_some((delivery, what(message)))
@@ -190,6 +193,7 @@ impl Station {
         };
         let downloads = mode == Some(MissionPlanMode::Download);
         let mut size = 0;
+        self.awaits(format!("end (14000) of {what}"), within);
         let mut end = loop {
             let look = (Instant::now() + STALL).min(deadline);
             let end = self
@@ -211,6 +215,7 @@ impl Station {
                 break Some(End::Complete);
             }
         };
+        self.awaits_nothing();
         // 17000 may arrive before 14000, which carries more (the waypoint refused); and a 14000 that arrived later would be
         // taken for the answer to the next transfer.
         if matches!(end, Some(End::Complete | End::Refused(None))) {

@@ -41,6 +41,7 @@ impl Station {
         let within = self.timeouts.answer;
         let quiet = self.timeouts.quiet;
         let deadline = Instant::now() + within;
+        self.awaits("answer of a VSM (message 2)", within);
         // What was known before is no answer: a vehicle may have gone since.
         let before: Vec<(Id, u64)> = self
             .session
@@ -78,6 +79,7 @@ impl Station {
             if first.is_none() {
                 continue;
             }
+            self.awaits_nothing();
             // Each VSM answers for itself, and a VSM once for each vehicle: wait until it has been quiet for a moment.
             let mut found = answered(&self.session).len();
             while self
@@ -165,6 +167,7 @@ impl Station {
     ) -> Result<(), StationError> {
         let within = self.timeouts.answer;
         let deadline = Instant::now() + within;
+        self.awaits(format!("answer of vehicle {vehicle} (message 2)"), within);
         let count = |session: &Session| {
             session
                 .vehicle(vehicle)
@@ -198,6 +201,7 @@ impl Station {
             self.session.withdraw(ticket);
             // A VSM that sends no 17000 for message 1 has answered by message 2 alone.
             if answer.is_some() || count(&self.session) > before {
+                self.awaits_nothing();
                 return Ok(());
             }
         }
