@@ -239,24 +239,30 @@ fn what_is_answered_at_once_has_no_line_about_waiting() {
 fn what_stood_before_a_command_is_named_in_short_before_its_answer() {
     let mut scene = Scene::new();
     scene.start("vsm", "run");
-    // Somebody who is not listed knocks: a finding, with what to do.
-    let unlisted = scene.cucs("1b:00:00:ff", "discover").output();
-    assert_eq!(unlisted.expect("it runs").status.code(), Some(1));
-    scene.running[0].wait_for("1b:00:00:ff sends from", Duration::from_secs(5));
     done(scene.cucs(A, "take"));
-
-    let (code, out, error) = texts(&scene.cucs(A, "wait holds 4,5").output().expect("it runs"));
+    let answer = |words: &str| texts(&scene.cucs(A, words).output().expect("it runs"));
+    let (code, out, error) = answer("wait holds 4,5");
     assert_eq!(code, Some(0), "{out}{error}");
-    let short =
-        "stands: CUCS 1b:00:00:ff sends from 127.0.0.1, but is not listed (whole: `cucs watch`)";
-    assert!(error.contains(short), "{out}{error}");
+    let standing = "1b:00:01:01: caution stands: no data from the vehicle yet: state unknown\n";
+    assert!(error.contains(standing), "{out}{error}");
+    assert_eq!(out.lines().count(), 1, "the answer alone: {out}");
+    // Why it is silent is known after 10 s, and what to do about it is long.
+    scene.running[0].wait_for("no MAVLink at all arrives", Duration::from_secs(20));
+    let answer = |words: &str| texts(&scene.cucs(A, words).output().expect("it runs"));
+    let (_, out, error) = answer("wait holds 4,5");
+    let short = "1b:00:01:01: warning stands: no MAVLink at all arrives on udpin:";
+    assert!(
+        error.contains(short) && error.contains(" (whole: `cucs watch`)\n"),
+        "{error}"
+    );
+    assert!(!error.contains("check a firewall"), "{error}");
     assert_eq!(out.lines().count(), 1, "the answer alone: {out}");
 
-    let watched = done(scene.cucs(A, "watch --seconds 0.5"));
+    let (_, watched, _) = answer("watch --seconds 0.5");
     assert!(
-        watched.contains("but is not listed; to let it in, add [[cucs]]"),
+        watched.contains("no MAVLink at all arrives") && watched.contains("check a firewall"),
         "{watched}"
     );
-    let json = done(scene.cucs(A, "--json wait holds 4,5"));
-    assert!(json.contains("to let it in"), "{json}");
+    let (_, json, _) = answer("--json wait holds 4,5");
+    assert!(json.contains("check a firewall"), "{json}");
 }

@@ -56,7 +56,8 @@ impl Bridge {
     /// What does not work, as it stands now.
     pub(super) fn findings(&self, mono: Duration) -> Vec<Finding> {
         let mut found = self.found.clone();
-        for one in self.aircraft.iter().filter(|one| !one.vehicle.live()) {
+        let fallen = |one: &&Aircraft| one.vehicle.was_live() && !one.vehicle.live();
+        for one in self.aircraft.iter().filter(fallen) {
             let about = one.id().to_string();
             if !found.iter().any(|known| known.about == about) {
                 found.extend(vehicle::silent(&self.evidence_of(mono, one)));

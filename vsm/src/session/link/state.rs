@@ -85,6 +85,11 @@ impl VehicleState {
         self.silent || self.telemetry.armed != Some(false)
     }
 
+    /// Whether it has shown its state since the start: what is silent then has fallen silent.
+    pub(crate) fn was_live(&self) -> bool {
+        self.silent_at().is_some()
+    }
+
     /// When it last reported its mode.
     pub(crate) fn mode_at(&self) -> Option<Duration> {
         self.mode_at
