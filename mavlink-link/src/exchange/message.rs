@@ -77,6 +77,10 @@ pub enum Step {
     Outcome,
     /// 5: the responder asks the initiator to prove its address, under load.
     Cookie,
+    /// 6: the initiator orders the responder to zeroize.
+    Order,
+    /// 7: the responder's challenge for an order, or what has become of it.
+    Report,
     /// 15: refused, with a status. Unauthenticated, so it changes nothing.
     Reject,
     /// Any other.
@@ -92,6 +96,8 @@ impl From<u8> for Step {
             3 => Self::Confirm,
             4 => Self::Outcome,
             5 => Self::Cookie,
+            6 => Self::Order,
+            7 => Self::Report,
             15 => Self::Reject,
             other => Self::Unknown(other),
         }
@@ -107,6 +113,8 @@ impl From<Step> for u8 {
             Step::Confirm => 3,
             Step::Outcome => 4,
             Step::Cookie => 5,
+            Step::Order => 6,
+            Step::Report => 7,
             Step::Reject => 15,
             Step::Unknown(other) => other,
         }

@@ -16,7 +16,8 @@
 //!
 //! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what is agreed
 //! beside the secrets), `gate` (who may come as far as the handshake), `noise` (the handshake), `keys` (what is derived from it), `store` (what is on disk when),
-//! `initiator` and `responder` (the two machines), `stats`; `legacy` is the unauthenticated exchange.
+//! `initiator` and `responder` (the two machines), `stats`; `order` is the order to zeroize between paired ends, `legacy` the
+//! unauthenticated exchange.
 //!
 //! A caller must keep on disk: its [`Identity`], the peer's [`PublicKey`], the counter, the epoch, and the keys
 //! `current` and `next`. [`InitiatorStore`] and [`ResponderStore`] define when, [`InitiatorMemory`] and
@@ -93,6 +94,7 @@ mod keys;
 mod legacy;
 mod message;
 mod noise;
+mod order;
 mod pairing;
 mod responder;
 mod stats;
@@ -107,6 +109,7 @@ pub use self::message::{
     Data, Inbound, MAX_DATA, MAX_MESSAGE, Message, MessageError, Received, Status, Step, Suite,
     VERSION,
 };
+pub use self::order::{AutopilotKey, ZeroizeRefusal, ZeroizeReport};
 pub use self::pairing::{CodeError, PairingCode};
 pub use self::responder::{Outbound, Responder, ResponderConfig, ResponderEvent, WindowError};
 pub use self::stats::{ExchangeStats, Ignored};

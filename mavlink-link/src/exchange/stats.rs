@@ -64,11 +64,14 @@ pub enum Ignored {
     /// A request for an exchange that nobody has proved to be the peer's, or one for a key that is too young.
     #[error("a request that is not verified under the key in force, or comes too early")]
     Hint,
+    /// An order without the challenge that this process has given for it lately: a recording, or one that was held back.
+    #[error("an order without its challenge")]
+    Challenge,
 }
 
 impl Ignored {
     /// Every reason's name, in the order of [`ExchangeStats::by_reason`].
-    const NAMES: [&'static str; 19] = [
+    const NAMES: [&'static str; 20] = [
         "message",
         "legacy",
         "source",
@@ -88,6 +91,7 @@ impl Ignored {
         "not_stored",
         "no_random",
         "hint",
+        "challenge",
     ];
 
     fn place(self) -> usize {
@@ -111,6 +115,7 @@ impl Ignored {
             Self::NotStored => 16,
             Self::NoRandom => 17,
             Self::Hint => 18,
+            Self::Challenge => 19,
         }
     }
 }

@@ -326,6 +326,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.old.as_ref().map(|old| old.key().duplicate())
     }
 
+    /// Whether there is a key in force so far.
+    #[must_use]
+    pub fn has_old_key(&self) -> bool {
+        self.old.is_some()
+    }
+
     /// The key in force so far, taken back from a rollover whose new key has not been sent.
     #[must_use]
     pub fn into_old(self) -> Option<KeyState> {

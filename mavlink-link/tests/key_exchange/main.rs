@@ -7,6 +7,7 @@ mod cost;
 mod disks;
 mod encrypted;
 mod faults;
+mod orders;
 mod symbolic;
 mod under_load;
 mod world;

@@ -4,10 +4,12 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use super::attempt::{Asking, Attempt, Confirming, Pauses, Promise};
+use super::orders::Ordering;
 use crate::Now;
 use crate::exchange::gate::{Cookie, Gate};
 use crate::exchange::identity::{Identity, PublicKey, Random};
 use crate::exchange::message::{Inbound, Message, Received, Status, Step, Suite, VERSION};
+use crate::exchange::order::ZeroizeReport;
 use crate::exchange::pairing::PairingCode;
 use crate::exchange::stats::{ExchangeStats, Ignored};
 use crate::exchange::store::{InitiatorMemory, InitiatorStore, StoreError};
@@ -106,6 +108,11 @@ pub enum InitiatorEvent {
     NotStored(StoreError),
     /// No random bytes; the attempt has ended.
     NoRandom,
+    /// What the peer has done about an order to zeroize; none where it has not answered. Twice where it has more to report.
+    Zeroize {
+        /// Proven to be of this order.
+        report: Option<ZeroizeReport>,
+    },
 }
 
 impl Promise {
@@ -133,6 +140,8 @@ pub struct Initiator {
     /// What the responder has given this attempt to prove its address with, and how often.
     cookie: Option<Cookie>,
     cookies: u32,
+    /// An order to zeroize.
+    pub(super) ordering: Option<Ordering>,
     pub(super) due: bool,
     pub(super) events: VecDeque<InitiatorEvent>,
     pub(super) stats: ExchangeStats,
@@ -177,6 +186,7 @@ impl Initiator {
             gate: gate(&config),
             cookie: None,
             cookies: 0,
+            ordering: None,
             in_force: if pairing || memory.current.is_none() {
                 KeyInForce::None
             } else {
@@ -311,8 +321,9 @@ impl Initiator {
                     _ => self.outcome(now, &message, store),
                 }
             }
+            Step::Report => self.reported(now.mono, &message),
             // Our own messages, reflected.
-            Step::Offer | Step::Confirm => Err(Ignored::Reflected),
+            Step::Offer | Step::Confirm | Step::Order => Err(Ignored::Reflected),
             Step::Unknown(_) => Err(Ignored::Step),
         }
     }
@@ -386,6 +397,7 @@ impl Initiator {
         random: &mut dyn Random,
         store: &mut dyn InitiatorStore,
     ) {
+        self.time_order(now.mono);
         match &mut self.phase {
             Phase::Idle if self.wanted && now.mono >= self.not_before => {
                 self.begin(now, random, store);
@@ -435,6 +447,9 @@ impl Initiator {
 
     /// The message to send to the peer now, if any; signed where there is a key.
     pub fn poll_transmit(&mut self) -> Option<Message> {
+        if let Some(order) = self.poll_order() {
+            return Some(order);
+        }
         if !core::mem::take(&mut self.due) {
             return None;
         }
@@ -456,7 +471,7 @@ impl Initiator {
     /// When [`handle_timeout`](Self::handle_timeout) is next needed, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Duration> {
-        match &self.phase {
+        let exchange = match &self.phase {
             Phase::Idle => self.wanted.then_some(self.not_before),
             Phase::Asking(_, attempt) | Phase::Confirming(_, attempt) => {
                 Some(attempt.poll_timeout())
@@ -466,7 +481,8 @@ impl Initiator {
                     .ask_at
                     .min(follow.answered.saturating_add(FOLLOW_SILENCE)),
             ),
-        }
+        };
+        exchange.into_iter().chain(self.order_timeout()).min()
     }
 
     /// The peer is proven: after a pairing, only suite 1 with this key.

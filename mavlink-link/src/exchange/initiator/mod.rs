@@ -9,10 +9,12 @@
 //! Promised: `next` is on disk before step 3 is sent; a `next` on disk is replaced only once the responder can no longer
 //! install the old one; nothing changes without proof by the peer's keys.
 //!
-//! Order of the parts: `attempt` (one attempt and its timing), `machine` (the state), `steps` (what each step does).
+//! Order of the parts: `attempt` (one attempt and its timing), `machine` (the state), `steps` (what each step does),
+//! `orders` (an order to zeroize, beside all that).
 
 mod attempt;
 mod machine;
+mod orders;
 mod steps;
 
 pub use self::machine::{Initiator, InitiatorConfig, InitiatorEvent, KeyInForce, Trust};

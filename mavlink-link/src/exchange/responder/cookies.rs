@@ -1,22 +1,43 @@
-//! Proof that a sender receives at its address, asked for under load: nothing is kept for each address.
+//! Values that only this process can have given, lately, for something that was sent to it: nothing is kept of each.
+//!
+//! Of an address they prove that a sender receives there, which is asked for under load; of the number of an order that it was
+//! not made before ([`Cookies::of_orders`]).
 
 use core::fmt;
 use core::hash::Hash;
 use core::time::Duration;
 
+use subtle::ConstantTimeEq as _;
 use zeroize::Zeroizing;
 
 use crate::exchange::gate::{Cookie, Gate, Opened, cookie_of};
 use crate::exchange::identity::Random;
 
 /// The secret that cookies are made with, and the one before.
-#[derive(Default)]
 pub(super) struct Cookies {
+    /// How long a secret is used; its cookies hold for as long again.
+    life: Duration,
     now: Option<(Zeroizing<[u8; 32]>, Duration)>,
     before: Option<(Zeroizing<[u8; 32]>, Duration)>,
 }
 
 impl Cookies {
+    pub(super) fn of_addresses() -> Self {
+        Self::of(Duration::from_secs(120))
+    }
+
+    pub(super) fn of_orders() -> Self {
+        Self::of(Duration::from_secs(10))
+    }
+
+    fn of(life: Duration) -> Self {
+        Self {
+            life,
+            now: None,
+            before: None,
+        }
+    }
+
     /// The cookie of an address; `None` without random bytes.
     pub(super) fn make<A: Hash>(
         &mut self,
@@ -24,7 +45,7 @@ impl Cookies {
         now: Duration,
         random: &mut dyn Random,
     ) -> Option<Cookie> {
-        let fresh = |(_, since): &(_, Duration)| now.saturating_sub(*since) < LIFE;
+        let fresh = |(_, since): &(_, Duration)| now.saturating_sub(*since) < self.life;
         if !self.now.as_ref().is_some_and(fresh) {
             let mut secret = Zeroizing::new([0; 32]);
             random.fill(&mut *secret).ok()?;
@@ -42,12 +63,28 @@ impl Cookies {
         address: &A,
         now: Duration,
     ) -> bool {
-        let lately = |(_, since): &&(_, Duration)| now.saturating_sub(*since) < LIFE * 2;
-        let secrets = [&self.now, &self.before].into_iter().flatten();
         opened.has_second()
-            && secrets
-                .filter(lately)
-                .any(|(secret, _)| gate.has_cookie(opened, &cookie_of(secret, address)))
+            && self
+                .of_late(address, now)
+                .any(|cookie| gate.has_cookie(opened, &cookie))
+    }
+
+    /// Whether this cookie was given for this lately.
+    pub(super) fn is_of<A: Hash>(&self, cookie: &Cookie, of: &A, now: Duration) -> bool {
+        self.of_late(of, now)
+            .any(|given| bool::from(given.ct_eq(cookie)))
+    }
+
+    /// Whether any cookie that was given for this may still hold.
+    pub(super) fn holds_since(&self, given: Duration, now: Duration) -> bool {
+        now.saturating_sub(given) < self.life * 2
+    }
+
+    fn of_late<A: Hash>(&self, of: &A, now: Duration) -> impl Iterator<Item = Cookie> {
+        let lately = move |(_, since): &&(_, Duration)| now.saturating_sub(*since) < self.life * 2;
+        let secrets = [&self.now, &self.before].into_iter().flatten();
+        let cookie = |(secret, _): &(Zeroizing<[u8; 32]>, _)| cookie_of(secret, of);
+        secrets.filter(lately).map(cookie)
     }
 }
 
@@ -56,6 +93,3 @@ impl fmt::Debug for Cookies {
         f.write_str("Cookies(..)")
     }
 }
-
-/// How long a secret is used; its cookies hold for as long again.
-const LIFE: Duration = Duration::from_secs(120);

@@ -8,6 +8,7 @@ use zeroize::Zeroizing;
 
 use super::cookies::Cookies;
 use super::limits::{Claim, Limits};
+use super::orders::Orders;
 use super::sessions::{Arrival, Done, HalfOpen, PairingSlots};
 use crate::exchange::gate::Gate;
 use crate::exchange::identity::{Identity, PublicKey, Random};
@@ -68,6 +69,11 @@ pub enum ResponderEvent {
     },
     /// The disk failed; nothing was answered.
     NotStored(StoreError),
+    /// The pinned ground orders it to zeroize: to be answered by [`Responder::report_zeroize`].
+    Zeroize {
+        /// Also while the autopilot is not known to be disarmed.
+        in_flight: bool,
+    },
 }
 
 /// Why a pairing window cannot be opened.
@@ -95,6 +101,8 @@ pub struct Responder<A> {
     /// Of the pinned peer.
     pub(super) gate: Option<Gate>,
     pub(super) cookies: Cookies,
+    pub(super) challenges: Cookies,
+    pub(super) orders: Orders<A>,
     pub(super) limits: Limits<A>,
     version_noted_at: Option<Duration>,
     pub(super) pleased_at: Option<Duration>,
@@ -127,7 +135,9 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         let peer = memory.peer.as_ref();
         Self {
             gate: peer.and_then(|peer| Gate::of_peers(&config.identity, &peer.key)),
-            cookies: Cookies::default(),
+            cookies: Cookies::of_addresses(),
+            challenges: Cookies::of_orders(),
+            orders: Orders::new(),
             version_noted_at: None,
             config,
             highest: memory.peer.map_or(0, |peer| peer.counter),
@@ -297,10 +307,10 @@ impl<A: Copy + Eq + Hash> Responder<A> {
             return Err(Ignored::Target);
         }
         match message.step {
-            Step::Offer | Step::Confirm => {}
+            Step::Offer | Step::Confirm | Step::Order => {}
             // Step 15 is not authenticated: it is counted and changes nothing.
             Step::Reject => return Err(Ignored::Repeated),
-            Step::Please | Step::Answer | Step::Outcome | Step::Cookie => {
+            Step::Please | Step::Answer | Step::Outcome | Step::Cookie | Step::Report => {
                 return Err(Ignored::Reflected);
             }
             Step::Unknown(_) => return Err(Ignored::Step),
@@ -357,9 +367,11 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         };
         let result = match message.step {
             Step::Offer => self.offered(now, &arrival, suite, &opened.message, random, store),
+            Step::Order => self.ordered(now, &arrival, suite, &opened.message, random),
             _ => self.confirmed(now, &arrival, &opened.message, store),
         };
-        if (result, claim) == (Err(Ignored::Limited), Claim::Nothing) {
+        if (result, claim) == (Err(Ignored::Limited), Claim::Nothing) && message.step != Step::Order
+        {
             self.ask_for_address(now, &arrival, message, random);
         }
         result
@@ -437,6 +449,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
 
     /// Drops what has expired. Calling it early or late does no harm.
     pub fn handle_timeout(&mut self, now: Duration) {
+        self.forget_orders(now);
         self.half_open.take_if(|open| open.is_over(now));
         if let Some(window) = &mut self.pairing {
             window.slots.expire(now);
@@ -495,7 +508,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
     }
 
-    fn queue(&mut self, to: A, message: Message) {
+    pub(super) fn queue(&mut self, to: A, message: Message) {
         if self.out.len() < MAX_WAITING {
             self.out.push_back(Outbound { to, message });
         }

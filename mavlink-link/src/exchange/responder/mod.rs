@@ -10,11 +10,12 @@
 //! but its counter must be above that of every exchange completed since.
 //!
 //! Order of the parts: `limits` (rate limits), `cookies` (proof of an address under load), `sessions` (open sessions), `machine` (the state), `steps` (what each step
-//! does).
+//! does), `orders` (an order to zeroize).
 
 mod cookies;
 mod limits;
 mod machine;
+mod orders;
 mod sessions;
 mod steps;
 

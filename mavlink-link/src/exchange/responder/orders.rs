@@ -1,0 +1,125 @@
+//! An order to zeroize, at the air side: it counts once, and only with the challenge that was given for it.
+
+use core::hash::Hash;
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use super::machine::{Responder, ResponderEvent};
+use super::sessions::Arrival;
+use crate::exchange::gate::Gate;
+use crate::exchange::identity::Random;
+use crate::exchange::message::{Message, Status, Step, Suite};
+use crate::exchange::order::{Answer, Nonce, Order, ZeroizeReport};
+use crate::exchange::stats::Ignored;
+
+/// An order that was taken.
+#[derive(Debug)]
+pub(super) struct Taken<A> {
+    number: Nonce,
+    session: u32,
+    /// Where it came from last.
+    from: A,
+    gate: Gate,
+    /// Its challenge holds for some time after this.
+    at: Duration,
+    /// None until the caller has decided.
+    report: Option<ZeroizeReport>,
+}
+
+impl<A: Copy + Eq + Hash> Responder<A> {
+    /// Step 6. It costs a few hashes, and its answer is shorter than it is: there is no limit that others could use up.
+    pub(super) fn ordered(
+        &mut self,
+        now: Duration,
+        arrival: &Arrival<A>,
+        suite: Suite,
+        message: &Message,
+        random: &mut dyn Random,
+    ) -> Result<(), Ignored> {
+        if suite != Suite::Pinned {
+            return Err(Ignored::Suite);
+        }
+        let order = Order::parse(&message.data, &self.config.parties)?;
+        let Some(challenge) = order.challenge else {
+            let given = self.challenges.make(&order.number, now, random);
+            let given = Answer::Challenge(given.ok_or(Ignored::NoRandom)?);
+            self.answer_order(arrival, message.session, &order.number, given);
+            return Ok(());
+        };
+        // What is carried out may take longer than the challenge holds.
+        let known = |one: &&mut Taken<A>| one.number == order.number;
+        if let Some(known) = self.orders.iter_mut().find(known) {
+            known.from = arrival.from;
+            if let Some(report) = known.report {
+                let report = Answer::Report(report);
+                self.answer_order(arrival, message.session, &order.number, report);
+            }
+            return Ok(());
+        }
+        if !self.challenges.is_of(&challenge, &order.number, now) {
+            return Err(Ignored::Challenge);
+        }
+        // One that is forgotten could be played again for as long as its challenge holds.
+        if self.orders.len() >= MAX_ORDERS {
+            return Err(Ignored::Limited);
+        }
+        self.orders.push_back(Taken {
+            number: order.number,
+            session: message.session,
+            from: arrival.from,
+            gate: arrival.gate.clone(),
+            at: now,
+            report: None,
+        });
+        let in_flight = order.in_flight;
+        self.note(ResponderEvent::Zeroize { in_flight });
+        Ok(())
+    }
+
+    /// What has become of the order that was taken last: sent at once, and whenever it is ordered again.
+    pub fn report_zeroize(&mut self, report: ZeroizeReport) {
+        let Some(taken) = self.orders.back_mut() else {
+            return;
+        };
+        taken.report = Some(report);
+        let (from, gate) = (taken.from, taken.gate.clone());
+        let (session, number) = (taken.session, taken.number);
+        let answer = Answer::Report(report);
+        if let Some(sealed) = self
+            .order_answer(session, &number, answer)
+            .and_then(|message| gate.seal(&message, None))
+        {
+            self.queue(from, sealed);
+        }
+    }
+
+    /// Of what was refused: once its challenge holds no more, it need not be remembered.
+    pub(super) fn forget_orders(&mut self, now: Duration) {
+        let challenges = &self.challenges;
+        self.orders
+            .retain(|one| !is_refused(one) || challenges.holds_since(one.at, now));
+    }
+
+    fn answer_order(&mut self, arrival: &Arrival<A>, session: u32, number: &Nonce, answer: Answer) {
+        if let Some(message) = self.order_answer(session, number, answer) {
+            self.send(arrival, &message);
+        }
+    }
+
+    fn order_answer(&self, session: u32, number: &Nonce, answer: Answer) -> Option<Message> {
+        let suite = Suite::Pinned.to_wire();
+        Some(Message {
+            data: answer.to_data(number)?,
+            ..self.message(suite, session, Step::Report, Status::Ok)
+        })
+    }
+}
+
+fn is_refused<A>(one: &Taken<A>) -> bool {
+    matches!(one.report, Some(ZeroizeReport::Refused(_)))
+}
+
+/// Orders within the life of a challenge: the ground sends one, and an operator who tries again another.
+const MAX_ORDERS: usize = 8;
+
+pub(super) type Orders<A> = VecDeque<Taken<A>>;
