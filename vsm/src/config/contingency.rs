@@ -41,6 +41,20 @@ pub enum ContingencyAction {
     ContingencyB,
 }
 
+impl ContingencyAction {
+    /// What operators are sent of it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            ContingencyAction::Hold => "hold",
+            ContingencyAction::Rtl => "return",
+            ContingencyAction::Land => "landing",
+            ContingencyAction::ContingencyA => "contingency A",
+            ContingencyAction::ContingencyB => "contingency B",
+        }
+    }
+}
+
 impl Default for Contingency {
     fn default() -> Self {
         Contingency {

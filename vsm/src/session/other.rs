@@ -9,6 +9,7 @@
 //! a switch or sticks, another ground station, a failsafe. A pilot who chooses hold or the mission by a switch is not seen.
 
 use std::fmt;
+use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::telemetry::Telemetry;
@@ -46,6 +47,29 @@ impl Other {
         matches!(self, Other::Failsafe(mode) if is_commanded_from_here(mode))
     }
 }
+
+/// For how long a failsafe of PX4 only holds, or continues.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Holding {
+    since: Option<Duration>,
+}
+
+impl Holding {
+    /// Who has the vehicle, by a report that is newer than the last command.
+    pub(crate) fn note(&mut self, other: Option<Other>, now: Duration) {
+        let holds = other.is_some_and(Other::may_stay);
+        self.since = holds.then(|| self.since.unwrap_or(now));
+    }
+
+    /// Whether it has for so long that nothing follows from it.
+    pub(crate) fn leads_nowhere(self, now: Duration) -> bool {
+        self.since
+            .is_some_and(|since| now.saturating_sub(since) >= FAILSAFE_ACTS_WITHIN)
+    }
+}
+
+/// PX4 holds for COM_FAIL_ACT_T, 25 s at most, before it does what a failsafe is to do.
+const FAILSAFE_ACTS_WITHIN: Duration = Duration::from_secs(30);
 
 impl fmt::Display for Other {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {

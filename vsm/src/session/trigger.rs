@@ -10,11 +10,22 @@ pub(crate) enum Trigger {
     Position,
     Fence,
     Battery,
+    /// Of the air-side agent alone: no frame of the ground.
+    Link,
 }
 
 impl Trigger {
     /// All, the most urgent first.
-    pub(crate) const ALL: [Trigger; 4] = [
+    pub(crate) const ALL: [Trigger; 5] = [
+        Trigger::Engine,
+        Trigger::Position,
+        Trigger::Fence,
+        Trigger::Battery,
+        Trigger::Link,
+    ];
+
+    /// Those that a vehicle reports, which a bridge and an agent both judge.
+    pub(crate) const OF_VEHICLE: [Trigger; 4] = [
         Trigger::Engine,
         Trigger::Position,
         Trigger::Fence,

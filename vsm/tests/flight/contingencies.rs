@@ -221,7 +221,7 @@ fn a_contingency_that_cannot_be_watched_is_named_before_the_flight() {
         ..Setup::default()
     });
     rig.run(12.0);
-    let text = "vehicle.contingency is not watched: fence (no area";
+    let text = "contingencies are not watched: fence (no area";
     assert!(
         rig.station().has_alert(text),
         "{:?}",

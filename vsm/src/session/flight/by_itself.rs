@@ -9,13 +9,12 @@ use mapping::report::Commanded;
 use mavlink_link::dialect::{MavLandedState, MissionState};
 use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 
-use super::cause::{Seen, What};
-use super::contingency::ContingencyContext;
 use super::loss_action::{Action, LossContext};
-use super::priority::{Turn, Urgency, turn};
 use super::{Context, Flight, select};
 use crate::config::{ContingencyAction, OnLoss};
 use crate::session::context::{MissionView, Origin};
+use crate::session::contingency::priority::{Turn, Urgency, turn};
+use crate::session::contingency::{self, ContingencyContext, reported};
 use crate::session::effects::{Effects, Request};
 use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{self, Maneuver};
@@ -39,8 +38,7 @@ impl Flight {
 
     /// Whether a failsafe of PX4 has held the vehicle for so long that nothing follows from it.
     pub(crate) fn only_holds(&self, now: Duration) -> bool {
-        let since = self.watched.holds_since;
-        since.is_some_and(|since| now.saturating_sub(since) >= FAILSAFE_ACTS_WITHIN)
+        self.watched.holding.leads_nowhere(now)
     }
 
     /// Whether the vehicle flies already what would be commanded for a lost controller, so that nothing is.
@@ -154,30 +152,12 @@ impl Flight {
     pub(super) fn situation_of_contingencies(&self, context: &Context<'_>) -> ContingencyContext {
         let config = self.contingencies.config(&context.config.contingency);
         let (vehicle, mission) = (context.vehicle, &context.mission);
-        let (telemetry, evidence) = (&vehicle.telemetry, &vehicle.telemetry.evidence);
-        let bad = |bad: bool| if bad { What::Present } else { What::Absent };
-        let seen = |number, what| Seen { number, what };
-        let engine = evidence.motors.map(|one| seen(one.number, bad(!one.value)));
-        let located = evidence.located;
-        let position = located.map(|one| seen(one.number, bad(!one.value)));
-        let fence = evidence.place.filter(|_| mission.has_fence());
-        let fence = fence.filter(|_| config.fence.is_some()).map(|one| {
-            // Where a vehicle believes itself to be that has no position is no breach.
-            let what = match located.is_some_and(|located| !located.value) {
-                true => What::Between,
-                false => bad(mission.is_outside_fence(one.value)),
-            };
-            seen(one.number, what)
-        });
-        let battery = evidence.battery.map(|one| {
-            let below = config.battery_percent;
-            let what = match one.value {
-                left if left < below => What::Present,
-                left if left < below.saturating_add(RECOVERS_PERCENT) => What::Between,
-                _ => What::Absent,
-            };
-            seen(one.number, what)
-        });
+        let telemetry = &vehicle.telemetry;
+        let outside = |at| mission.is_outside_fence(at);
+        let outside = mission
+            .has_fence()
+            .then_some(&outside as &dyn Fn((f64, f64)) -> bool);
+        let [engine, position, fence, battery] = reported(telemetry, &config, outside);
         let waiting = mission.waiting_command();
         let by_itself = self.maneuver.as_ref().map(|(origin, _)| origin.is_none());
         // A return or a landing that was entered from here is nobody else's.
@@ -191,7 +171,7 @@ impl Flight {
             down: telemetry.armed == Some(false),
             mode: vehicle.settled_mode(),
             other: other.filter(theirs),
-            seen: [engine, position, fence, battery],
+            seen: [engine, position, fence, battery, None],
             carries: mission.uploaded.map(|uploaded| uploaded.route_type),
             flies: mission.flies(telemetry),
             completed: self.completed(vehicle, mission),
@@ -226,15 +206,10 @@ impl Flight {
             }
             _ => None,
         };
-        let modes: &'static [Px4Mode] = match action {
-            ContingencyAction::Hold => &[Px4Mode::LOITER],
-            ContingencyAction::Land => &[Px4Mode::LAND],
-            _ => &[Px4Mode::RTL],
-        };
         match mode {
             Some(mode) => self.operate(context, None, &select(mode), false, effects),
             None => {
-                let steps = maneuver::enter(modes);
+                let steps = maneuver::enter(contingency::modes(action));
                 let maneuver = Maneuver::new(steps, Commanded::default());
                 self.begin(context, None, maneuver, effects);
             }
@@ -354,10 +329,6 @@ impl Flight {
     }
 }
 
-/// PX4 holds for COM_FAIL_ACT_T, 25 s at most, before it does what a failsafe is to do.
-const FAILSAFE_ACTS_WITHIN: Duration = Duration::from_secs(30);
-/// By how much a battery must recover before it counts as charged again, per cent.
-const RECOVERS_PERCENT: u8 = 5;
 /// MISSION_CURRENT comes once a second, and may be lost.
 const ITEM_WITHIN: Duration = Duration::from_secs(5);
 

@@ -20,9 +20,9 @@ use std::time::Duration;
 use mapping::mode::Px4Mode;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
-use super::priority::Urgency;
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
+use crate::session::contingency::priority::Urgency;
 use crate::session::effects::Effects;
 use crate::session::other::Other;
 

@@ -8,18 +8,15 @@
 //! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
-//! - `contingency`: what is flown while something is wrong with the vehicle, `cause`: whether that stands; `provision`: what is set by 50023; `priority`: which goes first,
+//! - [`contingency`](crate::session::contingency): what is flown while something is wrong with the vehicle, and which goes first; `provision`: what is set by 50023,
 //!   it or the loss action
 //! - `loss_action`: what is flown once the controlling CUCS is lost; `by_itself`: that and else what nobody commands at the moment, where
 //!   nobody else has the vehicle
 
 mod by_itself;
-mod cause;
-mod contingency;
 mod engine;
 mod loss_action;
 mod mode_command;
-mod priority;
 mod provision;
 mod running;
 mod settings;
@@ -51,14 +48,14 @@ use stanag_msgs::messages::{
     EngineCommand, LoiterConfiguration, UaStickCommand, VehicleOperatingModeCommand,
 };
 
-use self::contingency::Contingencies;
 use self::loss_action::LossAction;
-use self::priority::Turn;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
 use self::watched::Watched;
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
+use super::contingency::Contingencies;
+use super::contingency::priority::Turn;
 use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;

@@ -7,10 +7,10 @@
 use stanag_msgs::enums::{AckType, ContingencyAction, ContingencyCause, ContingencyState};
 use stanag_msgs::messages::Contingency;
 
-use super::contingency::{Contingencies, Setting, Standing};
 use super::{Context, Flight};
 use crate::config;
 use crate::session::context::Origin;
+use crate::session::contingency::{Contingencies, Setting, Standing};
 use crate::session::effects::Effects;
 use crate::session::trigger::Trigger;
 
@@ -47,7 +47,7 @@ impl Flight {
         station: usize,
         effects: &mut Effects<'_>,
     ) {
-        for trigger in Trigger::ALL {
+        for trigger in Trigger::OF_VEHICLE {
             let report = self.report_contingency(context, trigger, effects);
             effects.send(station, &report.into());
         }
@@ -147,6 +147,8 @@ fn cause(trigger: Trigger) -> ContingencyCause {
         Trigger::Position => ContingencyCause::Position,
         Trigger::Fence => ContingencyCause::Fence,
         Trigger::Engine => ContingencyCause::Engine,
+        // Of an agent alone, and never listed.
+        Trigger::Link => ContingencyCause::Unknown(0),
     }
 }
 

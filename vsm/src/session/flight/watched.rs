@@ -6,13 +6,13 @@ use mapping::mode::Px4Mode;
 
 use crate::session::context::may_be_on_final;
 use crate::session::link::state::VehicleState;
-use crate::session::other::Other;
+use crate::session::other::{Holding, Other};
 
 /// What the vehicle has shown for how long.
 #[derive(Debug, Default)]
 pub(super) struct Watched {
-    /// It holds, as a failsafe of PX4, since then.
-    pub(super) holds_since: Option<Duration>,
+    /// It holds, as a failsafe of PX4.
+    pub(super) holding: Holding,
     /// A wing flies a mission and has not reported which item, since then.
     pub(super) item_unknown_since: Option<Duration>,
     /// Its mode has changed, and no report since the last command has shown that yet.
@@ -38,8 +38,7 @@ impl Watched {
         };
         // A report of before the last command shows no end of it.
         if vehicle.live() && vehicle.settled_mode().is_some() {
-            let holds = Other::of(&vehicle.telemetry).is_some_and(Other::may_stay);
-            self.holds_since = since(self.holds_since, holds);
+            self.holding.note(Other::of(&vehicle.telemetry), now);
         }
     }
 }

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 /// One cause.
 #[derive(Debug, Default)]
-pub(super) struct Watch {
+pub(crate) struct Watch {
     /// It stands.
-    pub(super) stands: bool,
+    pub(crate) stands: bool,
     /// The report that was looked at last.
     number: Option<u32>,
     /// What the latest reports agree in.
@@ -26,14 +26,14 @@ struct Run {
 
 /// What a report shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Seen {
+pub(crate) struct Seen {
     /// Of which report.
-    pub(super) number: u32,
-    pub(super) what: What,
+    pub(crate) number: u32,
+    pub(crate) what: What,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum What {
+pub(crate) enum What {
     Present,
     Between,
     Absent,
@@ -41,7 +41,7 @@ pub(super) enum What {
 
 impl Watch {
     /// Takes in the latest report. True where the cause is gone for long enough.
-    pub(super) fn look(&mut self, now: Duration, seen: Seen) -> bool {
+    pub(crate) fn look(&mut self, now: Duration, seen: Seen) -> bool {
         if self.number == Some(seen.number) {
             return false;
         }

@@ -13,7 +13,7 @@ use crate::config::ContingencyAction;
 
 /// How urgent an action is, the least first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Urgency {
+pub(crate) enum Urgency {
     Hold,
     Route,
     Return,
@@ -22,14 +22,14 @@ pub(super) enum Urgency {
 
 /// Which machine flies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Turn {
+pub(crate) enum Turn {
     Nobody,
     Loss,
     Contingency,
 }
 
 impl Urgency {
-    pub(super) fn of_contingency(action: ContingencyAction) -> Urgency {
+    pub(crate) fn of_contingency(action: ContingencyAction) -> Urgency {
         match action {
             ContingencyAction::Hold => Urgency::Hold,
             ContingencyAction::ContingencyA | ContingencyAction::ContingencyB => Urgency::Route,
@@ -40,7 +40,7 @@ impl Urgency {
 }
 
 /// Which flies: what the loss action tries, and the most urgent contingency.
-pub(super) fn turn(termination: bool, loss: Option<Urgency>, contingency: Option<Urgency>) -> Turn {
+pub(crate) fn turn(termination: bool, loss: Option<Urgency>, contingency: Option<Urgency>) -> Turn {
     match (termination, loss, contingency) {
         (true, ..) | (_, None, None) => Turn::Nobody,
         (_, Some(loss), Some(contingency)) if loss > contingency => Turn::Loss,
@@ -51,7 +51,7 @@ pub(super) fn turn(termination: bool, loss: Option<Urgency>, contingency: Option
 
 /// Whether a vehicle in this mode, with this route aboard, flies the action, or one that is more urgent. `lands`: in a
 /// mission it flies its landing.
-pub(super) fn is_shown(
+pub(crate) fn is_shown(
     action: ContingencyAction,
     mode: Px4Mode,
     carries: Option<RouteType>,

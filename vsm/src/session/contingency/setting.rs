@@ -2,16 +2,16 @@
 
 use mavlink_link::store::StoreError;
 
-use super::{Contingencies, Setting, name};
+use super::priority::Urgency;
+use super::{Contingencies, Outlet, Provision, Setting};
 use crate::config::{Contingency, ContingencyAction as Action};
-use crate::session::effects::Effects;
-use crate::session::flight::priority::Urgency;
 use crate::session::trigger::Trigger;
 
 impl Contingencies {
     /// The configuration, with what CUCSs have set where that is not less: it may have been set before the configuration was
     /// changed.
-    pub(in crate::session::flight) fn config(&self, configured: &Contingency) -> Contingency {
+    pub(crate) fn config(&self, configured: &Contingency) -> Provision {
+        let configured = &Provision::from(*configured);
         let mut config = *configured;
         for one in &self.set {
             let least = one.trigger.action(configured);
@@ -29,10 +29,8 @@ impl Contingencies {
     }
 
     /// The configuration promises more than a CUCS wants to set: what that is.
-    pub(in crate::session::flight) fn promised_more(
-        setting: &Setting,
-        configured: &Contingency,
-    ) -> Option<String> {
+    pub(crate) fn promised_more(setting: &Setting, configured: &Contingency) -> Option<String> {
+        let configured = &Provision::from(*configured);
         let least = setting.trigger.action(configured)?;
         if is_less(setting.action, least) {
             let mut copy = *configured;
@@ -40,8 +38,8 @@ impl Contingencies {
             return Some(format!(
                 "a {} is less than the {} that vehicle.contingency.{key} promises: expected that or what is more urgent (hold, \
                  route, return, landing)",
-                name(setting.action),
-                name(least)
+                setting.action.name(),
+                least.name()
             ));
         }
         let (percent, promised) = (setting.percent?, configured.battery_percent);
@@ -57,11 +55,11 @@ impl Contingencies {
     ///
     /// # Errors
     /// It cannot be stored: what was set before stays.
-    pub(in crate::session::flight) fn provision(
+    pub(crate) fn provision(
         &mut self,
         trigger: Trigger,
         setting: Option<Setting>,
-        effects: &mut Effects<'_>,
+        effects: &mut dyn Outlet,
     ) -> Result<(), StoreError> {
         let before = self.set.clone();
         self.set.retain(|one| one.trigger != trigger);
@@ -72,12 +70,13 @@ impl Contingencies {
 
 impl Trigger {
     /// Its key in `vehicle.contingency`, and what is set there.
-    fn key(self, config: &mut Contingency) -> (&'static str, &mut Option<Action>) {
+    fn key(self, config: &mut Provision) -> (&'static str, &mut Option<Action>) {
         match self {
             Trigger::Engine => ("engine", &mut config.engine),
             Trigger::Position => ("position", &mut config.position),
             Trigger::Fence => ("fence", &mut config.fence),
             Trigger::Battery => ("battery", &mut config.battery),
+            Trigger::Link => ("link", &mut config.link),
         }
     }
 }

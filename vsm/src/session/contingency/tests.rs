@@ -1,15 +1,15 @@
 //! The machine without the others: what it flies for what a vehicle reports, second by second.
 
 use super::*;
-use crate::session::flight::cause::What;
 use crate::session::testing::World;
 
-const CONFIG: Contingency = Contingency {
+const CONFIG: Provision = Provision {
     battery: Some(Action::ContingencyA),
     battery_percent: 25,
     position: Some(Action::Land),
     fence: None,
     engine: Some(Action::Land),
+    link: None,
 };
 
 /// On hold in the air; these causes are reported.
@@ -21,7 +21,7 @@ fn flying(world: &World, causes: &[Trigger]) -> ContingencyContext {
             true => What::Present,
             false => What::Absent,
         };
-        Some(Seen { number, what })
+        (one != Trigger::Link).then_some(Seen { number, what })
     });
     ContingencyContext {
         now: world.now.mono,

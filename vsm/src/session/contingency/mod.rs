@@ -1,5 +1,6 @@
-//! Contingencies: what the VSM flies while the battery is low, the position is lost, the fence is left or a motor has failed
-//! (`vehicle.contingency`, or 50023).
+//! Contingencies: what is flown while the battery is low, the position is lost, the fence is left or a motor has failed, by the
+//! VSM (`vehicle.contingency`, or 50023), or, without a link to the ground, by the air-side agent (`contingency` of `airside.toml`).
+//! One machine for both, which writes by an [`Outlet`].
 //!
 //! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
 //! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
@@ -16,31 +17,39 @@
 //! A contingency route that was flown to its end is not flown again from its start: the vehicle holds there for whoever controls
 //! it, and returns where nobody does. What was handled is on disk: a restart neither flies it again nor forgets what has not been
 //! flown. A failsafe of PX4 ends nothing: the action waits for its end, of one that only holds not for long. Which goes first,
-//! this or the loss action, is decided in `priority`; `cause`: whether one stands; `setting`: what CUCSs have set.
+//! this or the loss action, is decided in `priority`; `cause`: whether one stands; `reported`: what a vehicle reports of each; `setting`: what
+//! CUCSs have set; `outlet`: what the machine needs of whoever runs it.
 
+mod cause;
+mod outlet;
+pub(crate) mod priority;
+mod reported;
 mod setting;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use self::cause::{Seen, What};
+pub(crate) use self::outlet::Outlet;
+pub(crate) use self::reported::reported;
+
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
-use mavlink_link::store::{Store as _, StoreError};
+use mavlink_link::store::StoreError;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::{AlertPriority, RouteType, SubsystemId};
 
-use super::cause::{Seen, Watch};
-use super::priority::{Urgency, is_shown};
-use crate::config::{Contingency, ContingencyAction as Action};
+use self::cause::Watch;
+use self::priority::{Urgency, is_shown};
+use crate::config::{self, ContingencyAction as Action};
 use crate::session::alerts::Cause;
-use crate::session::effects::Effects;
 use crate::session::other::Other;
 use crate::session::store::vehicle_record;
 use crate::session::trigger::Trigger;
 
 /// The machine.
 #[derive(Debug, Default)]
-pub(super) struct Contingencies {
+pub(crate) struct Contingencies {
     watches: [Watch; Trigger::ALL.len()],
     handled: Vec<Handled>,
     /// What CUCSs have set (50023), over the configuration.
@@ -85,16 +94,16 @@ impl End {
 
 /// What a CUCS has set for a cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Setting {
-    pub(super) trigger: Trigger,
-    pub(super) action: Action,
+pub(crate) struct Setting {
+    pub(crate) trigger: Trigger,
+    pub(crate) action: Action,
     /// Of the battery; none as the configuration has it.
-    pub(super) percent: Option<u8>,
+    pub(crate) percent: Option<u8>,
 }
 
 /// What has become of a contingency, for 50023.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Standing {
+pub(crate) enum Standing {
     Absent,
     Commanded,
     Flown,
@@ -111,8 +120,9 @@ struct Trying {
     yields: bool,
 }
 
+/// What is kept over a restart.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct Record {
+pub(crate) struct Record {
     handled: Vec<Handled>,
     #[serde(default)]
     set: Vec<Setting>,
@@ -120,54 +130,80 @@ struct Record {
 
 vehicle_record!(Record, "contingencies", Power);
 
+/// What is flown for each cause.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Provision {
+    pub(crate) battery: Option<Action>,
+    pub(crate) battery_percent: u8,
+    pub(crate) position: Option<Action>,
+    pub(crate) fence: Option<Action>,
+    pub(crate) engine: Option<Action>,
+    /// Of an agent: no frame of the ground.
+    pub(crate) link: Option<Action>,
+}
+
+impl From<config::Contingency> for Provision {
+    fn from(configured: config::Contingency) -> Provision {
+        Provision {
+            battery: configured.battery,
+            battery_percent: configured.battery_percent,
+            position: configured.position,
+            fence: configured.fence,
+            engine: configured.engine,
+            link: None,
+        }
+    }
+}
+
 /// What it reads.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ContingencyContext {
-    pub(super) now: Duration,
-    pub(super) config: Contingency,
+pub(crate) struct ContingencyContext {
+    pub(crate) now: Duration,
+    pub(crate) config: Provision,
     /// Data is received from the vehicle.
-    pub(super) live: bool,
-    pub(super) airborne: bool,
+    pub(crate) live: bool,
+    pub(crate) airborne: bool,
     /// Disarmed: the flight is over. A vehicle that reports for a moment that it is on the ground may still fly.
-    pub(super) down: bool,
+    pub(crate) down: bool,
     /// By a report that is newer than the last command.
-    pub(super) mode: Option<Px4Mode>,
-    pub(super) other: Option<Other>,
+    pub(crate) mode: Option<Px4Mode>,
+    pub(crate) other: Option<Other>,
     /// What the vehicle reports of each cause, in the order of [`Trigger::ALL`]; none where it does not.
-    pub(super) seen: [Option<Seen>; Trigger::ALL.len()],
+    pub(crate) seen: [Option<Seen>; Trigger::ALL.len()],
     /// The route that the vehicle carries.
-    pub(super) carries: Option<RouteType>,
+    pub(crate) carries: Option<RouteType>,
     /// The route that it flies, where it names the mission that was read back from it.
-    pub(super) flies: Option<RouteType>,
+    pub(crate) flies: Option<RouteType>,
     /// The route that it has flown to its end, where it holds now.
-    pub(super) completed: Option<RouteType>,
+    pub(crate) completed: Option<RouteType>,
     /// A CUCS holds LOI 4 or 5.
-    pub(super) controlled: bool,
+    pub(crate) controlled: bool,
     /// In a mission it flies its landing.
-    pub(super) lands: bool,
+    pub(crate) lands: bool,
     /// What the VSM has begun by itself is not done yet.
-    pub(super) busy: bool,
+    pub(crate) busy: bool,
     /// A command of a CUCS waits for its route.
-    pub(super) operator_waits: bool,
+    pub(crate) operator_waits: bool,
     /// A wing flies to its touch-down, or may do so.
-    pub(super) on_final: bool,
+    pub(crate) on_final: bool,
     /// Routes A and B of contingency are stored.
-    pub(super) stored: [bool; 2],
+    pub(crate) stored: [bool; 2],
     /// A route can be uploaded now.
-    pub(super) may_change_mission: bool,
+    pub(crate) may_change_mission: bool,
 }
 
 impl Trigger {
-    pub(super) fn action(self, config: &Contingency) -> Option<Action> {
+    pub(crate) fn action(self, config: &Provision) -> Option<Action> {
         match self {
             Trigger::Engine => config.engine,
             Trigger::Position => config.position,
             Trigger::Fence => config.fence,
             Trigger::Battery => config.battery,
+            Trigger::Link => config.link,
         }
     }
 
-    pub(super) fn index(self) -> usize {
+    pub(crate) fn index(self) -> usize {
         self as usize
     }
 
@@ -176,15 +212,17 @@ impl Trigger {
             Trigger::Engine => SubsystemId::Engine,
             Trigger::Position | Trigger::Fence => SubsystemId::Navigation,
             Trigger::Battery => SubsystemId::PropulsionEnergy,
+            Trigger::Link => SubsystemId::Comms,
         }
     }
 
-    fn text(self, config: &Contingency) -> String {
+    fn text(self, config: &Provision) -> String {
         match self {
             Trigger::Engine => "a motor has failed".to_owned(),
             Trigger::Position => "the position is lost".to_owned(),
             Trigger::Fence => "the vehicle has left its fence".to_owned(),
             Trigger::Battery => format!("battery below {} %", config.battery_percent),
+            Trigger::Link => "the ground is lost".to_owned(),
         }
     }
 
@@ -195,6 +233,7 @@ impl Trigger {
             Trigger::Position => "position (no ESTIMATOR_STATUS)",
             Trigger::Fence => "fence (no area is configured or loaded, or no position)",
             Trigger::Battery => "battery (no level in SYS_STATUS or BATTERY_STATUS)",
+            Trigger::Link => "link",
         }
     }
 }
@@ -208,16 +247,14 @@ impl ContingencyContext {
 
 impl Contingencies {
     /// What a restart finds.
-    pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let vehicle = effects.id;
-        let record = effects.disk().load::<Record>(&vehicle)?;
-        let record = record.unwrap_or_default();
+    pub(crate) fn restore(&mut self, effects: &mut dyn Outlet) -> Result<(), StoreError> {
+        let record = effects.load()?.unwrap_or_default();
         (self.handled, self.set) = (record.handled, record.set);
         Ok(())
     }
 
     /// What has become of a cause.
-    pub(super) fn standing(&self, trigger: Trigger) -> Standing {
+    pub(crate) fn standing(&self, trigger: Trigger) -> Standing {
         match self.end_of(trigger) {
             _ if !self.is_present(trigger) => Standing::Absent,
             None => Standing::Commanded,
@@ -227,13 +264,13 @@ impl Contingencies {
     }
 
     /// How urgent what is being tried is.
-    pub(super) fn urgency(&self) -> Option<Urgency> {
+    pub(crate) fn urgency(&self) -> Option<Urgency> {
         self.trying
             .map(|trying| Urgency::of_contingency(trying.action))
     }
 
     /// How urgent what the vehicle flies is, where a contingency whose cause lasts has led to it.
-    pub(super) fn flown(
+    pub(crate) fn flown(
         &self,
         mode: Option<Px4Mode>,
         flies: Option<RouteType>,
@@ -249,8 +286,31 @@ impl Contingencies {
         flown.max()
     }
 
+    /// What was done for each cause, in few words.
+    pub(crate) fn summary(&self, config: &Provision) -> Vec<String> {
+        let each = Trigger::ALL.into_iter().filter_map(|one| {
+            let trying = self.trying.filter(|trying| trying.trigger == one);
+            let what = match (self.end_of(one), trying) {
+                (Some(End::Shown(action) | End::Completed(action)), _) => {
+                    format!("{} flown", action.name())
+                }
+                (Some(End::Pilot), _) => "left to a pilot".to_owned(),
+                (Some(End::Operator), _) => "left to the ground".to_owned(),
+                (None, Some(trying)) => format!("{} commanded", trying.action.name()),
+                (None, None) => return None,
+            };
+            Some(format!("{}: {what}", one.text(config)))
+        });
+        each.collect()
+    }
+
+    /// Whether an earlier process has handled anything, or this one.
+    pub(crate) fn has_handled(&self) -> bool {
+        !self.handled.is_empty()
+    }
+
     /// A cause stands, and neither a pilot nor an operator has decided otherwise.
-    pub(super) fn stands(&self) -> bool {
+    pub(crate) fn stands(&self) -> bool {
         let flown = |one: &Handled| one.end.flown().is_some() && self.is_present(one.trigger);
         self.trying.is_some() || self.handled.iter().any(flown)
     }
@@ -276,7 +336,7 @@ impl Contingencies {
 
     /// Whether who has commanded something `at` this time may have decided against what is flown: the alerts about all of it
     /// were raised some seconds before.
-    pub(super) fn knew_of(&self, at: Duration) -> bool {
+    pub(crate) fn knew_of(&self, at: Duration) -> bool {
         let concerns = |one: &Trigger| {
             self.trying.is_some_and(|trying| trying.trigger == *one)
                 || (self.is_present(*one) && self.end_of(*one).and_then(End::flown).is_some())
@@ -289,7 +349,7 @@ impl Contingencies {
     }
 
     /// The CUCS in control commands something else in the knowledge of what stands: it decides.
-    pub(super) fn overridden(&mut self, config: &Contingency, effects: &mut Effects<'_>) {
+    pub(crate) fn overridden(&mut self, config: &Provision, effects: &mut dyn Outlet) {
         let standing = Trigger::ALL
             .into_iter()
             .filter(|one| self.is_present(*one) && one.action(config).is_some())
@@ -316,14 +376,14 @@ impl Contingencies {
     }
 
     /// A command of the CUCS in control waits for its route: should that be refused, the action is tried again.
-    pub(super) fn operator_loads(&mut self) {
+    pub(crate) fn operator_loads(&mut self) {
         if let Some(trying) = &mut self.trying {
             trying.yields = true;
         }
     }
 
     /// The CUCS in control is lost: whoever has decided otherwise does not see what becomes of the vehicle any more.
-    pub(super) fn controller_lost(&mut self, effects: &mut Effects<'_>) {
+    pub(crate) fn controller_lost(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         // What the vehicle still shows is handled again at once. A route that is flown is not flown again from its start.
         let stays = |end| matches!(end, End::Pilot | End::Completed(_));
@@ -334,7 +394,7 @@ impl Contingencies {
     }
 
     /// The CUCS in control has released the vehicle, and nobody has taken it: what it has ended is flown again.
-    pub(super) fn released(&mut self, effects: &mut Effects<'_>) {
+    pub(crate) fn released(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         self.handled.retain(|one| one.end != End::Operator);
         if self.handled.len() != before {
@@ -343,7 +403,7 @@ impl Contingencies {
     }
 
     /// A flight termination is commanded: what has not been shown begins again after it, should it be reset in the air.
-    pub(super) fn yield_to_termination(&mut self, effects: &mut Effects<'_>) {
+    pub(crate) fn yield_to_termination(&mut self, effects: &mut dyn Outlet) {
         if let Some(trying) = self.trying.take() {
             effects.clear(
                 Cause::Contingency(trying.trigger),
@@ -355,7 +415,7 @@ impl Contingencies {
     }
 
     /// The vehicle gets no further on what a contingency has led to: it returns, or lands. False where none has.
-    pub(super) fn begin_again(&mut self, now: Duration) -> bool {
+    pub(crate) fn begin_again(&mut self, now: Duration) -> bool {
         let flown = |one: &&Handled| one.end.flown().is_some();
         let flown = self.handled.iter().find(flown).map(|one| one.trigger);
         let Some(trigger) = self.trying.map(|trying| trying.trigger).or(flown) else {
@@ -368,7 +428,7 @@ impl Contingencies {
     }
 
     /// Looks at what the vehicle reports: which causes stand, and what is done with them.
-    pub(super) fn watch(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
+    pub(crate) fn watch(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         if self.unsaved.is_some_and(|at| at <= context.now) {
             self.save(effects);
         }
@@ -397,7 +457,7 @@ impl Contingencies {
 
     /// A contingency route is flown to its end, and what it was for lasts. Who controls the vehicle decides what follows; where nobody
     /// does, nothing would end the hold there: it returns, or lands.
-    fn complete(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
+    fn complete(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let of = |action| match action {
             Action::ContingencyA => Some(RouteType::ContingencyA),
             Action::ContingencyB => Some(RouteType::ContingencyB),
@@ -410,7 +470,7 @@ impl Contingencies {
                 {
                     self.set(trigger, End::Completed(action));
                     self.save(effects);
-                    let (what, route) = (trigger.text(&context.config), name(action));
+                    let (what, route) = (trigger.text(&context.config), action.name());
                     let text =
                         format!("{what}: {route} is flown to its end, and the vehicle holds there");
                     self.raise(trigger, AlertPriority::Emergency, text, effects);
@@ -426,7 +486,7 @@ impl Contingencies {
     }
 
     /// Another CUCS has taken control: it must know what the one before has ended, or a pilot, and that it lasts.
-    pub(super) fn taken_over(&self, config: &Contingency, effects: &mut Effects<'_>) {
+    pub(crate) fn taken_over(&self, config: &Provision, effects: &mut dyn Outlet) {
         for trigger in Trigger::ALL.into_iter().filter(|one| self.is_present(*one)) {
             let ended = match self.end_of(trigger) {
                 Some(End::Operator) => {
@@ -445,7 +505,7 @@ impl Contingencies {
         &mut self,
         context: &ContingencyContext,
         trigger: Trigger,
-        effects: &mut Effects<'_>,
+        effects: &mut dyn Outlet,
     ) {
         let index = trigger.index();
         let (Some(watch), Some(seen)) = (self.watches.get_mut(index), context.seen.get(index))
@@ -459,7 +519,7 @@ impl Contingencies {
         if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
             let how = match end {
                 End::Shown(action) | End::Completed(action) => {
-                    format!("the vehicle was brought to {}", name(action))
+                    format!("the vehicle was brought to {}", action.name())
                 }
                 End::Pilot => "it was left to a pilot".to_owned(),
                 End::Operator => "a CUCS has commanded otherwise".to_owned(),
@@ -498,7 +558,7 @@ impl Contingencies {
     }
 
     /// Ends what the vehicle shows, and what a pilot has taken.
-    fn finish(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
+    fn finish(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let Some(trying) = self.trying else {
             return;
         };
@@ -510,7 +570,7 @@ impl Contingencies {
                 format!(
                     "{text}: the vehicle is in {}, as for {}",
                     mode.name(),
-                    name(trying.action)
+                    trying.action.name()
                 ),
             ),
             (_, Some(other @ Other::Pilot(_))) => (
@@ -527,10 +587,10 @@ impl Contingencies {
     }
 
     /// The action to fly now, where it is its turn and time to try one.
-    pub(super) fn poll(
+    pub(crate) fn poll(
         &mut self,
         context: &ContingencyContext,
-        effects: &mut Effects<'_>,
+        effects: &mut dyn Outlet,
     ) -> Option<Action> {
         let before = self.trying?;
         if before.next_at > context.now {
@@ -552,7 +612,7 @@ impl Contingencies {
             let text = format!(
                 "{}: {why}; {} waits for its end",
                 before.trigger.text(&context.config),
-                name(before.action)
+                before.action.name()
             );
             self.raise(before.trigger, AlertPriority::Warning, text, effects);
         }
@@ -591,12 +651,12 @@ impl Contingencies {
     }
 
     /// What was commanded, once it is.
-    pub(super) fn announce(&mut self, config: &Contingency, effects: &mut Effects<'_>) {
+    pub(crate) fn announce(&mut self, config: &Provision, effects: &mut dyn Outlet) {
         let Some(trying) = self.trying else {
             return;
         };
-        let (what, action) = (trying.trigger.text(config), name(trying.action));
-        let configured = trying.trigger.action(config).map(name);
+        let (what, action) = (trying.trigger.text(config), trying.action.name());
+        let configured = trying.trigger.action(config).map(Action::name);
         let text = match configured {
             Some(wanted) if wanted != action => {
                 format!("{what}: {wanted} cannot be flown, or is not shown: commanding {action}")
@@ -611,22 +671,32 @@ impl Contingencies {
     }
 
     /// When it is polled next, where it is its turn.
-    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)
     }
 
     /// When it is polled next in any case.
-    pub(super) fn save_timeout(&self) -> Option<Duration> {
+    pub(crate) fn save_timeout(&self) -> Option<Duration> {
         self.unsaved
     }
 
     /// The vehicle is on the ground: whatever stands begins again in the next flight.
-    fn land(&mut self, effects: &mut Effects<'_>) {
+    fn land(&mut self, effects: &mut dyn Outlet) {
+        self.begin_afresh("the vehicle is on the ground", effects);
+    }
+
+    /// Somebody else decides from now on, who knows what was flown: what stands begins again once that is over.
+    pub(crate) fn stand_down(&mut self, why: &str, effects: &mut dyn Outlet) {
+        self.live_since = None;
+        self.begin_afresh(why, effects);
+    }
+
+    fn begin_afresh(&mut self, why: &str, effects: &mut dyn Outlet) {
         self.trying = None;
         self.watches = Default::default();
         self.alerted = Default::default();
         for trigger in Trigger::ALL {
-            effects.clear(Cause::Contingency(trigger), "the vehicle is on the ground");
+            effects.clear(Cause::Contingency(trigger), why);
         }
         if !self.handled.is_empty() {
             self.handled.clear();
@@ -634,7 +704,7 @@ impl Contingencies {
         }
     }
 
-    fn forget(&mut self, trigger: Trigger, why: &str, effects: &mut Effects<'_>) {
+    fn forget(&mut self, trigger: Trigger, why: &str, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         self.handled.retain(|one| one.trigger != trigger);
         if self.handled.len() != before {
@@ -652,19 +722,18 @@ impl Contingencies {
         self.handled.push(Handled { trigger, end });
     }
 
-    fn store(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let vehicle = effects.id;
+    fn store(&mut self, effects: &mut dyn Outlet) -> Result<(), StoreError> {
         let record = Record {
             handled: self.handled.clone(),
             set: self.set.clone(),
         };
-        effects.disk().save(&vehicle, &record)?;
+        effects.save(&record)?;
         self.unsaved = None;
         Ok(())
     }
 
-    fn save(&mut self, effects: &mut Effects<'_>) {
-        let now = effects.dli.now.mono;
+    fn save(&mut self, effects: &mut dyn Outlet) {
+        let now = effects.now();
         match self.store(effects) {
             Ok(()) => {
                 effects.clear(Cause::ContingencyRecord, "contingencies are stored again");
@@ -680,7 +749,7 @@ impl Contingencies {
     }
 
     /// A contingency whose cause the vehicle does not report is none: whoever relies on it must know before the flight.
-    fn report_unwatched(&mut self, context: &ContingencyContext, effects: &mut Effects<'_>) {
+    fn report_unwatched(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let since = *self.live_since.get_or_insert(context.now);
         let unseen = |one: &Trigger| {
             let seen = context.seen.get(one.index());
@@ -697,7 +766,7 @@ impl Contingencies {
                 "the vehicle reports what its contingencies are judged by",
             );
         } else if context.now.saturating_sub(since) >= REPORTED_WITHIN {
-            let text = format!("vehicle.contingency is not watched: {}", unseen.join(", "));
+            let text = format!("contingencies are not watched: {}", unseen.join(", "));
             effects.warn(Cause::ContingencyUnwatched, text);
         }
     }
@@ -707,10 +776,10 @@ impl Contingencies {
         trigger: Trigger,
         priority: AlertPriority,
         text: String,
-        effects: &mut Effects<'_>,
+        effects: &mut dyn Outlet,
     ) {
         if let Some(alerted) = self.alerted.get_mut(trigger.index()) {
-            alerted.get_or_insert(effects.dli.now.mono);
+            alerted.get_or_insert(effects.now());
         }
         let cause = Cause::Contingency(trigger);
         effects.raise(cause, priority, trigger.subsystem(), text);
@@ -729,13 +798,12 @@ impl Trying {
     }
 }
 
-pub(super) fn name(action: Action) -> &'static str {
+/// The modes of PX4 that are an action, but for a route.
+pub(crate) fn modes(action: Action) -> &'static [Px4Mode] {
     match action {
-        Action::Hold => "hold",
-        Action::Rtl => "return",
-        Action::Land => "landing",
-        Action::ContingencyA => "contingency A",
-        Action::ContingencyB => "contingency B",
+        Action::Hold => &[Px4Mode::LOITER],
+        Action::Land => &[Px4Mode::LAND],
+        Action::Rtl | Action::ContingencyA | Action::ContingencyB => &[Px4Mode::RTL],
     }
 }
 

@@ -1,0 +1,84 @@
+//! What the machine needs of whoever runs it: the bridge by its effects, the air-side agent by what it reports.
+
+use std::time::Duration;
+
+use mavlink_link::store::{Store as _, StoreError};
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
+
+use super::Record;
+use crate::session::alerts::Cause;
+use crate::session::effects::Effects;
+
+/// Time, disk and alerts of one vehicle.
+pub(crate) trait Outlet {
+    /// Monotonic time.
+    fn now(&self) -> Duration;
+
+    /// What an earlier process has kept.
+    ///
+    /// # Errors
+    /// It is there and cannot be read.
+    fn load(&mut self) -> Result<Option<Record>, StoreError>;
+
+    /// Keeps it, before anything is reported of it.
+    ///
+    /// # Errors
+    /// It is not durable.
+    fn save(&mut self, record: &Record) -> Result<(), StoreError>;
+
+    /// An alert that stands, in place of an earlier one for that cause.
+    fn raise(
+        &mut self,
+        cause: Cause,
+        priority: AlertPriority,
+        subsystem: SubsystemId,
+        text: String,
+    );
+
+    /// It stands no more.
+    fn clear(&mut self, cause: Cause, text: &str);
+
+    /// A warning that stands.
+    fn warn(&mut self, cause: Cause, text: String);
+
+    /// What happened once.
+    fn notify(&mut self, priority: AlertPriority, subsystem: SubsystemId, text: String);
+}
+
+impl Outlet for Effects<'_> {
+    fn now(&self) -> Duration {
+        self.dli.now.mono
+    }
+
+    fn load(&mut self) -> Result<Option<Record>, StoreError> {
+        let vehicle = self.id;
+        self.disk().load(&vehicle)
+    }
+
+    fn save(&mut self, record: &Record) -> Result<(), StoreError> {
+        let vehicle = self.id;
+        self.disk().save(&vehicle, record)
+    }
+
+    fn raise(
+        &mut self,
+        cause: Cause,
+        priority: AlertPriority,
+        subsystem: SubsystemId,
+        text: String,
+    ) {
+        Effects::raise(self, cause, priority, subsystem, text);
+    }
+
+    fn clear(&mut self, cause: Cause, text: &str) {
+        Effects::clear(self, cause, text);
+    }
+
+    fn warn(&mut self, cause: Cause, text: String) {
+        Effects::warn(self, cause, text);
+    }
+
+    fn notify(&mut self, priority: AlertPriority, subsystem: SubsystemId, text: String) {
+        Effects::notify(self, priority, subsystem, text);
+    }
+}
