@@ -7,17 +7,20 @@ use mavlink_link::link::{Endpoint, Link};
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
 
+use super::contingency::Alone;
 use super::exchange::Exchange;
 use super::fallback::Fallback;
 use super::output::Reports;
 use super::phase::Phase;
 use super::relay::Relay;
 use super::watch::Watch;
+use super::zeroize::Stage;
+use crate::config::AgentContingency;
 use crate::relay_policy::RelayPolicy;
 use crate::session::Peer;
 
 /// What an agent is configured with.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// The vehicle's system id: PX4's, and the agent's own towards the ground.
     pub vehicle_system: u8,
@@ -37,6 +40,10 @@ pub struct Settings {
     pub px4: Endpoint<Peer>,
     /// Whether PX4 is given the same key with a new stamp after each of its starts.
     pub restamp: bool,
+    /// What it flies by itself while nothing is received of the ground.
+    pub contingency: Option<AgentContingency>,
+    /// Whether a zeroize gives PX4 a key that nobody keeps.
+    pub replace_px4_key: bool,
     /// A date that cannot be in the future.
     pub not_before: Stamp,
     /// The VSM's and the vehicle's identification numbers, DLI.
@@ -79,4 +86,8 @@ pub struct Agent {
     pub(super) watch: Watch,
     pub(super) relay: Relay,
     pub(super) reports: Reports,
+    /// An order to zeroize.
+    pub(super) zeroize: Stage,
+    /// What it flies by itself.
+    pub(super) alone: Alone,
 }

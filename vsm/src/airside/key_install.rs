@@ -90,6 +90,7 @@ impl Agent {
                             .alert_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
                     }
                 }
+                ResponderEvent::Zeroize { in_flight } => self.zeroize_ordered(now, in_flight),
                 ResponderEvent::NotStored(fault) => {
                     self.reports.note(
                         LogLevel::Error,
@@ -225,12 +226,19 @@ impl Agent {
             own_component: self.settings.own_component,
             ground: self.radio.peer(),
             watch: &mut self.watch,
+            alone: &mut self.alone,
             relay: &mut self.relay,
         };
         on.handover
             .handle_and_pass(now, from, bytes, keys.disk(), &mut |under, frame| {
-                // KeySlot the key before PX4 has fallen back: that is not delivered.
-                if under == KeySlot::New || cause == Cause::NewKey {
+                let delivered = match cause {
+                    Cause::NewKey => true,
+                    // Under the key before PX4 has fallen back: that is not delivered.
+                    Cause::LostKey => under == KeySlot::New,
+                    // Nobody but this process has the other key.
+                    Cause::Discarded => under == KeySlot::Old,
+                };
+                if delivered {
                     forwarder.pass(frame);
                 }
             });
@@ -247,6 +255,11 @@ impl Agent {
         let Phase::HandingOver(on) = &mut self.phase else {
             return;
         };
+        if on.cause == Cause::Discarded {
+            // Its files are the zeroize's: nothing is committed, and it stays so until the agent ends.
+            while on.handover.poll_event().is_some() {}
+            return self.follow_zeroize(now.mono);
+        }
         let mut events = Vec::new();
         while let Some(event) = on.handover.poll_event() {
             if event == Event::Commit {
@@ -301,7 +314,7 @@ impl Agent {
         let id = handover.new_id();
         let (text, level) = match (outcome, cause) {
             (Outcome::Committed, _) => (format!("PX4 signs with key {id}"), LogLevel::Info),
-            (Outcome::RolledBack, Cause::NewKey) => (
+            (Outcome::RolledBack, Cause::NewKey | Cause::Discarded) => (
                 format!("PX4 keeps its key: key {id} is dropped"),
                 LogLevel::Error,
             ),
@@ -328,7 +341,7 @@ impl Agent {
                 self.reports
                     .alert_ground(MavSeverity::MAV_SEVERITY_NOTICE, text);
             }
-            (Outcome::RolledBack, Cause::NewKey) => {
+            (Outcome::RolledBack, Cause::NewKey | Cause::Discarded) => {
                 let text = "Agent: PX4 keeps its key, the new one is dropped";
                 self.reports
                     .alert_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
@@ -338,7 +351,7 @@ impl Agent {
                 self.reports
                     .alert_ground(MavSeverity::MAV_SEVERITY_WARNING, text);
             }
-            (Outcome::Committed, Cause::NewKey)
+            (Outcome::Committed, Cause::NewKey | Cause::Discarded)
             | (Outcome::RolledBack, Cause::LostKey)
             | (Outcome::NeverSigns, _) => {}
         }

@@ -15,13 +15,16 @@
 //!
 //! - What the ground may ask of PX4 is a list of the agent's own ([`RelayPolicy`]), so that a captured ground station does not own
 //!   the vehicle's shell, files and failsafes.
+//! - An order to zeroize of the paired ground, or of an operator here, is stored before it is acknowledged, and refused while PX4
+//!   is not known to be disarmed (`zeroize`).
 //!
 //! What the ground may ask is `crate::relay_policy`. From the bottom up: `phase` how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
-//! `watch`, `relay`, `fallback` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
+//! `watch`, `relay`, `fallback`, `contingency` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
 //! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins, `trace` puts into words what became of a datagram; this file is the
 //! router.
 
 mod agent;
+mod contingency;
 mod exchange;
 mod fallback;
 mod key_install;
@@ -34,8 +37,10 @@ mod status;
 mod trace;
 mod transmit;
 mod watch;
+mod zeroize;
 
 pub use agent::{Agent, Settings};
+pub use contingency::AloneStatus;
 pub use exchange::PairingNews;
 pub use keys::{Held, Keys};
 pub use output::{Note, Side, Transmit};
@@ -46,12 +51,15 @@ pub use trace::{Trace, sent_text};
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::exchange::{PairingCode, Random, VehicleState, WindowError};
+use mavlink_link::exchange::{
+    Message, PairingCode, Random, Received, Step, VehicleState, WindowError,
+};
 use mavlink_link::link::{Alert, Auth, Event, KeyExchangeFrame, LinkState};
 
 use self::fallback::Fallback;
 use self::phase::{Cause, Phase};
 use self::relay::FrameForwarder;
+use self::zeroize::Stage;
 pub use crate::relay_policy::RelayPolicy;
 use crate::session::{LogLevel, Peer};
 
@@ -140,6 +148,7 @@ impl Agent {
             own_component: self.settings.own_component,
             ground: self.radio.peer(),
             watch: &mut self.watch,
+            alone: &mut self.alone,
             relay: &mut self.relay,
         };
         self.px4
@@ -182,6 +191,7 @@ impl Agent {
     fn px4_restarted(&mut self, keys: &mut dyn Keys) {
         self.reports
             .note(LogLevel::Info, "PX4 has restarted and signs");
+        self.alone.px4_restarted();
         // PX4 reads its key file at boot: a restart under the current key shows that the file holds it.
         if let Phase::Relaying(relaying) = &mut self.phase
             && relaying.previous.is_some()
@@ -224,7 +234,18 @@ impl Agent {
         random: &mut dyn Random,
         keys: &mut dyn Keys,
     ) {
-        if matches!(&self.phase, Phase::HandingOver(on) if on.cause == Cause::LostKey) {
+        let orders = || {
+            let message = Message::parse(frame.payload());
+            matches!(message, Ok(Received::Exchange(message)) if message.step == Step::Order)
+        };
+        if self.zeroize != Stage::Safe && !orders() {
+            self.relay
+                .held_back
+                .count("KEY_EXCHANGE while a zeroize is carried out");
+            return;
+        }
+        if matches!(&self.phase, Phase::HandingOver(on) if on.cause == Cause::LostKey) && !orders()
+        {
             // Seconds, as a rule: until then it is not known under which key PX4 is to be given another.
             self.relay
                 .held_back
@@ -255,6 +276,11 @@ impl Agent {
             .poll_timeout()
             .min(px4)
             .min(self.exchange.poll_timeout())
+            .min(self.zeroize_timeout())
+            .min(
+                self.alone
+                    .poll_timeout(self.started, self.radio.accepted_at()),
+            )
     }
 
     /// Does what is due by now. Calling it early or late does no harm.
@@ -274,6 +300,15 @@ impl Agent {
                 self.follow_handover(now, keys);
             }
         }
+        self.follow_zeroize(now.mono);
+        self.alone.step(&mut contingency::Surroundings {
+            now,
+            started: self.started,
+            ground: self.radio.accepted_at(),
+            reaches_px4: self.phase.reaches_px4(),
+            disk: keys.disk(),
+            reports: &mut self.reports,
+        });
         while let Some(event) = self.px4.poll_event() {
             if let Event::Alert(alert) = event {
                 self.reports.note_alert("PX4's link", alert);
@@ -332,6 +367,7 @@ impl Agent {
                     .collect()
             },
             encryption: None,
+            contingency: self.alone.status(mono),
             radio: SideStatus::new(&self.radio, mono),
             px4: SideStatus::new(&self.px4, mono),
         }

@@ -54,7 +54,7 @@ impl Transmit {
 #[derive(Debug, Default)]
 pub(super) struct Reports {
     notes: VecDeque<Note>,
-    texts: VecDeque<(MavSeverity, &'static str)>,
+    texts: VecDeque<(MavSeverity, String)>,
 }
 
 impl Reports {
@@ -84,9 +84,13 @@ impl Reports {
         self.note(LogLevel::Warning, text);
     }
 
-    /// A text for the ground, which alerts its operators: at most 50 bytes, the longest that STATUSTEXT holds in one.
-    pub(super) fn alert_ground(&mut self, severity: MavSeverity, text: &'static str) {
+    /// A text for the ground, which alerts its operators: 50 bytes of it, the most that STATUSTEXT holds in one.
+    pub(super) fn alert_ground(&mut self, severity: MavSeverity, text: impl Into<String>) {
         if self.texts.len() < MAX_TEXTS {
+            let mut text: String = text.into();
+            // Each character is a byte then.
+            text.retain(|character| character.is_ascii());
+            text.truncate(MAX_TEXT_BYTES);
             self.texts.push_back((severity, text));
         }
     }
@@ -95,10 +99,11 @@ impl Reports {
         self.notes.pop_front()
     }
 
-    pub(super) fn poll_text(&mut self) -> Option<(MavSeverity, &'static str)> {
+    pub(super) fn poll_text(&mut self) -> Option<(MavSeverity, String)> {
         self.texts.pop_front()
     }
 }
 
 const MAX_NOTES: usize = 256;
-const MAX_TEXTS: usize = 8;
+const MAX_TEXTS: usize = 16;
+const MAX_TEXT_BYTES: usize = 50;

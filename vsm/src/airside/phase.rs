@@ -45,6 +45,8 @@ pub(super) struct HandingOver {
 pub(super) enum Cause {
     /// It is a new one: until PX4 has it the link continues under the old one.
     NewKey,
+    /// A zeroize: it is to have one that nobody keeps, and no file ever has it.
+    Discarded,
     /// PX4 has lost it, or fallen back to the one before: nothing passes until it has it again.
     LostKey,
 }
@@ -54,7 +56,7 @@ impl Cause {
     fn of_ground(self) -> KeySlot {
         match self {
             // The ground switches at PX4's first frame under the new key, which it can only see after the agent.
-            Cause::NewKey => KeySlot::Old,
+            Cause::NewKey | Cause::Discarded => KeySlot::Old,
             Cause::LostKey => KeySlot::New,
         }
     }
@@ -76,6 +78,32 @@ impl Phase {
             key,
             store: keys.disk(),
         })
+    }
+
+    /// What a command of the agent itself is signed with: the key that PX4 has, where that is known.
+    pub(super) fn px4_auth<'a>(&'a mut self, keys: &'a mut dyn Keys) -> Auth<'a> {
+        let key = match self {
+            Phase::Keyless | Phase::CannotSign { .. } => None,
+            Phase::Relaying(relaying) => Some(&mut relaying.key),
+            // In flight a new key waits: the vehicle flies under the old one.
+            Phase::HandingOver(on) if on.cause == Cause::NewKey => {
+                on.handover.key_mut(KeySlot::Old)
+            }
+            Phase::HandingOver(_) => None,
+        };
+        key.map_or(Auth::Off, |key| Auth::Signed {
+            key,
+            store: keys.disk(),
+        })
+    }
+
+    /// Whether PX4 can be commanded by the agent itself.
+    pub(super) fn reaches_px4(&self) -> bool {
+        match self {
+            Phase::Keyless | Phase::CannotSign { .. } => false,
+            Phase::Relaying(_) => true,
+            Phase::HandingOver(on) => on.cause == Cause::NewKey && on.handover.has_old_key(),
+        }
     }
 
     /// Whether a command must not reach PX4: one that has lost its key would carry out anybody's. `accepted` is when a

@@ -10,6 +10,7 @@ use bytes::{Bytes, BytesMut};
 use mavlink_link::frame::{FrameView, MAX_FRAME, SETUP_SIGNING_ID};
 use mavlink_link::link::Delivery;
 
+use super::contingency::Alone;
 use super::output::{Side, Transmit};
 use super::watch::Watch;
 use crate::relay_policy::{Denied, RelayPolicy};
@@ -137,6 +138,7 @@ pub(super) struct FrameForwarder<'a> {
     pub(super) own_component: u8,
     pub(super) ground: Option<Peer>,
     pub(super) watch: &'a mut Watch,
+    pub(super) alone: &'a mut Alone,
     pub(super) relay: &'a mut Relay,
 }
 
@@ -144,6 +146,7 @@ impl FrameForwarder<'_> {
     /// A frame that has verified under the key in force.
     pub(super) fn pass(&mut self, frame: &FrameView<'_>) {
         self.watch.take(self.mono, frame);
+        self.alone.take(self.mono, frame);
         let header = frame.header();
         let why = match self.ground {
             // It would carry a key over the radio in the clear.

@@ -10,8 +10,10 @@ use mavlink_link::provisioning;
 use mavlink_link::receiver::AllowedStreams;
 use mavlink_link::signing::SigningKey;
 use mavlink_link::store::{Store as _, StoreError};
+use stanag_msgs::Id;
 
 use super::agent::{Agent, Settings};
+use super::contingency::Alone;
 use super::exchange::Exchange;
 use super::fallback::Fallback;
 use super::keys::{Held, Keys, with_clock};
@@ -19,6 +21,7 @@ use super::output::Reports;
 use super::phase::{Cause, Phase};
 use super::relay::Relay;
 use super::watch::Watch;
+use super::zeroize::Stage;
 use crate::session::LogLevel;
 
 /// Why an agent does not start.
@@ -30,6 +33,9 @@ pub enum AgentError {
     /// A handover that is not finished.
     #[error(transparent)]
     KeyRollover(#[from] provisioning::StartError),
+    /// What it has flown by itself.
+    #[error("what was flown for contingencies cannot be read: {0}")]
+    Contingencies(StoreError),
     /// A clock.
     #[error("the signing clock cannot be read: {0}")]
     Clock(#[from] StoreError),
@@ -101,9 +107,15 @@ impl Agent {
             watch: Watch::default(),
             relay: Relay::new(settings.policy.clone()),
             reports: Reports::default(),
+            zeroize: Stage::default(),
+            alone: Alone::new(settings.contingency.as_ref(), Id(settings.ids[1])),
             settings,
         };
         agent.resume(held, now, keys)?;
+        agent
+            .alone
+            .restore(now, keys.disk(), &mut agent.reports)
+            .map_err(AgentError::Contingencies)?;
         Ok(agent)
     }
 

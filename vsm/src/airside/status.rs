@@ -6,6 +6,7 @@ use std::time::Duration;
 use mavlink_link::link::Link;
 use serde::Serialize;
 
+use super::contingency::AloneStatus;
 use crate::session::{ByType, Counters, EncryptionStatus, Peer, link_state_name};
 
 /// The whole agent.
@@ -42,6 +43,8 @@ pub struct AirsideStatus {
     pub exchange: BTreeMap<&'static str, u64>,
     /// How the encrypted link stands, where the ground's is one.
     pub encryption: Option<EncryptionStatus>,
+    /// What it flies while nothing is received of the ground, where that is configured.
+    pub contingency: Option<AloneStatus>,
     /// The ground's side.
     pub radio: SideStatus,
     /// PX4's side.

@@ -26,12 +26,30 @@ impl Agent {
         }
         self.fallback
             .poll_transmit(now, &self.phase, keys, out)
+            .or_else(|| self.command_transmit(now, keys, out))
             .or_else(|| self.px4_transmit(now, keys, out))
             .or_else(|| {
                 let ground = (&mut self.radio, &mut self.phase);
                 self.exchange.poll_transmit(now, ground, keys, out)
             })
             .or_else(|| self.radio_transmit(now, keys, out))
+    }
+
+    /// What the agent commands by itself.
+    fn command_transmit(
+        &mut self,
+        now: Now,
+        keys: &mut dyn Keys,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<Transmit> {
+        let auth = self.phase.px4_auth(keys);
+        if matches!(auth, Auth::Off) {
+            return None;
+        }
+        let message = self.alone.poll_command(self.settings.vehicle_system)?;
+        // One that cannot leave is tried again, as one that is lost.
+        let sent = self.px4.send(now, auth, &message, out).ok()?;
+        Some(Transmit::new(Side::Px4, sent.to, sent.len))
     }
 
     fn px4_transmit(
@@ -113,7 +131,7 @@ impl Agent {
             Some((severity, text)) => {
                 let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA {
                     severity,
-                    text: text.into(),
+                    text: text.as_str().into(),
                     ..STATUSTEXT_DATA::default()
                 });
                 self.radio.send(now, auth, &text, out).ok()?

@@ -7,65 +7,79 @@ use serde::Deserialize;
 use stanag_msgs::Id;
 use toml::Spanned;
 
+use super::agent_contingency::AgentContingency;
 use super::bridge::Store;
 use super::error::{ConfigError, Fault, fault};
 use super::explain;
 use super::forward::Relay;
+use super::key::WhenAbsent::{Required, Table, Value};
+use super::key::table;
 use super::value::{LinkAddress, id};
 
-/// The whole of an `airside.toml`.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AirsideConfig {
-    /// Who it is, and its key.
-    pub agent: Spanned<Agent>,
-    /// The link to the ground.
-    pub radio: Spanned<Radio>,
-    /// The link to PX4.
-    pub px4: Spanned<Px4>,
-    /// What the ground may ask of PX4.
-    #[serde(default)]
-    pub relay: Relay,
-    /// Where state lives that must survive a restart.
-    pub store: Store,
+table! {
+    /// The whole of an `airside.toml`.
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct AirsideConfig {
+        /// Who it is, and its key.
+        pub agent: Spanned<Agent> => Table(Agent::KEYS),
+        /// The link to the ground.
+        pub radio: Spanned<Radio> => Table(Radio::KEYS),
+        /// The link to PX4.
+        pub px4: Spanned<Px4> => Table(Px4::KEYS),
+        /// What the ground may ask of PX4.
+        #[serde(default)]
+        pub relay: Relay => Table(Relay::KEYS),
+        /// What a zeroize does.
+        #[serde(default)]
+        pub zeroize: AgentZeroize => Table(AgentZeroize::KEYS),
+        /// What it flies while nothing is received of the ground.
+        pub contingency: Option<Spanned<AgentContingency>> => Table(AgentContingency::KEYS),
+        /// Where state lives that must survive a restart.
+        pub store: Store => Table(Store::KEYS),
+    }
 }
 
-/// `[agent]`
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Agent {
-    /// The vehicle's identification number, as the VSM has it.
-    #[serde(deserialize_with = "id")]
-    pub vehicle_id: Id,
-    /// The VSM's identification number.
-    #[serde(deserialize_with = "id")]
-    pub vsm_id: Id,
-    /// The signing key that PX4 shares; it need not exist before the first agreement.
-    pub key_file: PathBuf,
-    /// The agent's own MAVLink system id towards PX4, 1 to 255, and not the vehicle's.
-    #[serde(default = "own_system")]
-    pub system_id: u8,
-    /// Its component id on both sides, 2 to 255. Towards the ground it is a component of the vehicle.
-    #[serde(default = "own_component")]
-    pub component_id: u8,
-    /// Its link id on both sides.
-    #[serde(default)]
-    pub link_id: u8,
+table! {
+    /// `[agent]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Agent {
+        /// The vehicle's identification number, as the VSM has it
+        #[serde(deserialize_with = "id")]
+        pub vehicle_id: Id => Required,
+        /// The VSM's identification number
+        #[serde(deserialize_with = "id")]
+        pub vsm_id: Id => Required,
+        /// The signing key that PX4 shares; it need not exist before the first agreement
+        pub key_file: PathBuf => Required,
+        /// The agent's own MAVLink system id towards PX4, 1 to 255, and not the vehicle's
+        #[serde(default = "own_system")]
+        pub system_id: u8 => Value("246"),
+        /// Its component id on both sides, 2 to 255. Towards the ground it is a component of the vehicle
+        #[serde(default = "own_component")]
+        pub component_id: u8 => Value("191"),
+        /// Its link id on both sides
+        #[serde(default)]
+        pub link_id: u8 => Value("0"),
+    }
 }
 
-/// `[radio]`
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Radio {
-    /// Where the ground is.
-    pub link: LinkAddress,
-    /// Who may speak to PX4, the VSM first.
-    #[serde(default = "vsm_alone")]
-    pub talkers: Vec<Talker>,
-    /// Whether all of the link is encrypted, as `encrypt` of the VSM's `[[vehicle]]`: nothing is taken or sent in the clear
-    /// then but KEY_EXCHANGE.
-    #[serde(default)]
-    pub encrypt: bool,
+table! {
+    /// `[radio]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Radio {
+        /// Where the ground is: `udpin:ADDRESS:PORT`, `udpout:HOST:PORT` or `serial:DEVICE:BAUD`
+        pub link: LinkAddress => Required,
+        /// Who may speak to PX4, the VSM first; 1 to 8
+        #[serde(default = "vsm_alone")]
+        pub talkers: Vec<Talker> => Value("[{ system_id = 245, component_id = 190 }]"),
+        /// Whether all of the link is encrypted, as `encrypt` of the VSM's `[[vehicle]]`: nothing is taken or sent in the clear
+        /// then but KEY_EXCHANGE
+        #[serde(default)]
+        pub encrypt: bool => Value("false"),
+    }
 }
 
 /// One of `radio.talkers`.
@@ -91,24 +105,44 @@ impl From<Talker> for Stream {
     }
 }
 
-/// `[px4]`
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Px4 {
-    /// Where PX4 is. Nobody else may listen on this link: keys go over it.
-    pub link: LinkAddress,
-    /// PX4's MAVLink system id, 1 to 255.
-    pub system_id: u8,
-    /// Whether PX4 is given the same key with a new stamp after each start, disarmed: recordings from before die.
-    #[serde(default = "yes")]
-    pub restamp: bool,
-    /// On UDP: which users' programs may be PX4 beside the agent's own user and root, by their numbers. PX4 takes its first
-    /// key unsigned, so that on loopback any program of this computer could pose as it.
-    #[serde(default)]
-    pub users: Vec<u32>,
-    /// Vouches for a link that is neither serial nor loopback, and for every program on it.
-    #[serde(default)]
-    pub i_trust_this_link: bool,
+table! {
+    /// `[px4]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Px4 {
+        /// Where PX4 is. Nobody else may listen on this link: keys go over it
+        pub link: LinkAddress => Required,
+        /// PX4's MAVLink system id, 1 to 255
+        pub system_id: u8 => Required,
+        /// Whether PX4 is given the same key with a new stamp after each start, disarmed: recordings from before die
+        #[serde(default = "yes")]
+        pub restamp: bool => Value("true"),
+        /// On UDP: which users' programs may be PX4 beside the agent's own user and root, by their numbers. PX4 takes its first
+        /// key unsigned, so that on loopback any program of this computer could pose as it
+        #[serde(default)]
+        pub users: Vec<u32> => Value("[]"),
+        /// Vouches for a link that is neither serial nor loopback, and for every program on it
+        #[serde(default)]
+        pub i_trust_this_link: bool => Value("false"),
+    }
+}
+
+table! {
+    /// `[zeroize]` of an agent
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct AgentZeroize {
+        /// Give PX4 a random key that nobody keeps, while it is disarmed: it obeys nobody over MAVLink until
+        /// `mavlink/mavlink-signing-key.bin` is removed from its card ([zeroize.md](../guide/zeroize.md)). With `false` it keeps the
+        /// key that whoever has a copy can command it with
+        pub px4_key: bool => Value("true"),
+    }
+}
+
+impl Default for AgentZeroize {
+    fn default() -> AgentZeroize {
+        AgentZeroize { px4_key: true }
+    }
 }
 
 impl AirsideConfig {
@@ -201,6 +235,9 @@ impl AirsideConfig {
                 let expected = "system ids that are neither 0, the vehicle's nor the agent's, and components from 1";
                 return fault(radio_at, "radio.talkers", found, expected);
             }
+        }
+        if let Some(contingency) = &self.contingency {
+            contingency.get_ref().check(contingency.span().start)?;
         }
         Ok(())
     }

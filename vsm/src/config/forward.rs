@@ -51,17 +51,19 @@ fn ground_station() -> u8 {
     255
 }
 
-/// `forward.commands`, and `[relay]` of `airside.toml`: what is passed on to PX4, each list in place of its default, which
-/// is what the bridge itself sends.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Relay {
-    /// MAVLink message ids.
-    pub messages: Option<Vec<u32>>,
-    /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers.
-    pub commands: Option<Vec<u16>>,
-    /// Parameters that are not written; `*` stands for any characters.
-    pub protected_parameters: Option<Vec<String>>,
+table! {
+    /// `forward.commands`, and `[relay]` of `airside.toml`: what is passed on to PX4, each list in place of its default, which
+    /// is what the bridge itself sends.
+    #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Relay {
+        /// MAVLink message ids that the ground may send to PX4
+        pub messages: Option<Vec<u32>> => Nothing("what the bridge sends"),
+        /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers
+        pub commands: Option<Vec<u16>> => Nothing("what the bridge sends"),
+        /// Parameters that are not written; `*` stands for any characters
+        pub protected_parameters: Option<Vec<String>> => Nothing("PX4's failsafes, fence, ports and signing"),
+    }
 }
 
 impl Relay {

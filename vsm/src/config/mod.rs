@@ -7,7 +7,7 @@
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
 //! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `controls` chooses parameters that a CUCS may set; `terrain` reads elevation files; `termination` is what a
 //! commanded flight termination does, `zeroize` what a zeroize erases; `access` names the access list; `explain` puts what is wrong into words;
-//! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`; [`reference`](mod@reference)
+//! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`, `agent_contingency` a table of it; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
 //!
 //! ```
@@ -26,6 +26,7 @@
 //! ```
 
 mod access;
+mod agent_contingency;
 pub mod airside;
 mod bridge;
 mod changes;
@@ -47,6 +48,7 @@ mod vehicle;
 mod zeroize;
 
 pub use access::Access;
+pub use agent_contingency::AgentContingency;
 pub use bridge::{Authority, Config, Dli, Http, Mavlink, Record, Store};
 pub use changes::{Changes, Report};
 pub use contingency::{Contingency, ContingencyAction};

@@ -302,7 +302,7 @@ table! {
     #[derive(Debug, Clone, PartialEq, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Area {
-        /// In a `[[vehicle.area]]` of the geofence, always aboard: `"in"` the vehicle stays inside, `"out"` outside
+        /// In an area of the geofence, always aboard: `"in"` the vehicle stays inside, `"out"` outside
         pub keep: Keep => Required,
         /// Corners of a polygon in turn, degrees north and east, 3 to 64; or a circle:
         #[serde(default)]
@@ -432,7 +432,7 @@ impl Limits {
 }
 
 /// Whether the areas make a fence; what is wrong where they do not.
-fn check_areas(areas: &[Area]) -> Result<(), String> {
+pub(super) fn check_areas(areas: &[Area]) -> Result<(), String> {
     let mut all = Vec::with_capacity(areas.len());
     for (number, area) in (1..).zip(areas) {
         let places = area.vertices.iter().chain(&area.centre);

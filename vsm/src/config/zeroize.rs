@@ -22,6 +22,9 @@ table! {
         /// Take it also while a vehicle is not known to be disarmed: **that aircraft loses its link**, and flies PX4's own
         /// failsafe from then on
         pub in_flight: bool => Value("false"),
+        /// Give PX4 of each vehicle without an agent a random key that nobody keeps, while it is disarmed; over a serial line or
+        /// loopback only. **Not where that line is a radio**: who receives it would have the key that PX4 obeys from then on
+        pub px4_key: bool => Value("false"),
         /// How long it stays armed without being executed, 5 to 120 s
         pub armed_s: f64 => Value("30.0"),
     }
@@ -33,6 +36,7 @@ impl Default for Zeroize {
             keep_audit: false,
             by_message: false,
             in_flight: false,
+            px4_key: false,
             armed_s: 30.0,
         }
     }

@@ -43,6 +43,8 @@ pub struct KeyExchange {
     /// When the key in force came into use, where that was in this run: monotonic, since the wall clock may step.
     adopted_at: Option<Duration>,
     log: VecDeque<LogEntry>,
+    /// What has become of an order to the agent to zeroize.
+    zeroize: Option<String>,
 }
 
 #[derive(Debug)]
@@ -128,6 +130,7 @@ impl KeyExchange {
             settled,
             adopted_at: None,
             log: VecDeque::new(),
+            zeroize: None,
         };
         with.bridge.want_key_exchange(index);
         exchange.pair(now, with)?;
@@ -459,6 +462,33 @@ impl KeyExchange {
         machine.unwrap_or(Duration::MAX).min(self.check_at)
     }
 
+    /// Orders the paired agent to zeroize. [`KeyExchange::zeroized`] gives what comes of it.
+    pub fn order_zeroize(&mut self, now: Now, in_flight: bool, with: &mut Surroundings<'_>) {
+        let ordered = match &mut self.machine {
+            Machine::Paired(one) => one.order_zeroize(now.mono, in_flight, with.random),
+            Machine::Unpaired | Machine::Legacy(_) => Ok(false),
+        };
+        self.zeroize = Some(match ordered {
+            Ok(true) => NOT_REACHED.to_owned(),
+            Ok(false) => "no agent is paired, and none was ordered to erase itself".to_owned(),
+            Err(fault) => format!("{NOT_REACHED} ({fault})"),
+        });
+        self.handle(now, with);
+    }
+
+    /// What has become of the order to zeroize, once nothing more follows; `None` before.
+    #[must_use]
+    pub fn zeroized(&self) -> Option<&str> {
+        let waits = matches!(&self.machine, Machine::Paired(one) if one.is_ordering());
+        self.zeroize.as_deref().filter(|_| !waits)
+    }
+
+    /// Which vehicle it is of.
+    #[must_use]
+    pub fn vehicle(&self) -> Id {
+        self.vehicle
+    }
+
     /// Takes up a key that an earlier process agreed about and that is not known to be in use.
     pub fn take_up_next(&mut self, now: Now, with: &mut Surroundings<'_>) {
         self.offer(now, with);
@@ -570,6 +600,10 @@ impl KeyExchange {
                 let text = format!("the key exchange cannot be stored: {cause}");
                 self.notify_once(now, AlertPriority::Warning, text, with);
             }
+            E::Zeroize { report: None } => self.zeroize = Some(NOT_REACHED.to_owned()),
+            E::Zeroize {
+                report: Some(report),
+            } => self.zeroize = Some(report.to_string()),
             E::NoRandom => self.note(LogLevel::Error, "the system has no random bytes".to_owned()),
         }
     }
@@ -635,6 +669,9 @@ fn fresh_identity(random: &mut dyn Random) -> Result<Identity, StoreError> {
     Identity::generate(random).map_err(|fault| StoreError::new("legacy", fault))
 }
 
+/// What operators are sent of an agent that has not answered an order to zeroize.
+pub(crate) const NOT_REACHED: &str = "the agent was NOT reached, and may erase nothing: run `vsm zeroize` with its airside.toml \
+                                      on the vehicle's computer";
 /// What keys are agreed for.
 pub(crate) const WANTED: Wanted = Wanted {
     signing: true,

@@ -12,7 +12,7 @@ mod record;
 
 pub use ground::Keyring;
 pub(crate) use ground::{GroundKeys, memory};
-pub(crate) use machine::WANTED;
 pub use machine::{KeyExchange, Surroundings, parties};
+pub(crate) use machine::{NOT_REACHED, WANTED};
 pub use record::{ExchangeRecord, Pending, identity};
 pub(crate) use record::{IDENTITY, MAX_IDENTITY_BYTES, parse_identity};

@@ -123,6 +123,23 @@ fn show(path: &Path, json: bool) -> Result<(), Failure> {
     status::report("agent", &config.store.dir, json, readable)
 }
 
+/// What it flies while the ground is lost, where that is configured.
+fn contingency(of: &Value) -> String {
+    if of.is_null() {
+        return String::new();
+    }
+    let mut text = match of["ground_lost_s"].as_f64() {
+        Some(lost_s) => format!("  contingencies: the ground is lost for {lost_s:.0} s\n"),
+        None => "  contingencies: the ground is there\n".to_owned(),
+    };
+    for (name, list) in [("stands", &of["standing"]), ("the last time", &of["last"])] {
+        for line in list.as_array().into_iter().flatten() {
+            text += &format!("    {name}: {}\n", status::plain(line));
+        }
+    }
+    text
+}
+
 fn readable(of: &Value) -> String {
     let mut text = format!(
         "agent of vehicle {}, up {:.0} s: {}\n",
@@ -143,6 +160,7 @@ fn readable(of: &Value) -> String {
         text += &format!("  the pairing window is open for {left} s\n");
     }
     text += &status::counts("  key exchange: ", &of["exchange"]);
+    text += &contingency(&of["contingency"]);
     text += &status::encryption(&of["encryption"]);
     for (name, side) in [("radio", &of["radio"]), ("PX4", &of["px4"])] {
         let peer = side["peer"].as_str().unwrap_or("no data received yet");

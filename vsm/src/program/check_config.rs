@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::config::airside::AirsideConfig;
-use crate::config::{Config, ExchangeMode, Signing, owner_name};
+use crate::config::{Config, ContingencyAction, ExchangeMode, Signing, owner_name};
 use crate::shell::key_file::{self, KeyFileError};
 use crate::shell::server::StartError;
 use mavlink_link::signing::KeyId;
@@ -186,5 +186,25 @@ fn check_airside(path: &Path) -> Result<(), Failure> {
         px4.link,
         config.store.dir.display()
     );
+    if let Some(contingency) = &config.contingency {
+        let one = contingency.get_ref();
+        text += &format!(
+            "  flies by itself once nothing is received of the ground for {} s:\n",
+            one.link_lost_s
+        );
+        for (cause, action) in [
+            ("for that", one.link),
+            ("low battery", one.battery),
+            ("no position", one.position),
+            ("outside of its areas", one.fence),
+            ("a failed motor", one.engine),
+        ] {
+            let action = action.map_or("nothing", ContingencyAction::name);
+            text += &format!("    {cause}: {action}\n");
+        }
+    }
+    if !config.zeroize.px4_key {
+        text += "  a zeroize leaves PX4 its key\n";
+    }
     print(&text)
 }

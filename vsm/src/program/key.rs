@@ -227,7 +227,7 @@ fn round(
 ) -> Result<(Ending, bool), Failure> {
     let wished = match &what {
         What::New(key) => Some(key.id()),
-        What::InForceAgain => None,
+        What::InForceAgain | What::Discarded(_) => None,
     };
     let (leftover, mut sent) = (beside(path, ".next").exists(), false);
     let runtime = runtime()?;

@@ -36,7 +36,10 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         let ready = format!("ready: DLI on {}, {vehicles} vehicle(s)", config.dli.listen);
         announce("INFO", &ready);
         service::ready();
+        // Whoever waits for its lock would erase the keys first.
+        let store = server.store();
         server.serve(stop).await.map_err(failed)?;
+        zeroize::discard_keys(&config, store).await;
         // Before it counts as stopping: to erase may take longer than a service manager waits then.
         zeroize::finish(&config.store.dir)?;
         service::stopping();

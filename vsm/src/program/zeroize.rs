@@ -9,11 +9,14 @@ use anyhow::{Context as _, anyhow};
 use clap::Args;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print_line, waiting};
-use crate::config::Config;
+use super::process::{Failure, bad, failed, print_line, runtime, waiting};
 use crate::config::airside::AirsideConfig;
+use crate::config::{Config, ExchangeMode, Signing};
+use crate::key_exchange::NOT_REACHED;
 use crate::shell::disk::{FileDisk, OpenError};
 use crate::shell::erase::{self, EraseError, Erased, Order};
+use crate::shell::key_link;
+use crate::shell::pairing::Pairing;
 use crate::shell::service;
 use crate::shell::status_socket::{self, IN_FLIGHT, Ordered, ZEROIZE};
 
@@ -38,11 +41,18 @@ struct Target {
     id: String,
     store: PathBuf,
     order: Order,
+    /// A bridge's configuration: it may be paired with agents.
+    bridge: Option<Config>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = arguments.config.path();
-    let Target { id, store, order } = load(path)?;
+    let Target {
+        id,
+        store,
+        order,
+        bridge,
+    } = load(path)?;
     if arguments.clear {
         erase::clear(&store).map_err(failed)?;
         print_line("it may be served again");
@@ -69,8 +79,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             if let Some(doubt) = erase::begin(&mut disk, &order).map_err(failed)? {
                 print_line(&doubt);
             }
+            if let Some(config) = &bridge {
+                order_agents(config, &disk, arguments.in_flight)?;
+            }
         }
-        None => order_running(&store, arguments.in_flight)?,
+        None => {
+            for line in order_running(&store, arguments.in_flight)? {
+                print_line(&line);
+            }
+        }
     }
     // Whoever comes first to the store erases: this command, or the bridge that has ended.
     let ends = waiting(
@@ -101,8 +118,34 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Lets the bridge or the agent that has the store give up everything, and end.
-fn order_running(store: &Path, in_flight: bool) -> Result<(), Failure> {
+/// No bridge runs, and the order stands: the agents beside PX4 are ordered the same, and PX4 without one is given another key, as
+/// long as there are keys to do so.
+fn order_agents(config: &Config, disk: &FileDisk, in_flight: bool) -> Result<(), Failure> {
+    runtime()?.block_on(async {
+        for vehicle in config.vehicles() {
+            let Signing::KeyFile(key_file, exchange) = &vehicle.signing else {
+                continue;
+            };
+            if exchange.mode != ExchangeMode::On {
+                continue;
+            }
+            let of = (key_file.as_path(), *exchange);
+            let outcome = match Pairing::with_agent(config, vehicle, of, disk.shared()) {
+                Ok(Some(agent)) => agent.order_zeroize(in_flight).await,
+                Ok(None) => "no agent is paired, and none was ordered to erase itself".to_owned(),
+                Err(fault) => format!("{NOT_REACHED} ({fault})"),
+            };
+            print_line(&format!("vehicle {}: {outcome}", vehicle.id));
+        }
+        for line in key_link::discard_keys(config, disk).await {
+            print_line(&line);
+        }
+    });
+    Ok(())
+}
+
+/// Lets the bridge or the agent that has the store give up everything, and end. What it reports of what is not on this computer.
+fn order_running(store: &Path, in_flight: bool) -> Result<Vec<String>, Failure> {
     let word = if in_flight { IN_FLIGHT } else { b'd' };
     let _waiting = waiting(
         "the program that runs there to take the order",
@@ -115,7 +158,7 @@ fn order_running(store: &Path, in_flight: bool) -> Result<(), Failure> {
         .and_then(|text| serde_json::from_str(&text).context("its answer"))
         .map_err(failed)?;
     match answer.refused {
-        None => Ok(()),
+        None => Ok(answer.beyond),
         Some(why) => Err(failed(anyhow!("nothing is erased: {why}"))),
     }
 }
@@ -141,6 +184,7 @@ fn load(path: &Path) -> Result<Target, Failure> {
             id: config.agent.get_ref().vehicle_id.to_string(),
             order: Order::of_agent(&config),
             store: config.store.dir,
+            bridge: None,
         });
     }
     // Also where there is no such file: the error says how to make one.
@@ -148,7 +192,8 @@ fn load(path: &Path) -> Result<Target, Failure> {
     Ok(Target {
         id: config.dli.vsm_id.to_string(),
         order: Order::of_bridge(&config),
-        store: config.store.dir,
+        store: config.store.dir.clone(),
+        bridge: Some(config),
     })
 }
 
@@ -209,6 +254,24 @@ fn lines(erased: &Erased) -> Vec<String> {
     lines
 }
 
+/// A bridge has ended by an order: PX4's keys, where the configuration says so, before its own are erased.
+pub(super) async fn discard_keys(config: &Config, store: FileDisk) {
+    if !store.is_ordered() {
+        return;
+    }
+    let mut done = std::pin::pin!(key_link::discard_keys(config, &store));
+    let mut pings = tokio::time::interval(service::ping_interval().unwrap_or(PING));
+    let lines = loop {
+        tokio::select! {
+            lines = &mut done => break lines,
+            _ = pings.tick() => service::alive(),
+        }
+    };
+    for line in lines {
+        tracing::warn!("zeroize: {line}");
+    }
+}
+
 /// A start that finds an order finishes it, and ends: what it would have served is gone. So does a bridge that has stored one. And
 /// so does each start after that, whoever has finished it, until a person says otherwise: a service would take up its credential.
 pub(super) fn finish(store: &Path) -> Result<(), Failure> {
@@ -226,17 +289,19 @@ pub(super) fn finish(store: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// A bridge that ends gets so long to write what is left to write.
-const UNLOCKED_WITHIN: Duration = Duration::from_secs(30);
+/// A bridge that ends gets so long to write what is left to write, and to give PX4 another key.
+const UNLOCKED_WITHIN: Duration = Duration::from_secs(60);
+const PING: Duration = Duration::from_secs(2);
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
-const ANSWER_WITHIN: Duration = Duration::from_secs(30);
+/// A bridge waits for its agents, and an agent for PX4.
+const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 /// What no program can promise.
 const NOT_ERASED: [&str; 4] = [
     "not erased: copies that the medium keeps (wear levelling of flash and memory cards, journals, snapshots, swap): destroy the \
      key of an encrypted disk, or the medium",
     "not erased: copies elsewhere: backups, collected logs, /etc/vsm/*.key of a service, key files carried by hand, the other end \
      of each key (PX4, agent, other stations)",
-    "not erased: PX4's key (mavlink/mavlink-signing-key.bin on its memory card) and its flight logs; by an order on the ground, the \
-     agent beside PX4: run `vsm zeroize` with its airside.toml there",
+    "not erased: PX4's flight logs, and its key (mavlink/mavlink-signing-key.bin on its memory card) unless an agent was reported to \
+     have replaced it; an agent that was not reported to erase itself: run `vsm zeroize` with its airside.toml there",
     "not erased: the configuration file, and what other programs have recorded",
 ];

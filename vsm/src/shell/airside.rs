@@ -104,6 +104,8 @@ pub struct AirsideServer {
     greeting: Option<Greeting>,
     /// Whoever stands at the open pairing window.
     asker: Option<Asker>,
+    /// Who at this computer has ordered a zeroize, and waits for what it comes to.
+    orderer: Option<UnixStream>,
 }
 
 type Greeting = JoinHandle<Option<(Asker, PairingCode)>>;
@@ -169,6 +171,8 @@ impl AirsideServer {
             radio: endpoint(ground),
             px4: endpoint(autopilot),
             restamp: px4.restamp,
+            replace_px4_key: config.zeroize.px4_key,
+            contingency: config.contingency.as_ref().map(|one| one.get_ref().clone()),
             not_before: Stamp::from_unix(NOT_BEFORE),
             ids: [own.vsm_id.0, own.vehicle_id.0],
         };
@@ -214,6 +218,7 @@ impl AirsideServer {
             order: Order::of_agent(config),
             greeting: None,
             asker: None,
+            orderer: None,
         })
     }
 
@@ -276,9 +281,7 @@ impl AirsideServer {
                     Err(cause) => pause_after("the pairing socket", &cause).await,
                 },
                 asked = self.zeroize.accept() => match asked {
-                    Ok((stream, _)) => if self.take_zeroize(stream).await {
-                        break;
-                    },
+                    Ok((stream, _)) => self.take_zeroize(stream).await,
                     Err(cause) => pause_after("the zeroize socket", &cause).await,
                 },
                 greeted = greeted(&mut self.greeting) => {
@@ -300,6 +303,9 @@ impl AirsideServer {
                 }
             }
             self.settle().await?;
+            if self.agent.is_zeroized(self.clock.mono()) {
+                break;
+            }
         }
         let end = Instant::now() + LAST_WRITES;
         self.disk.store.wait(LAST_WRITES);
@@ -344,26 +350,39 @@ impl AirsideServer {
         status
     }
 
-    /// Somebody at this computer wants to zeroize: whether the order is stored, and the agent ends.
-    async fn take_zeroize(&mut self, mut stream: UnixStream) -> bool {
+    /// Somebody at this computer wants to zeroize.
+    async fn take_zeroize(&mut self, mut stream: UnixStream) {
         let read = tokio::time::timeout(STATUS_WITHIN, stream.read_u8()).await;
         let Ok(Ok(word)) = read else {
-            return false;
+            return;
         };
-        let disarmed = self.agent.is_disarmed(self.clock.mono());
-        let refused = if disarmed || word == status_socket::IN_FLIGHT {
-            let mut disk = self.disk.store.files().shared();
-            let begun = erase::begin(&mut disk, &self.order);
-            begun.err().map(|fault| fault.to_string())
-        } else {
-            Some(FLIES.to_owned())
-        };
-        let ordered = refused.is_none();
-        if ordered {
-            tracing::warn!("ZEROIZE ORDERED by an operator of this computer: the agent ends");
+        let in_flight = word == status_socket::IN_FLIGHT;
+        match self.agent.zeroize_here(self.clock.mono(), in_flight) {
+            Ok(()) => self.orderer = Some(stream),
+            Err(why) => answer_order(stream, Some(why.to_owned()), vec![]).await,
         }
-        status_socket::answer(stream, &Ordered { refused }, STATUS_WITHIN).await;
-        ordered
+    }
+
+    /// Stores an order to zeroize before anything of it is acknowledged, and answers who has given it here.
+    async fn settle_zeroize(&mut self) {
+        if self.agent.zeroize_to_store() {
+            // By this thread: whatever else waits for the disk is erased anyway.
+            let mut disk = self.disk.store.files().shared();
+            let stored = erase::begin(&mut disk, &self.order).map_err(|fault| fault.to_string());
+            let now = self.clock.now();
+            self.agent
+                .zeroize_stored(now, &stored, &mut system_random, &mut self.disk);
+            if let Err(why) = stored
+                && let Some(stream) = self.orderer.take()
+            {
+                answer_order(stream, Some(why), vec![]).await;
+            }
+        }
+        if let Some(key) = self.agent.zeroized_key()
+            && let Some(stream) = self.orderer.take()
+        {
+            answer_order(stream, None, vec![key.to_string()]).await;
+        }
     }
 
     /// Somebody at this computer wants to pair.
@@ -418,6 +437,7 @@ impl AirsideServer {
 
     /// Sends what is due and writes the log.
     async fn settle(&mut self) -> Result<(), TaskFault> {
+        self.settle_zeroize().await;
         let mut out = [0; MAX_FRAME];
         while let Some(sent) = self
             .agent
@@ -478,6 +498,11 @@ impl AirsideServer {
         }
         Ok(())
     }
+}
+
+async fn answer_order(stream: UnixStream, refused: Option<String>, beyond: Vec<String>) {
+    let answer = Ordered { refused, beyond };
+    status_socket::answer(stream, &answer, STATUS_WITHIN).await;
 }
 
 fn write_log(level: LogLevel, text: &str) {
@@ -546,8 +571,6 @@ const LAST_WRITES: Duration = Duration::from_secs(10);
 
 /// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
 const FOREIGN: &str = "PX4's link: not a permitted user's socket";
-const FLIES: &str = "PX4 is not known to be disarmed, and would lose its link to the ground: land and disarm it, or add \
-                     --in-flight";
 const RADIO_WRITER: &str = "writer of the ground's serial port";
 const LARGEST: usize = 65_536;
 /// A socket takes a whole status at once: the links wait no longer for one who does not read.

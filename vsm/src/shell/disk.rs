@@ -100,6 +100,12 @@ impl FileDisk {
         Ok(disk)
     }
 
+    /// Whether an order to zeroize stands in it.
+    #[must_use]
+    pub fn is_ordered(&self) -> bool {
+        is_to_be_erased(&self.folder)
+    }
+
     /// As [`FileDisk::open_on`], also where an order to erase it stands.
     pub(super) fn open_to_erase(
         folder: &Path,
@@ -172,8 +178,9 @@ impl FileDisk {
         names.map_err(|cause| StoreError::new(self.folder.display().to_string(), cause))
     }
 
-    /// The same store for another thread.
-    pub(super) fn shared(&self) -> FileDisk {
+    /// The same store for another thread, or another user of it in this process.
+    #[must_use]
+    pub fn shared(&self) -> FileDisk {
         self.through(self.system.clone())
     }
 

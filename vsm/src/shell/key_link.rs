@@ -1,4 +1,4 @@
-//! `vsm key provision | rotate | revoke`: a vehicle's link, held by this process alone, and the handover of a key on it.
+//! `vsm key provision | rotate | revoke`, and a zeroize with `zeroize.px4_key`: a vehicle's link, held by this process alone, and the handover of a key on it.
 //!
 //! The store's lock and the key's are held, so no bridge shares the stream of stamps. SETUP_SIGNING shows the key to
 //! whoever reads the line: it goes over loopback and serial lines only, unless the operator vouches for the link; on
@@ -8,6 +8,7 @@ use std::net::ToSocketAddrs;
 use std::time::Duration;
 
 use mavlink_link::clock::Origin;
+use mavlink_link::exchange::AutopilotKey;
 use mavlink_link::frame::MAX_FRAME;
 use mavlink_link::link::{Endpoint, LinkConfig, Security};
 use mavlink_link::provisioning::{
@@ -20,10 +21,11 @@ use zeroize::Zeroize;
 
 use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{FileDisk, OpenError};
+use super::key_file;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::local_peers::{LocalPeers, Stranger};
 use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
-use crate::config::{Config, LinkAddress, Vehicle};
+use crate::config::{Config, ExchangeMode, LinkAddress, Signing, Vehicle};
 use crate::session::Peer;
 
 /// Why a key cannot be handed over.
@@ -70,6 +72,8 @@ pub enum What {
     New(SigningKey),
     /// The key in force, once more: the vehicle has fallen back to the one before.
     InForceAgain,
+    /// One that nobody keeps, in place of the one in force: a zeroize.
+    Discarded(SigningKey),
 }
 
 /// What the operator vouches for.
@@ -119,8 +123,8 @@ pub enum Progress {
 pub struct KeyLink {
     handover: KeyRollover<Peer>,
     keys: KeyStore,
-    /// The key is the one in force already: the files stay as they are, however it ends.
-    again: bool,
+    /// The key is the one in force already, or is kept by nobody: the files stay as they are, however it ends.
+    keeps_files: bool,
     store: FileDisk,
     clock: Clock,
     reader: VehicleReader,
@@ -144,18 +148,23 @@ impl KeyLink {
         what: What,
         trust: Trust,
     ) -> Result<KeyLink, KeyLinkError> {
-        if vehicle.encrypt {
-            return Err(KeyLinkError::Encrypted);
-        }
-        if !trust.open_link && !is_local(&vehicle.link) {
-            return Err(KeyLinkError::OpenLink {
-                link: vehicle.link.to_string(),
-            });
-        }
+        may_carry_a_key(vehicle, trust)?;
+        // A running bridge holds both locks: two writers of one stream would make each other's stamps stale.
+        let store = FileDisk::open(&config.store.dir)?;
+        KeyLink::open_on(config, vehicle, key_file, what, trust, store)
+    }
+
+    fn open_on(
+        config: &Config,
+        vehicle: &Vehicle,
+        key_file: &std::path::Path,
+        what: What,
+        trust: Trust,
+        mut store: FileDisk,
+    ) -> Result<KeyLink, KeyLinkError> {
+        may_carry_a_key(vehicle, trust)?;
         let clock = Clock::default();
         let now = clock.now();
-        // A running bridge holds both locks: two writers of one stream would make each other's stamps stale.
-        let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         keys.bury(&mut store)?;
         let record = sockets::port_record(config, vehicle);
@@ -166,7 +175,7 @@ impl KeyLink {
             &record,
             &mut store,
         )?;
-        let again = matches!(what, What::InForceAgain);
+        let keeps_files = !matches!(what, What::New(_));
         let (old, new) = match what {
             What::New(new) => match keys.next()? {
                 // The vehicle may have the unfinished key already: replacing it could leave nobody with that key.
@@ -180,6 +189,10 @@ impl KeyLink {
                 let current = keys.current()?.ok_or(KeyLinkError::NoKey)?;
                 // The vehicle may sign with the previous key, and SETUP_SIGNING must be signed with the one it has.
                 (keys.previous()?, current)
+            }
+            What::Discarded(other) => {
+                let current = keys.current()?.ok_or(KeyLinkError::NoKey)?;
+                (Some(current), other)
             }
         };
         let not_before = Stamp::from_unix(NOT_BEFORE);
@@ -209,7 +222,7 @@ impl KeyLink {
         Ok(KeyLink {
             handover,
             keys,
-            again,
+            keeps_files,
             store,
             clock,
             reader,
@@ -253,7 +266,7 @@ impl KeyLink {
             while let Some(event) = self.handover.poll_event() {
                 report(Progress::Event(event));
                 match event {
-                    _ if self.again => {}
+                    _ if self.keeps_files => {}
                     Event::Commit => {
                         self.keys.commit()?;
                         self.bury();
@@ -365,6 +378,69 @@ impl KeyLink {
     }
 }
 
+fn may_carry_a_key(vehicle: &Vehicle, trust: Trust) -> Result<(), KeyLinkError> {
+    if vehicle.encrypt {
+        return Err(KeyLinkError::Encrypted);
+    }
+    if !trust.open_link && !is_local(&vehicle.link) {
+        return Err(KeyLinkError::OpenLink {
+            link: vehicle.link.to_string(),
+        });
+    }
+    Ok(())
+}
+
+/// An order to zeroize stands in this store: PX4 of each vehicle without an agent is given a key that nobody keeps, where the
+/// configuration says so. What has become of each.
+pub async fn discard_keys(config: &Config, store: &FileDisk) -> Vec<String> {
+    let mut outcomes = vec![];
+    for vehicle in config.vehicles().filter(|_| config.zeroize.px4_key) {
+        let Signing::KeyFile(key_file, exchange) = &vehicle.signing else {
+            continue;
+        };
+        if exchange.mode != ExchangeMode::Off {
+            continue;
+        }
+        let outcome = match discard(config, vehicle, key_file, store.shared()).await {
+            Ok(key) => key.to_string(),
+            Err(fault) => format!("{} ({fault})", AutopilotKey::NotReached),
+        };
+        outcomes.push(format!("vehicle {}: {outcome}", vehicle.id));
+    }
+    outcomes
+}
+
+async fn discard(
+    config: &Config,
+    vehicle: &Vehicle,
+    key_file: &std::path::Path,
+    store: FileDisk,
+) -> Result<AutopilotKey, KeyLinkError> {
+    let Ok(other) = key_file::random() else {
+        return Ok(AutopilotKey::NotTaken);
+    };
+    let mut tries = 0;
+    let link = loop {
+        let (what, store) = (What::Discarded(other.duplicate()), store.shared());
+        match KeyLink::open_on(config, vehicle, key_file, what, Trust::default(), store) {
+            // Threads of the bridge that has just ended let go of its keys and sockets in a moment.
+            Err(KeyLinkError::Keys(_) | KeyLinkError::Socket(_)) if tries < MAX_OPENS => {
+                tries += 1;
+                tokio::time::sleep(LOOK).await;
+            }
+            opened => break opened?,
+        }
+    };
+    Ok(match link.run(DISCARD_WITHIN, &mut |_| {}).await? {
+        Ending::Ended(Outcome::Committed) => AutopilotKey::Replaced,
+        Ending::Ended(_) | Ending::ForeignKey | Ending::Unsigned | Ending::Dragged => {
+            AutopilotKey::NotTaken
+        }
+        Ending::StayedArmed => AutopilotKey::Armed,
+        Ending::NotHeard | Ending::Stranger(_) | Ending::Unknown => AutopilotKey::NotReached,
+    })
+}
+
 /// Whether nobody else can listen on the link: a serial line, or this computer itself.
 #[must_use]
 pub fn is_local(link: &LinkAddress) -> bool {
@@ -386,5 +462,9 @@ pub fn is_local(link: &LinkAddress) -> bool {
 const LOOK: Duration = Duration::from_millis(50);
 /// How long the vehicle must keep its power after it has taken the key: it writes its file without synchronising it.
 pub const KEEP_POWER: Duration = Duration::from_secs(5);
+/// Two seconds.
+const MAX_OPENS: u32 = 40;
+/// 10 s of them to see that only one autopilot is on the link, then three tries.
+const DISCARD_WITHIN: Duration = Duration::from_secs(20);
 /// How long a silent vehicle is asked before the rest is left to `vsm run`.
 pub const UNKNOWN_FOR: Duration = Duration::from_secs(60);

@@ -1,5 +1,6 @@
 //! `vsm pair`: this VSM and a vehicle's air-side agent get to know each other, over the vehicle's link, by a code that a
-//! person has carried from one to the other. The store's lock and the key's are held, so no bridge runs meanwhile.
+//! person has carried from one to the other. The store's lock and the key's are held, so no bridge runs meanwhile. `vsm zeroize`
+//! orders a paired agent to zeroize in the same way where no bridge runs.
 
 use std::path::Path;
 use std::time::Duration;
@@ -19,7 +20,9 @@ use super::key_file::system_random;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, Exchange, Vehicle};
-use crate::key_exchange::{ExchangeRecord, GroundKeys, WANTED, identity, memory, parties};
+use crate::key_exchange::{
+    ExchangeRecord, GroundKeys, NOT_REACHED, WANTED, identity, memory, parties,
+};
 use crate::session::Peer;
 use mavlink_link::store::StoreError;
 
@@ -86,8 +89,39 @@ impl Pairing {
         (key_file, settings): (&Path, Exchange),
         code: PairingCode,
     ) -> Result<Pairing, PairingError> {
+        let store = FileDisk::open(&config.store.dir)?;
+        let trust = Trust::Pairing(code);
+        let mut pairing = Pairing::open_on(config, vehicle, (key_file, settings), trust, store)?;
+        pairing.initiator.want();
+        Ok(pairing)
+    }
+
+    /// Opens the link to the agent that was paired with, with a store that is open; `None` where none was.
+    ///
+    /// # Errors
+    /// As [`Pairing::open`].
+    pub fn with_agent(
+        config: &Config,
+        vehicle: &Vehicle,
+        of: (&Path, Exchange),
+        store: FileDisk,
+    ) -> Result<Option<Pairing>, PairingError> {
+        match ExchangeRecord::load(&store, vehicle.id)?.peer() {
+            None => Ok(None),
+            Some(peer) => {
+                Pairing::open_on(config, vehicle, of, Trust::Pinned(peer), store).map(Some)
+            }
+        }
+    }
+
+    fn open_on(
+        config: &Config,
+        vehicle: &Vehicle,
+        (key_file, settings): (&Path, Exchange),
+        trust: Trust,
+        mut store: FileDisk,
+    ) -> Result<Pairing, PairingError> {
         let clock = Clock::default();
-        let mut store = FileDisk::open(&config.store.dir)?;
         let keys = KeyStore::open(key_file)?;
         keys.bury(&mut store)?;
         let port = sockets::port_record(config, vehicle);
@@ -105,7 +139,10 @@ impl Pairing {
                 role: Role::Ground,
                 parties,
                 identity: identity(&mut store, &mut system_random)?,
-                peer: None,
+                peer: match &trust {
+                    Trust::Pinned(peer) => Some(*peer),
+                    Trust::Pairing(_) => None,
+                },
                 at: peer,
             };
             Some(Encryption::open(&vehicle.link, end, clock.now(), &store)?)
@@ -115,11 +152,10 @@ impl Pairing {
         let config = InitiatorConfig {
             parties,
             identity: identity(&mut store, &mut system_random)?,
-            trust: Trust::Pairing(code),
+            trust,
             wanted: WANTED,
         };
-        let mut initiator = Initiator::new(config, memory(&record, &keys), clock.mono());
-        initiator.want();
+        let initiator = Initiator::new(config, memory(&record, &keys), clock.mono());
         Ok(Pairing {
             initiator,
             parties,
@@ -153,16 +189,7 @@ impl Pairing {
         let mut bytes = vec![0; 65_536];
         let mut unproven = None;
         loop {
-            self.send().await;
-            let due = self.initiator.poll_timeout().unwrap_or(Duration::MAX);
-            let until = due.min(patience).max(self.clock.mono());
-            tokio::select! {
-                received = self.reader.receive(&mut bytes) => match received {
-                    Ok((length, from)) => self.take(from, bytes.get(..length).unwrap_or_default()),
-                    Err(_) => tokio::time::sleep(PAUSE).await,
-                },
-                () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
-            }
+            self.step(patience, &mut bytes).await;
             while let Some(event) = self.initiator.poll_event() {
                 report(&event);
                 match event {
@@ -176,6 +203,44 @@ impl Pairing {
             if self.clock.mono() >= patience {
                 return Ending::NotAnswered(unproven);
             }
+        }
+    }
+
+    /// Orders the agent to zeroize; what it has answered.
+    pub async fn order_zeroize(mut self, in_flight: bool) -> String {
+        let now = self.clock.mono();
+        let ordered = self
+            .initiator
+            .order_zeroize(now, in_flight, &mut system_random);
+        let mut bytes = vec![0; 65_536];
+        let mut outcome = NOT_REACHED.to_owned();
+        while ordered == Ok(true) && self.initiator.is_ordering() {
+            self.step(Duration::MAX, &mut bytes).await;
+            while let Some(event) = self.initiator.poll_event() {
+                if let InitiatorEvent::Zeroize {
+                    report: Some(report),
+                } = event
+                {
+                    outcome = report.to_string();
+                }
+            }
+        }
+        outcome
+    }
+
+    /// Sends what is due, and waits for what comes, no longer than until then.
+    async fn step(&mut self, end: Duration, bytes: &mut [u8]) {
+        self.send().await;
+        let encrypted = self.encryption.as_ref().map(Encryption::poll_timeout);
+        let due = self.initiator.poll_timeout().unwrap_or(Duration::MAX);
+        let due = due.min(encrypted.unwrap_or(Duration::MAX)).min(end);
+        let until = due.max(self.clock.mono());
+        tokio::select! {
+            received = self.reader.receive(bytes) => match received {
+                Ok((length, from)) => self.take(from, bytes.get(..length).unwrap_or_default()),
+                Err(_) => tokio::time::sleep(PAUSE).await,
+            },
+            () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
         }
     }
 
@@ -254,18 +319,22 @@ impl Pairing {
             if let Ok(len) = encode_raw(header, &message.to_payload(), &mut out) {
                 let frame = out.get(..len).unwrap_or_default();
                 // A frame that does not leave is a frame that is lost.
-                let _ = match &mut self.encryption {
-                    None => self.writer.send(frame, to).await,
-                    Some(one) => {
-                        let now = self.clock.mono();
-                        one.send(now, to, frame);
-                        match one.poll_transmit(now, &mut self.store) {
-                            Some((to, bytes)) => self.writer.send(bytes, to).await,
-                            None => Ok(()),
-                        }
-                    }
-                };
+                match &mut self.encryption {
+                    None => drop(self.writer.send(frame, to).await),
+                    Some(one) => one.send(self.clock.mono(), to, frame),
+                }
             }
+        }
+        self.send_encrypted().await;
+    }
+
+    async fn send_encrypted(&mut self) {
+        let Some(one) = &mut self.encryption else {
+            return;
+        };
+        one.handle_timeout(self.clock.now(), &mut self.store);
+        while let Some((to, bytes)) = one.poll_transmit(self.clock.mono(), &mut self.store) {
+            drop(self.writer.send(bytes, to).await);
         }
     }
 }

@@ -28,11 +28,14 @@ pub const ZEROIZE: &str = "zeroize.sock";
 /// What an order to zeroize begins with where it is meant in flight, too; another byte where it is not.
 pub const IN_FLIGHT: u8 = b'f';
 
-/// What an order to zeroize is answered, once it is stored.
+/// What an order to zeroize is answered, once it is stored, and what it could reach has answered.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Ordered {
     /// Why it is not taken.
     pub refused: Option<String>,
+    /// What has become of what is not on this computer: agents, and PX4's key.
+    #[serde(default)]
+    pub beyond: Vec<String>,
 }
 
 /// Where a socket of a store folder is.

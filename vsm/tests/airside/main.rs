@@ -4,7 +4,9 @@
 mod chain;
 mod clock_model;
 mod clocks;
+mod contingency;
 mod provisioning;
 mod relay;
 mod under_attack;
 mod world;
+mod zeroize;

@@ -7,9 +7,11 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
-use mavlink_link::dialect::MavMessage;
+use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::exchange::{self, Agreed, Identity, PinnedPeer, ResponderStore};
-use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
+use mavlink_link::frame::{
+    FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
+};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::{KeyState, Stream};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
@@ -231,10 +233,13 @@ pub(crate) struct World {
     pub(crate) now: Now,
     pub(crate) px4: Autopilot<Peer>,
     pub(crate) agent: Agent,
+    pub(crate) settings: Settings,
     pub(crate) disk: Disk,
     pub(crate) ground: Option<Ground>,
     /// All that was relayed or sent to PX4, the newest last.
     pub(crate) to_px4: Vec<Vec<u8>>,
+    /// Payloads of KEY_EXCHANGE that the agent has sent to the ground.
+    pub(crate) exchanged: Vec<Vec<u8>>,
     pub(crate) log: Vec<String>,
     /// How often a frame with a key in it went out.
     pub(crate) secrets: usize,
@@ -242,6 +247,10 @@ pub(crate) struct World {
     pub(crate) datagrams: usize,
     pub(crate) lost: Option<usize>,
     pub(crate) px4_connected: bool,
+    /// What the agent was given as random bytes last.
+    rolls: u8,
+    /// Nothing of the ground arrives at the agent.
+    pub(crate) uplink_cut: bool,
     /// What happens at the very moment that PX4 has been sent a key.
     pub(crate) on_secret: Option<Mishap>,
     /// This PX4 does not know SETUP_SIGNING.
@@ -259,6 +268,8 @@ pub(crate) fn settings() -> Settings {
         radio: Endpoint::Listen,
         px4: Endpoint::Fixed(at(PX4)),
         restamp: false,
+        replace_px4_key: true,
+        contingency: None,
         not_before: BUILD,
         ids: [0x1b00_0001, 0x1b00_0101],
     }
@@ -294,15 +305,19 @@ impl World {
         World {
             now,
             px4: Autopilot::new(Config::default(), px4, vec![Some(at(9))]),
-            agent: start(settings, &mut disk, now),
+            agent: start(settings.clone(), &mut disk, now),
+            settings,
             disk,
             ground,
             to_px4: vec![],
+            exchanged: vec![],
             log: vec![],
             secrets: 0,
             datagrams: 0,
             lost: None,
             px4_connected: true,
+            rolls: 9,
+            uplink_cut: false,
             cannot_sign: false,
             on_secret: None,
         }
@@ -343,6 +358,9 @@ impl World {
         }
         let beats = self.ground.as_mut().map(|ground| ground.beat(self.now));
         for beat in beats.unwrap_or_default() {
+            if self.uplink_cut {
+                continue;
+            }
             self.radio(GROUND, &beat);
         }
         self.agent.handle_timeout(self.now, &mut self.disk);
@@ -351,8 +369,10 @@ impl World {
 
     /// What comes in from the radio.
     pub(crate) fn radio(&mut self, from: u16, bytes: &[u8]) {
+        let rolls = &mut self.rolls;
         let mut random = |out: &mut [u8]| {
-            out.fill(9);
+            *rolls = rolls.wrapping_add(1);
+            out.fill(*rolls);
             Ok(())
         };
         self.agent
@@ -381,6 +401,10 @@ impl World {
                     self.to_px4.push(bytes);
                 }
                 Side::Radio => {
+                    let frame = FrameView::parse(&bytes).unwrap();
+                    if frame.header().message_id == KEY_EXCHANGE_ID {
+                        self.exchanged.push(frame.payload().to_vec());
+                    }
                     if let Some(ground) = &mut self.ground {
                         ground.take(self.now, &bytes);
                     }
@@ -392,9 +416,49 @@ impl World {
         }
     }
 
+    /// A command of the ground.
+    pub(crate) fn command(
+        &mut self,
+        command: MavCmd,
+        [param1, param2, param3]: [f32; 3],
+        param7: f32,
+    ) {
+        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command,
+            target_system: 1,
+            target_component: 1,
+            param1,
+            param2,
+            param3,
+            param4: 0.0,
+            param7,
+            ..COMMAND_LONG_DATA::default()
+        });
+        let now = self.now;
+        let bytes = self.ground.as_mut().unwrap().frame(now, &message);
+        assert!(self.passes(GROUND, &bytes));
+    }
+
+    /// In the air, and on hold.
+    pub(crate) fn take_off(&mut self) {
+        // PX4 arms some seconds after its start.
+        self.run(12.0);
+        self.command(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0, 0.0, 0.0], 0.0);
+        self.run(1.0);
+        let amsl_m = self.px4.vehicle().truth().place.altitude_m + 20.0;
+        self.command(MavCmd::MAV_CMD_NAV_TAKEOFF, [0.0; 3], amsl_m as f32);
+        self.run(25.0);
+        let truth = self.px4.vehicle().truth();
+        assert!(
+            truth.armed && truth.mode == px4_sim::Mode::Loiter,
+            "{truth:?} {:?}",
+            self.log
+        );
+    }
+
     /// The agent is killed and started again; the disk stays.
     pub(crate) fn restart_agent(&mut self) {
-        self.agent = start(settings(), &mut self.disk, self.now);
+        self.agent = start(self.settings.clone(), &mut self.disk, self.now);
     }
 
     pub(crate) fn received(&self) -> &[u32] {

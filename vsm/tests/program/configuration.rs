@@ -490,6 +490,32 @@ fn the_agents_file_is_refused_with_the_key_and_what_was_expected() {
             "radio.talkers",
         ),
         ("[px4]\nlink", "[px4]\nlinc", "linc"),
+        // A route needs an upload, which is the bridge's.
+        (
+            "[store]",
+            "[contingency]\nlink = \"contingency-a\"\n[store]",
+            "the agent uploads no route",
+        ),
+        (
+            "[store]",
+            "[contingency]\nposition = \"rtl\"\n[store]",
+            "contingency.position",
+        ),
+        (
+            "[store]",
+            "[contingency]\nfence = \"rtl\"\n[store]",
+            "[[contingency.area]]",
+        ),
+        (
+            "[store]",
+            "[contingency]\nlink_lost_s = 4.0\n[store]",
+            "5 to 3600",
+        ),
+        (
+            "[store]",
+            "[contingency]\nbattery_percent = 91\n[store]",
+            "1 to 90",
+        ),
     ];
     for (from, to, key) in bad {
         let text = AGENT.replace(from, to);

@@ -57,6 +57,7 @@ impl Bridge {
                         // 17000 type 2 follows once the order is stored.
                         dli.acknowledge(vehicle, &origin, AckType::Received);
                         self.zeroize.waiting = Some(Some((vehicle, origin)));
+                        self.zeroize.in_flight = self.zeroize.settings.in_flight;
                     }
                     Order::Arm | Order::Reset => {
                         dli.acknowledge(vehicle, &origin, AckType::CarriedOut);
@@ -81,7 +82,7 @@ impl Bridge {
         let (fleet, armed_s) = (self.fleet(None), self.zeroize.settings.armed_s);
         let outcome = self.zeroize.rules.order_here(in_flight, fleet);
         let outcome = outcome.map_err(|refusal| text::refusal(refusal, armed_s))?;
-        self.zeroize.waiting = Some(None);
+        (self.zeroize.waiting, self.zeroize.in_flight) = (Some(None), in_flight);
         self.conclude_zeroize(now, outcome, disk);
         Ok(())
     }
@@ -126,6 +127,29 @@ impl Bridge {
                 }
             }
         }
+    }
+
+    /// Whether what is ordered is meant in flight, too: agents are ordered the same.
+    #[must_use]
+    pub fn zeroizes_in_flight(&self) -> bool {
+        self.zeroize.in_flight
+    }
+
+    /// What has become of it beyond this computer: of the agent of a vehicle, or of its autopilot's key.
+    pub fn zeroized_beyond(&mut self, now: Now, vehicle: Id, what: &str, disk: &mut dyn Disk) {
+        let why = &format!("ZEROIZE of vehicle {vehicle}: {what}");
+        let (mut dli, aircraft) = self.effects(now, disk);
+        if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+            let (what, by) = ("zeroize beyond this computer", None);
+            one.ask_authority(&mut dli, authority::Input::Audit { what, by, why });
+        }
+        let listeners = self.all_listeners();
+        let (mut dli, _) = self.effects(now, disk);
+        let (priority, subsystem) = (AlertPriority::Emergency, SubsystemId::VsmStatus);
+        let raised = dli
+            .alerts
+            .notice(now.mono, priority, subsystem, why.clone());
+        dli.alert_each(&listeners, raised);
     }
 
     pub(super) fn watch_zeroize(&mut self, now: Now, disk: &mut dyn Disk) {

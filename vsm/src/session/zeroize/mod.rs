@@ -23,6 +23,8 @@ pub(crate) struct Zeroize {
     pub(crate) rules: Rules,
     /// The vehicle that it was armed by.
     pub(crate) vehicle: Option<Id>,
+    /// What was ordered is meant in flight, too.
+    pub(crate) in_flight: bool,
     /// The order to execute, which is answered once it is stored; `None` of one that was given here.
     pub(crate) waiting: Option<Option<(Id, Origin)>>,
 }

@@ -33,6 +33,7 @@ use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
     tell_status, watch_group,
 };
+use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader, VehicleWriter};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
@@ -66,6 +67,12 @@ impl Server {
     /// The system's.
     pub fn dli_address(&self) -> io::Result<SocketAddr> {
         self.dli.unicast.local_addr()
+    }
+
+    /// Its store, which stays locked as long as this is held.
+    #[must_use]
+    pub fn store(&self) -> FileDisk {
+        self.shared.core.borrow().store.files().shared()
     }
 
     /// Where the operator's page is; `None` where none is served.

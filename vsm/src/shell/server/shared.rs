@@ -92,6 +92,22 @@ pub(super) struct Core {
 impl Core {
     /// The key exchanges take what has come in for them, and do what is due.
     fn step_exchanges(&mut self, now: Now, in_use: Option<usize>, events: &RefCell<Events>) {
+        self.each_exchange(|index, exchange, with| {
+            if in_use == Some(index) {
+                exchange.key_in_use(now, with);
+            }
+            exchange.handle(now, with);
+            while let Some(entry) = exchange.poll_log() {
+                events.borrow_mut().push(now.wall, &entry);
+                write_log(&entry);
+            }
+        });
+    }
+
+    fn each_exchange(
+        &mut self,
+        mut act: impl FnMut(usize, &mut KeyExchange, &mut Surroundings<'_>),
+    ) {
         for (index, exchange) in &mut self.exchanges {
             let Some(Some(keys)) = self.key_stores.get_mut(*index) else {
                 continue;
@@ -104,15 +120,20 @@ impl Core {
                 random: &mut system_random,
                 not_before: NOT_BEFORE,
             };
-            if in_use == Some(*index) {
-                exchange.key_in_use(now, &mut with);
-            }
-            exchange.handle(now, &mut with);
-            while let Some(entry) = exchange.poll_log() {
-                events.borrow_mut().push(now.wall, &entry);
-                write_log(&entry);
-            }
+            act(*index, exchange, &mut with);
         }
+    }
+
+    /// An order to zeroize stands here: the agents are ordered the same.
+    pub(super) fn order_agents(&mut self, now: Now) {
+        let in_flight = self.bridge.zeroizes_in_flight();
+        self.each_exchange(|_, exchange, with| exchange.order_zeroize(now, in_flight, with));
+    }
+
+    /// Whether nothing more is to come of that.
+    pub(super) fn agents_have_answered(&self) -> bool {
+        let mut exchanges = self.exchanges.iter();
+        exchanges.all(|(_, one)| one.zeroized().is_some())
     }
 
     /// When anything is next needed.

@@ -1,12 +1,14 @@
-//! An order to zeroize, by message or by `vsm zeroize`: it is stored, and the bridge ends; who has run it erases what lies on the disk.
+//! An order to zeroize, by message or by `vsm zeroize`: it is stored, agents beside PX4 are ordered the same, and the bridge ends; who
+//! has run it erases what lies on the disk.
 
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::io::AsyncReadExt as _;
 use tokio::net::{UnixListener, UnixStream};
 
-use super::shared::Shared;
+use super::shared::{Core, Shared};
+use crate::key_exchange;
 use crate::shell::erase::{self, Order};
 use crate::shell::status_socket::{self, IN_FLIGHT, Ordered};
 use crate::shell::tasks::Beat;
@@ -31,7 +33,8 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
                     ordered.err()
                 });
                 if refused.is_some() {
-                    let answer = Ordered { refused };
+                    let beyond = vec![];
+                    let answer = Ordered { refused, beyond };
                     status_socket::answer(stream, &answer, ANSWER_WITHIN).await;
                     continue;
                 }
@@ -56,9 +59,14 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
         });
         let Some(stored) = stored else { continue };
         let ended = stored.is_ok();
+        let beyond = match ended {
+            true => beyond(&shared, &beat).await,
+            false => vec![],
+        };
         if let Some(stream) = asker {
             let refused = stored.err();
-            status_socket::answer(stream, &Ordered { refused }, ANSWER_WITHIN).await;
+            let answer = Ordered { refused, beyond };
+            status_socket::answer(stream, &answer, ANSWER_WITHIN).await;
         }
         if ended {
             // What stations are sent of it leaves first.
@@ -69,6 +77,29 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
     }
 }
 
+/// Orders the same of the agents beside PX4: they must be asked while this computer still has its keys. What is not answered
+/// within half a minute holds up nothing more.
+async fn beyond(shared: &Shared, beat: &Beat) -> Vec<String> {
+    shared.with(Core::order_agents);
+    let end = Instant::now() + AGENTS_WITHIN;
+    while !shared.with(|core, _| core.agents_have_answered()) && Instant::now() < end {
+        beat.during(tokio::time::sleep(LOOK_AGAIN)).await;
+    }
+    shared.with(|core, now| {
+        let each = core.exchanges.iter().map(|(_, one)| {
+            let what = one.zeroized().unwrap_or(key_exchange::NOT_REACHED);
+            (one.vehicle(), what.to_owned())
+        });
+        let each: Vec<_> = each.collect();
+        for (vehicle, what) in &each {
+            core.bridge
+                .zeroized_beyond(now, *vehicle, what, &mut core.store);
+        }
+        let line = |(vehicle, what)| format!("vehicle {vehicle}: {what}");
+        each.into_iter().map(line).collect()
+    })
+}
+
 /// Whether it is meant in flight, too.
 async fn read_word(stream: &mut UnixStream) -> Option<bool> {
     let read = tokio::time::timeout(ANSWER_WITHIN, stream.read_u8()).await;
@@ -76,5 +107,8 @@ async fn read_word(stream: &mut UnixStream) -> Option<bool> {
 }
 
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+/// What a key exchange needs at the most for its own end of it, and some.
+const AGENTS_WITHIN: Duration = Duration::from_secs(32);
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
 const PAUSE: Duration = Duration::from_millis(500);
 const LAST_WORDS: Duration = Duration::from_millis(500);

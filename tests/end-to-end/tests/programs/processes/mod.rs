@@ -9,3 +9,4 @@ mod handover;
 mod kills;
 mod planned_route;
 mod survives;
+mod without_ground;
