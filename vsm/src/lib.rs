@@ -2,6 +2,7 @@
 //!
 //! - [`airside`]: the agent beside PX4, sans-I/O too.
 //! - [`config`]: the configuration file.
+//! - [`guard_exchange`]: agrees about keys of the DLI guard, sans-I/O too.
 //! - [`key_exchange`]: agrees about signing keys with the air-side agent, sans-I/O too.
 //! - `klv`: a vehicle's state as the metadata of a video; a ground station of its own, beside the bridge.
 //! - [`program`]: the command line.
@@ -13,6 +14,7 @@
 
 pub mod airside;
 pub mod config;
+pub mod guard_exchange;
 pub mod key_exchange;
 #[cfg(feature = "klv")]
 pub mod klv;

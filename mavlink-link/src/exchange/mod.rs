@@ -117,5 +117,5 @@ pub use self::store::{
     InitiatorMemory, InitiatorStore, PinnedPeer, ResponderMemory, ResponderStore, StagedKey,
     StoreError,
 };
-pub use self::terms::{POLICY, Parties, VehicleState, Wanted, policy_digest};
+pub use self::terms::{GUARD_POLICY, POLICY, Parties, VehicleState, Wanted, policy_digest};
 pub use crate::frame::Node;

@@ -16,7 +16,7 @@ pub struct Parties {
     pub responder: Node,
     /// The VSM's DLI identification number.
     pub vsm_id: u32,
-    /// The vehicle's DLI identification number.
+    /// The DLI identification number of the vehicle, or of the CUCS whose guard it is.
     pub vehicle_id: u32,
     /// SHA-256 of the canonical policy text, [`policy_digest`].
     pub policy: [u8; 32],
@@ -32,6 +32,20 @@ impl Parties {
             vsm_id,
             vehicle_id,
             policy: policy_digest(POLICY),
+        }
+    }
+
+    /// The guard of a CUCS, which starts, and the VSM, which answers: the same exchange in datagrams of the DLI's port. MAVLink's
+    /// ids only tell the ends apart; the policy is another, so that no step of one exchange is any of the other.
+    #[must_use]
+    pub fn of_guard(vsm_id: u32, cucs_id: u32) -> Self {
+        let end = |component| Node {
+            system: 0,
+            component,
+        };
+        Self {
+            policy: policy_digest(GUARD_POLICY),
+            ..Self::new(end(1), end(2), vsm_id, cucs_id)
         }
     }
 
@@ -153,6 +167,11 @@ pub const POLICY: &str = "vsm policy 1\n\
     signing: MAVLink 2, required in both directions\n\
     unsigned: RADIO_STATUS, KEY_EXCHANGE\n\
     provisioning: air-side agent, disarmed\n";
+
+/// As [`POLICY`], of the keys of the DLI guard.
+pub const GUARD_POLICY: &str = "vsm guard policy 1\n\
+    trailer: HMAC-SHA256 on every datagram, required in both directions\n\
+    in force: at the VSM as soon as it is agreed, the one before for 24 h\n";
 
 const LABEL: &[u8] = b"vsm-key-agreement/1";
 const PROLOGUE: usize = LABEL.len() + 2 + 12 + 4 + 32;

@@ -51,7 +51,7 @@ table! {
         #[serde(default, deserialize_with = "auto")]
         pub presence: Option<Presence> => Value("\"auto\""),
         /// Where answers and reports for it go: `"unicast"` to its address, `"group"` to `dli.multicast`, `"both"`, which is
-        /// unicast alone where there is no group
+        /// unicast alone where there is no group. For a CUCS with a guard the group's copy is sealed under the group's key
         #[serde(default)]
         pub delivery: Delivery => Value("\"both\""),
         /// As `dli.provisional`, for this station: `"off"`, `"status"`, `"all"`
@@ -67,7 +67,8 @@ table! {
     #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Guard {
-        /// File of the key that the CUCS's guard has too: 32 bytes in hex, mode 0600, written by `vsm guard keygen`
+        /// File of the key that the CUCS's guard has too: 32 bytes in hex, mode 0600, written by `vsm guard pair` or
+        /// `vsm guard keygen`
         pub key_file: PathBuf => Required,
     }
 }
@@ -168,11 +169,6 @@ impl Cucs {
             let expected =
                 "\"unicast\", or a group to send to: dli.multicast = \"225.200.1.0:51017\"";
             return fault(at, "cucs.delivery", "group without dli.multicast", expected);
-        }
-        if self.delivery == Delivery::Group && self.guard.is_some() {
-            let expected =
-                "\"unicast\": the group has no key, so a CUCS with a guard is sent nothing by it";
-            return fault(at, "cucs.delivery", "group with a guard", expected);
         }
         let summed = self.checksum.map(|Checksum(style)| style);
         match (self.edition, summed) {

@@ -14,5 +14,5 @@ pub use ground::Keyring;
 pub(crate) use ground::{GroundKeys, memory};
 pub use machine::{KeyExchange, Surroundings, parties};
 pub(crate) use machine::{NOT_REACHED, WANTED};
-pub use record::{ExchangeRecord, Pending, identity};
+pub use record::{ExchangeRecord, Pending, guard_identity, identity};
 pub(crate) use record::{IDENTITY, MAX_IDENTITY_BYTES, parse_identity};

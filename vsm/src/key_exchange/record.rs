@@ -98,15 +98,34 @@ vehicle_record!(ExchangeRecord, "exchange", Power);
 /// # Errors
 /// It cannot be read or made durable, or there are no random bytes.
 pub fn identity(disk: &mut dyn Disk, random: &mut dyn Random) -> Result<Identity, StoreError> {
-    if let Some(bytes) = disk.read(IDENTITY, MAX_IDENTITY_BYTES)? {
+    identity_in(IDENTITY, disk, random)
+}
+
+/// As [`identity`], of the exchanges with the guards of CUCSs, where this VSM answers: another role has another key.
+///
+/// # Errors
+/// As [`identity`].
+pub fn guard_identity(
+    disk: &mut dyn Disk,
+    random: &mut dyn Random,
+) -> Result<Identity, StoreError> {
+    identity_in(GUARD_IDENTITY, disk, random)
+}
+
+fn identity_in(
+    name: &str,
+    disk: &mut dyn Disk,
+    random: &mut dyn Random,
+) -> Result<Identity, StoreError> {
+    if let Some(bytes) = disk.read(name, MAX_IDENTITY_BYTES)? {
         // An unreadable identity is an error and is not replaced: a new static key would end every pairing.
         return parse_identity(&bytes)
-            .ok_or_else(|| StoreError::new(IDENTITY, "expected 64 hex digits"));
+            .ok_or_else(|| StoreError::new(name, "expected 64 hex digits"));
     }
     let identity =
-        Identity::generate(random).map_err(|_| StoreError::new(IDENTITY, "no random bytes"))?;
+        Identity::generate(random).map_err(|_| StoreError::new(name, "no random bytes"))?;
     let text = Zeroizing::new(hex::text(identity.expose()));
-    disk.replace(IDENTITY, text.as_bytes(), Durability::Power)?;
+    disk.replace(name, text.as_bytes(), Durability::Power)?;
     Ok(identity)
 }
 
@@ -119,6 +138,7 @@ pub(crate) fn parse_identity(bytes: &[u8]) -> Option<Identity> {
 
 /// The file of the static key.
 pub(crate) const IDENTITY: &str = "exchange-identity";
+const GUARD_IDENTITY: &str = "exchange-guard-identity";
 /// The identity is 64 digits; more than this is never read.
 pub(crate) const MAX_IDENTITY_BYTES: u64 = 256;
 

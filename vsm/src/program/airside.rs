@@ -104,12 +104,16 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
         _ => code,
     };
     let mut paired = false;
-    pairing_socket::ask(&config.store.dir, code.as_deref(), |line| {
-        // The word with which `AirsideServer` reports success; a failed try begins with "pairing".
-        paired |= line.starts_with("paired");
-        // Nobody is left to report to when standard output is gone.
-        let _ = writeln!(io::stdout(), "{line}");
-    })
+    pairing_socket::ask(
+        &config.store.dir,
+        code.as_deref().unwrap_or_default(),
+        |line| {
+            // The word with which `AirsideServer` reports success; a failed try begins with "pairing".
+            paired |= line.starts_with("paired");
+            // Nobody is left to report to when standard output is gone.
+            let _ = writeln!(io::stdout(), "{line}");
+        },
+    )
     .map_err(|cause| failed(status::no_answer("agent", &config.store.dir, cause)))?;
     if paired {
         Ok(())

@@ -15,6 +15,8 @@
 //! An end whose stamps the other has left behind (a restart, a computer that slept) is lifted: what verified and is too old is
 //! answered by an empty datagram, above whose stamp its next one will be. That is no longer than what it answers, and is sent
 //! at most five times a second.
+//!
+//! `group` is the way to a multicast group, which goes one way only.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -25,9 +27,14 @@ use mavlink_link::clock::{Ceiling, ClockError, Origin, SigningClock};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::Id;
-use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, Trailer};
+use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, Offer, Trailer};
 
 use super::counters::Counters;
+
+mod group;
+
+pub use self::group::GroupReceiver;
+pub(crate) use self::group::{GroupSender, OFFER_EVERY};
 
 /// A key for an end, and until when (monotonic) it is accepted; `None` for the one in force.
 pub type GuardKeyUntil = (SigningKey, Option<Duration>);
@@ -207,7 +214,10 @@ impl GuardEnd {
             }
         }
         let stays = |id| self.keys.iter().position(|one| Some(one.id) == id);
-        self.in_use = stays(in_use).unwrap_or(0);
+        self.in_use = match self.sends {
+            Direction::ToCucs => stays(in_use).unwrap_or(0),
+            Direction::ToVsm | Direction::ToGroup => 0,
+        };
         self.keep(now, disk);
         Ok(())
     }
@@ -301,7 +311,7 @@ impl GuardEnd {
         disk: &mut dyn Disk,
     ) -> Result<(&'a [u8], KeyId), GuardRefusal> {
         let trailer = &guarded.trailer;
-        if trailer.direction != self.sends.back() {
+        if Some(trailer.direction) != self.sends.back() {
             return Err(GuardRefusal::Direction);
         }
         if trailer.sender != self.peer {
@@ -335,8 +345,54 @@ impl GuardEnd {
         keyed.window.take(now.mono, stamp);
         let key = keyed.id;
         self.behind = None;
-        self.in_use = place;
+        // A VSM answers under the key that its CUCS uses. A CUCS sends under the one in force: were it to follow too, what was on its way
+        // when a key was replaced would have both follow each other to and fro.
+        if self.sends == Direction::ToCucs {
+            self.in_use = place;
+        }
         Ok((guarded.datagram, key))
+    }
+
+    /// Seals an empty datagram under a key that the other end may have: what it answers shows whether it does. The length.
+    ///
+    /// # Errors
+    /// As [`seal`](Self::seal).
+    pub fn probe(
+        &mut self,
+        key: KeyId,
+        now: Now,
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Result<usize, SealError> {
+        let place = self.keys.iter().position(|one| one.id == key);
+        self.seal_under(place.ok_or(SealError::NoKey)?, now, &[], out, disk)
+    }
+
+    /// Seals an offer of a group key under the key that the other end has shown to have; the length.
+    ///
+    /// # Errors
+    /// As [`seal`](Self::seal).
+    pub(crate) fn seal_offer(
+        &mut self,
+        now: Now,
+        offer: &Offer,
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Result<usize, SealError> {
+        self.drop_expired(now.mono);
+        let place = self.in_use;
+        let keyed = self.keys.get_mut(place).ok_or(SealError::NoKey)?;
+        // A stamp is taken once, over restarts too: no nonce is used twice.
+        let stamp = micros(keyed.clock.take(now, disk)?);
+        let inside = keyed.key.wrap(stamp, offer).ok_or(SealError::NoKey)?;
+        self.seal_under(place, now, &inside, out, disk)
+    }
+
+    /// The group key in what has verified under this key.
+    #[must_use]
+    pub fn unwrap_offer(&self, key: KeyId, inside: &[u8]) -> Option<Offer> {
+        let keyed = self.keys.iter().find(|one| one.id == key)?;
+        keyed.key.unwrap(inside)
     }
 
     /// Seals a datagram under the key that the other end has shown to have; returns the length.

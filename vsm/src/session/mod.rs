@@ -130,7 +130,7 @@ pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_confi
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};
 pub use forward::ForwardStatus;
-pub use guard::{GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, SealError};
+pub use guard::{GroupReceiver, GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, SealError};
 pub use link::encryption_status::EncryptionStatus;
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};

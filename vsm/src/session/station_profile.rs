@@ -55,11 +55,7 @@ impl StationProfile {
             presence: cucs.presence,
             vectors: Vectors::Nothing,
             readings: dli.disputed.with(&cucs.disputed).profile,
-            // The group has no key: what is for a guarded station goes to its address alone.
-            delivery: match cucs.guard {
-                Some(_) => Delivery::Unicast,
-                None => cucs.delivery,
-            },
+            delivery: cucs.delivery,
             provisional: cucs.provisional.unwrap_or(dli.provisional),
         }
     }

@@ -1,4 +1,5 @@
-//! The key files of the DLI guard: made, rotated and revoked on the VSM's computer, and copied to the CUCS's by its operator.
+//! The key files of the DLI guard: made, rotated and revoked on the VSM's computer, and copied to the CUCS's by its operator, or
+//! agreed about with its guard ([`guard_agreed`](super::guard_agreed)).
 //!
 //! Beside a file that was rotated lies `FILE.previous`: it is accepted until `OVERLAP` after the rotation, so that the copy may
 //! take its time while the station flies.
@@ -12,7 +13,8 @@ use std::time::{Duration, SystemTime};
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 
-use super::disk::{self, NativeFileSystem};
+use super::disk::{self, FileSystem, NativeFileSystem};
+use super::guard_agreed;
 use super::key_file::{self, KeyFileError};
 use crate::session::GuardKeyUntil;
 
@@ -50,25 +52,52 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
 /// # Errors
 /// There is no key yet, or the system's; a key that is cut off in between is in force still.
 pub fn rotate(path: &Path) -> Result<SigningKey, KeyFileError> {
-    let old = key_file::read(path)?;
-    let new = other_than(&old, path)?;
-    write(&previous(path), &old)?;
-    write(path, &new)?;
+    let _held = hold(path)?;
+    let new = other_than(&key_file::read(path)?, path)?;
+    put_in_force(&NativeFileSystem, path, &new)?;
     Ok(new)
 }
 
-/// Replaces the key by a new one, and deletes all before it: whoever has only those is locked out.
+/// Puts this key in force, and keeps the one before beside it, where there is one.
+///
+/// # Errors
+/// The system's; a key that is cut off in between is in force still.
+pub(super) fn put_in_force(
+    system: &dyn FileSystem,
+    path: &Path,
+    new: &SigningKey,
+) -> Result<(), KeyFileError> {
+    match key_file::read(path) {
+        Ok(old) => write(system, &previous(path), &old)?,
+        Err(KeyFileError::Absent { .. }) => {}
+        Err(fault) => return Err(fault),
+    }
+    write(system, path, new)
+}
+
+/// Replaces the key by a new one, and deletes all before it, with the pairing: whoever has only those is locked out.
 ///
 /// # Errors
 /// As [`rotate`].
 pub fn revoke(path: &Path) -> Result<SigningKey, KeyFileError> {
+    let _held = hold(path)?;
     let new = other_than(&key_file::read(path)?, path)?;
-    write(path, &new)?;
-    let before = previous(path);
-    match fs::remove_file(&before) {
-        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(io_fault(&before, cause)),
-        _ => Ok(new),
-    }
+    // First: a guard that is paired still could agree about the next key.
+    remove(&pairing(path))?;
+    write(&NativeFileSystem, path, &new)?;
+    remove(&previous(path))?;
+    Ok(new)
+}
+
+fn remove(path: &Path) -> Result<(), KeyFileError> {
+    let removed = NativeFileSystem
+        .remove(path)
+        .and_then(|()| NativeFileSystem.sync(disk::folder_of(path)));
+    removed.map_err(|cause| io_fault(path, cause))
+}
+
+fn hold(path: &Path) -> Result<fs::File, KeyFileError> {
+    guard_agreed::hold(path).map_err(|cause| io_fault(path, cause))
 }
 
 /// A new key, whose trailers name another key id.
@@ -81,10 +110,9 @@ fn other_than(old: &SigningKey, path: &Path) -> Result<SigningKey, KeyFileError>
     }
 }
 
-fn write(path: &Path, key: &SigningKey) -> Result<(), KeyFileError> {
+fn write(system: &dyn FileSystem, path: &Path, key: &SigningKey) -> Result<(), KeyFileError> {
     let hex = key_file::hex(key);
-    disk::replace(&NativeFileSystem, path, hex.as_bytes(), true)
-        .map_err(|cause| io_fault(path, cause))
+    disk::replace(system, path, hex.as_bytes(), true).map_err(|cause| io_fault(path, cause))
 }
 
 fn io_fault(path: &Path, cause: io::Error) -> KeyFileError {
@@ -93,8 +121,17 @@ fn io_fault(path: &Path, cause: io::Error) -> KeyFileError {
 }
 
 fn previous(path: &Path) -> PathBuf {
+    with(path, ".previous")
+}
+
+/// The file that names the guard which the key is agreed about with.
+pub(super) fn pairing(path: &Path) -> PathBuf {
+    with(path, ".pairing")
+}
+
+fn with(path: &Path, part: &str) -> PathBuf {
     let mut name = OsString::from(path);
-    name.push(".previous");
+    name.push(part);
     name.into()
 }
 

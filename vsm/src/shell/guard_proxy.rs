@@ -5,68 +5,42 @@
 //! ([`LocalPeers`]), and programs of other users are not let in.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
-use std::path::PathBuf;
+use std::net::SocketAddr;
 use std::time::Duration;
 
+use dli_group::Group;
 use mavlink_link::Now;
-use mavlink_link::store::StoreError;
+use mavlink_link::signing::SigningKey;
 use rustix::time::{ClockId, clock_gettime};
-use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED};
+use stanag_msgs::guard::{Direction, ExchangeDatagram, Guarded, MAX_GUARDED, is_offer};
+use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, MAX_DATAGRAM, ed25, frames};
 use tokio::net::UdpSocket;
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::clock::{Clock, NOT_BEFORE};
-use super::disk::{FileDisk, OpenError};
-use super::guard_file;
+use super::disk::FileDisk;
+use super::guard_link::{Agreement, GuardError, GuardSide, bind, socket_to};
 use super::key_file::KeyFileError;
+use super::key_store::KeyStoreError;
 use super::local_peers::LocalPeers;
 use crate::config::LinkAddress;
-use crate::session::{Counters, GuardEnd, GuardStatus, Peer};
+use crate::guard_exchange::CucsNews;
+use crate::session::{
+    Counters, GroupReceiver, GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, Peer,
+};
 
 /// What a guard is between.
 #[derive(Debug, Clone)]
 pub struct GuardConfig {
-    /// CUCS ID.
-    pub cucs: Id,
-    /// VSM ID.
-    pub vsm: Id,
+    /// Towards the VSM.
+    pub side: GuardSide,
     /// Where the CUCS sends to: an address of loopback.
     pub listen: SocketAddr,
-    /// Where the VSM listens for its CUCSs.
-    pub to: SocketAddr,
-    /// The key that the VSM has for this CUCS.
-    pub key_file: PathBuf,
-    /// Where the stamps of the key live.
-    pub store: PathBuf,
+    /// The group that the VSM sends to, where the CUCS is to receive it.
+    pub group: Option<Group>,
     /// Users beside this process's own and root whose programs may be the CUCS.
     pub users: Vec<u32>,
-}
-
-/// A guard that cannot start.
-#[derive(Debug, thiserror::Error)]
-pub enum GuardError {
-    /// Its address is open to others.
-    #[error("--listen {0} is not of loopback: whoever reaches it would command in the name of the CUCS, expected such as 127.0.0.1:{port}", port = .0.port())]
-    Open(SocketAddr),
-    /// The key.
-    #[error(transparent)]
-    Key(#[from] KeyFileError),
-    /// The store.
-    #[error(transparent)]
-    Store(#[from] OpenError),
-    /// What is in it.
-    #[error(transparent)]
-    Record(#[from] StoreError),
-    /// A socket.
-    #[error("cannot listen on {at}: {cause}")]
-    Bind {
-        /// The address.
-        at: SocketAddr,
-        /// The system's reason.
-        cause: io::Error,
-    },
 }
 
 /// A guard with its sockets open.
@@ -75,8 +49,12 @@ pub struct GuardProxy {
     config: GuardConfig,
     near: UdpSocket,
     far: UdpSocket,
+    /// The socket that is a member of the group.
+    member: Option<UdpSocket>,
+    group: GroupReceiver,
     peers: LocalPeers,
     end: GuardEnd,
+    agreement: Agreement,
     disk: FileDisk,
     clock: Clock,
     /// Since boot.
@@ -99,23 +77,28 @@ impl GuardProxy {
         }
         let (clock, started) = (Clock::default(), since_boot());
         let now = clock.now();
-        let keys = guard_file::read(&config.key_file, now)?;
-        // The key before is the VSM's to accept: a guard that has the new one sends under that.
-        let keys = keys.into_iter().take(1).collect();
-        let mut disk = FileDisk::open(&config.store)?;
-        let ids = (config.cucs, config.vsm);
+        let side = &config.side;
+        let mut disk = FileDisk::open(&side.store)?;
+        let agreement = Agreement::open(side, None, now, &mut disk)?;
+        let keys = keys(&agreement)?;
+        if keys.is_empty() {
+            let path = side.key_file.clone();
+            return Err(KeyFileError::Absent { path }.into());
+        }
+        let ids = (side.cucs, side.vsm);
         let end = GuardEnd::new(ids, Direction::ToVsm, keys, NOT_BEFORE, now, &mut disk)?;
-        let any = match config.to.ip() {
-            IpAddr::V4(to) if to.is_loopback() => Ipv4Addr::LOCALHOST.into(),
-            IpAddr::V6(to) if to.is_loopback() => Ipv6Addr::LOCALHOST.into(),
-            IpAddr::V4(_) => IpAddr::from(Ipv4Addr::UNSPECIFIED),
-            IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+        let member = match &config.group {
+            None => None,
+            Some(group) => Some(join(group)?),
         };
         Ok(GuardProxy {
+            member,
+            group: GroupReceiver::new(config.side.vsm),
             near: bind(config.listen).await?,
-            far: bind(SocketAddr::new(any, 0)).await?,
+            far: socket_to(config.side.to).await?,
             peers: LocalPeers::new(&LinkAddress::UdpIn(config.listen), false, &config.users),
             end,
+            agreement,
             disk,
             clock,
             started,
@@ -146,12 +129,16 @@ impl GuardProxy {
     pub async fn serve(mut self, stop: impl Future<Output = ()>) {
         let mut second = interval(Duration::from_secs(1));
         second.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let (mut near, mut far) = ([0; ROOM], [0; ROOM]);
+        let (mut near, mut far, mut all) = ([0; ROOM], [0; ROOM], [0; ROOM]);
         let mut out = [0; MAX_GUARDED];
         tokio::pin!(stop);
         loop {
+            self.agree(&mut out).await;
+            let due = self.agreement.end.poll_timeout();
+            let due = due.map_or(IDLE, |at| at.saturating_sub(self.now().mono));
             tokio::select! {
                 () = &mut stop => return self.report(),
+                () = tokio::time::sleep(due.max(SHORTEST)) => {}
                 _ = second.tick() => {
                     let now = self.now();
                     self.end.keep(now, &mut self.disk);
@@ -161,7 +148,7 @@ impl GuardProxy {
                     Ok((length, from)) => {
                         let sealed = self.seal(from, near.get(..length).unwrap_or_default(), &mut out);
                         if let Some(length) = sealed {
-                            self.send(&self.far, out.get(..length).unwrap_or_default(), self.config.to).await;
+                            self.send(&self.far, out.get(..length).unwrap_or_default(), self.config.side.to).await;
                         }
                     }
                     // ICMP of what was sent before; the CUCS is not there for the moment.
@@ -174,14 +161,86 @@ impl GuardProxy {
                             Answer::ToCucs(inside, to) => self.send(&self.near, inside, to).await,
                             Answer::Lift(length) => {
                                 let lift = out.get(..length).unwrap_or_default();
-                                self.send(&self.far, lift, self.config.to).await;
+                                self.send(&self.far, lift, self.config.side.to).await;
                             }
                             Answer::None => {}
                         }
                     }
                     Err(cause) => tracing::debug!("the VSM's socket: {cause}"),
                 },
+                received = receive(self.member.as_ref(), &mut all) => match received {
+                    Ok((length, from)) => {
+                        let bytes = all.get(..length).unwrap_or_default();
+                        if let Some((inside, to)) = self.take_group(from, bytes) {
+                            self.send(&self.near, inside, to).await;
+                        }
+                    }
+                    Err(cause) => tracing::debug!("the group's socket: {cause}"),
+                },
             }
+        }
+    }
+
+    /// Sends what is due of an exchange, and takes what has come of one.
+    async fn agree(&mut self, out: &mut [u8; MAX_GUARDED]) {
+        let now = self.now();
+        self.agreement.handle_timeout(now, &mut self.disk);
+        while let Some(step) = self.agreement.end.poll_transmit() {
+            self.send(&self.far, &step, self.config.side.to).await;
+        }
+        if self.agreement.end.takes_probe(now.mono)
+            && let Ok(Some(next)) = self.agreement.keys.next()
+            && let Ok(length) = self.end.probe(next.id(), now, out, &mut self.disk)
+        {
+            let probe = out.get(..length).unwrap_or_default();
+            self.send(&self.far, probe, self.config.side.to).await;
+        }
+        while let Some(news) = self.agreement.end.poll_news() {
+            match &news {
+                CucsNews::InForce(key, _) => tracing::info!("key {key} is in force"),
+                CucsNews::Waiting => tracing::info!("another key is agreed about"),
+                CucsNews::Dropped(status) => {
+                    tracing::warn!(
+                        "the VSM does not have the new key ({status}): the one before stays"
+                    );
+                }
+                CucsNews::Failed(why) => tracing::error!("the key exchange: {why}"),
+                CucsNews::NotAnswered => {
+                    tracing::info!("the VSM does not answer about another key")
+                }
+                // Anybody can send these.
+                CucsNews::Rejected(status) => tracing::debug!("unproven answer: {status}"),
+            }
+            if matches!(
+                news,
+                CucsNews::InForce(..) | CucsNews::Waiting | CucsNews::Dropped(_)
+            ) {
+                self.take_keys(now);
+            }
+        }
+    }
+
+    /// Seals and verifies under what is in the key files now; what was in force just before is believed for a while, since some of
+    /// it may still be on its way.
+    fn take_keys(&mut self, now: Now) {
+        let kept = keys(&self.agreement).map_err(|fault| fault.to_string());
+        let kept = kept.and_then(|mut kept| {
+            let before = self
+                .agreement
+                .keys
+                .previous()
+                .map_err(|fault| fault.to_string())?;
+            let new = |one: &SigningKey| kept.iter().all(|(key, _)| !key.same_as(one));
+            let was = |one: &SigningKey| self.end.has(one.id());
+            if let Some(before) = before.filter(new).filter(was) {
+                kept.push((before, Some(now.mono + STILL_BELIEVED)));
+            }
+            let disk = &mut self.disk;
+            let set = self.end.set_keys(kept, NOT_BEFORE, now, disk);
+            set.map_err(|fault| fault.to_string())
+        });
+        if let Err(why) = kept {
+            tracing::error!("the key cannot be changed, the one before stays: {why}");
         }
     }
 
@@ -202,7 +261,7 @@ impl GuardProxy {
             return None;
         }
         // In Edition 2.5 the wrapper does not say who sends: there the VSM looks.
-        let other = |source: Id| source != self.config.cucs;
+        let other = |source: Id| source != self.config.side.cucs;
         if !ed25::is_ed25(bytes) && frames(bytes).next_source().is_some_and(other) {
             self.dropped.count("source is not the CUCS of this guard");
             return None;
@@ -221,12 +280,39 @@ impl GuardProxy {
     /// What of the VSM's datagram goes where.
     fn answer<'a>(&mut self, bytes: &'a [u8], out: &mut [u8; MAX_GUARDED]) -> Answer<'a> {
         let now = self.now();
+        // What is sealed may be a step too, and then begins as one.
         let Some(guarded) = Guarded::parse(bytes) else {
-            self.dropped.count("no trailer");
+            match ExchangeDatagram::parse(bytes) {
+                Some(step) => self.agreement.handle(now, false, &step, &mut self.disk),
+                None => self.dropped.count("no trailer"),
+            }
             return Answer::None;
         };
-        match self.end.open(now, &guarded, &mut self.disk) {
+        let from = (self.config.side.to, None);
+        let opened = self.end.open_from(now, &guarded, from, &mut self.disk);
+        if let Ok((_, key)) = opened {
+            self.agreement.key_in_use(now, key, &mut self.disk);
+        }
+        match opened.map(|(inside, _)| inside) {
             Ok([]) => Answer::None,
+            // What the VSM has for the guard itself.
+            Ok(inside) if is_offer(inside) => {
+                let offer = opened
+                    .ok()
+                    .and_then(|(_, key)| self.end.unwrap_offer(key, inside));
+                match offer.map(|offer| self.group.take(offer)) {
+                    Some(true) => tracing::info!("the VSM has given the key of its group"),
+                    Some(false) => {}
+                    None => self.dropped.count("group key that cannot be read"),
+                }
+                Answer::None
+            }
+            Ok(inside) if ExchangeDatagram::parse(inside).is_some() => {
+                if let Some(step) = ExchangeDatagram::parse(inside) {
+                    self.agreement.handle(now, true, &step, &mut self.disk);
+                }
+                Answer::None
+            }
             Ok(inside) => match self.cucs {
                 Some(cucs) => Answer::ToCucs(inside, cucs),
                 None => {
@@ -240,6 +326,48 @@ impl GuardProxy {
             }
             Err(_) => Answer::None,
         }
+    }
+
+    /// What of a datagram of the group goes to the CUCS, and where that is.
+    fn take_group<'a>(
+        &mut self,
+        from: SocketAddr,
+        bytes: &'a [u8],
+    ) -> Option<(&'a [u8], SocketAddr)> {
+        let now = self.now();
+        let group = self.config.group.as_ref()?;
+        if !group.takes_from(from.ip()) {
+            self.dropped.count("group: not one of its sources");
+            return None;
+        }
+        let Some(guarded) = Guarded::parse(bytes) else {
+            // What is for CUCSs without a guard goes by the same group.
+            self.dropped.count("group: no trailer");
+            return None;
+        };
+        let inside = match self.group.open(now.mono, &guarded) {
+            Ok(inside) => inside,
+            Err(why) => {
+                self.dropped.count(match why {
+                    GuardRefusal::Key => "group: unknown key",
+                    GuardRefusal::Replayed => "group: replayed",
+                    GuardRefusal::Old | GuardRefusal::Late => "group: too old",
+                    GuardRefusal::Forged => "group: wrong trailer",
+                    _ => "group: not of this VSM",
+                });
+                return None;
+            }
+        };
+        // Each CUCS of the group has a copy of its own.
+        let other = |frame: Frame<'_>| {
+            let to = frame.header.destination;
+            to != self.config.side.cucs && to != Id::BROADCAST
+        };
+        let first = frames(inside).next().and_then(Result::ok);
+        if !ed25::is_ed25(inside) && first.is_some_and(other) {
+            return None;
+        }
+        Some((inside, self.cucs?))
     }
 
     async fn send(&self, socket: &UdpSocket, bytes: &[u8], to: SocketAddr) {
@@ -290,6 +418,29 @@ enum Answer<'a> {
     None,
 }
 
+/// Receives from the group, where there is one.
+async fn receive(socket: Option<&UdpSocket>, bytes: &mut [u8]) -> io::Result<(usize, SocketAddr)> {
+    match socket {
+        Some(socket) => socket.recv_from(bytes).await,
+        None => std::future::pending().await,
+    }
+}
+
+fn join(group: &Group) -> Result<UdpSocket, GuardError> {
+    let at = group.address;
+    let socket = group.receiver()?;
+    let joined = socket
+        .set_nonblocking(true)
+        .and_then(|()| UdpSocket::from_std(socket));
+    joined.map_err(|cause| GuardError::Bind { at, cause })
+}
+
+/// The keys of a guard, the one in force first.
+fn keys(agreement: &Agreement) -> Result<Vec<GuardKeyUntil>, KeyStoreError> {
+    let held = agreement.held()?.into_iter();
+    Ok(held.map(|key| (key, None)).collect())
+}
+
 fn since_boot() -> Duration {
     let at = clock_gettime(ClockId::Boottime);
     Duration::try_from(at).unwrap_or_default()
@@ -299,10 +450,9 @@ fn total(counters: &Counters) -> u64 {
     counters.iter().map(|(_, count)| count).sum()
 }
 
-async fn bind(at: SocketAddr) -> Result<UdpSocket, GuardError> {
-    let bound = UdpSocket::bind(at).await;
-    bound.map_err(|cause| GuardError::Bind { at, cause })
-}
-
 /// One byte more shows what is longer than anything that is taken.
 const ROOM: usize = MAX_GUARDED + 1;
+const IDLE: Duration = Duration::from_secs(60);
+const SHORTEST: Duration = Duration::from_millis(1);
+/// How long what the VSM has sealed under the key before is believed after a change.
+const STILL_BELIEVED: Duration = Duration::from_secs(60);

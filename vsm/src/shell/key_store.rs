@@ -435,7 +435,7 @@ fn fault(cause: KeyStoreError) -> StoreError {
 
 /// All files of the keys whose current one really is at `path`, whether they are there or not.
 pub(super) fn files_of(path: &Path) -> Vec<PathBuf> {
-    let beside = ["next", "previous", "revoked", "dead"];
+    let beside = ["next", "previous", "revoked", "dead", "pairing"];
     let beside = beside.map(|what| with(path, what));
     beside.into_iter().chain([path.to_owned()]).collect()
 }

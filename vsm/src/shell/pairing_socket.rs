@@ -1,7 +1,8 @@
 //! `vsm airside pair`: a Unix socket in the agent's store folder. Who may enter the folder may open the window.
 //!
 //! The asker sends one line, the code or an empty line for a new one; the agent answers in lines, the code first, and
-//! then what happens at the window until it is closed. An asker that goes away closes it.
+//! then what happens at the window until it is closed. An asker that goes away closes it. `vsm guard pair` and `vsm guard rotate` ask
+//! a running bridge in the same way.
 
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::PermissionsExt;
@@ -43,22 +44,31 @@ pub struct Asker(UnixStream);
 impl Asker {
     /// Reads what is asked for: the code, typed or made here. `None` where it is no code, which is reported to the asker.
     pub async fn greet(stream: UnixStream) -> Option<(Asker, PairingCode)> {
-        // Bounded: a client that never sends a line end cannot make the agent's memory grow.
-        let mut stream = tokio::io::BufReader::new(stream.take(LINE));
-        let mut line = Zeroizing::new(String::with_capacity(LINE as usize));
-        stream.read_line(&mut line).await.ok()?;
-        let mut asker = Asker(stream.into_inner().into_inner());
-        let code = if line.trim().is_empty() {
-            PairingCode::generate(&mut system_random).map_err(|fault| fault.to_string())
-        } else {
-            PairingCode::parse(line.trim()).map_err(|fault| fault.to_string())
-        };
-        match code {
+        let (mut asker, line) = Asker::listen_to(stream).await?;
+        match Asker::code(line.trim()) {
             Ok(code) => Some((asker, code)),
             Err(fault) => {
                 asker.send_line(&format!("refused: {fault}")).await;
                 None
             }
+        }
+    }
+
+    /// Reads the one line in which somebody asks.
+    pub(super) async fn listen_to(stream: UnixStream) -> Option<(Asker, Zeroizing<String>)> {
+        // Bounded: a client that never sends a line end cannot make the agent's memory grow.
+        let mut stream = tokio::io::BufReader::new(stream.take(LINE));
+        let mut line = Zeroizing::new(String::with_capacity(LINE as usize));
+        stream.read_line(&mut line).await.ok()?;
+        Some((Asker(stream.into_inner().into_inner()), line))
+    }
+
+    /// The code as it was typed, or a new one.
+    pub(super) fn code(typed: &str) -> Result<PairingCode, String> {
+        if typed.is_empty() {
+            PairingCode::generate(&mut system_random).map_err(|fault| fault.to_string())
+        } else {
+            PairingCode::parse(typed).map_err(|fault| fault.to_string())
         }
     }
 
@@ -76,13 +86,13 @@ impl Asker {
     }
 }
 
-/// Asks a running agent to open its window, and shows its output, line by line, until it closes.
+/// Asks a running agent, or a bridge, for something, and shows its output, line by line, until it ends.
 ///
 /// # Errors
 /// None is running on this store.
-pub fn ask(store: &Path, code: Option<&str>, mut show: impl FnMut(&str)) -> io::Result<()> {
+pub fn ask(store: &Path, request: &str, mut show: impl FnMut(&str)) -> io::Result<()> {
     let mut stream = BlockingStream::connect(path(store))?;
-    let line = Zeroizing::new(format!("{}\n", code.unwrap_or_default()));
+    let line = Zeroizing::new(format!("{request}\n"));
     stream.write_all(line.as_bytes())?;
     for line in BufReader::new(stream).lines() {
         show(&Zeroizing::new(line?));

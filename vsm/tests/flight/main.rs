@@ -46,6 +46,7 @@ mod forged_time_stamps;
 mod forward;
 mod full_disk;
 mod guarded;
+mod guarded_group;
 mod health_alerts;
 mod held_commands;
 mod loss_action;

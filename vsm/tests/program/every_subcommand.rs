@@ -427,6 +427,8 @@ const GROUND: &[&[(&str, Ends)]] = &[
             Refused("does not verify"),
         ),
         ("guard status", Refused("is it running?")),
+        ("guard pair --cucs 1b:00:00:a0", Refused("is it running?")),
+        ("guard rotate --cucs 1b:00:00:a0", Refused("is it running?")),
         ("key provision --sitl-file px4.bin", Done),
         ("key list", Done),
         ("key clock", Done),
@@ -440,6 +442,9 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("status --json", Done),
         ("guard status", Done),
         ("guard status --json", Done),
+        // It answers on standard output, and then that it was not done.
+        ("guard pair --cucs 1b:00:00:ee", Refused("not done")),
+        ("guard rotate --cucs 1b:00:00:a0", Refused("not done")),
         // Nothing of the vehicle is there to be read.
         ("check-vehicle --wait-s 1", Either),
         ("check-vehicle --wait-s 1 --json", Either),

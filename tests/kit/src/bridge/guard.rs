@@ -5,9 +5,9 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use mavlink_link::store::MemoryDisk;
-use stanag_msgs::Id;
-use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED};
-use vsm::session::{GuardEnd, GuardRefusal};
+use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED, is_offer};
+use stanag_msgs::{Id, frames};
+use vsm::session::{GroupReceiver, GuardEnd, GuardRefusal};
 
 use super::parties::VSM;
 
@@ -18,6 +18,9 @@ pub struct StationGuard {
     key: SigningKey,
     end: GuardEnd,
     disk: MemoryDisk,
+    group: GroupReceiver,
+    /// What it has taken of the group, for its own station.
+    pub group_taken: Vec<Vec<u8>>,
     /// Everything that it has sent, as it went out.
     pub sent: Vec<Vec<u8>>,
 }
@@ -37,6 +40,8 @@ impl StationGuard {
             key,
             end,
             disk,
+            group: GroupReceiver::new(VSM),
+            group_taken: Vec::new(),
             sent: Vec::new(),
         }
     }
@@ -44,6 +49,7 @@ impl StationGuard {
     /// As after `kill -9`.
     pub fn restart(&mut self, now: Now) {
         self.end = start(self.station, &self.key, now, &mut self.disk);
+        self.group = GroupReceiver::new(VSM);
     }
 
     /// A datagram of its station, sealed.
@@ -61,13 +67,43 @@ impl StationGuard {
     /// It has no trailer, or that does not verify.
     pub fn open(&mut self, now: Now, bytes: &[u8]) -> Result<Vec<u8>, Option<Vec<u8>>> {
         let guarded = Guarded::parse(bytes).ok_or(None)?;
-        let opened = self.end.open(now, &guarded, &mut self.disk);
-        opened.map(<[u8]>::to_vec).map_err(|why: GuardRefusal| {
+        let anywhere = (([127, 0, 0, 1], 4_586).into(), None);
+        let opened = self.end.open_from(now, &guarded, anywhere, &mut self.disk);
+        if let Ok((inside, key)) = opened
+            && is_offer(inside)
+        {
+            let offer = self.end.unwrap_offer(key, inside);
+            self.group.take(offer.expect("it was made for this guard"));
+            return Ok(Vec::new());
+        }
+        let opened = opened.map(|(inside, _)| inside.to_vec());
+        opened.map_err(|why: GuardRefusal| {
             let mut out = [0; MAX_GUARDED];
             let lifts = why.wants_lift();
             let length = lifts.then(|| self.end.lift(now, &mut out, &mut self.disk));
             length.flatten().map(|length| out[..length].to_vec())
         })
+    }
+
+    /// What is inside of a datagram of the group.
+    ///
+    /// # Errors
+    /// It is not believed: why, or it has no trailer.
+    pub fn open_group(&mut self, now: Now, bytes: &[u8]) -> Result<Vec<u8>, Option<GuardRefusal>> {
+        let guarded = Guarded::parse(bytes).ok_or(None)?;
+        let opened = self.group.open(now.mono, &guarded);
+        opened.map(<[u8]>::to_vec).map_err(Some)
+    }
+
+    /// What of the group goes on to its station.
+    pub fn take_group(&mut self, now: Now, bytes: &[u8]) -> Option<Vec<u8>> {
+        let inside = self.open_group(now, bytes).ok()?;
+        let first = frames(&inside).next()?.ok()?;
+        if first.header.destination != self.station {
+            return None;
+        }
+        self.group_taken.push(inside.clone());
+        Some(inside)
     }
 }
 

@@ -246,6 +246,10 @@ impl Rig {
         bridge
             .serve_forwards(&self.config, ends.collect(), now, START, &mut self.store)
             .expect("the ground stations beside it are served");
+        // Another one with each start, as the shell draws it.
+        let mut secret = [7; 32];
+        secret[..8].copy_from_slice(&self.clock.elapsed().as_millis().to_le_bytes()[..8]);
+        bridge.set_group_secret(secret, now);
         self.bridge = Some(bridge);
         self.give_guard_keys();
         if self.config.access.is_some() {
@@ -551,7 +555,14 @@ impl Rig {
                     *bytes += sent.len() as u64;
                     self.dli.send(clock, bridge_dli(), to, sent);
                 }
-                Destination::Multicast => self.group.push(sent),
+                Destination::Multicast => {
+                    for (index, guard) in &mut self.guards {
+                        if let Some(inside) = guard.take_group(station_now, &sent) {
+                            self.stations[*index].receive(station_now, &inside);
+                        }
+                    }
+                    self.group.push(sent);
+                }
             }
         }
         while let Some((index, frame)) = bridge.poll_vehicle() {

@@ -8,12 +8,12 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
-use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED};
+use stanag_msgs::guard::{Direction, ExchangeDatagram, Guarded, MAX_GUARDED};
 
 use super::Bridge;
 use crate::session::findings::dli::Fault;
-use crate::session::guard::{GuardEnd, GuardKeyUntil, GuardStatus};
-use crate::session::outbox::Datagram;
+use crate::session::guard::{GuardEnd, GuardKeyUntil, GuardStatus, OFFER_EVERY};
+use crate::session::outbox::{Datagram, Destination};
 
 /// What a datagram is, before anything of it is read.
 pub(super) enum Opened<'a> {
@@ -47,9 +47,11 @@ impl Bridge {
         not_before: Duration,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
+        let mut renews_group = false;
         for station in self.stations.iter_mut() {
-            if station.config.guard.is_none() {
-                station.guard = None;
+            let lost = station.config.guard.is_none() || station.removed;
+            if lost && station.guard.take().is_some() {
+                renews_group = true;
             }
         }
         let mut given = Ok(());
@@ -68,6 +70,7 @@ impl Bridge {
             if !station.guard.as_ref().is_some_and(stays) {
                 // It was held back without a guard, or under a key that is gone.
                 self.paths.forget_candidates(index);
+                renews_group = true;
             }
             let set = match station.guard.take() {
                 Some(mut end) => end.set_keys(keys, not_before, now, disk).map(|()| end),
@@ -81,6 +84,11 @@ impl Bridge {
                 // Not its old key either: that may have been revoked.
                 Err(fault) => given = Err(fault),
             }
+        }
+        // Whoever has a key that counts no more may have the group's too.
+        if renews_group && let Some(group) = &mut self.guard_group {
+            group.renew();
+            self.offered.clear();
         }
         given
     }
@@ -103,9 +111,20 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Opened<'a> {
         let Some(guarded) = Guarded::parse(bytes) else {
-            return Opened::Plain(bytes);
+            let Some(step) = ExchangeDatagram::parse(bytes) else {
+                return Opened::Plain(bytes);
+            };
+            self.queue_step(from, &step, bytes);
+            return Opened::Dropped;
         };
         let sender = guarded.trailer.sender;
+        if guarded.trailer.direction == Direction::ToGroup {
+            // Every guard of the group has its key: what is sealed under it is status, and commands nothing. Not even ours.
+            let ours = sender == self.vsm;
+            self.counters
+                .count(if ours { OUR_OWN } else { UNDER_GROUP_KEY });
+            return Opened::Dropped;
+        }
         let mut stations = self.stations.iter_mut().enumerate();
         let found = stations.find_map(|(index, one)| {
             let listed = one.config.id == sender && !one.removed;
@@ -149,6 +168,46 @@ impl Bridge {
         }
     }
 
+    /// A step of an exchange goes to the machine of that, which judges it. Here it changes nothing.
+    fn queue_step(&mut self, from: SocketAddr, step: &ExchangeDatagram<'_>, bytes: &[u8]) {
+        let mut stations = self.stations.iter();
+        let listed = stations.any(|one| one.id() == step.cucs && !one.removed);
+        if step.vsm != self.vsm {
+            self.counters.count("guard: exchange with another VSM");
+        } else if !listed {
+            self.counters
+                .count("guard: exchange of a CUCS that is not listed");
+        } else if self.guard_steps.len() >= MAX_STEPS {
+            self.counters
+                .count("guard: too many steps of exchanges at once");
+        } else {
+            self.guard_steps.push_back((from, bytes.into()));
+        }
+    }
+
+    /// The next step of an exchange about a guard key, for the machine that answers it.
+    pub fn poll_guard_step(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
+        self.guard_steps.pop_front()
+    }
+
+    /// Sends a CUCS's guard something that is none of the DLI, sealed, to where the CUCS is; false where that is not known, or
+    /// there is no key for it.
+    pub fn send_guard(&mut self, now: Now, cucs: Id, bytes: &[u8], disk: &mut dyn Disk) -> bool {
+        let mut stations = self.stations.iter_mut().enumerate();
+        let Some((index, station)) = stations.find(|(_, one)| one.id() == cucs && !one.removed)
+        else {
+            return false;
+        };
+        let mut out = [0; MAX_GUARDED];
+        let end = station.guard.as_mut();
+        let sealed = end.and_then(|end| end.seal(now, bytes, &mut out, disk).ok());
+        let Some((to, length)) = self.paths.peer(index).zip(sealed) else {
+            return false;
+        };
+        self.lifts.push((to, out[..length].into()));
+        true
+    }
+
     /// The next datagram that lifts the stamps of a guard, and where it goes: as it is, beside [`Bridge::poll_dli`].
     pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
         self.lifts.pop()
@@ -164,13 +223,21 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Option<&'a [u8]> {
         let id = datagram.destination();
+        let group = self.guard_group.as_mut();
         let mut stations = self.stations.iter_mut();
         let Some(station) = stations.find(|one| one.id() == id && one.config.guard.is_some())
         else {
             return Some(datagram.bytes());
         };
         let end = station.guard.as_mut();
-        let sealed = end.and_then(|end| end.seal(now, datagram.bytes(), out, disk).ok());
+        let sealed = match datagram.to {
+            Destination::Unicast(_) => {
+                end.and_then(|end| end.seal(now, datagram.bytes(), out, disk).ok())
+            }
+            Destination::Multicast => {
+                group.and_then(|group| group.seal(now, datagram.bytes(), out))
+            }
+        };
         let Some(length) = sealed else {
             self.counters.count("guard: not sent, no key or no stamp");
             return None;
@@ -187,6 +254,31 @@ impl Bridge {
         {
             end.keep(now, disk);
         }
+        self.offer_group(now, disk);
+    }
+
+    /// Gives each guard whose CUCS receives the group the group's key, again and again: an offer may be lost.
+    fn offer_group(&mut self, now: Now, disk: &mut dyn Disk) {
+        let Some(group) = self.guard_group.as_ref().filter(|_| self.multicast) else {
+            return;
+        };
+        let offer = group.offer();
+        for (index, station) in self.stations.iter_mut().enumerate() {
+            let id = station.id();
+            let due = self
+                .offered
+                .get(&id)
+                .is_none_or(|at| *at + OFFER_EVERY <= now.mono);
+            let takes = station.profile.delivery.to_group() && !station.removed;
+            let peer = self.paths.peer(index).filter(|_| takes && due);
+            if let (Some(end), Some(peer)) = (station.guard.as_mut(), peer) {
+                let mut out = [0; MAX_GUARDED];
+                if let Ok(length) = end.seal_offer(now, &offer, &mut out, disk) {
+                    self.lifts.push((peer, out[..length].into()));
+                    self.offered.insert(id, now.mono);
+                }
+            }
+        }
     }
 
     /// How the guard of a station stands.
@@ -199,4 +291,8 @@ impl Bridge {
     }
 }
 
+const OUR_OWN: &str = "our own";
+const UNDER_GROUP_KEY: &str = "guard: under a group key, which commands nothing";
+/// Steps that wait for their machine: more than an honest exchange has on its way.
+const MAX_STEPS: usize = 32;
 pub(super) const UNAUTHORISED_ADDRESS: &str = "unauthorised address";

@@ -26,7 +26,7 @@ mod vehicles;
 mod watch;
 mod zeroize;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -53,6 +53,7 @@ use super::effects::DliEffects;
 use super::findings::Finding;
 use super::findings::dli::DliEvidence;
 use super::forward::Forward;
+use super::guard::GroupSender;
 use super::link::frame::{OutFrame, Peer};
 use super::log::{LogEntry, LogLevel};
 use super::outbox::{Datagram, Outbox};
@@ -113,6 +114,12 @@ pub struct Bridge {
     guarded: Option<usize>,
     /// What lifts the stamps of guards, and where it goes.
     lifts: Vec<(SocketAddr, Box<[u8]>)>,
+    /// Seals what goes to the group for CUCSs with a guard; none before there is a secret for its keys.
+    guard_group: Option<GroupSender>,
+    /// When each guard was offered the group's key last.
+    offered: BTreeMap<Id, Duration>,
+    /// Steps of an exchange about a guard key, and where they came from.
+    guard_steps: VecDeque<(SocketAddr, Box<[u8]>)>,
     /// The station whose message is being handled.
     asker: Option<usize>,
     /// What is on its way to stations of Edition 2.5.
@@ -209,6 +216,9 @@ impl Bridge {
             trace: false,
             guarded: None,
             lifts: Vec::new(),
+            guard_group: None,
+            offered: BTreeMap::new(),
+            guard_steps: VecDeque::new(),
             asker: None,
             translated: VecDeque::new(),
             sent_to_group: VecDeque::new(),
@@ -235,6 +245,12 @@ impl Bridge {
         // Not before what was held is restored: it is judged by the list, once that is there.
         bridge.give_permits(now);
         Ok(bridge)
+    }
+
+    /// Gives the group of CUCSs with a guard its keys; random, and for this run only.
+    pub fn set_group_secret(&mut self, secret: [u8; 32], now: Now) {
+        self.guard_group = Some(GroupSender::new(self.vsm, secret, now));
+        self.offered.clear();
     }
 
     /// Makes the stamps by which CUCSs prove their addresses unpredictable; random, and for this run only.

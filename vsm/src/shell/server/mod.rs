@@ -1,5 +1,5 @@
-//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, and a second
-//! thread synchronises the disk.
+//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second
+//! thread synchronises the disk, and a third agrees about keys with the guards of CUCSs (`pairing`).
 
 mod encryption;
 mod error;
@@ -7,6 +7,7 @@ mod files;
 mod forward;
 mod guards;
 mod open;
+mod pairing;
 mod read_ahead;
 mod reload;
 mod shared;
@@ -25,9 +26,11 @@ use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, UnixListener};
 use tokio::sync::Notify;
+use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::LocalSet;
 
 use self::forward::ForwardReader;
+use self::pairing::Done;
 use self::shared::Shared;
 use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
@@ -53,6 +56,10 @@ pub struct Server {
     settings: UnixListener,
     files: UnixListener,
     zeroize: UnixListener,
+    /// Where a person pairs the guard of a CUCS.
+    pairing: UnixListener,
+    /// What has come of it.
+    agreed: UnboundedReceiver<Done>,
     page: Option<(TcpListener, Vec<String>)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
@@ -133,6 +140,8 @@ impl Server {
             settings,
             files,
             zeroize,
+            pairing,
+            agreed,
             page,
             reload,
             resolver,
@@ -169,6 +178,10 @@ impl Server {
                 receive_forward(shared, beat, number, reader, close)
             });
         }
+        let (of_all, socket) = (shared.clone(), unicast.clone());
+        tasks.spawn(&local, "guard keys", |beat| {
+            pairing::serve(of_all, beat, socket, agreed, pairing)
+        });
         let of_all = shared.clone();
         let group = group.map(|(socket, group)| (socket, group.address));
         tasks.spawn(&local, "sender", |beat| send(of_all, beat, unicast, group));

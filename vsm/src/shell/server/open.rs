@@ -10,10 +10,12 @@ use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use tokio::net::TcpListener;
 use tokio::sync::Notify;
+use zeroize::Zeroize as _;
 
 use super::encryption::open_encryption;
 use super::forward;
 use super::guards;
+use super::pairing::GuardThread;
 use super::shared::{Core, OpenPort, Shared};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle, share};
 use super::{Server, StartError};
@@ -24,6 +26,7 @@ use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::key_file::system_random;
 use crate::shell::ordered_files::OrderedKeys;
+use crate::shell::pairing_socket;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::sockets::{DliSockets, Hosts, ask_system};
 use crate::shell::status_socket;
@@ -74,6 +77,9 @@ impl Server {
         let mut secret = [0; 32];
         system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
         bridge.set_secret(secret);
+        system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
+        bridge.set_group_secret(secret, now);
+        secret.zeroize();
         bridge.set_trace(tracing::enabled!(tracing::Level::DEBUG));
         let mut exchanges = vec![];
         for (at, keys) in config.vehicles().enumerate().zip(&key_stores) {
@@ -117,6 +123,9 @@ impl Server {
             .map_err(StartError::Status)?;
         let zeroize = status_socket::listen(&config.store.dir, status_socket::ZEROIZE)
             .map_err(StartError::Status)?;
+        let pairing = pairing_socket::listen(&config.store.dir).map_err(StartError::Status)?;
+        let (guard_thread, agreed) =
+            GuardThread::start(config, store.shared(), clock).map_err(StartError::Writer)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
         let key_stores = key_stores.into_iter().map(|keys| {
@@ -143,6 +152,7 @@ impl Server {
                 key_stores,
                 exchanges,
                 encryptions,
+                guard_thread,
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),
@@ -159,6 +169,8 @@ impl Server {
             settings,
             files,
             zeroize,
+            pairing,
+            agreed,
             page,
             reload: None,
             resolver: ask_system,

@@ -29,6 +29,7 @@ use super::StartError;
 use super::encryption::open_encryption;
 use super::forward::{self, Forwards, OpenForward, Served};
 use super::guards;
+use super::pairing::{self, Work};
 use super::read_ahead::{Ahead, ReadAhead};
 use super::shared::{Core, OpenPort, Shared};
 use super::tasks::{receive_forward, receive_vehicle};
@@ -362,6 +363,12 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         report.applied.extend(changed);
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
+        if !core
+            .guard_thread
+            .give(Work::Files(pairing::paths(&core.config)))
+        {
+            tracing::warn!("pairings of guards are not read again: reload once more");
+        }
         Ok::<_, String>((report, receivers, readers))
     });
     match applied {

@@ -9,6 +9,7 @@ use mavlink_link::Now;
 use tokio::sync::Notify;
 
 use super::forward::OpenForward;
+use super::pairing::{GuardThread, Work};
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};
@@ -87,6 +88,8 @@ pub(super) struct Core {
     pub(super) exchanges: Vec<(usize, KeyExchange)>,
     /// Of the vehicles whose link is encrypted, by their index.
     pub(super) encryptions: Vec<(usize, Encryption)>,
+    /// Agrees about keys with the guards of CUCSs.
+    pub(super) guard_thread: GuardThread,
 }
 
 impl Core {
@@ -193,6 +196,12 @@ impl Shared {
                 }
                 // Found out again at the next start.
                 Err(fault) => tracing::error!("{what}, but {fault}"),
+            }
+        }
+        while let Some((from, bytes)) = core.bridge.poll_guard_step() {
+            if !core.guard_thread.give(Work::Step(from, bytes)) {
+                core.bridge
+                    .count_dropped("guard: too many steps of exchanges at once");
             }
         }
         if core.bridge.zeroize_to_store() {

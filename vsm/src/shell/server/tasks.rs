@@ -381,7 +381,7 @@ pub(super) async fn tell_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: 
 }
 
 /// A socket that fails again and again is logged once in a while, and takes no whole core.
-async fn pause_after(what: &str, cause: &io::Error) {
+pub(super) async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
     tokio::time::sleep(Duration::from_millis(500)).await;
 }

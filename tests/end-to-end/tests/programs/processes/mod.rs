@@ -5,6 +5,7 @@ mod airside;
 mod encrypted;
 mod field;
 mod guard;
+mod guard_pairing;
 mod handover;
 mod kills;
 mod planned_route;

@@ -7,17 +7,19 @@
 //! |---|---|---|
 //! | 0 | 2 bytes | `GD` |
 //! | 2 | u8 | version 1 |
-//! | 3 | u8 | direction: 1 CUCS to VSM, 2 VSM to CUCS |
+//! | 3 | u8 | direction: 1 CUCS to VSM, 2 VSM to CUCS, 3 VSM to a group |
 //! | 4 | u32 | sender: the CUCS ID, or the VSM ID |
 //! | 8 | u16 | key id: the first two bytes of HMAC-SHA256(key, "vsm/1 key id") |
 //! | 10 | u16 | 0 |
 //! | 12 | u64 | stamp, us since 1970: no two of one sender under one key are equal |
 //! | 20 | 32 bytes | HMAC-SHA256(key of the direction, "vsm-guard-1", receiver ID, datagram, the 20 bytes before) |
 //!
-//! The key of a direction is HKDF-SHA256(key, info "c2v" or "v2c"): a datagram that is sent back to its sender does not
+//! The key of a direction is HKDF-SHA256(key, info "c2v", "v2c" or "v2g"): a datagram that is sent back to its sender does not
 //! verify. The receiver is not in the trailer: a datagram for one VSM does not verify at another that has the same key.
 //!
 //! A correct trailer does not make a datagram fresh: which stamps are accepted is the receiver's to decide.
+//!
+//! `exchange` is the datagram by which two guards agree about a key, `group` how a group gets one.
 //!
 //! ```
 //! use stanag_msgs::Id;
@@ -35,12 +37,19 @@
 //! assert!(!key.verifies(&guarded, cucs));
 //! ```
 
+mod exchange;
+mod group;
+
+pub use self::exchange::ExchangeDatagram;
+use self::group::Wrap;
+pub use self::group::{OFFER_BYTES, Offer, is_offer};
+
 use core::fmt;
 
 use hkdf::Hkdf;
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
-use zeroize::Zeroize as _;
+use zeroize::Zeroizing;
 
 use crate::{Id, MAX_DATAGRAM};
 
@@ -56,15 +65,18 @@ pub enum Direction {
     ToVsm,
     /// From a VSM to a CUCS.
     ToCucs,
+    /// From a VSM to its group, under the group's key: status, and never anything that a VSM takes.
+    ToGroup,
 }
 
 impl Direction {
-    /// The other way.
+    /// The other way; nothing comes back from a group.
     #[must_use]
-    pub const fn back(self) -> Direction {
+    pub const fn back(self) -> Option<Direction> {
         match self {
-            Direction::ToVsm => Direction::ToCucs,
-            Direction::ToCucs => Direction::ToVsm,
+            Direction::ToVsm => Some(Direction::ToCucs),
+            Direction::ToCucs => Some(Direction::ToVsm),
+            Direction::ToGroup => None,
         }
     }
 
@@ -72,6 +84,7 @@ impl Direction {
         match self {
             Direction::ToVsm => 1,
             Direction::ToCucs => 2,
+            Direction::ToGroup => 3,
         }
     }
 
@@ -79,6 +92,7 @@ impl Direction {
         match code {
             1 => Some(Direction::ToVsm),
             2 => Some(Direction::ToCucs),
+            3 => Some(Direction::ToGroup),
             _ => None,
         }
     }
@@ -152,18 +166,20 @@ impl<'a> Guarded<'a> {
     }
 }
 
-/// A key of 32 bytes that one CUCS shares with one VSM, ready for both directions.
+/// A key of 32 bytes that one CUCS shares with one VSM, or a VSM with the guards of its group, ready for every direction.
 ///
-/// It holds the state of both HMACs instead of the key, on the heap: a value that is moved would leave copies on stacks, which
+/// It holds the state of the HMACs instead of the key, on the heap: a value that is moved would leave copies on stacks, which
 /// nothing wipes. It is wiped when dropped, and `Debug` shows nothing of it.
 pub struct GuardKey {
     id: u16,
     to_vsm: Box<Hmac<Sha256>>,
     to_cucs: Box<Hmac<Sha256>>,
+    to_group: Box<Hmac<Sha256>>,
+    wrap: Wrap,
 }
 
 impl GuardKey {
-    /// Derives both directions of a key.
+    /// Derives the directions of a key.
     #[must_use]
     pub fn new(key: &[u8; 32]) -> GuardKey {
         let id = keyed(key).chain_update(KEY_ID).finalize().into_bytes();
@@ -171,7 +187,21 @@ impl GuardKey {
             id: u16::from_be_bytes([id[0], id[1]]),
             to_vsm: derived(key, b"c2v"),
             to_cucs: derived(key, b"v2c"),
+            to_group: derived(key, b"v2g"),
+            wrap: Wrap::new(&expanded(key, b"group wrap")),
         }
+    }
+
+    /// A group key, encrypted for the holder of this key. `None` where it cannot be. A stamp is used once.
+    #[must_use]
+    pub fn wrap(&self, stamp_us: u64, offer: &Offer) -> Option<[u8; OFFER_BYTES]> {
+        self.wrap.seal(stamp_us, offer)
+    }
+
+    /// The group key in an offer that was made for this key. That it is a new one its datagram has to show.
+    #[must_use]
+    pub fn unwrap(&self, inside: &[u8]) -> Option<Offer> {
+        is_offer(inside).then(|| self.wrap.open(inside.try_into().ok()?))?
     }
 
     /// By which a trailer names it: not unique, so that it only selects what is tried.
@@ -228,6 +258,7 @@ impl GuardKey {
         let keyed = match direction {
             Direction::ToVsm => &self.to_vsm,
             Direction::ToCucs => &self.to_cucs,
+            Direction::ToGroup => &self.to_group,
         };
         Hmac::clone(keyed)
             .chain_update(CONTEXT)
@@ -248,13 +279,15 @@ fn keyed(key: &[u8; 32]) -> Hmac<Sha256> {
 }
 
 fn derived(key: &[u8; 32], info: &[u8]) -> Box<Hmac<Sha256>> {
-    let mut bytes = [0; 32];
+    Box::new(keyed(&expanded(key, info)))
+}
+
+fn expanded(key: &[u8; 32], info: &[u8]) -> Zeroizing<[u8; 32]> {
+    let mut bytes = Zeroizing::new([0; 32]);
     Hkdf::<Sha256>::new(None, key)
-        .expand(info, &mut bytes)
+        .expand(info, &mut *bytes)
         .expect("32 bytes are one block of its output");
-    let derived = Box::new(keyed(&bytes));
-    bytes.zeroize();
-    derived
+    bytes
 }
 
 /// A datagram that cannot be guarded.

@@ -1,0 +1,104 @@
+//! How two guards agree about a key: a step of the exchange in a datagram on the DLI's own port, which is none of the DLI.
+//!
+//! No datagram of the DLI begins as it does: Editions 3 and 4 begin with the IDD version, a number below 256, and Edition 2.5 with a digit.
+//!
+//! | offset | field | meaning |
+//! |---|---|---|
+//! | 0 | 2 bytes | `GX` |
+//! | 2 | u8 | version 1 |
+//! | 3 | u8 | direction: 1 CUCS to VSM, 2 VSM to CUCS |
+//! | 4 | u32 | CUCS ID |
+//! | 8 | u32 | VSM ID |
+//! | 12 | 1 to 203 bytes | the step, laid out as MAVLink's KEY_EXCHANGE (229) of this project, without its last zeros |
+//!
+//! Nothing of it is authentic before the machine of the exchange has said so: the ids only select which one is asked.
+//!
+//! ```
+//! use stanag_msgs::Id;
+//! use stanag_msgs::guard::{Direction, ExchangeDatagram};
+//!
+//! let step = ExchangeDatagram { direction: Direction::ToVsm, cucs: Id(0x1b00_00a0), vsm: Id(0x1b00_0001), payload: &[7, 8, 0] };
+//! let bytes = step.to_bytes();
+//! let read = ExchangeDatagram::parse(&bytes).unwrap();
+//! assert_eq!((read.cucs, read.payload), (step.cucs, &[7, 8][..]));
+//! assert!(ExchangeDatagram::parse(b"2.5 ...........").is_none());
+//! ```
+
+use super::Direction;
+use crate::Id;
+
+/// A step of an exchange between two guards.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ExchangeDatagram<'a> {
+    /// Which way it goes.
+    pub direction: Direction,
+    /// The CUCS whose guard it is.
+    pub cucs: Id,
+    /// The VSM.
+    pub vsm: Id,
+    /// The step, for the machine of the exchange.
+    pub payload: &'a [u8],
+}
+
+impl<'a> ExchangeDatagram<'a> {
+    /// Reads one; `None` where it is something else. It costs a stranger nothing that this is looked at.
+    #[must_use]
+    pub fn parse(bytes: &'a [u8]) -> Option<ExchangeDatagram<'a>> {
+        let [b'G', b'X', VERSION, direction, rest @ ..] = bytes else {
+            return None;
+        };
+        let (cucs, rest) = rest.split_first_chunk()?;
+        let (vsm, payload) = rest.split_first_chunk()?;
+        (1..=MAX_STEP)
+            .contains(&payload.len())
+            .then_some(ExchangeDatagram {
+                direction: Direction::of_code(*direction)?,
+                cucs: Id(u32::from_be_bytes(*cucs)),
+                vsm: Id(u32::from_be_bytes(*vsm)),
+                payload,
+            })
+    }
+
+    /// The datagram; of the step what is longer than 203 bytes, which no step is, does not go out.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let used = self.payload.iter().rposition(|byte| *byte != 0);
+        let used = used.map_or(1, |last| last + 1).min(MAX_STEP);
+        let mut bytes = vec![b'G', b'X', VERSION, self.direction.code()];
+        bytes.extend(self.cucs.0.to_be_bytes());
+        bytes.extend(self.vsm.0.to_be_bytes());
+        bytes.extend(self.payload.iter().take(used));
+        bytes
+    }
+}
+
+const VERSION: u8 = 1;
+/// The longest payload of KEY_EXCHANGE.
+const MAX_STEP: usize = 203;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_and_nothing_else_is() {
+        let step = ExchangeDatagram {
+            direction: Direction::ToCucs,
+            cucs: Id(1),
+            vsm: Id(2),
+            payload: &[5; MAX_STEP],
+        };
+        let bytes = step.to_bytes();
+        assert_eq!(ExchangeDatagram::parse(&bytes), Some(step));
+        assert_eq!(bytes[..12], [b'G', b'X', 1, 2, 0, 0, 0, 1, 0, 0, 0, 2]);
+        for (at, other) in [(0, b'2'), (1, b'D'), (2, 2), (3, 0), (3, 3)] {
+            let mut bent = bytes.clone();
+            bent[at] = other;
+            assert!(ExchangeDatagram::parse(&bent).is_none(), "byte {at}");
+        }
+        for length in 0..=12 {
+            assert!(ExchangeDatagram::parse(&bytes[..length]).is_none());
+        }
+        assert!(ExchangeDatagram::parse(&[&bytes[..], &[1]].concat()).is_none());
+    }
+}

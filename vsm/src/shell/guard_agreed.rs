@@ -1,0 +1,161 @@
+//! The key files of one guarded CUCS at the VSM, as the exchange writes them: `a0.key`, `a0.key.previous`, and `a0.key.pairing`,
+//! which names the guard that it is paired with.
+//!
+//! The pairing lies beside the key, so that whoever revokes the key ends the pairing too (`vsm guard revoke`): a guard that was
+//! locked out could agree about another key otherwise. `a0.key.lock` is held by whoever changes any of them.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mavlink_link::exchange::{
+    Agreed, PinnedPeer, PublicKey, ResponderMemory, ResponderStore, StoreError,
+};
+use mavlink_link::store::Record as _;
+use rustix::fs::FlockOperation;
+
+use super::disk::{self, FileSystem, NativeFileSystem};
+use super::guard_file;
+use super::key_file::KeyFileError;
+use super::ownership;
+use crate::key_exchange::ExchangeRecord;
+
+/// The files of one CUCS.
+#[derive(Debug, Clone)]
+pub struct AgreedFiles {
+    path: PathBuf,
+    system: Arc<dyn FileSystem>,
+    /// A window is open: who knows the code may take the place of the guard of before.
+    pairs: bool,
+}
+
+impl AgreedFiles {
+    /// The files whose key is at `path`, which need not exist yet.
+    #[must_use]
+    pub fn new(path: &Path) -> AgreedFiles {
+        AgreedFiles::new_on(path, Arc::new(NativeFileSystem))
+    }
+
+    /// As [`AgreedFiles::new`], with all writing by `system`.
+    #[must_use]
+    pub fn new_on(path: &Path, system: Arc<dyn FileSystem>) -> AgreedFiles {
+        AgreedFiles {
+            path: path.to_owned(),
+            system,
+            pairs: false,
+        }
+    }
+
+    /// The file of the key.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A window is open from here on, or none is.
+    pub fn set_pairing(&mut self, pairs: bool) {
+        self.pairs = pairs;
+    }
+
+    /// What the machine must know of them. A key that is not there yet is none.
+    ///
+    /// # Errors
+    /// One of them is there and cannot be used.
+    pub fn memory(&self) -> Result<ResponderMemory, KeyFileError> {
+        let record = self.record().map_err(|cause| self.fault(cause))?;
+        let peer = record.as_ref().and_then(|record| {
+            let (key, counter) = (record.peer()?, record.counter);
+            Some(PinnedPeer { key, counter })
+        });
+        let current = match super::key_file::read(&self.path) {
+            Ok(key) => Some(key.id()),
+            Err(KeyFileError::Absent { .. }) => None,
+            Err(fault) => return Err(fault),
+        };
+        Ok(ResponderMemory {
+            peer,
+            epoch: record.map_or(0, |record| record.epoch),
+            current,
+            next: None,
+        })
+    }
+
+    /// The guard that it is paired with.
+    #[must_use]
+    pub fn peer(&self) -> Option<PublicKey> {
+        self.record().ok()??.peer()
+    }
+
+    fn record(&self) -> io::Result<Option<ExchangeRecord>> {
+        let bytes = self.system.read(&guard_file::pairing(&self.path), MOST)?;
+        bytes
+            .map(|bytes| ExchangeRecord::decode(&bytes).map_err(io::Error::other))
+            .transpose()
+    }
+
+    fn write(&self, record: &ExchangeRecord) -> Result<(), StoreError> {
+        let path = guard_file::pairing(&self.path);
+        disk::replace(&*self.system, &path, &record.encode(), true).map_err(reason)
+    }
+
+    fn fault(&self, cause: io::Error) -> KeyFileError {
+        let path = guard_file::pairing(&self.path);
+        KeyFileError::Io { path, cause }
+    }
+}
+
+impl ResponderStore for AgreedFiles {
+    fn withdraw_next(&mut self) -> Result<(), StoreError> {
+        // A key is in force here as soon as it is stored: none waits that could be withdrawn.
+        Ok(())
+    }
+
+    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError> {
+        let _held = hold(&self.path).map_err(reason)?;
+        let known = self.record().map_err(reason)?;
+        let same = |one: &ExchangeRecord| one.peer == Some(*peer.key.bytes());
+        // It was revoked by a person since: what is known here of the guard is out of date.
+        if !self.pairs && !known.as_ref().is_some_and(same) {
+            return Err(reason("the pairing was ended"));
+        }
+        self.write(&ExchangeRecord {
+            peer: Some(*peer.key.bytes()),
+            counter: peer.counter,
+            epoch: known.map_or(0, |record| record.epoch),
+            ..ExchangeRecord::default()
+        })
+    }
+
+    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+        let _held = hold(&self.path).map_err(reason)?;
+        let Some(mut record) = self.record().map_err(reason)? else {
+            return Err(reason("the pairing was ended"));
+        };
+        // The epoch goes first: a power cut in between skips one, and never uses one twice.
+        record.epoch = record.epoch.max(agreed.epoch);
+        self.write(&record)?;
+        guard_file::put_in_force(&*self.system, &self.path, &agreed.key).map_err(reason)
+    }
+}
+
+/// Keeps the files from being changed by anybody else as long as it lives.
+pub(super) fn hold(path: &Path) -> io::Result<File> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    let mut how = OpenOptions::new();
+    how.write(true).create(true).truncate(false);
+    std::os::unix::fs::OpenOptionsExt::mode(&mut how, 0o600);
+    let lock = ownership::open_no_link(&mut how, Path::new(&name))?;
+    rustix::fs::flock(&lock, FlockOperation::LockExclusive)?;
+    Ok(lock)
+}
+
+fn reason(fault: impl std::fmt::Display) -> StoreError {
+    StoreError {
+        reason: fault.to_string(),
+    }
+}
+
+/// The record is a few hundred bytes.
+const MOST: u64 = 4_096;
