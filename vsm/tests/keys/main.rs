@@ -6,6 +6,7 @@ mod agreed_over_the_air;
 mod check_vehicle;
 mod commands;
 mod ground;
+mod guard_model;
 mod guard_pairing;
 mod key_store;
 mod secrets;
