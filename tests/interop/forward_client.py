@@ -2,9 +2,10 @@
 """pymavlink as a ground station beside the bridge: it receives the vehicle, and commands it signed.
 
     forward_client.py --listen HOST:PORT --key HEX --refused-key HEX
+    forward_client.py --unsigned HOST:PORT
 
-The bridge sends to `--listen`, by a [[forward]] with `commands = true`. Ends with 0 where every check held. THE AIRCRAFT
-WILL ARM.
+The bridge sends to `--listen`, by a [[forward]] with `commands = true`; or waits at `--unsigned`, by one with `unsigned = true` that
+lists the command 400. Ends with 0 where every check held. THE AIRCRAFT WILL ARM.
 """
 import argparse
 import os
@@ -22,9 +23,9 @@ ACCEPTED, DENIED = 0, 2
 
 
 class Client:
-    def __init__(self, listen):
-        # It binds, and answers where the bridge sends from.
-        self.link = mavutil.mavlink_connection(f"udpin:{listen}", source_system=255, source_component=190)
+    def __init__(self, connection):
+        # With `udpin` it binds, and answers where the bridge sends from.
+        self.link = mavutil.mavlink_connection(connection, source_system=255, source_component=190)
 
     def sign(self, key):
         self.link.setup_signing(bytes.fromhex(key), sign_outgoing=True, allow_unsigned_callback=None)
@@ -53,7 +54,7 @@ class Client:
 
 
 def run(options, checks):
-    client = Client(options.listen)
+    client = Client(f"udpin:{options.listen}")
     client.sign(options.key)
     position = client.receive(30, "GLOBAL_POSITION_INT")
     checks.check("the position comes, signed with the key of this ground station", position and position.get_signed(), position)
@@ -68,12 +69,35 @@ def run(options, checks):
     beat = client.receive(10, "HEARTBEAT")
     checks.check("another key arms nothing", beat and not beat.base_mode & 128, beat)
 
+    arm(client, checks, "its own key arms")
+
+
+def run_unsigned(options, checks):
+    """Beside [[forward]] unsigned = true, commands = { commands = [400] }."""
+    client = Client(f"udpout:{options.unsigned}")
+    position = client.receive(30, "GLOBAL_POSITION_INT")
+    checks.check("the position comes, unsigned", position and not position.get_signed(), position)
+    checks.check("a reboot is not listed", client.command(REBOOT, 1) == DENIED)
+    client.link.mav.param_set_send(1, 1, b"MPC_XY_CRUISE", 3.0, 9)
+    end, taken = time.monotonic() + 3, False
+    while time.monotonic() < end and not taken:
+        answer = client.receive(end - time.monotonic(), "PARAM_VALUE")
+        taken = bool(answer and answer.param_id == "MPC_XY_CRUISE" and answer.param_value == 3.0)
+    checks.check("a parameter is not listed", not taken)
+    client.link.mav.setup_signing_send(1, 1, b"\0" * 32, 0)
+    client.link.mav.serial_control_send(10, 2, 0, 0, 7, list(b"reboot\n" + b"\0" * 63))
+    arm(client, checks, "what is listed arms")
+    position = client.receive(5, "GLOBAL_POSITION_INT")
+    checks.check("the vehicle still signs for the bridge", position is not None, position)
+
+
+def arm(client, checks, name):
     # A vehicle refuses to arm in the first seconds after its start.
     end, result = time.monotonic() + 30, client.command(ARM, 1)
     while result != ACCEPTED and time.monotonic() < end:
         client.receive(1, "SYS_STATUS")
         result = client.command(ARM, 1)
-    checks.check("its own key arms", result == ACCEPTED, result)
+    checks.check(name, result == ACCEPTED, result)
     deadline, armed = time.monotonic() + 5, False
     while not armed and time.monotonic() < deadline:
         beat = client.receive(2, "HEARTBEAT")
@@ -83,11 +107,12 @@ def run(options, checks):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--listen", required=True, metavar="HOST:PORT")
-    parser.add_argument("--key", required=True)
-    parser.add_argument("--refused-key", required=True)
+    parser.add_argument("--listen", metavar="HOST:PORT")
+    parser.add_argument("--key")
+    parser.add_argument("--refused-key")
+    parser.add_argument("--unsigned", metavar="HOST:PORT")
     options, checks = parser.parse_args(), Checks()
-    run(options, checks)
+    (run_unsigned if options.unsigned else run)(options, checks)
     checks.close()
     return 0 if checks.passed() else 1
 

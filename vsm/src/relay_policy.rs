@@ -61,7 +61,7 @@ impl RelayPolicy {
     /// Whether a verified frame of the ground may be forwarded to PX4. `disarmed`: PX4 has just reported so.
     pub(crate) fn check(&self, frame: &FrameView<'_>, disarmed: bool) -> Result<(), Denied> {
         let (id, payload) = (frame.header().message_id, frame.payload());
-        if !self.messages.contains(&id) {
+        if !self.messages.contains(&id) || NEVER.contains(&id) {
             return Err(Denied::Message(id));
         }
         match id {
@@ -138,6 +138,16 @@ fn matches(pattern: &[u8], name: &[u8]) -> bool {
     }
 }
 
+/// Whether a FILE_TRANSFER_PROTOCOL message changes nothing on PX4's card: it lists, reads, sums, or ends a session.
+pub(crate) fn reads_files(payload: &[u8]) -> bool {
+    // Three bytes of addresses, then sequence (2), session (1) and the opcode.
+    matches!(byte(payload, 6), 0..=5 | 14 | 15)
+}
+
+/// KEY_EXCHANGE and SETUP_SIGNING, whatever a list has: keys are changed by who has them.
+const NEVER: [u32; 2] = [229, 256];
+/// FILE_TRANSFER_PROTOCOL.
+pub(crate) const FILE_TRANSFER: u32 = 110;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 const PARAM_SET: u32 = 23;

@@ -518,6 +518,12 @@ impl Config {
                     "the ids of [[vehicle]]s of this file",
                 );
             }
+            let covers = |id| forward.vehicles.is_empty() || forward.vehicles.contains(&id);
+            let mut own = self.vehicles().filter(|one| covers(one.id));
+            if forward.unsigned && own.any(|one| one.link_id == forward.link_id) {
+                let expected = "another than vehicle.link_id with unsigned = true, such as 7: what it sends is a stream of its own";
+                return fault(at, "forward.link_id", forward.link_id, expected);
+            }
             let mut taken = self.vehicles().map(|one| one.system_id);
             let system = forward.system_id;
             if system == 0 || system == self.mavlink.system_id || taken.any(|id| id == system) {

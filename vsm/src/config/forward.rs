@@ -35,13 +35,22 @@ table! {
         /// `airside.toml` (`messages`, `commands`, `protected_parameters`). Needs `key_file`
         #[serde(default)]
         pub commands: Commands => Value("false"),
+        /// Whether it is a program of this computer that cannot sign, such as one of MAVSDK or pymavlink: what it sends is taken unsigned
+        /// from programs of the bridge's own user, root and `users`, and signed for the vehicle under `link_id`. Needs a `udpin` link on a
+        /// loopback address, and no `key_file`; it may command what `commands` lists and nothing else (`commands = true` is refused)
+        #[serde(default)]
+        pub unsigned: bool => Value("false"),
+        /// With `unsigned`: further users, by their numbers, whose programs may be this one
+        #[serde(default)]
+        pub users: Vec<u32> => Nothing("none"),
         /// Whether it may also move the aircraft, or change what it will fly, while a CUCS holds LOI 4 or 5
         #[serde(default)]
         pub while_controlled: bool => Value("false"),
         /// MAVLink system id of the ground station, 1 to 255
         #[serde(default = "ground_station")]
         pub system_id: u8 => Value("255"),
-        /// MAVLink signing link id of the VSM on this link
+        /// MAVLink signing link id of the VSM on this link; with `unsigned`, of what is signed for the vehicle: another than the vehicle's
+        /// `link_id`
         #[serde(default)]
         pub link_id: u8 => Value("0"),
     }
@@ -70,16 +79,32 @@ impl Relay {
     /// The lists, with the defaults where there is none.
     #[must_use]
     pub fn policy(&self) -> RelayPolicy {
-        let bridge = RelayPolicy::default();
+        self.policy_over(RelayPolicy::default())
+    }
+
+    /// The lists alone, and commands in their messages where some are listed: of a program that proves nothing of itself.
+    fn listed(&self) -> RelayPolicy {
+        let commands = self.commands.as_ref().is_some_and(|one| !one.is_empty());
+        let messages = commands.then_some([COMMAND_INT, COMMAND_LONG]);
+        let mut policy = self.policy_over(RelayPolicy {
+            messages: Vec::new(),
+            commands: Vec::new(),
+            ..RelayPolicy::default()
+        });
+        policy.messages.extend(messages.into_iter().flatten());
+        policy
+    }
+
+    fn policy_over(&self, absent: RelayPolicy) -> RelayPolicy {
         let Relay {
             messages,
             commands,
             protected_parameters,
         } = self.clone();
         RelayPolicy {
-            messages: messages.unwrap_or(bridge.messages),
-            commands: commands.unwrap_or(bridge.commands),
-            protected_parameters: protected_parameters.unwrap_or(bridge.protected_parameters),
+            messages: messages.unwrap_or(absent.messages),
+            commands: commands.unwrap_or(absent.commands),
+            protected_parameters: protected_parameters.unwrap_or(absent.protected_parameters),
         }
     }
 }
@@ -181,6 +206,49 @@ impl<'de> Deserialize<'de> for ForwardLink {
 }
 
 impl Forward {
+    /// What it may command; `None` where nothing.
+    #[must_use]
+    pub fn policy(&self) -> Option<RelayPolicy> {
+        let lists = self.commands.0.as_ref()?;
+        Some(match self.unsigned {
+            true => lists.listed(),
+            false => lists.policy(),
+        })
+    }
+
+    /// What of a program that cannot sign does not fit.
+    fn check_unsigned(&self, at: usize) -> Result<(), Fault> {
+        if self.key_file.is_some() {
+            let expected = "unsigned = false, or no key_file: with a key it signs";
+            return fault(at, "forward.unsigned", "true with a key_file", expected);
+        }
+        match &self.link {
+            ForwardLink::Shared(LinkAddress::UdpIn(address)) if address.ip().is_loopback() => {}
+            link => {
+                let expected = "udpin on a loopback address with unsigned = true, such as \"udpin:127.0.0.1:14552\": whose program sends there is \
+                                looked up";
+                return fault(at, "forward.link", link, expected);
+            }
+        }
+        match &self.commands.0 {
+            Some(lists) if *lists == Relay::default() => {
+                let expected = "lists with unsigned = true, such as { commands = [176, 400] }";
+                fault(at, "forward.commands", "true", expected)
+            }
+            Some(lists) => {
+                let mut listed = lists.messages.iter().flatten();
+                match listed.find(|id| NEVER_UNSIGNED.contains(id)) {
+                    Some(id) => {
+                        let expected = "no SERIAL_CONTROL (126), KEY_EXCHANGE (229), SETUP_SIGNING (256) with unsigned = true";
+                        fault(at, "forward.commands", id, expected)
+                    }
+                    None => Ok(()),
+                }
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Its ranges. `at` is where its table begins.
     pub(super) fn check(&self, at: usize) -> Result<(), Fault> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -188,11 +256,19 @@ impl Forward {
             let expected = "1 to 32 letters, digits, - and _";
             return fault(at, "forward.name", &self.name, expected);
         }
+        if self.unsigned {
+            return self.check_unsigned(at);
+        }
+        if !self.users.is_empty() {
+            let expected = "unsigned = true beside it: otherwise nobody is looked up";
+            return fault(at, "forward.users", "given", expected);
+        }
         if self.key_file.is_some() {
             return Ok(());
         }
         if self.commands.0.is_some() {
-            let expected = "a key_file of its own beside it: commands are taken signed only; `vsm keygen FILE` makes one";
+            let expected = "a key_file of its own beside it: commands are taken signed only, `vsm keygen FILE` makes one; or unsigned = true for a \
+                            program of this computer";
             return fault(at, "forward.commands", "given", expected);
         }
         match self.link.waits_at() {
@@ -205,3 +281,8 @@ impl Forward {
         }
     }
 }
+
+const COMMAND_INT: u32 = 75;
+const COMMAND_LONG: u32 = 76;
+/// A shell on PX4, and what changes keys.
+const NEVER_UNSIGNED: [u32; 3] = [126, 229, 256];

@@ -6,7 +6,7 @@
 //! - Only frames pass to it that the bridge believes itself. They keep their sender and sequence; the signature of the
 //!   vehicle's key is taken off, and the one of this ground station's own key put on, where it has one.
 //! - From it only frames pass that verify under its own key with a stamp never accepted before ([`Link`]), over restarts
-//!   too, that are on the list ([`RelayPolicy`]), and that name a vehicle of its own. They keep their sender too, so that the
+//!   too (or, with `unsigned`, that a program of a permitted user of this computer has sent, which the shell looks up), that are on the list ([`RelayPolicy`]), and that name a vehicle of its own. They keep their sender too, so that the
 //!   vehicle answers it, and are signed with the vehicle's key.
 //! - While a CUCS holds LOI 4 or 5, or the VSM flies for a lost one, it can only ask, unless `while_controlled` is set. A
 //!   command that is refused is answered with COMMAND_ACK, result DENIED.
@@ -33,7 +33,7 @@ use super::counters::Counters;
 use super::link::frame::{OutFrame, Peer};
 use super::link::link_state_name;
 use crate::config;
-use crate::relay_policy::{Denied, RelayPolicy};
+use crate::relay_policy::{Denied, FILE_TRANSFER, RelayPolicy, reads_files};
 
 /// One ground station.
 #[derive(Debug)]
@@ -98,7 +98,7 @@ impl Forward {
     ) -> Forward {
         Forward {
             number,
-            policy: config.commands.0.as_ref().map(config::Relay::policy),
+            policy: config.policy(),
             config,
             link,
             key,
@@ -111,7 +111,7 @@ impl Forward {
 
     /// Continues with another configuration, of which key, link and ids are the same.
     pub(crate) fn reconfigure(&mut self, config: config::Forward) {
-        self.policy = config.commands.0.as_ref().map(config::Relay::policy);
+        self.policy = config.policy();
         self.config = config;
     }
 
@@ -197,13 +197,14 @@ impl Forward {
     ) -> Vec<Request> {
         let mut requests = Vec::new();
         let (mut unlisted, commands) = (0, self.policy.is_some());
+        let unsigned = self.config.unsigned;
         let auth = auth(self.key.as_mut(), disk);
         self.link
             .handle_datagram(now, from, bytes, auth, &mut |delivery| {
                 match delivery.header.message_id {
                     // It shows that the ground station is there, and concerns no vehicle: these have the heartbeats of the VSM.
                     HEARTBEAT => {}
-                    _ if delivery.verified && commands => requests.push(Request {
+                    _ if (delivery.verified || unsigned) && commands => requests.push(Request {
                         frame: delivery.frame.as_bytes().to_vec(),
                         target: delivery
                             .message
@@ -236,7 +237,11 @@ impl Forward {
         disk: &mut dyn Disk,
     ) -> Option<FrameView<'r>> {
         let frame = FrameView::parse(&request.frame).ok()?;
+        let writes = self.config.unsigned
+            && frame.header().message_id == FILE_TRANSFER
+            && !reads_files(frame.payload());
         let why = match self.policy.as_ref()?.check(&frame, situation.disarmed) {
+            Ok(()) if writes => "file transfer that writes",
             Ok(())
                 if situation.controlled && !self.config.while_controlled && !only_asks(&frame) =>
             {
@@ -258,6 +263,16 @@ impl Forward {
         };
         self.deny(now, frame.header(), command, system, disk);
         None
+    }
+
+    /// The signing link id of what is passed on to a vehicle, where it is another than the bridge's own.
+    pub(crate) fn vehicle_link_id(&self) -> Option<u8> {
+        self.config.unsigned.then_some(self.config.link_id)
+    }
+
+    /// What its link has not let in.
+    pub(crate) fn count(&mut self, why: &'static str) {
+        self.counters.count(why);
     }
 
     /// Nothing is there that it could go to.

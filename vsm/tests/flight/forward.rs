@@ -418,3 +418,158 @@ fn a_reload_changes_what_it_may_and_what_was_proven_stays() {
     rig.run(1.0);
     assert!(!rig.forwarded.is_empty());
 }
+
+/// A program of this computer that cannot sign; it may change the mode and arm, and read files.
+const UNSIGNED: &str = "[[forward]]\nname = \"mavsdk\"\nlink = \"udpin:127.0.0.1:14552\"\nunsigned = true\nlink_id = 7\n\
+     commands = { commands = [400, 511], messages = [20, 110] }\n";
+
+/// Sends a message of the program, unsigned.
+fn send_unsigned(rig: &mut Rig, message: &MavMessage) -> Vec<u8> {
+    rig.run(0.1);
+    let bytes = frame(rig, None, message);
+    deliver(rig, 0, at(50_000), &bytes);
+    bytes
+}
+
+#[test]
+fn a_program_that_cannot_sign_commands_what_is_listed_and_is_signed_as_a_stream_of_its_own() {
+    let mut rig = rig(UNSIGNED);
+    send_unsigned(&mut rig, &heartbeat());
+    rig.run(3.0);
+    assert!(rig.forwarded.len() > 20, "it receives the vehicle");
+    let (before, since) = (accepted(&rig), rig.forwarded.len());
+    send_unsigned(&mut rig, &arm());
+    rig.run(1.0);
+    assert_eq!(accepted(&rig), before + 1);
+    assert_eq!(
+        results(&rig, since),
+        [(
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            MavResult::MAV_RESULT_ACCEPTED
+        )]
+    );
+    // Signed with the vehicle's key, in the program's name, under the link id of its own.
+    send_unsigned(
+        &mut rig,
+        &command(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, 1, 30.0),
+    );
+    let (_, sent) = rig
+        .bridge
+        .as_mut()
+        .and_then(|bridge| bridge.poll_vehicle())
+        .expect("passed on");
+    let passed = FrameView::parse(sent.bytes()).expect("a frame");
+    assert!(verify(&key(0), &passed).is_ok());
+    assert_eq!(passed.header().system_id, 255);
+    assert_eq!(
+        passed.signature().map(|signature| signature.link_id),
+        Some(7)
+    );
+    // Not listed: refused with an answer; parameters, keys and a shell get no answer either way.
+    let (before, since) = (accepted(&rig), rig.forwarded.len());
+    send_unsigned(&mut rig, &command(MavCmd::MAV_CMD_NAV_TAKEOFF, 1, 0.0));
+    let set = PARAM_SET_DATA {
+        target_system: 1,
+        ..PARAM_SET_DATA::default()
+    };
+    send_unsigned(&mut rig, &MavMessage::PARAM_SET(set));
+    rig.run(1.0);
+    assert_eq!(accepted(&rig), before);
+    assert_eq!(
+        results(&rig, since),
+        [(MavCmd::MAV_CMD_NAV_TAKEOFF, MavResult::MAV_RESULT_DENIED)]
+    );
+    let refused = status(&rig, 0).refused;
+    assert_eq!(refused.get("command not allowed"), 1);
+    assert_eq!(refused.get("message not allowed"), 1);
+}
+
+#[test]
+fn an_unsigned_program_changes_no_keys_opens_no_shell_and_writes_no_file() {
+    use mavlink_link::dialect::{
+        FILE_TRANSFER_PROTOCOL_DATA, SERIAL_CONTROL_DATA, SETUP_SIGNING_DATA,
+    };
+    let mut rig = rig(UNSIGNED);
+    send_unsigned(&mut rig, &heartbeat());
+    let key_before = rig.vehicles[0].vehicle().counters().commands_accepted;
+    let taken = status(&rig, 0).taken;
+    send_unsigned(
+        &mut rig,
+        &MavMessage::SETUP_SIGNING(SETUP_SIGNING_DATA {
+            target_system: 1,
+            target_component: 1,
+            ..SETUP_SIGNING_DATA::default()
+        }),
+    );
+    send_unsigned(
+        &mut rig,
+        &MavMessage::SERIAL_CONTROL(SERIAL_CONTROL_DATA::default()),
+    );
+    let file = |opcode: u8| {
+        let mut payload = [0; 251];
+        payload[3] = opcode;
+        MavMessage::FILE_TRANSFER_PROTOCOL(FILE_TRANSFER_PROTOCOL_DATA {
+            target_network: 0,
+            target_system: 1,
+            target_component: 1,
+            payload,
+        })
+    };
+    // CreateFile, WriteFile, RemoveFile, CreateDirectory, RemoveDirectory, OpenFileWO, TruncateFile, Rename.
+    for opcode in [6, 7, 8, 9, 10, 11, 12, 13] {
+        send_unsigned(&mut rig, &file(opcode));
+    }
+    let refused = status(&rig, 0).refused;
+    assert_eq!(refused.get("file transfer that writes"), 8);
+    assert_eq!(status(&rig, 0).taken, taken, "none of it is passed on");
+    assert_eq!(
+        rig.vehicles[0].vehicle().counters().commands_accepted,
+        key_before
+    );
+    // ListDirectory.
+    send_unsigned(&mut rig, &file(3));
+    assert_eq!(status(&rig, 0).taken, taken + 1);
+}
+
+#[test]
+fn an_unsigned_program_only_asks_while_a_cucs_controls_the_vehicle() {
+    let mut rig = rig(UNSIGNED);
+    send_unsigned(&mut rig, &heartbeat());
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(stanag_msgs::enums::AckType::CarriedOut));
+    let (before, since) = (accepted(&rig), rig.forwarded.len());
+    send_unsigned(&mut rig, &arm());
+    rig.run(1.0);
+    assert_eq!(accepted(&rig), before);
+    assert_eq!(
+        results(&rig, since),
+        [(
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            MavResult::MAV_RESULT_DENIED
+        )]
+    );
+    assert_eq!(
+        status(&rig, 0).refused.get("a CUCS controls the vehicle"),
+        1
+    );
+}
+
+#[test]
+fn without_a_list_an_unsigned_program_is_a_reader() {
+    let mut rig = rig(
+        "[[forward]]\nname = \"mavsdk\"\nlink = \"udpin:127.0.0.1:14552\"\nunsigned = true\nlink_id = 7\n",
+    );
+    send_unsigned(&mut rig, &heartbeat());
+    rig.run(2.0);
+    assert!(rig.forwarded.len() > 20);
+    let before = accepted(&rig);
+    send_unsigned(&mut rig, &arm());
+    rig.run(1.0);
+    assert_eq!(accepted(&rig), before);
+    assert_eq!(
+        status(&rig, 0)
+            .refused
+            .get("this ground station may not command"),
+        1
+    );
+}

@@ -161,6 +161,14 @@ impl Bridge {
         self.log_moved(now, index, disk);
     }
 
+    /// A datagram of another user's program, on a link that looks that up, gets no further.
+    pub fn count_foreign(&mut self, number: usize) {
+        let mut forwards = self.forwards.iter_mut();
+        if let Some(forward) = forwards.find(|one| one.number == number) {
+            forward.count("program of another user");
+        }
+    }
+
     fn pass_request(&mut self, now: Now, index: usize, request: &Request, disk: &mut dyn Disk) {
         let Some(forward) = self.forwards.get_mut(index) else {
             return;
@@ -173,7 +181,10 @@ impl Bridge {
             }
             let situation = situation(one);
             found = match forward.judge(now, request, (system, situation), disk) {
-                Some(frame) => one.link.pass_on(now, &frame, disk),
+                Some(frame) => {
+                    let link_id = forward.vehicle_link_id();
+                    one.link.pass_on(now, &frame, link_id, disk)
+                }
                 None => true,
             };
         }

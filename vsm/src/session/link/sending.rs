@@ -147,17 +147,20 @@ impl VehicleLink {
     }
 
     /// Passes a frame of another ground station on, in its name and signed with the vehicle's key; false where it cannot
-    /// leave now. PX4 answers whom a frame names as its sender.
+    /// leave now. PX4 answers whom a frame names as its sender. `link_id`: of the
+    /// signature, where it is another than the link's own.
     pub(crate) fn pass_on(
         &mut self,
         now: Now,
         frame: &FrameView<'_>,
+        link_id: Option<u8>,
         store: &mut dyn Disk,
     ) -> bool {
         let Some(to) = self.link.peer() else {
             return false;
         };
-        let (link_id, signed) = (self.link.config().link_id, self.key.is_some());
+        let link_id = link_id.unwrap_or(self.link.config().link_id);
+        let signed = self.key.is_some();
         if !signed && self.link.config().security == Security::Signed {
             return false;
         }

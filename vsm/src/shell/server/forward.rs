@@ -14,6 +14,7 @@ use super::StartError;
 use crate::config::{Config, Forward, ForwardLink};
 use crate::session::{Bridge, LinkEnd, Peer};
 use crate::shell::key_file;
+use crate::shell::local_peers::LocalPeers;
 use crate::shell::sockets::{self, Hosts, VehicleReader, VehicleWriter};
 
 /// A link that is open; a task reads it.
@@ -25,8 +26,18 @@ pub(super) struct OpenForward {
     pub(super) writer: VehicleWriter,
     /// The fixed peer of a udpout or serial link.
     peer: Option<Peer>,
+    /// Whose programs may be there, where that is looked up.
+    pub(super) peers: LocalPeers,
     /// Ends the task that reads it.
     pub(super) close: Rc<Notify>,
+}
+
+/// Whose programs may be at the link of a ground station.
+pub(super) fn peers(forward: &Forward) -> LocalPeers {
+    match &forward.link {
+        ForwardLink::Shared(link) => LocalPeers::new(link, !forward.unsigned, &forward.users),
+        ForwardLink::TcpIn(_) | ForwardLink::TcpOut(_) => LocalPeers::of_users(None),
+    }
 }
 
 /// What a task reads: the place, the link, and what ends it.
@@ -82,6 +93,7 @@ pub(super) fn open(
             link: forward.link.clone(),
             writer,
             peer,
+            peers: peers(forward),
             close,
         });
         next += 1;
@@ -93,7 +105,7 @@ pub(super) fn open(
 fn stays(served: &Served<'_>, number: usize, forward: &Forward, key: Option<&SigningKey>) -> bool {
     let mut before = served.config.forwards();
     let before = before.find(|one| one.link == forward.link);
-    let ids = |one: &Forward| (one.system_id, one.link_id);
+    let ids = |one: &Forward| (one.system_id, one.link_id, one.unsigned);
     before.is_some_and(|before| ids(before) == ids(forward))
         && served.bridge.forward_key(number) == key.map(SigningKey::id)
 }

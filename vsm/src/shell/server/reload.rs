@@ -631,6 +631,13 @@ fn change_ports(core: &mut Core, opened: Opened) -> Vec<(usize, VehicleReader, R
 /// Puts links that were opened where the rest is, and closes those that no ground station is on.
 fn change_forwards(core: &mut Core, ends: &[usize], opened: Vec<OpenForward>) {
     core.forwards.extend(opened);
+    for one in &mut core.forwards {
+        // Other users may have been named.
+        let mut configured = core.config.forwards();
+        if let Some(forward) = configured.find(|forward| forward.link == one.link) {
+            one.peers = forward::peers(forward);
+        }
+    }
     core.forwards.retain(|one| {
         let stays = ends.contains(&one.number);
         if !stays {

@@ -126,8 +126,13 @@ pub(super) async fn receive_forward(
                     ..
                 } = core;
                 let bytes = bytes.get(..length).unwrap_or_default();
+                let mut forward = forwards.iter_mut().find(|one| one.number == number);
+                if let Some(forward) = &mut forward
+                    && !forward.peers.admits(now.mono, from)
+                {
+                    return bridge.count_foreign(number);
+                }
                 bridge.handle_forward(now, number, from, bytes, store);
-                let forward = forwards.iter().find(|one| one.number == number);
                 if let Some(forward) = forward
                     && bridge.forward_peer(number) == Some(from)
                 {

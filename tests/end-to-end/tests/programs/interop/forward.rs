@@ -1,5 +1,6 @@
 //! pymavlink as a ground station beside the bridge (`[[forward]]`): it verifies what it is sent under its own key, and
-//! commands the vehicle with it; with the vehicle's key, and with what is on no list, it commands nothing.
+//! commands the vehicle with it; with the vehicle's key, and with what is on no list, it commands nothing. Without a key, on loopback, it
+//! commands what is listed (`unsigned`).
 
 use std::time::Duration;
 
@@ -29,6 +30,29 @@ fn pymavlink_receives_and_commands_beside_the_bridge() {
         "--refused-key",
         &vehicles,
     ];
+    let mut client = Running::start(&peers_python(), arguments);
+    let status = client.wait(Duration::from_secs(90));
+    assert!(
+        status.is_some_and(|status| status.success()),
+        "{status:?}\n{}\n----\n{}\n----\n{}",
+        client.output(),
+        bridge.output(),
+        aircraft.output()
+    );
+}
+
+#[test]
+fn pymavlink_without_a_key_commands_what_is_listed_for_it() {
+    let at = format!("127.0.0.1:{}", free_udp_port());
+    let ground = Ground::with_tables(&format!(
+        "[[forward]]\nname = \"pymavlink\"\nlink = \"udpin:{at}\"\nunsigned = true\nlink_id = 7\n\
+         commands = {{ commands = [400] }}\n"
+    ));
+    let bridge = ground.bridge();
+    let aircraft = ground.aircraft_with(&[]);
+    let script = here().join("interop/forward_client.py");
+    let script = script.display().to_string();
+    let arguments = [script.as_str(), "--unsigned", &at];
     let mut client = Running::start(&peers_python(), arguments);
     let status = client.wait(Duration::from_secs(90));
     assert!(
