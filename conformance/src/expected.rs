@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::report::{Departure, Report, matches};
-use crate::verdict::Verdict;
+use crate::verdict::{Verdict, findings};
 
 /// The file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -22,6 +22,9 @@ struct Entry {
     rule: String,
     verdict: Verdict,
     reason: String,
+    /// A part of what the rule finds: another finding is not expected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finding: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ticket: Option<String>,
     /// `2027-01-31`, after which it counts no more.
@@ -42,6 +45,9 @@ pub fn read(path: &Path, today: &str) -> Result<Vec<Departure>, String> {
     file.expected
         .into_iter()
         .map(|entry| {
+            if entry.finding.as_ref().is_some_and(|finding| finding.trim().is_empty()) {
+                return Err(format!("expected departures {name}: the finding of {} is empty; quote a part of what the report says of it, or leave it out", entry.rule));
+            }
             if entry.reason.trim().is_empty() {
                 return Err(format!("expected departures {name}: {} has no reason; state why it is expected", entry.rule));
             }
@@ -54,6 +60,7 @@ pub fn read(path: &Path, today: &str) -> Result<Vec<Departure>, String> {
                     rule: entry.rule,
                     verdict: entry.verdict,
                     reason: entry.reason,
+                    finding: entry.finding,
                     used: false,
                 }),
             }
@@ -72,6 +79,7 @@ pub fn from_run(report: &Report) -> String {
             rule: rule.id.clone(),
             verdict: rule.verdict,
             reason: rule.reason.clone(),
+            finding: finding_of(&rule.reason),
             ticket: None,
             until: None,
         })
@@ -79,15 +87,23 @@ pub fn from_run(report: &Report) -> String {
     toml::to_string_pretty(&File { expected }).unwrap_or_default()
 }
 
+/// What of a reason is the same in the next run: it ends before the first number. None where findings of several kinds have no
+/// such part in common.
+fn finding_of(reason: &str) -> Option<String> {
+    let mut all = findings(reason);
+    let first = all.next()?;
+    let end = first
+        .find(|letter: char| letter.is_ascii_digit())
+        .unwrap_or(first.len());
+    let stable = first[..end].trim_end();
+    (stable.len() >= 20 && all.next().is_none()).then(|| stable.to_owned())
+}
+
 /// Notes which departures occurred; those that did not are returned, because an entry that is not needed hides the next
 /// fault.
 pub fn compare(report: &mut Report) -> Vec<String> {
     for departure in &mut report.expected {
-        departure.used = report.rules.iter().any(|rule| {
-            matches(&departure.rule, &rule.id)
-                && (rule.verdict == departure.verdict
-                    || rule.verdict.is_fail() && departure.verdict.is_fail())
-        });
+        departure.used = report.rules.iter().any(|rule| departure.covers(rule));
     }
     // An entry about rules that this run was not asked to judge is not its matter.
     let unused = report.expected.iter().filter(|departure| {
@@ -95,11 +111,70 @@ pub fn compare(report: &mut Report) -> Vec<String> {
     });
     unused
         .map(|departure| {
+            let finding = departure.finding.as_ref();
             format!(
-                "expected {} of {}, which did not occur: remove the entry",
+                "expected {} of {}{}, which did not occur: remove the entry",
                 departure.verdict.name(),
-                departure.rule
+                departure.rule,
+                finding.map_or(String::new(), |finding| format!(" with the finding {finding:?}"))
             )
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::RuleReport;
+    use crate::verdict::also;
+
+    /// A run in which one rule failed for this reason, with this expected departure.
+    fn run(reason: &str, finding: Option<&str>) -> (Vec<String>, usize) {
+        let mut report = Report {
+            expected: vec![Departure {
+                rule: "ALERT-001".into(),
+                verdict: Verdict::Fail,
+                reason: "known".into(),
+                finding: finding.map(str::to_owned),
+                used: false,
+            }],
+            rules: vec![RuleReport {
+                id: "ALERT-001".into(),
+                verdict: Verdict::Fail,
+                reason: reason.into(),
+                ..RuleReport::default()
+            }],
+            ..Report::default()
+        };
+        let unused = compare(&mut report);
+        (unused, report.unexpected().len())
+    }
+
+    const KNOWN: &str = "expected a new negative id for a new alert; -7 was used before";
+    const OTHER: &str = "expected the first message of an alert to have a negative id; got 3";
+
+    #[test]
+    fn another_finding_of_an_expected_rule_is_not_expected() {
+        let finding = Some("expected a new negative id for a new alert");
+        assert_eq!(run(KNOWN, finding), (vec![], 0));
+        let (unused, unexpected) = run(OTHER, finding);
+        assert_eq!((unused.len(), unexpected), (1, 1));
+        // Not hidden behind the one that is known either.
+        assert_eq!(run(&also(KNOWN, OTHER), finding).1, 1);
+        assert_eq!(run(OTHER, None), (vec![], 0));
+    }
+
+    #[test]
+    fn a_finding_that_is_written_holds_in_the_next_run() {
+        let finding = finding_of(KNOWN);
+        assert_eq!(
+            finding.as_deref(),
+            Some("expected a new negative id for a new alert; -")
+        );
+        assert_eq!(
+            run(&KNOWN.replace("-7", "-81"), finding.as_deref()),
+            (vec![], 0)
+        );
+        assert_eq!(finding_of(&also(KNOWN, OTHER)), None);
+    }
 }

@@ -74,6 +74,20 @@ impl Verdict {
     }
 }
 
+/// Between the findings of one rule in its reason, where they are of several kinds.
+const ALSO: &str = "; also: ";
+
+/// The findings of a reason, the first one first.
+pub fn findings(reason: &str) -> impl Iterator<Item = &str> {
+    reason.split(ALSO)
+}
+
+/// A reason with one finding more.
+#[must_use]
+pub fn also(reason: &str, other: &str) -> String {
+    format!("{reason}{ALSO}{other}")
+}
+
 /// A verdict with its reason: one sentence with what was expected and what was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {

@@ -45,7 +45,7 @@ that its first rule does not find, with the verdict and its reason.
 LOSS = 0.05
 # Rules that hold on most faulty VSMs: where they fail as well, the reason is looked for.
 UNTOUCHED = ("DISC-001", "AUTH-001", "ACK-001")
-TWO_VEHICLES = {"MULTI-002", "MULTI-002b", "MULTI-002p", "MULTI-002s", "MULTI-002u", "MULTI-002v", "MULTI-002w", "MULTI-002x", "V12", "V13", "V27", "two-vehicles"}
+TWO_VEHICLES = {"MULTI-002", "MULTI-002b", "MULTI-002p", "MULTI-002s", "MULTI-002u", "MULTI-002v", "MULTI-002w", "MULTI-002x", "MULTI-002z", "V12", "V13", "V27", "two-vehicles"}
 STATIONS = (("1b:00:00:a0", "2345", True), ("1b:00:00:a1", "2345", True), ("1b:00:00:a2", "2345", False), ("1b:00:00:a3", "24", False),
             ("1b:00:00:a4", "2", False))
 

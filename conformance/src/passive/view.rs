@@ -7,8 +7,11 @@ use stanag_msgs::Id;
 use crate::bench::net::Datagram;
 use crate::bench::survey::Survey;
 use crate::profile::Profile;
-use crate::verdict::{Judgement, Verdict};
+use crate::verdict::{Judgement, Verdict, also};
 use crate::wire::{Direction, Seen};
+
+/// Kinds of findings that a reason shows.
+const MAX_KINDS: usize = 4;
 
 /// A judge and its rule.
 pub struct Judge {
@@ -140,7 +143,7 @@ impl Found {
         }
     }
 
-    /// The judgement with its messages. Of many alike the first is shown, with their number.
+    /// The judgement with its messages. Of many alike the first is shown, with the number of all, and what is of another kind.
     #[must_use]
     pub fn judgement(self) -> (Judgement, Vec<Arc<Seen>>) {
         let (verdict, found) = if !self.fails.is_empty() {
@@ -163,7 +166,16 @@ impl Found {
         } else {
             String::new()
         };
-        let reason = format!("{}{more}", found[0].0);
+        let mut reason = format!("{}{more}", found[0].0);
+        // What differs by its numbers only is of one kind.
+        let kind = |text: &str| -> String { text.chars().filter(|c| !c.is_ascii_digit()).collect() };
+        let mut kinds = vec![kind(&found[0].0)];
+        for (text, _) in &found {
+            if kinds.len() < MAX_KINDS && !kinds.contains(&kind(text)) {
+                kinds.push(kind(text));
+                reason = also(&reason, text);
+            }
+        }
         let evidence = found
             .into_iter()
             .filter_map(|(_, seen)| seen)

@@ -54,6 +54,9 @@ pub(super) struct VsmArguments {
     /// Do not repeat a rule that fails
     #[arg(long)]
     no_repeat: bool,
+    /// Begin no further rule after this many seconds: the others are inconclusive. Otherwise the time is that of the rules
+    #[arg(long, value_name = "S")]
+    within: Option<u64>,
     /// Print only the summary
     #[arg(long, short)]
     quiet: bool,
@@ -168,6 +171,7 @@ fn options(
         overrides: arguments.allow.contains(&Allow::Override),
         repeat: !arguments.no_repeat,
         expected: BTreeSet::new(),
+        within: arguments.within.map(std::time::Duration::from_secs),
     })
 }
 

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::catalogue::{Listed, Release, Rule};
-use crate::verdict::Verdict;
+use crate::verdict::{Verdict, findings};
 
 /// Version of the form of `report.json`.
 pub const SCHEMA: &str = "1";
@@ -128,8 +128,22 @@ pub struct Departure {
     pub verdict: Verdict,
     /// Why.
     pub reason: String,
+    /// What the rule finds has to contain this, or it is another departure; anything where it is left out.
+    #[serde(default)]
+    pub finding: Option<String>,
     /// Whether a rule had it.
     pub used: bool,
+}
+
+impl Departure {
+    /// Whether it is about this rule, and about everything that the rule finds.
+    #[must_use]
+    pub fn covers(&self, rule: &RuleReport) -> bool {
+        let finding = self.finding.as_deref().unwrap_or_default();
+        matches(&self.rule, &rule.id)
+            && (rule.verdict == self.verdict || rule.verdict.is_fail() && self.verdict.is_fail())
+            && findings(&rule.reason).all(|found| found.contains(finding))
+    }
 }
 
 impl Subject {
@@ -194,11 +208,8 @@ impl Report {
     /// Fails that no departure expects.
     #[must_use]
     pub fn unexpected(&self) -> Vec<&RuleReport> {
-        let expected = |rule: &RuleReport| {
-            self.expected
-                .iter()
-                .any(|departure| matches(&departure.rule, &rule.id) && departure.verdict.is_fail())
-        };
+        let expected =
+            |rule: &RuleReport| self.expected.iter().any(|departure| departure.covers(rule));
         self.rules
             .iter()
             .filter(|rule| rule.verdict.is_fail() && !expected(rule))
@@ -310,6 +321,7 @@ pub(crate) mod tests {
                 rule: "WRAP-*".into(),
                 verdict: Verdict::Fail,
                 reason: "known".into(),
+                finding: None,
                 used: true,
             }],
             rules,

@@ -13,14 +13,16 @@ from .faults_in_corners import IN_CORNERS
 from .faults_in_detail import IN_DETAIL
 from .faults_of_agreement import OF_AGREEMENT
 from .faults_of_memory import OF_MEMORY
+from .faults_of_practice import OF_PRACTICE
 from .mutants import MUTANTS
 from .variants import VARIANTS
 from .vsm import Vsm
 from .wire import parse_id, show_id
 
-FAULTS = MUTANTS | BY_RULE | IN_DETAIL | IN_CORNERS | OF_MEMORY | OF_AGREEMENT
+FAULTS = MUTANTS | BY_RULE | IN_DETAIL | IN_CORNERS | OF_MEMORY | OF_AGREEMENT | OF_PRACTICE
 # Options without which a fault does not show.
-CIRCUMSTANCES = {"V56": ["--no-fix"], "DISC-005": ["--no-link"], "MODE-008": ["--wind=8,0"], "LINK-005": ["--on-loss", "hold"]}
+CIRCUMSTANCES = {"V56": ["--no-fix"], "DISC-005": ["--no-link"], "LINK-005": ["--on-loss", "hold"],
+                 **dict.fromkeys(("MODE-008", "MODE-008z", "STAT-007z2"), ["--wind=8,0"])}
 HOME = (47.3977434, 8.5455939, 488.0)
 STATIONS = ("1b:00:00:a0:2345:override", "1b:00:00:a1:2345:override", "1b:00:00:a2:2345", "1b:00:00:a3:24", "1b:00:00:a4:2")
 
