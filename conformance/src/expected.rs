@@ -116,7 +116,9 @@ pub fn compare(report: &mut Report) -> Vec<String> {
                 "expected {} of {}{}, which did not occur: remove the entry",
                 departure.verdict.name(),
                 departure.rule,
-                finding.map_or(String::new(), |finding| format!(" with the finding {finding:?}"))
+                finding.map_or(String::new(), |finding| format!(
+                    " with the finding {finding:?}"
+                ))
             )
         })
         .collect()

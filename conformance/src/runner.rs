@@ -548,6 +548,14 @@ impl Run<'_> {
             report
                 .notes
                 .push(format!("clean-up: {}", stop.judgement().reason));
+            // Not to have answered is no pass for a subject that has stopped answering.
+            let passed = matches!(judgement.verdict, Verdict::Pass | Verdict::Warning);
+            if passed && !self.bench.net.interrupted() && !alive(&self.bench) {
+                judgement = Judgement::new(
+                    Verdict::Fail,
+                    "expected the subject to answer a discovery after what this rule sent; it answers none",
+                );
+            }
         }
         report.notes.extend(trial.notes());
         report.evidence = evidence(&self.bench, &trial, end, judgement.verdict == Verdict::Pass);
@@ -677,8 +685,15 @@ impl Run<'_> {
             if !rule.editions.contains(&edition) || !claimed(rule, &self.bench.profile) {
                 continue;
             }
-            let (mut judgement, evidence) = applied.judge(&view);
-            let alone = OF_ONE_MESSAGE.iter().any(|group| rule.id.starts_with(group));
+            // What is a defect of the suite must not cost the report of a whole run.
+            let judged = catch_unwind(AssertUnwindSafe(|| applied.judge(&view)));
+            let (mut judgement, evidence) = judged.unwrap_or_else(|_| {
+                let reason = "a defect of the suite, not of the subject: its judge panicked";
+                (Judgement::new(Verdict::Inconclusive, reason), Vec::new())
+            });
+            let alone = OF_ONE_MESSAGE
+                .iter()
+                .any(|group| rule.id.starts_with(group));
             if judgement.verdict.is_fail() && !alone {
                 judgement = self.excused(judgement, self.bench.net.dropped());
             }
@@ -745,6 +760,7 @@ fn flies(rule: &Rule) -> bool {
             "ROUTE-004",
             "ROUTE-007",
             "STAT-009",
+            "CONF-004",
             "CONF-005",
             "MODE-003",
             "PAYL-007",
@@ -771,7 +787,7 @@ fn rank(rule: &Rule) -> (u8, String) {
     let airborne = flies(rule);
     let rank = match rule.hazard {
         // A station that has sent heartbeats is watched for its silence from then on, in all that follows.
-        _ if ["HB-001", "HB-003", "HB-004", "LINK-005"].contains(&rule.id.as_str()) => 23,
+        _ if ["HB-001", "HB-002", "HB-003", "HB-004", "LINK-005"].contains(&rule.id.as_str()) => 23,
         // What may kill a subject goes last.
         _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => {
             20

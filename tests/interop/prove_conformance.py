@@ -9,6 +9,7 @@ fault is judged by the rules that it names and by a few that it must not touch; 
 Ends with 0 where all of this holds, 1 where there is a gap, which the table names.
 """
 import argparse
+import contextlib
 import json
 import os
 import signal
@@ -17,6 +18,7 @@ import sys
 import tempfile
 import threading
 import time
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +27,7 @@ from cucs_operator import profile as cucs_profile
 from lossy_relay import Relay
 from second_cucs.program import FAULTS as CUCS_FAULTS
 from second_scenarios import PROGRAM, free_port
+from second_vsm.mutants import MUTANTS
 from second_vsm.program import CIRCUMSTANCES, FAULTS
 from second_vsm.variants import VARIANTS
 
@@ -89,18 +92,32 @@ class Run:
         return f"{first}: {verdict}{why}" + (f"; caught by {', '.join(others)}" if others else "; **not caught**" if not self.failed else "")
 
 
-def runs(all_rules):
-    """Everything that is to be judged."""
+def rules_of(edition):
+    """The rules by which an edition is judged."""
+    catalogue = tomllib.loads((Path(__file__).resolve().parents[2] / "conformance" / "rules.toml").read_text())
+    return {rule["id"] for rule in catalogue["rule"] if edition in rule["editions"]}
+
+
+def runs(all_rules, edition="4"):
+    """Everything that is to be judged; in Edition 2.5 of the faults those of the suite's own table that a rule of it is about."""
+    known = rules_of(edition)
     yield Run("lawful", "the second VSM as it is")
     yield Run("two-vehicles", "the second VSM with two vehicles")
     yield Run("no-fix", "the second VSM without a position fix", ["--no-fix"], rules=("STAT-014", "DISC-001", "STAT-001"))
     for id, variant in VARIANTS.items():
         yield Run(id, variant.title, ["--variant", id])
     for id, mutant in FAULTS.items():
-        rules = () if all_rules else tuple(dict.fromkeys((*mutant.caught_by, *UNTOUCHED)))
-        yield Run(id, mutant.title, ["--mutant", id, *CIRCUMSTANCES.get(id, ())], mutant.caught_by, rules)
+        caught_by = tuple(rule for rule in mutant.caught_by if rule in known)
+        if not caught_by or edition == "2.5" and id not in MUTANTS:
+            continue
+        rules = () if all_rules else tuple(dict.fromkeys((*caught_by, *UNTOUCHED)))
+        yield Run(id, mutant.title, ["--mutant", id, *CIRCUMSTANCES.get(id, ())], caught_by, rules)
     yield Run("dead-port", "nobody listens", dead=True)
     yield Run("loss", f"{LOSS:.0%} of all datagrams lost each way", loss=LOSS)
+
+
+class Unbuilt(Exception):
+    """A subject that does not start; the text says why."""
 
 
 class Bench:
@@ -128,11 +145,14 @@ class Bench:
         (self.path / "profile.toml").write_text(self.profile())
         return self
 
-    def __exit__(self, *_):
+    def close(self):
         if self.relay:
             self.relay.stop()
         stop(self.path)
         self.directory.cleanup()
+
+    def __exit__(self, *_):
+        self.close()
 
     def profile(self):
         python, here = sys.executable, Path(__file__).resolve()
@@ -162,10 +182,13 @@ def start(path, options=None):
     with open(path / "subject.log", "a") as log:
         process = subprocess.Popen([sys.executable, str(PROGRAM), *options], stderr=log, start_new_session=True)
     (path / "pid").write_text(str(process.pid))
-    for _ in range(100):
+    for _ in range(600):
         if "ready" in (path / "subject.log").read_text().split("\n")[-2:][0]:
             return
+        if process.poll() is not None:
+            break
         time.sleep(0.05)
+    raise Unbuilt((path / "subject.log").read_text().strip().split("\n")[-1][:160])
 
 
 def stop(path):
@@ -186,7 +209,13 @@ def restart(path):
 def judge(run, args):
     """Runs the suite against one subject."""
     began = time.monotonic()
-    with Bench(run, args.speed, args.edition) as bench:
+    try:
+        bench = Bench(run, args.speed, args.edition).__enter__()
+    except Unbuilt as reason:
+        run.error = f"not in Edition {args.edition}: {reason}"
+        print(f"{run.id:12} {run.error}", flush=True)
+        return run
+    with contextlib.closing(bench):
         report = bench.path / "report.json"
         command = [args.dli_check, "vsm", "--profile", str(bench.path / "profile.toml"), "--simulated", "--quiet", "--json", str(report)]
         if run.faulty:
@@ -226,8 +255,9 @@ def collect(run, command, report, limit):
     """Runs the suite, and takes its verdicts."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
-        if done.returncode == 2:
-            run.error = f"dli-check: {done.stderr.strip()[:200]}"
+        # 0 as expected, 1 fails, 3 nothing judged, which a dead port is.
+        if done.returncode not in (0, 1, 3) or not report.exists():
+            run.error = f"dli-check: status {done.returncode}: {done.stderr.strip()[:200]}"
     except subprocess.TimeoutExpired:
         run.error = f"no end within {limit:.0f} s"
     if report.exists():
@@ -236,23 +266,52 @@ def collect(run, command, report, limit):
             run.reasons[rule["id"]] = rule.get("reason") or ""
 
 
-def table(done, head):
-    """The proof as Markdown."""
-    lines = [head, "## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
-    for run in done:
-        if not run.faulty:
-            count = [sum(v == verdict for v in run.verdicts.values()) for verdict in ("pass", "warning", "inconclusive")]
-            lines.append(f"| {run.id} | {run.title} | {count[0]} | {count[1]} | {count[2]} | {', '.join(run.failed) or 'none'} |")
+def row(run):
+    """A run as a row of the table."""
+    if run.faulty:
+        return f"| {run.id} | {run.title} | {', '.join(run.caught_by)} | {', '.join(run.failed) or 'none'} | {run.gap()} |"
+    count = [sum(v == verdict for v in run.verdicts.values()) for verdict in ("pass", "warning", "inconclusive")]
+    return f"| {run.id} | {run.title} | {count[0]} | {count[1]} | {count[2]} | {run.error or ', '.join(run.failed) or 'none'} |"
+
+
+def table(every, done, head, rows):
+    """The proof as Markdown: the rows of what was judged, and of the others those that stood there before."""
+    rows = rows | {run.id: row(run) for run in done}
+    known = {faulty: [run for run in every if run.faulty == faulty and run.id in rows] for faulty in (False, True)}
+    lines = [head.rstrip("\n") + "\n", "## What is lawful", "", "| subject | | pass | warning | inconclusive | fail |", "|---|---|---|---|---|---|"]
+    lines += [rows[run.id] for run in known[False]]
     lines += ["", "## Faults", "", "| fault | | must fail | failed | gap |", "|---|---|---|---|---|"]
-    for run in done:
-        if run.faulty:
-            lines.append(f"| {run.id} | {run.title} | {', '.join(run.caught_by)} | {', '.join(run.failed) or 'none'} | {run.gap()} |")
-    caught = [run for run in done if run.faulty and run.failed]
-    faulty = [run for run in done if run.faulty]
-    never = sorted({rule for run in done for rule, v in run.verdicts.items() if v == "pass"} - {rule for run in faulty for rule in run.failed})
-    lines += ["", f"{len(caught)} of {len(faulty)} faults are caught, {sum(not run.gap() for run in faulty)} of them by the rule that is named first.", "",
-              "Rules that passed and that no fault made fail: " + (", ".join(never) or "none") + "."]
+    lines += [rows[run.id] for run in known[True]]
+    columns = [[part.strip() for part in rows[run.id].split("|")] for run in known[True]]
+    named = {rule for part in columns for rule in part[4].split(", ")}
+    missing = [run.id for run in every if run.id not in rows]
+    lines += ["", f"{sum(part[4] != 'none' for part in columns)} of {len(columns)} faults are caught, {sum(not part[5] for part in columns)} of them by the rule that is named first.",
+              "", "Rules that are named first and that no fault makes fail: "
+              + (", ".join(sorted({run.caught_by[0] for run in every if run.faulty} - named)) or "none") + "."]
+    if missing:
+        lines += ["", "Not judged: " + ", ".join(missing) + "."]
     return "\n".join(lines) + "\n"
+
+
+def rows_of(text):
+    """The rows of a table that was written before, by what they are about; the second of two tables begins with its own heading."""
+    rows = {}
+    for line in text.split("\n"):
+        if line.startswith("| ") and line.count("|") >= 6:
+            rows[line.split("|")[1].strip()] = line
+    return rows
+
+
+def of_file(path, head):
+    """What stands in a file before the table of this heading, its own introduction with its rows, and what stands behind it."""
+    text = path.read_text() if path.exists() else ""
+    title = head.split("\n", 1)[0]
+    begin = text.find(title + "\n")
+    if begin < 0:
+        return text and text.rstrip("\n") + "\n\n", head, {}, ""
+    end = text.find("\n# ", begin + 1)
+    own, behind = (text[begin:], "") if end < 0 else (text[begin:end], text[end:])
+    return text[:begin], own.split("## What is lawful", 1)[0], rows_of(own), behind
 
 
 def main():
@@ -267,24 +326,26 @@ def main():
     parser.add_argument("--edition", choices=["2.5", "3", "4"], default="4", help="of the second VSM and of the suite")
     parser.add_argument("--at-once", type=int, default=8, help="number of runs side by side")
     parser.add_argument("--limit", type=float, default=LIMIT_S, metavar="S", help="time for one run")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the table here as well")
-    parser.add_argument("--append", action="store_true", help="add the table to what the file has already")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the rows of what was judged into the table of this file; the others stay, and so does its introduction")
     parser.add_argument("--details", type=Path, metavar="FILE", help="write every verdict with its reason here, as JSON")
     parser.add_argument("--restart", type=Path, metavar="DIR", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.restart:
         restart(args.restart)
         return
-    every, do = (cucs_runs(), judge_cucs) if args.cucs else (runs(args.all_rules), judge)
+    every, do = (list(cucs_runs()), judge_cucs) if args.cucs else (list(runs(args.all_rules, args.edition)), judge)
     chosen = [run for run in every if (not args.only or run.id in args.only) and (run.faulty or not args.faults)]
     for run in chosen:
         run.rules = tuple(args.rule) or run.rules
     with ThreadPoolExecutor(args.at_once) as pool:
         done = list(pool.map(lambda run: do(run, args), chosen))
-    text = table(done, HEAD_CUCS if args.cucs else HEAD)
-    print(text)
+    head = HEAD_CUCS if args.cucs else HEAD
+    if args.edition != "4":
+        head = head.replace("# The proof of the conformance suite", f"# The proof in Edition {args.edition}", 1)
+    print(table([run for run in every if run in done], done, head, {}))
     if args.out:
-        args.out.write_text(args.out.read_text() + "\n" + text if args.append else text)
+        before, own, rows, behind = of_file(args.out, head)
+        args.out.write_text(before + table(every, done, own, rows) + behind)
     if args.details:
         args.details.write_text(json.dumps([{"id": r.id, "verdicts": r.verdicts, "reasons": r.reasons} for r in done], indent=1))
     sys.exit(1 if any(run.gap() for run in done) else 0)

@@ -17,6 +17,10 @@ pub(super) const JUDGES: &[Judge] = &[
         judge: motion_is_reported_alike,
     },
     Judge {
+        rule: "PV-005",
+        judge: fields_do_not_come_and_go,
+    },
+    Judge {
         rule: "TIME-003",
         judge: positions_are_as_new_as_their_stamps,
     },
@@ -153,6 +157,51 @@ fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
         2,
         "expected True Airspeed of 3009 to be the speed of 4000 less the wind of 3009; it differs by more than 40 %",
     );
+}
+
+/// A field of 4000 that is there in one message and not in the next, again and again, is left out for its value: where there is a
+/// position, what else is known of the motion does not come and go.
+fn fields_do_not_come_and_go(view: &View<'_>, found: &mut Found) {
+    const MAX_CHANGES: usize = 3;
+    // After a silence of the vehicle its data come back one after the other.
+    const GAP: Duration = Duration::from_millis(1_500);
+    const SETTLED: Duration = Duration::from_secs(5);
+    let mut last: BTreeMap<u32, (u64, Duration)> = BTreeMap::new();
+    let mut settled: BTreeMap<u32, Duration> = BTreeMap::new();
+    let mut changes: BTreeMap<(u32, u8), usize> = BTreeMap::new();
+    for seen in view
+        .messages()
+        .filter(|seen| seen.kind() == 4000 && seen.original.is_none() && seen.has("Latitude"))
+    {
+        let Some(info) = seen.info else { continue };
+        let source = seen.piece.source.0;
+        let width = usize::from(info.presence_bytes).min(seen.piece.data.len());
+        let vector = seen.piece.data[..width]
+            .iter()
+            .fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
+        let (before, at) = last
+            .insert(source, (vector, seen.at))
+            .unwrap_or((vector, seen.at));
+        if seen.at.saturating_sub(at) > GAP {
+            settled.insert(source, seen.at + SETTLED);
+        }
+        if settled
+            .get(&source)
+            .is_some_and(|&settled| seen.at < settled)
+        {
+            continue;
+        }
+        for field in info.fields {
+            if (before ^ vector) >> field.bit & 1 == 0 {
+                continue;
+            }
+            let count = changes.entry((source, field.bit)).or_default();
+            *count += 1;
+            found.check(seen, *count <= MAX_CHANGES, || {
+                format!("expected 4000 with all fields that the vehicle has, since partial vectors were not allowed; {} comes and goes", field.name)
+            });
+        }
+    }
 }
 
 /// The speeds of the same report say that it moves; then a position with a later stamp is another one.

@@ -56,7 +56,21 @@ pub(super) const JUDGES: &[Judge] = &[
 ];
 
 fn form_of_ids(view: &View<'_>, found: &mut Found) {
+    let claimed = view.profile.subject.vsm_id.as_ref();
+    let claimed = claimed.and_then(|id| id.parse::<Id>().ok());
     for seen in view.messages() {
+        if matches!(seen.kind(), 2 | 3)
+            && let Some(claimed) = claimed
+            && let Some(raw) = seen.raw("VSM ID")
+        {
+            let named = Id(raw as u32);
+            found.check(seen, named == claimed, || {
+                format!(
+                    "expected the VSM ID {claimed} of the profile in message {}, got {named}",
+                    seen.kind()
+                )
+            });
+        }
         let mut ids = vec![("source", seen.piece.source)];
         if matches!(seen.kind(), 2 | 3) {
             ids.extend(seen.raw("VSM ID").map(|raw| ("VSM ID", Id(raw as u32))));
@@ -277,6 +291,7 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
         .collect();
     commands.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut previous = 0.0;
+    let mut ends: BTreeMap<(u32, usize), i64> = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 14000) {
         let at = seen.at.as_secs_f64();
         // A new transfer begins at 0 again.
@@ -285,9 +300,17 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
             .any(|&(time, _)| time > previous && time <= at)
         {
             last.clear();
+            ends.clear();
         }
         previous = at;
         let key = (seen.piece.destination.0, seen.socket);
+        // The same end twice is a repetition; another one takes it back.
+        if let Some(end) = seen.raw("Status").filter(|&status| status != 0) {
+            let first = *ends.entry(key).or_insert(end);
+            found.check(seen, first == end, || {
+                format!("expected one end of a transfer; 14000 status {end} follows status {first}")
+            });
+        }
         let Some(percent) = seen.raw("Percent Complete") else {
             continue;
         };

@@ -255,6 +255,15 @@ fn the_holder_is_asked(view: &View<'_>, found: &mut Found) {
     for request in view.requests().filter(|seen| seen.kind() == 4) {
         let at = request.at.as_secs_f64();
         found.saw();
+        // The operator of a scripted session refuses; on a recording he may have consented.
+        let consents = |seen: &&Arc<Seen>| {
+            seen.kind() == 4
+                && seen.at > request.at
+                && seen.raw("Requested/Handover LOI").unwrap_or_default() != 0
+        };
+        if let Some(consent) = view.messages().filter(|_| view.live).find(consents) {
+            found.fail(consent, "expected a #4 without a level, or none, where the operator refused the request; one that names a level came");
+        }
         let answer = view.messages().find(|seen| {
             let after = seen.at.as_secs_f64() - at;
             let releases = seen.kind() == 1
@@ -271,6 +280,9 @@ fn the_holder_is_asked(view: &View<'_>, found: &mut Found) {
 fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
     let mut numbers: BTreeSet<i64> = BTreeSet::new();
     let mut named: Vec<(Arc<Seen>, &str, i64)> = Vec::new();
+    // Waypoints that announce what belongs to them, and those of which something came.
+    let (mut announced, mut followed) = (BTreeMap::new(), BTreeSet::new());
+    let mut heads = 0;
     let mut load: Option<Arc<Seen>> = None;
     let mut last: Option<Arc<Seen>> = None;
     for seen in view.messages() {
@@ -300,17 +312,45 @@ fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
                         format!("expected another waypoint as Next Waypoint, or 0; waypoint {next} names itself")
                     });
                     named.push((seen.clone(), "Next Waypoint", next));
+                    let optional = seen.raw("Optional Messages for Waypoint");
+                    if let (Some(number), Some(1..)) = (number, optional) {
+                        announced.insert(number, seen.clone());
+                    }
                 } else if seen.kind() == 13_001 {
                     let first = seen.raw("Initial Waypoint Number").unwrap_or_default();
+                    heads += 1;
                     named.push((seen.clone(), "Initial Waypoint Number", first));
                 } else if let Some(number) = number {
                     named.push((seen.clone(), "Waypoint Number", number));
+                    followed.insert(number);
                 }
                 last = Some(seen.clone());
             }
             13_000 if seen.raw("Mission Plan Mode") == Some(2) => {
                 found.check(seen, !numbers.is_empty(), || {
                     "expected waypoints before the load command; none was sent".into()
+                });
+                for (number, point) in &announced {
+                    found.check(point, followed.contains(number), || {
+                        format!("expected one of 13003 to 13006 for waypoint {number}, whose Optional Messages for Waypoint announces it, before the load command; none came")
+                    });
+                }
+                // A route begins somewhere, and every other waypoint is some waypoint's next.
+                let reached: BTreeSet<i64> = named
+                    .iter()
+                    .filter(|(_, field, number)| *field != "Waypoint Number" && *number != 0)
+                    .map(|(_, _, number)| *number)
+                    .collect();
+                let begins = named
+                    .iter()
+                    .any(|(_, field, number)| *field == "Initial Waypoint Number" && *number != 0);
+                found.check(seen, heads == 0 || begins || numbers.is_empty(), || {
+                    "expected a route message with the waypoint at which the route begins; Initial Waypoint Number 0 deletes it".into()
+                });
+                // Without a route message the first is named by none.
+                let lost = numbers.difference(&reached).count();
+                found.check(seen, lost <= usize::from(heads == 0), || {
+                    format!("expected each waypoint to be the Next Waypoint of another, or the first of a route; {lost} of {} are neither", numbers.len())
                 });
                 for (point, field, number) in &named {
                     found.check(point, *number == 0 || numbers.contains(number), || format!("expected waypoint {number}, which {field} of {} names, before the load command; it was never sent", point.kind()));

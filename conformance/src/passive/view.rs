@@ -168,7 +168,8 @@ impl Found {
         };
         let mut reason = format!("{}{more}", found[0].0);
         // What differs by its numbers only is of one kind.
-        let kind = |text: &str| -> String { text.chars().filter(|c| !c.is_ascii_digit()).collect() };
+        let kind =
+            |text: &str| -> String { text.chars().filter(|c| !c.is_ascii_digit()).collect() };
         let mut kinds = vec![kind(&found[0].0)];
         for (text, _) in &found {
             if kinds.len() < MAX_KINDS && !kinds.contains(&kind(text)) {

@@ -1,9 +1,10 @@
 //! Judges of wrapper and checksum: WRAP.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::net::SocketAddr;
 
 use super::view::{Found, Judge, View};
-use crate::wire::{HEADER, checksum, trailer};
+use crate::wire::{Direction, HEADER, checksum, trailer};
 use stanag_msgs::Id;
 
 pub(super) const JUDGES: &[Judge] = &[
@@ -187,7 +188,16 @@ fn crc_32(view: &View<'_>, found: &mut Found) {
 
 fn version_number(view: &View<'_>, found: &mut Found) {
     let expected = view.profile.idd();
+    // Who has asked in another version may be answered in it.
+    let others: BTreeSet<(usize, u8)> = view
+        .requests()
+        .filter(|seen| seen.piece.idd() != expected)
+        .map(|seen| (seen.socket, seen.piece.idd()))
+        .collect();
     for seen in view.messages() {
+        if others.contains(&(seen.socket, seen.piece.idd())) {
+            continue;
+        }
         found.check(seen, seen.piece.idd() == expected, || {
             format!(
                 "expected IDD version {expected} (Edition {}), got {} in message {}",
@@ -214,12 +224,22 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
     let mut cucs: Vec<Id> = view.requests().map(|seen| seen.piece.source).collect();
     cucs.sort();
     cucs.dedup();
-    let spoken: BTreeSet<(usize, Id)> = view
-        .requests()
-        .map(|seen| (seen.socket, seen.piece.source))
+    // By address: one that is free again may be that of the next socket, to which what was sent late to the one before comes.
+    let spoken: BTreeSet<(SocketAddr, Id)> = view
+        .datagrams
+        .iter()
+        .filter(|datagram| datagram.direction == Direction::Sent)
+        .flat_map(|datagram| {
+            let seen = datagram.seen(view.as_they_are).iter();
+            seen.map(move |seen| (datagram.local, seen.piece.source))
+        })
         .collect();
     let mut strayed: BTreeMap<(usize, Id, u16), usize> = BTreeMap::new();
-    for seen in view.messages() {
+    let received = view.of_subject().flat_map(|datagram| {
+        let seen = datagram.seen(view.as_they_are).iter();
+        seen.map(move |seen| (datagram.local, seen))
+    });
+    for (local, seen) in received {
         let (source, destination) = (seen.piece.source, seen.piece.destination);
         let place = format!("message {} from {source} to {destination}", seen.kind());
         found.check(
@@ -233,7 +253,7 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
             found.check(seen, cucs.contains(&destination), || {
                 format!("expected a CUCS or the broadcast id as destination; got {place}")
             });
-            let there = spoken.contains(&(seen.socket, destination));
+            let there = spoken.contains(&(local, destination));
             found.check(seen, there || !view.live, || {
                 format!("expected messages for {destination} at its own address only; got {place} at that of another CUCS")
             });
@@ -242,7 +262,7 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
         if view.live && matches!(seen.kind(), 2 | 16002) && cucs.contains(&destination) {
             let key = (seen.socket, destination, seen.kind());
             let count = strayed.entry(key).or_default();
-            *count += usize::from(!spoken.contains(&(seen.socket, destination)));
+            *count += usize::from(!spoken.contains(&(local, destination)));
             found.check(seen, *count < 3, || {
                 format!("expected messages to {destination} at its own address only; got {place} at that of another CUCS")
             });

@@ -136,6 +136,8 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
         Draft::new(2007).raw("Set Lights", 0),
         transfer(5, "ACK"),
         schedule(3, 0),
+        Draft::new(15_000).raw("Subsystem ID", 1),
+        super::configuration::request(6),
         authorisation(0, Access::Request),
     ] {
         let kind = draft.message_type;

@@ -47,6 +47,10 @@ fn cut_and_restored<T>(t: &Trial, play: impl FnOnce() -> Judged<T>) -> Judged<T>
 
 fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     let station = t.monitor()?;
+    let other = t.b().ok();
+    if let Some(other) = &other {
+        t.grant(other, loi::LOI2)?;
+    }
     let mark = t.bench.net.mark();
     let raised = cut_and_restored(t, || {
         let raised = super::link::loss_alert(t, &station, mark, |seen| {
@@ -76,7 +80,28 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
             && seen.raw("Alert (Warning) ID") == Some(id)
     });
     t.expect(cleared.is_some(), || format!("expected alert {id} to be cleared with priority 0 once the vehicle's link was back; it was not"))?;
+    // For everybody who was sent it.
+    let Some(other) = other else { return Ok(()) };
+    let ends = |seen: &Seen, priorities: std::ops::RangeInclusive<i64>| {
+        seen.kind() == 16000
+            && seen
+                .raw("Priority")
+                .is_some_and(|priority| priorities.contains(&priority))
+            && seen
+                .raw("Alert (Warning) ID")
+                .is_some_and(|found| found.abs() == id)
+    };
+    if !other.received(mark, |seen| ends(seen, 2..=5)).is_empty() {
+        let cleared = other.wait(mark, t.timers().answer, |seen| ends(seen, 0..=0));
+        t.expect(cleared.is_some(), || {
+            format!(
+                "expected the end of alert {id} at {} as well, which was sent it; it did not come",
+                other.id
+            )
+        })?;
+    }
     // It is over for who connects now as well.
+    other.release()?;
     let Ok(b) = t.b() else { return Ok(()) };
     let mark = t.bench.net.mark();
     b.take(loi::LOI2)?;
@@ -222,6 +247,19 @@ fn standing_alerts_reach_the_newcomer(t: &Trial) -> Judged {
                 "expected the standing alert {id} at {} once it was granted LOI 2; it did not come",
                 b.id
             )
+        })?;
+        // Each time that it connects.
+        b.release()?;
+        let again = t.bench.net.mark();
+        b.take(loi::LOI2)?;
+        let came = b.wait(again, t.timers().answer, |seen| {
+            seen.kind() == 16000
+                && seen
+                    .raw("Alert (Warning) ID")
+                    .is_some_and(|found| found.abs() == id)
+        });
+        t.expect(came.is_some(), || {
+            format!("expected the standing alert {id} at {} when it connects again; it came the first time only", b.id)
         })
     })
 }

@@ -9,7 +9,7 @@ use crate::bench::flight::{
     Plan, airborne, clear, deliver, difference, download, home, land, loaded, mode, mode_command,
     reported_mode, run_transfer, transfer,
 };
-use crate::bench::station::{Access, Station, authorisation, information_request, loi};
+use crate::bench::station::{Access, Station, authorisation, information_request, loi, schedule};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::Draft;
@@ -257,9 +257,13 @@ fn control_lasts(t: &Trial) -> Judged {
     obeyed(t, &a, "the holder that was quiet")
 }
 
+/// A message that comes by a schedule only.
+const SCHEDULED: u16 = 3004;
+
 fn release_is_granted(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
+    a.send(schedule(SCHEDULED, 5));
     let answer = a.release()?;
     t.expect_of(
         &answer,
@@ -278,7 +282,8 @@ fn release_is_granted(t: &Trial) -> Judged {
     let mark = t.bench.net.mark();
     t.pause(t.timers().status / 10)?;
     let status = a.received(mark, |seen| {
-        matches!(seen.kind(), 3001 | 3002 | 4000 | 4001) && seen.piece.destination == a.id
+        matches!(seen.kind(), SCHEDULED | 3001 | 3002 | 4000 | 4001)
+            && seen.piece.destination == a.id
     });
     t.expect(status.is_empty(), || {
         format!(
@@ -301,6 +306,8 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
     let nothing = t.c().or_else(|_| t.stranger())?;
     for (station, why) in [(&monitor, "LOI 2 only"), (&nothing, "no LOI")] {
         powerless(t, &a, station, why)?;
+        let lights = |seen: &crate::wire::Seen| seen.raw("Navigation Lights State");
+        let lit = a.query(3006).ok().and_then(|seen| lights(&seen));
         let before = reported_mode(&a)?;
         let wanted = if before == Some(mode::LOITER) {
             mode::WAYPOINT
@@ -324,7 +331,8 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
                 .raw("Commanded Flight Termination State", 1)
                 .acked(),
         );
-        station.send(Draft::new(2007).raw("Set Lights", 1).acked());
+        let other = lit.unwrap_or_default() ^ 1;
+        station.send(Draft::new(2007).raw("Set Lights", other).acked());
         station.send(
             Draft::new(2000)
                 .raw("Initial Propulsion Energy", 100)
@@ -337,6 +345,12 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
         });
         if let Some(done) = done {
             t.expect_of(&done, false, || format!("expected commands of a CUCS with {why} to be refused or ignored; message {} says that one was carried out", done.kind()))?;
+        }
+        if let Some(lit) = lit {
+            let shown = a.query(3006)?;
+            t.expect_of(&shown, lights(&shown) == Some(lit), || {
+                format!("expected 2007 of a CUCS with {why} to switch no light; 3006 went from 0x{lit:02x} to {:02x?}", lights(&shown))
+            })?;
         }
         let engine = a.query(3007).ok();
         if let Some(engine) = engine.filter(|seen| seen.raw("Engine Status") != Some(0)) {
@@ -683,6 +697,14 @@ fn another_port_the_same_cucs(t: &Trial) -> Judged {
     );
     t.expect(came.is_some(), || {
         "expected 4000 at the new port within 2 s; none came".into()
+    })?;
+    // What is wrong is said where the station is now.
+    let mark = t.bench.net.mark();
+    new.send(mode_command(17).acked());
+    let alert = |seen: &crate::wire::Seen| seen.kind() == 16000;
+    let said = new.wait(mark, t.timers().answer, alert);
+    t.expect(said.is_some() || old.received(mark, alert).is_empty(), || {
+        "expected the alert about a refused command at the port from which it was sent; it came to the port before".into()
     })
 }
 

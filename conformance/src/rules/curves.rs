@@ -33,7 +33,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-fn curve(t: &Trial, a: &Station, from: i64, to: i64) -> Judged<Draft> {
+pub(super) fn curve(t: &Trial, a: &Station, from: i64, to: i64) -> Judged<Draft> {
     let home = home(t, a)?;
     let (north, east) = home.offset(80.0, -15.0);
     let (north2, east2) = home.offset(100.0, 55.0);

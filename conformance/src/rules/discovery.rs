@@ -195,7 +195,19 @@ fn logical_ids_without_a_vehicle(t: &Trial) -> Judged {
                 )
             })?;
         }
-        Ok(offer.piece.source)
+        let logical = offer.piece.source;
+        let mark = t.bench.net.mark();
+        station.send(information_request(3).to(logical));
+        let named = station.wait(mark, t.timers().answer / 2, |seen| {
+            seen.kind() == 3 && seen.piece.source == logical && logical.owner() == 0
+        });
+        if let Some(named) = named {
+            let tail = named.text("Tail Number").unwrap_or_default();
+            t.expect_of(&named, ["", "0"].contains(&tail.as_str()), || {
+                format!("expected a tail number of zero in #3 of {logical} while no vehicle is connected, got {tail:?}")
+            })?;
+        }
+        Ok(logical)
     })();
     let mark = t.bench.net.mark();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
@@ -245,6 +257,17 @@ fn asking_does_not_release(t: &Trial) -> Judged {
     if let Some(answer) = answer {
         let granted = answer.raw("LOI Granted").unwrap_or_default();
         t.expect_of(&answer, granted & loi::LOI4 != 0, || format!("expected LOI 4 still granted in the answer to the holder's discovery, got 0x{granted:02x}"))?;
+    }
+    if !t.of_edition_25() {
+        // Nor does that of another. (To the vehicle itself LOI 0 with access 0 may stand for "all levels".)
+        if let Ok(b) = t.b() {
+            b.discover()?;
+        }
+        let answer = a.request(0, Access::Request)?;
+        let granted = answer.raw("LOI Granted").unwrap_or_default();
+        t.expect_of(&answer, granted & loi::LOI4 != 0, || {
+            format!("expected LOI 4 to stay with its holder when another CUCS discovers; got LOI Granted 0x{granted:02x}")
+        })?;
     }
     if let Ok(b) = t.b() {
         let answer = b.request(loi::LOI4, Access::Request)?;

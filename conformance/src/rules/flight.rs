@@ -71,7 +71,9 @@ pub(super) struct Track {
 }
 
 /// Commands the vehicle to a place so many metres from where it is, by mode 12.
-fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged {
+///
+/// The place and the altitude are those of where it was when it was commanded, which is returned: it may still move.
+fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged<Fix> {
     let now = fix(t, a)?;
     let (latitude, longitude) = now.offset(north, east);
     a.send(
@@ -86,7 +88,7 @@ fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged {
             .raw("Speed Type", 2)
             .acked(),
     );
-    Ok(())
+    Ok(now)
 }
 
 /// Fixes of this much time from now, as they come.
@@ -671,7 +673,12 @@ fn altitude_type_is_honoured(t: &Trial) -> Judged {
         let mut plan = Plan::zigzag(&home, &format!("ALT{kind}"), &[1, 2]);
         // Each further away: the vehicle must not stand where it is to arrive.
         stretch(&home, &mut plan, 90.0 + 60.0 * round as f64);
-        for point in &mut plan.points {
+        // The first in the datum of 4000, so that each waypoint's own type counts.
+        let of = [
+            (home.altitude_type, home.altitude + expected),
+            (kind, altitude),
+        ];
+        for (point, (kind, altitude)) in plan.points.iter_mut().zip(of) {
             *point = point
                 .clone()
                 .set("Waypoint to Altitude", altitude)
@@ -713,7 +720,6 @@ fn altitude_type_is_honoured(t: &Trial) -> Judged {
 
 fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
     let a = airborne(t)?;
-    let began = fix(t, &a)?;
     a.send(
         Draft::new(2017)
             .raw("Loiter Type", 1)
@@ -721,7 +727,7 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
             .raw("Loiter Direction", 2),
     );
     t.pause(Duration::from_millis(200))?;
-    go(t, &a, 0.0, 300.0, 12.0)?;
+    let began = go(t, &a, 0.0, 300.0, 12.0)?;
     let (latitude, longitude) = began.offset(0.0, 300.0);
     let mark = t.bench.net.mark();
     let near = fly_until(t, &a, t.timers().flight, |fix| {
@@ -768,7 +774,8 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
         -1.0,
         "the commanded loiter",
     )?;
-    let height = fix(t, &a)?.altitude - began.altitude;
+    let there = fix(t, &a)?;
+    let height = there.altitude - began.altitude;
     t.expect((height - 12.0).abs() < 6.0, || {
         format!("expected the loiter 12 m above where it was commanded, as its altitude says; it is flown at {height:.0} m")
     })?;
@@ -793,5 +800,40 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
             "4001 shows To = {to:?} at a commanded loiter place, expected 65535 (or 0)"
         ));
     }
+    // One that circles circles the other way round as well.
+    if there.distance(latitude, longitude) > 40.0 {
+        return the_other_way_round(t, &a, (latitude, longitude), &there);
+    }
     Ok(())
+}
+
+fn the_other_way_round(t: &Trial, a: &Station, place: (f64, f64), now: &Fix) -> Judged {
+    let radius = 75.0;
+    a.send(
+        Draft::new(2017)
+            .raw("Loiter Type", 1)
+            .set("Loiter Radius", radius)
+            .raw("Loiter Direction", 1),
+    );
+    t.pause(Duration::from_millis(150))?;
+    a.send(
+        mode_command(mode::LOITER)
+            .set("Loiter Position Latitude", place.0)
+            .set("Loiter Position Longitude", place.1)
+            .raw("Altitude Command Type", 1)
+            .set("Commanded Altitude", now.altitude)
+            .raw("Altitude Type", now.altitude_type)
+            .acked(),
+    );
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    t.pause(Duration::from_secs_f64((20.0 / speed).max(2.0)))?;
+    let seen = fixes(t, a, Duration::from_secs_f64((20.0 / speed).max(2.0)))?;
+    circled(
+        t,
+        &seen,
+        place,
+        radius,
+        1.0,
+        "a second loiter, to the right",
+    )
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::{Plan, deliver, download, home, loaded, run_transfer, transfer};
-use crate::bench::station::{Access, authorisation, information_request, loi};
+use crate::bench::station::{Access, Station, authorisation, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::{Draft, Seen};
@@ -223,6 +223,29 @@ fn positive_handover(t: &Trial) -> Judged {
             .id("Requesting CUCS ID", b.id),
     );
     t.pause(Duration::from_millis(300))?;
+    still_denied(t, &b, "a second #4 without the holder's consent")?;
+    if !t.of_edition_25() {
+        // The holder answers, and gives nothing.
+        a.send(
+            Draft::new(4)
+                .id("VSM ID", stanag_msgs::Id::BROADCAST)
+                .raw("Requested/Handover LOI", 0)
+                .id("Requesting CUCS ID", b.id),
+        );
+        t.pause(Duration::from_millis(300))?;
+        still_denied(
+            t,
+            &b,
+            "the holder's #4 without a level, which is no consent",
+        )?;
+        b.send(
+            Draft::new(4)
+                .id("VSM ID", stanag_msgs::Id::BROADCAST)
+                .raw("Requested/Handover LOI", loi::LOI4)
+                .id("Requesting CUCS ID", b.id),
+        );
+        t.pause(Duration::from_millis(300))?;
+    }
     a.request(loi::LOI4, Access::Release)?;
     let said = b.wait(mark, t.timers().answer, |seen| {
         seen.kind() == 5 && seen.raw("LOI Authorized").unwrap_or_default() != 0
@@ -245,6 +268,17 @@ fn positive_handover(t: &Trial) -> Judged {
     )?;
     t.expect(b.commands_work()?, || {
         "expected the commands of the CUCS that #5 names to work".into()
+    })
+}
+
+fn still_denied(t: &Trial, b: &Station, after: &str) -> Judged {
+    let answer = b.request(0, Access::Request)?;
+    t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || {
+        format!(
+            "expected {} not to be in control after {after}; LOI Granted is 0x{:02x}",
+            b.id,
+            granted(&answer)
+        )
     })
 }
 
@@ -311,6 +345,18 @@ fn a_handover_that_lapses(t: &Trial) -> Judged {
     t.expect(a.commands_work()?, || {
         "expected the holder's 2017 to work after a handover that lapsed".into()
     })?;
+    let before = a.radius()?;
+    b.set_radius(t.bench.fresh_radius());
+    t.pause(Duration::from_millis(300))?;
+    let after = a.radius()?;
+    t.expect(after == before, || format!("expected 2017 of {}, whose handover lapsed, to change nothing; the radius went from {before:?} to {after:?}", b.id))?;
+    // What has lapsed does not come true by a later release.
+    a.request(loi::LOI4 | loi::LOI5, Access::Release)?;
+    still_denied(
+        t,
+        &b,
+        "a release of the holder after its request had lapsed",
+    )?;
     if failed.is_none() && begun {
         let seconds = t.bench.profile.figures.handover_s;
         return Err(Stop::fail(format!(
@@ -365,6 +411,12 @@ fn no_heartbeats_no_loss(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
     let silence = t.bench.profile.figures.act_s * 1.5;
+    // One that monitors does send them, and falls silent: that is nobody's loss of control.
+    b.take(loi::LOI2).precondition("B has LOI 2")?;
+    for _ in 0..2 {
+        b.send(Draft::new(16002));
+        t.pause(Duration::from_millis(200))?;
+    }
     t.pause(Duration::from_secs_f64(silence))?;
     let answer = b.request(loi::LOI4, Access::Request)?;
     t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || format!("expected B's request to be denied after {silence:.0} s of a holder that never sent a heartbeat"))?;
@@ -385,6 +437,8 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     let mark = t.bench.net.mark();
     // The last heartbeat was a second ago.
     t.pause(Duration::from_secs_f64((figures.offer_s - 2.5).max(0.0)))?;
+    // Those of another are not the holder's.
+    b.send(Draft::new(16002));
     let early = b.request(loi::LOI4, Access::Request)?;
     t.expect_of(&early, granted(&early) & loi::LOI4 == 0, || {
         "expected B's request to be denied before control is offered".into()
@@ -433,6 +487,8 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
         "expected B's request to be denied once the heartbeats of the holder came again; it was granted".into()
     })?;
     // In a third it does not: then control is taken.
+    let last = t.bench.net.now();
+    let mark = t.bench.net.mark();
     a.send(Draft::new(16002));
     t.pause(Duration::from_secs_f64(figures.act_s + 1.5))?;
     let radius = t.bench.fresh_radius();
@@ -445,6 +501,16 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
             "expected a 2017 of the holder to be refused {:.0} s after its last heartbeat, when control was taken; 17000 type 2 came",
             figures.act_s + 1.5
         )
+    })?;
+    let taken = last + Duration::from_secs_f64((figures.act_s - 1.0).max(0.0));
+    let said = [&a, &b].into_iter().any(|station| {
+        let came = station.received(mark, |seen| {
+            matches!(seen.kind(), 2 | 16000 | 35_000) && seen.at > taken && seen.at < sent.at
+        });
+        !came.is_empty()
+    });
+    t.expect(said, || {
+        format!("expected a word (16000, #2 or 35000) when control was taken {:.0} s after the last heartbeat; none came to either CUCS", figures.act_s)
     })
 }
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, fix, fly_until, home, loaded, mode, mode_becomes, mode_command, reported_mode,
-    route_head, stretch,
+    route_head, stretch, transfer,
 };
 use crate::bench::station::{Access, Station, loi};
 use crate::bench::trial::Trial;
@@ -344,6 +344,25 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
         t.expect(refused.is_some(), || {
             "expected 17000 type 3 to a 2016 while the vehicle is silent; it did not come".into()
         })?;
+        // A route cannot have come to a vehicle that does not answer.
+        if let Some(home) = t.bench.home.get() {
+            let mark = t.bench.net.mark();
+            for message in Plan::zigzag(home, "SILENT", &[1, 2]).messages() {
+                a.send(message);
+            }
+            a.send(transfer(2, "SILENT"));
+            let complete = a.wait(mark, t.timers().answer, |seen| {
+                seen.kind() == 14_000 && seen.raw("Status").is_some_and(|status| status != 0)
+            });
+            a.send(transfer(5, "SILENT"));
+            t.expect(
+                complete.is_none_or(|end| end.raw("Status") != Some(1)),
+                || {
+                    "expected no 14000 status 1 for a load while the vehicle is silent; it came"
+                        .into()
+                },
+            )?;
+        }
         let answer = b.request(loi::LOI4, Access::Request)?;
         let granted = answer.raw("LOI Granted").unwrap_or_default();
         t.expect_of(&answer, granted & loi::LOI4 == 0, || "expected control to stay with its holder while the vehicle is silent; B was granted LOI 4".into())?;
@@ -372,6 +391,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
 fn a_wrong_clock_is_not_ignored_silently(t: &Trial) -> Judged {
     let now = t.bench.net.wall_ms() as i64;
     for (what, stamp) in [
+        ("five seconds old", now - 5_000),
         ("an hour old", now - 3_600_000),
         ("an hour ahead", now + 3_600_000),
         ("0", 0),

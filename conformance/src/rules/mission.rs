@@ -655,5 +655,34 @@ fn unflyable_waypoints_are_refused(t: &Trial) -> Judged {
             ));
         }
     }
+    // Of the finer fields it is enough that they are looked at.
+    let loiter = |field: &str, value: i64| {
+        Draft::new(13003)
+            .raw("Waypoint Number", 32)
+            .raw("Waypoint Loiter Type", 1)
+            .set("Loiter Radius", 120.0)
+            .raw("Loiter Direction", 1)
+            .raw("Loiter Duration", 60)
+            .raw("Loiter Duration Units", 0)
+            .raw(field, value)
+    };
+    for (what, extra) in [
+        (
+            "a loiter of type 200",
+            Some(loiter("Waypoint Loiter Type", 200)),
+        ),
+        ("turn type 9", None),
+    ] {
+        let mut bad = Plan::zigzag(&home, "FINER", &[31, 32, 33]);
+        match extra {
+            Some(extra) => bad.points.insert(2, extra),
+            None => bad.points[1] = bad.points[1].clone().raw("Turn Type", 9),
+        }
+        let found = load(t, &a, &bad)?;
+        t.expect(found.status != Some(1), || {
+            format!("expected 14000 status 2 for a route with {what}; got 1")
+        })?;
+    }
+    a.send(transfer(5, "FINER"));
     Ok(())
 }

@@ -251,6 +251,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
         .zip(after)
         .is_none_or(|(before, after)| wrapped(before - after).abs() < 0.05);
     t.expect(same, || format!("expected station {first} to stay when station {second} is addressed; its azimuth went from {before:?} to {after:?}"))?;
+    lens_of_the_other(t, &a, first, second, target)?;
     // And every one whose bit is set.
     let both = bit(first) | bit(second);
     let sent = a.send(by_angles(first).raw("Station Number 1-16", both));
@@ -285,6 +286,30 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
         })?;
     }
     Ok(())
+}
+
+/// A field of view for the second station leaves that of the first.
+fn lens_of_the_other(t: &Trial, a: &Station, first: u8, second: u8, azimuth: f64) -> Judged {
+    let view = |number: u8| -> Judged<Option<f64>> {
+        let report = a.ask(
+            information_request(21101).raw("Station Number 1-16", bit(number)),
+            t.timers().answer,
+            "the operating state of a payload",
+            |seen| seen.kind() == 21101 && seen.raw("Station Number 1-16") == Some(bit(number)),
+        )?;
+        Ok(report.value("Actual Horizontal Field of View"))
+    };
+    let (Some(before), Some(own)) = (view(first)?, view(second)?) else {
+        return Ok(());
+    };
+    let zoom = |to: f64| steer(second, azimuth).set("Set Horizontal Field of View", to);
+    a.send(zoom(own * 0.7));
+    t.pause(t.timers().answer / 4)?;
+    let after = view(first)?;
+    a.send(zoom(own));
+    t.expect(after.is_none_or(|after| (after / before - 1.0).abs() < 0.1), || {
+        format!("expected the field of view of station {first} to stay when station {second} is commanded one; it went from {before:.3} rad to {after:?} rad")
+    })
 }
 
 fn pointing_mode_decides(t: &Trial) -> Judged {

@@ -99,13 +99,22 @@ fn position_comes_by_itself(t: &Trial) -> Judged {
     t.expect(count >= 2, || format!("expected at least two 4000 in {:.0} s after LOI 2 was granted, without asking; got {count}", t.timers().status.as_secs_f64() / 2.0))?;
     // Given back and granted again, it begins again.
     station.release()?;
-    t.pause(Duration::from_millis(300))?;
+    t.pause(Duration::from_millis(1_600))?;
     station.take(loi::LOI2)?;
     let mark = t.bench.net.mark();
     t.pause(t.timers().status / 4)?;
-    let count = station.received(mark, |seen| seen.kind() == 4000).len();
+    let came = station.received(mark, |seen| seen.kind() == 4000);
+    let count = came.len();
     t.expect(count >= 2, || {
         format!("expected 4000 by itself after LOI 2 was granted a second time; got {count}")
+    })?;
+    // None of before: a state that was kept is shown as if it were that of now.
+    let stamps: Vec<i64> = came.iter().filter_map(|seen| seen.stamp()).collect();
+    let oldest = stamps.iter().min().zip(stamps.iter().max());
+    let back = oldest.map_or(0, |(oldest, newest)| newest - oldest);
+    let took = (t.timers().status / 4).as_millis() as i64;
+    t.expect(back < took + 900, || {
+        format!("expected 4000 with the state of now after LOI 2 was granted a second time; one is {:.1} s older than the newest", back as f64 / 1000.0)
     })
 }
 
@@ -147,7 +156,7 @@ fn scheduled_rate_is_kept(t: &Trial) -> Judged {
     let station = t.monitor()?;
     let largest = t.bench.profile.figures.largest_rate_hz;
     // Another pushed message, and one that is sent on request only, beside each.
-    for (hertz, others) in [(5_u16, (1_u16, 4_u16)), (1, (5, 1)), (10, (1, 2))] {
+    for (hertz, others) in [(3_u16, (1_u16, 4_u16)), (1, (5, 1)), (10, (1, 2))] {
         if hertz > largest {
             continue;
         }
@@ -199,8 +208,11 @@ fn one_by_one(t: &Trial, station: &Station, mark: usize, hertz: u16) -> Judged {
 fn frequency_0_cancels(t: &Trial) -> Judged {
     let station = t.monitor()?;
     station.send(schedule(3, 5));
+    station.send(schedule(3004, 4));
     t.pause(Duration::from_secs(1))?;
+    let mark = t.bench.net.mark();
     let before = rate(t, &station, 3, Duration::from_secs(2))?;
+    let beside = rate_since(&station, mark, 3004, Duration::from_secs(2));
     if before < 2.0 {
         return Err(Stop::inconclusive(format!(
             "precondition \"#3 is scheduled at 5 Hz\" is not met: {before:.1} Hz"
@@ -214,6 +226,10 @@ fn frequency_0_cancels(t: &Trial) -> Judged {
     let after = rate_since(&station, mark, 3, time);
     t.expect(after < 0.8, || {
         format!("expected no #3 after its schedule was cancelled, got {after:.1} Hz")
+    })?;
+    let still = rate_since(&station, mark, 3004, time);
+    t.expect(beside < 2.0 || still > 1.0, || {
+        format!("expected 3004 to continue as scheduled when the schedule of #3 was cancelled; it went from {beside:.1} to {still:.1} Hz")
     })?;
     let push = rate_since(&station, mark, 4000, time);
     t.expect(push > 0.4, || {
@@ -438,6 +454,9 @@ fn no_number_of_a_plan_that_is_gone(t: &Trial) -> Judged {
     })
 }
 
+/// So high that the climb is seen on its way.
+const CLIMB_M: f64 = 40.0;
+
 /// In flight, what is accepted is shown, with its type.
 fn accepted_values_are_shown(t: &Trial) -> Judged {
     if !t.bench.flight_released.load(Ordering::SeqCst) {
@@ -449,17 +468,23 @@ fn accepted_values_are_shown(t: &Trial) -> Judged {
     let now = fix(t, &a)?;
     let good = mode_command(12)
         .raw("Altitude Command Type", 1)
-        .set("Commanded Altitude", now.altitude + 6.0)
+        .set("Commanded Altitude", now.altitude + CLIMB_M)
         .raw("Altitude Type", now.altitude_type)
         .acked();
     let raw = field(&good, "Commanded Altitude");
     let sent = a.send(good);
     let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 3);
     let mut shown = a.query(3002)?;
+    // A value that moves is where the vehicle is, not what it was commanded.
+    let mut before = BTreeSet::new();
     while shown.raw("Commanded Altitude") != raw && t.bench.net.now() < deadline {
+        before.extend(shown.raw("Commanded Altitude"));
         t.pause(Duration::from_millis(100))?;
         shown = a.query(3002)?;
     }
+    t.expect_of(&shown, before.len() < 4, || {
+        format!("expected Commanded Altitude of 3002 to become what was commanded; it moved through {} other values on the way", before.len())
+    })?;
     let refused = a.received(sent.mark, |seen| {
         seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
     });
@@ -467,7 +492,7 @@ fn accepted_values_are_shown(t: &Trial) -> Judged {
         t.expect_of(&shown, shown.raw("Commanded Altitude") == raw, || {
             format!(
                 "expected 3002 to show the accepted altitude of {:.1} m, got {:?}",
-                now.altitude + 6.0,
+                now.altitude + CLIMB_M,
                 shown.value("Commanded Altitude")
             )
         })?;
@@ -638,6 +663,7 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
                 format!("expected a 16000 about the loss of the vehicle at {} as well, which has LOI 2; none came", other.id)
             })?;
         }
+        nothing_new_on_request(t, &station)?;
         let asked = t.bench.net.mark();
         station.send(Draft::new(15000).raw("Subsystem ID", 1 << 3));
         let link = station.wait(asked, t.timers().answer / 2, |seen| {
@@ -664,6 +690,25 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
     result?;
     t.expect(again.is_some(), || {
         format!("expected 4000 to come by itself again once the vehicle's link was back; {} came in 8 s", stamps.len())
+    })
+}
+
+/// Whoever asks for the position of a silent vehicle gets none, or the last one with its own stamp.
+fn nothing_new_on_request(t: &Trial, station: &Station) -> Judged {
+    let stamps = |mark: usize| {
+        let came = station.received(mark, |seen| seen.kind() == 4000 && seen.has("Latitude"));
+        came.iter().filter_map(|seen| seen.stamp()).max()
+    };
+    let Some(last) = stamps(t.mark) else {
+        return Ok(());
+    };
+    let mark = t.bench.net.mark();
+    station.send(information_request(4000));
+    t.pause(t.timers().answer / 4)?;
+    let shown = stamps(mark).unwrap_or(last);
+    // A stamp that only tells it from the one before is no new one.
+    t.expect(shown <= last + 100, || {
+        format!("expected no position, or the last one with its stamp, to a 17002 for 4000 of a silent vehicle; its stamp is {:.1} s later", (shown - last) as f64 / 1000.0)
     })
 }
 

@@ -273,6 +273,11 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
     if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
         t.note("mode 11 was not entered: judged in mode 12");
     }
+    // Where it has lights, some of them on.
+    let sent = a.send(Draft::new(2007).raw("Set Lights", 0x45));
+    let lit = a
+        .wait(sent.mark, t.timers().answer / 4, |seen| seen.kind() == 3006)
+        .is_some();
     // Mode, the To waypoint, and the commanded values.
     let state = |station: &Station| -> Judged<[Vec<Option<i64>>; 2]> {
         let states = station.query(3002)?;
@@ -290,6 +295,9 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
                 ["Loiter Type", "Loiter Radius", "Loiter Direction"].map(|name| loiter.raw(name)),
             );
         }
+        if lit {
+            values.push(station.query(3006)?.raw("Navigation Lights State"));
+        }
         Ok([vec![reported_mode(station)?, to_number(station)?], values])
     };
     let radius = t.bench.fresh_radius();
@@ -304,6 +312,7 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
     t.pause(t.timers().quiet)?;
     let after = state(&b)?;
     hold(t, &b)?;
+    b.send(Draft::new(2007).raw("Set Lights", 0));
     t.expect(before == after, || format!("expected mode, commanded values, loiter settings and To waypoint to stay through a handover; {before:?} became {after:?}"))?;
     aboard(t, &b, &plan, "still aboard after a handover")
 }

@@ -185,6 +185,14 @@ fn cancel_stops_a_download(t: &Trial) -> Judged {
     let cancelled = t.bench.net.now();
     t.pause(t.timers().quiet)?;
     let came = a.received(sent.mark, |seen| seen.kind() == 13002);
+    let complete = a.received(sent.mark, |seen| {
+        seen.kind() == 14000
+            && seen.raw("Status") == Some(1)
+            && seen.raw("Mission Plan Mode") == Some(3)
+    });
+    t.expect(came.len() >= 100 || complete.is_empty(), || {
+        format!("expected 14000 status 2, or none, for a download that was cancelled after {} of 100 waypoints; status 1 came", came.len())
+    })?;
     let last = came
         .last()
         .map_or(std::time::Duration::ZERO, |seen| seen.at);

@@ -324,7 +324,23 @@ fn foreign_version_is_not_guessed_at(t: &Trial) -> Judged {
     }
     t.expect(a.commands_work()?, || {
         "expected the same in the right version to work".into()
-    })
+    })?;
+    the_version_of_one_is_not_everybodys(t, &a)
+}
+
+/// A CUCS may be answered in the version in which it asks; what the others are sent has that of the profile, by the judge of WRAP-012.
+fn the_version_of_one_is_not_everybodys(t: &Trial, a: &Player) -> Judged {
+    let version = t.bench.profile.idd();
+    let Some(c) = t.b().ok().filter(|_| (31..=32).contains(&version)) else {
+        return Ok(());
+    };
+    let mut foreign = discovery();
+    foreign.idd = Some(version - 1);
+    c.send(foreign);
+    t.pause(t.timers().answer / 4)?;
+    a.query(3)?;
+    c.discover()?;
+    Ok(())
 }
 
 fn reserved_parts_are_ignored(t: &Trial) -> Judged {

@@ -318,6 +318,7 @@ macro_rules! embedded {
 embedded!(
     "normal",
     "unloaded",
+    "rejected",
     "deny",
     "payload",
     "damaged",
@@ -807,7 +808,7 @@ mod tests {
     fn a_name_that_is_nothing_is_refused_with_the_names_that_are() {
         let error = Scenario::named("norml").unwrap_err().to_string();
         assert!(
-            error.contains("norml") && error.contains("normal, unloaded"),
+            error.contains("norml") && error.contains("normal, unloaded, rejected"),
             "{error}"
         );
     }

@@ -13,9 +13,10 @@ from second_vsm.wire import parse_id
 from .faults import FAULTS as KNOWN
 from .faults_in_detail import IN_DETAIL
 from .faults_of_habit import OF_HABIT
+from .faults_of_practice import OF_PRACTICE
 from .station import OVERRIDE, Impossible, Station
 
-FAULTS = KNOWN | IN_DETAIL | OF_HABIT
+FAULTS = KNOWN | IN_DETAIL | OF_HABIT | OF_PRACTICE
 STEPS = """steps, in the order in which they are done:
   discover              search for vehicles; the first that answers is this station's
   take[:BITS]           request LOI bits (default 4: LOI 4), such as take:15

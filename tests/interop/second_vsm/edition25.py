@@ -36,6 +36,10 @@ TO_4 = {m["id"]: m["ed4_message"][0] for m in ed25.FACTS["message"] if m.get("ed
 FROM_4 = {}
 for _id, _id_4 in TO_4.items():
     FROM_4.setdefault(_id_4, _id)
+# The mode preference has no message in Edition 4. Inside it is one setting more of 2017, and 3004 reports it as #109.
+PREFERENCE, PREFERENCE_REPORT, PREFERENCE_NAME = 48, 109, "Mode Preference"
+TO_4 |= {PREFERENCE: 2017, PREFERENCE_REPORT: 3004}
+FROM_4[3004] = PREFERENCE_REPORT
 PLACES = {edition_4(f): (m["id"], f) for m in ed25.FACTS["message"] for f in m["fields"] if edition_4(f)}
 
 
@@ -86,6 +90,8 @@ class Codec25:
 
     def __init__(self):
         self.instances, self.acknowledged, self.steered, self.originals = {}, {}, {}, {}
+        # After a restart none is used again.
+        self.first = int(time.time() * 100) % 2**31
 
     # Receiving
 
@@ -122,6 +128,9 @@ class Codec25:
             fields = ed25.decode(raw)[0]["fields"]
         except (ValueError, KeyError, struct.error, UnicodeDecodeError):
             return None
+        if not {"CUCS ID", "Vehicle ID"} <= set(fields):
+            # #600 and the like name stations and vehicles by other fields, and are not served.
+            return None
         source, destination = unsigned(fields["CUCS ID"]), unsigned(fields["Vehicle ID"])
         if any(isinstance(v, float) and not units.math.isfinite(v) for v in fields.values()):
             return None
@@ -130,13 +139,20 @@ class Codec25:
             return None
         if id not in TO_4:
             return None
-        made = self.fields(id, fields)
+        made = self.preference(fields) if id == PREFERENCE else self.fields(id, fields)
         if (id == 1 and not made.get("Requested/Handover Access")) and destination != 0xFFFFFFFF or (id == 1200 and made.get("Request Type") == 6):
             self.acknowledged.pop(source, None)
         self.together(id, source, made)
         ack = id in self.acknowledged.get(source, ())
         self.originals[source, TO_4[id], made.get("Time Stamp")] = instance, id
         return Message(TO_4[id], source, destination, ack, 32, made, raw)
+
+    @staticmethod
+    def preference(values):
+        """What rules over altitude, speed and course, as one number."""
+        parts = [values[f["name"]] for f in ed25.MESSAGES[PREFERENCE]["fields"][3:]]
+        number = sum(part * 3**k for k, part in enumerate(parts)) if max(parts) < 3 else 27
+        return {"Time Stamp": round(values["Time Stamp"] * 1000) - EPOCH_MS, PREFERENCE_NAME: number}
 
     def fields(self, id, values):
         made = {}
@@ -188,6 +204,10 @@ class Codec25:
             return b""
         own = FROM_4[id]
         values = self.values(own, id, fields)
+        if own == PREFERENCE_REPORT:
+            number = fields.get(PREFERENCE_NAME, 0)
+            values = {"Time Stamp": (fields["Time Stamp"] + EPOCH_MS) / 1000}
+            values |= {f["name"]: number // 3**k % 3 for k, f in enumerate(ed25.MESSAGES[own]["fields"][3:])}
         if id == 17000:
             instance, original = self.originals.get((destination, fields["Original Message Type"], fields["Original Message Time Stamp"]), (0, 0))
             values |= {"Original Message Instance ID": instance, "Original Message Type": original}
@@ -203,8 +223,9 @@ class Codec25:
         return values
 
     def wrap(self, own, source, destination, values):
-        vehicle = {"Vehicle ID": signed(source), "CUCS ID": signed(destination)}
-        self.instances[own] = self.instances.get(own, 0) + 1
+        names = {field["name"] for field in ed25.MESSAGES[own]["fields"]}
+        vehicle = {name: id for name, id in (("Vehicle ID", signed(source)), ("CUCS ID", signed(destination))) if name in names}
+        self.instances[own] = self.instances.get(own, self.first) + 1
         return ed25.encode({"id": own, "instance": self.instances[own], "fields": {**values, **vehicle}})
 
     def encode_configuration(self, id, source, destination, fields):

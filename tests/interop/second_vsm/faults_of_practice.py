@@ -13,10 +13,11 @@ from .authority import ACT_S, CONTROL, HANDOVER_S, LOI_2, LOI_3, LOI_4, SUCCESSF
 from .change import each, replace, table
 from .faults_by_rule import after, before, change_reports
 from .mutants import change_sent
-from .steering import DONE
-from .wire import BROADCAST, signed
+from .steering import DONE, WAYPOINT
+from .wire import BROADCAST, reference, signed
 
 OF_PRACTICE, _entry = table()
+SPEED_TYPE = next(f["bit"] for f in reference.MESSAGES[2016]["fields"] if f["name"] == "Speed Type") + 1
 
 
 def fault(id, title, *beside):
@@ -172,15 +173,6 @@ def _(vsm):
             holder = a.holder()
             if message.destination == BROADCAST and holder not in (None, message.source):
                 a.take_from(holder)
-        before(vehicle, "authorise", authorise)
-
-
-@fault("DISC-007z2", "a question to the vehicle that names no level, with access 0, gives everything back")
-def _(vsm):
-    for vehicle in vsm.vehicles:
-        def authorise(message, discovery, a=vehicle.authority):
-            if discovery and message.destination != BROADCAST and not message.fields.get("Requested/Handover Access", 0):
-                a.release(message.source, 15, 0, vsm.now())
         before(vehicle, "authorise", authorise)
 
 
@@ -453,7 +445,7 @@ def _(vsm):
             None if fields.get("Request Type") else c.running.pop(cucs, None)))
 
 
-@fault("ALERT-001z", "every alert has the number 1", "ALERT-004")
+@fault("ALERT-001z", "every alert has the number 1", "LINK-004")
 def _(vsm):
     for vehicle in vsm.vehicles:
         before(vehicle.alerts, "raise_", lambda *_, a=vehicle.alerts: setattr(a, "_next", 1))
@@ -513,3 +505,192 @@ def _(vsm):
             if other is not vehicle:
                 vsm.peers[cucs].schedules.pop((other.number, id), None)
     before(vsm, "schedule", schedule)
+
+
+# Second looks at the text of the rules: what each of them says besides what its fault above, or in the other tables, breaks
+
+@fault("DISC-005z", "3 names the tail number of the vehicle that is not connected")
+def _(vsm):
+    change_sent(vsm, lambda id, fields: fields | {"Tail Number": vsm.vehicles[0].tail_number} if id == 3 else fields)
+
+
+@fault("AUTH-019z", "alerts stay with the port that came first")
+def _(vsm):
+    first = {}
+
+    def make(old):
+        def transmit(cucs, datagram):
+            peer = vsm.peers.get(cucs)
+            if peer is None or int.from_bytes(datagram[12:14], "big") != 16000:
+                old(cucs, datagram)
+                return
+            address, peer.address = peer.address, first.get(cucs, peer.address)
+            old(cucs, datagram)
+            peer.address = address
+        return transmit
+    replace(vsm, "transmit", make)
+    before(vsm, "take", lambda message, address: first.setdefault(message.source, address))
+    # Whoever gives everything back begins as new.
+    for vehicle in vsm.vehicles:
+        after(vehicle.authority, "release", lambda _r, cucs, *_: first.pop(cucs, None))
+
+
+@fault("AUTH-006z2", "lights are switched without LOI 4, though it is called refused")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def permits(reason, message, v=vehicle):
+            if reason and message.id == 2007:
+                v.steering.switch_lights(message.fields)
+        after(vehicle, "permits", permits)
+
+
+@fault("HAND-005z2", "after a handover that lapsed both CUCSs are obeyed")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        both = set()
+        before(vehicle, "fail_handover", lambda _why, v=vehicle, both=both: both.add(v.authority.wish.cucs))
+        replace(vehicle, "permits", lambda old, both=both: lambda message: None if message.source in both else old(message))
+
+
+@fault("HAND-007z", "an override keeps the upload of the former holder")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def change(cucs, before_, holder, handover, v=vehicle, lawful=vehicle.after_change):
+            upload = v.mission.upload
+            lawful(cucs, before_, holder, handover)
+            if holder is not None and v.authority.holder() not in (None, holder):
+                v.mission.upload = upload
+        vehicle.after_change = change
+
+
+@fault("HB-003z2", "control is taken from a silent CUCS without a word")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def watch(now, v=vehicle, lawful=vehicle.watch_station):
+            holder, raise_, send = v.authority.holder(), v.alerts.raise_, v.send_report
+            peer = vsm.peers.get(holder)
+            if peer and peer.heartbeats and now - peer.received >= ACT_S:
+                v.alerts.raise_ = lambda *_: None
+                v.send_report = lambda *_: None
+            lawful(now)
+            v.alerts.raise_, v.send_report = raise_, send
+        vehicle.watch_station = watch
+
+
+@fault("ROUTE-011z", "a download that was cancelled is called complete")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def cancel(cucs, m=vehicle.mission, lawful=vehicle.mission.cancel):
+            going = m.transfer
+            if going is None or going.mode != plans.DOWNLOAD:
+                return lawful(cucs)
+            m.transfer = None
+            m.status(cucs, plans.COMPLETE, 100, going.mode, going.mission)
+            return None
+        vehicle.mission.cancel = cancel
+
+
+@fault("ROUTE-019z", "types and directions of loiter waypoints are not looked at")
+def _(vsm):
+    each(vsm, "mission", "problem_of_loiter", lambda old: lambda fields: None)
+
+
+@fault("ROUTE-019z2", "turn type 9 of a waypoint is taken for 1")
+def _(vsm):
+    each(vsm, "mission", "problem_of_waypoint", lambda old: lambda fields: old({n: v for n, v in fields.items() if n != "Turn Type"}))
+
+
+@fault("MODE-005z", "every loiter of mode 12 is flown counter-clockwise")
+def _(vsm):
+    each(vsm, "steering", "clockwise", lambda old: lambda: False)
+
+
+@fault("MODE-015z2", "a speed alone is shown as commanded, and not flown")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def take(mode, fields, lawful=vehicle.steering.take_values):
+            alone = mode is None and "Commanded Altitude" not in fields
+            lawful(mode, {n: v for n, v in fields.items() if n != "Commanded Speed"} if alone else fields)
+        vehicle.steering.take_values = take
+
+
+@fault("STAT-004z", "the end of one schedule ends all schedules of that CUCS")
+def _(vsm):
+    def schedule(cucs, _vehicle, _id, frequency):
+        if not frequency:
+            schedules = vsm.peers[cucs].schedules
+            for key in [key for key, one in schedules.items() if one.asked]:
+                del schedules[key]
+    before(vsm, "schedule", schedule)
+
+
+@fault("STAT-001z2", "who connects again is sent the position of before first")
+def _(vsm):
+    kept = {}
+
+    def make(old):
+        def wire(cucs, source, id, fields, ack=False):
+            if id == 4000:
+                peer = vsm.peers.get(cucs)
+                begins = peer is not None and cucs in kept and kept[cucs][1]
+                if begins:
+                    kept[cucs] = (fields, False)
+                    return vsm.codec.encode(id, source, cucs, begins, ack)
+                kept[cucs] = (fields, False)
+            return old(cucs, source, id, fields, ack)
+        return wire
+    replace(vsm, "wire", make)
+    for vehicle in vsm.vehicles:
+        def release(_result, cucs, *_):
+            if cucs in kept:
+                kept[cucs] = (kept[cucs][0], dict(kept[cucs][0]))
+        after(vehicle.authority, "release", release)
+
+
+@fault("CONF-004z", "44003 does not list the speed type that the vehicle lacks")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        replace(vehicle.configuration, "answers", lambda old, c=vehicle.configuration: lambda kind, stations: [
+            m for m in old(kind, stations) if m[0] != 44003 or (m[1].get("Reported Message"), m[1].get("Reported Field")) != (2016, SPEED_TYPE)])
+
+
+@fault("CONF-005z", "44003 comes when mode 11 comes or goes, and for no other mode")
+def _(vsm):
+    each(vsm, "configuration", "changed", lambda old: lambda: [m for m in old() if m[1].get("Reported Enumerated Index") == WAYPOINT])
+
+
+@fault("LINK-004z", "a load while the vehicle is silent is called complete")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def load(cucs, mission, now, v=vehicle, lawful=vehicle.mission.load):
+            if not v.link_lost:
+                return lawful(cucs, mission, now)
+            v.mission.status(cucs, plans.COMPLETE, 100, plans.LOAD, mission)
+            return None
+        vehicle.mission.load = load
+
+
+@fault("LOAD-002z", "waypoints beyond 255 are lost, and the route is called complete")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def complete(upload, lawful=vehicle.mission.complete):
+            plan = lawful(upload)
+            kept = dict(list(plan.waypoints.items())[:255])
+            plan.waypoints = {n: f if f.get("Next Waypoint", 0) in kept else {**f, "Next Waypoint": 0} for n, f in kept.items()}
+            return plan
+        vehicle.mission.complete = complete
+
+
+@fault("ACK-001z2", "acknowledgements go to the CUCS in control, whoever asked")
+def _(vsm):
+    def make(old):
+        def encode(id, source, destination, fields, ack=False):
+            holder = vsm.vehicles[0].authority.holder()
+            return old(id, source, holder if id == 17000 and holder else destination, fields, ack)
+        return encode
+    replace(vsm.codec, "encode", make)
+
+
+@fault("ACK-001z3", "requests for configuration and subsystems are not acknowledged")
+def _(vsm):
+    replace(vsm, "acknowledge", lambda old: lambda message, vehicle, kind: None if message.id in (15000, 40000) else old(message, vehicle, kind))

@@ -12,6 +12,7 @@ from . import mission as plans
 from . import units
 from .authority import CONTROL, LOI_4
 from .change import each, replace, table
+from .edition25 import OWN_HEADER
 from .steering import LOITER, NO_MODE, RETURN, Outcome
 from .wire import BROADCAST, HEADER, TRAILER_BYTES, reference
 
@@ -72,12 +73,14 @@ def _(vsm):
 
 @mutant("V04", "checksum is never verified", "WRAP-009")
 def _(vsm):
-    replace(vsm.codec, "checksum_matches", lambda old: lambda style, covered, trailer: True)
+    replace(vsm.codec, "checksum_matches", lambda old: lambda *_: True)
 
 
 @mutant("V05", "checksum is summed over the data only", "WRAP-007 WRAP-006")
 def _(vsm):
     def alter(wire):
+        if vsm.options.edition == "2.5":
+            return wire[:-4] + sum(wire[OWN_HEADER.size:-4]).to_bytes(4, "big") if wire else wire
         header, data, style = parts_of(wire)
         return header + data + reference.checksum(style, data)
     change_wire(vsm, alter)
@@ -105,7 +108,10 @@ def _(vsm):
 
 @mutant("V08", "only the first message of a datagram is taken", "WRAP-005 ROBUST-003")
 def _(vsm):
-    replace(vsm.codec, "split", lambda old: lambda datagram: list(old(datagram))[:1])
+    if vsm.options.edition == "2.5":
+        replace(vsm.codec, "messages", lambda old: lambda datagram, known: list(old(datagram, known))[:1])
+    else:
+        replace(vsm.codec, "split", lambda old: lambda datagram: list(old(datagram))[:1])
 
 
 @mutant("V09", "everything after an unknown message in a datagram is lost", "ROBUST-003")

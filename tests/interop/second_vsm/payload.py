@@ -94,7 +94,8 @@ class Payloads:
                                ("Set IR Polarity", "polarity"), ("Image Output", "output"), ("Set EO/IR Pointing Mode", "mode"),
                                ("Select Laser Rangefinder First/Last Pulse", "pulse"), ("Set Laser Designator Code", "code"),
                                ("Preplan Mode", "preplan")):
-                if name in fields:
+                # 0 is no pulse: Edition 2.5 cannot leave the field out.
+                if name in fields and (what != "pulse" or fields[name]):
                     setattr(station, what, fields[name])
             self.command_lasers(station, fields)
         return DONE

@@ -25,7 +25,7 @@ def authorisation(v, cucs, _mask):
 
 def identification(v, _cucs, _mask):
     """3"""
-    return [{"VSM ID": v.vsm_id_field, "Vehicle ID Update": signed(v.id), "Vehicle Type": v.type, "Vehicle Subtype": v.subtype, "Owning ID": v.id >> 24,
+    return [{"VSM ID": v.vsm_id_field, "Vehicle ID Update": signed(v.id), "Vehicle Type": v.type, "Vehicle Subtype": v.subtype, "Owning ID": v.real_id >> 24,
              "Tail Number": v.tail_number if v.id == v.real_id else "0", "Mission ID": v.mission.aboard.mission, "ATC Call Sign": v.call_sign,
              "Configuration Checksum": 0}]
 
@@ -60,7 +60,9 @@ def states(v, _cucs, _mask):
 def loiter(v, _cucs, _mask):
     """3004"""
     c = v.steering.commanded
-    return [{**v.steering.loiter, "Loiter Altitude": v.reported_altitude(v.aircraft.target_altitude), "Altitude Type": v.altitude_type(),
+    # The mode preference is of Edition 2.5 alone.
+    loiter = {name: value for name, value in v.steering.loiter.items() if name != "Mode Preference" or v.options.edition == "2.5"}
+    return [{**loiter, "Loiter Altitude": v.reported_altitude(v.aircraft.target_altitude), "Altitude Type": v.altitude_type(),
              "Loiter Speed": c["Commanded Speed"], "Speed Type": c["Speed Type"]}]
 
 

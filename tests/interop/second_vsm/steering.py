@@ -21,7 +21,9 @@ CONFIRM_S = 15.0
 CIRCULAR, HOVER = 1, 4
 
 LOITER_DEFAULTS = {"Loiter Type": CIRCULAR, "Loiter Radius": 40, "Loiter Length": 0, "Loiter Length Units": 0, "Loiter Bearing": 0,
-                   "Loiter Direction": 1, "Flying Behaviour": 0, "Loiter Duration": 0, "Loiter Duration Units": 0}
+                   "Loiter Direction": 1, "Flying Behaviour": 0, "Loiter Duration": 0, "Loiter Duration Units": 0,
+                   # Of Edition 2.5 alone: #48 and #109.
+                   "Mode Preference": 0}
 COMMANDED_DEFAULTS = {"Commanded Altitude": 0, "Altitude Type": 1, "Commanded Heading": 0, "Commanded Course": 0,
                       "Commanded Turn Rate": 0, "Commanded Roll Rate": 0, "Commanded Speed": 24, "Speed Type": 2,
                       "Commanded Roll": 0, "Altitude Command Type": 0, "Heading Command Type": 0, "Thrust Direction": 0,
@@ -94,7 +96,7 @@ class Steering:
         if not LOWEST_RADIUS <= radius <= HIGHEST_RADIUS:
             return (f"2017: Loiter Radius {radius * RADIUS_STEP_M:.1f} m is out of range: "
                     f"expected {LOWEST_RADIUS * RADIUS_STEP_M:.0f} to {HIGHEST_RADIUS * RADIUS_STEP_M:.0f} m")
-        for name, highest in (("Loiter Direction", 2), ("Loiter Duration Units", 1)):
+        for name, highest in (("Loiter Direction", 2), ("Loiter Duration Units", 1), ("Mode Preference", 26)):
             if settings.get(name, 0) > highest:
                 return f"2017: {name} {settings[name]} is not supported: expected 0 to {highest}"
         return None
@@ -116,7 +118,7 @@ class Steering:
         if problem:
             return refused(problem)
         try:
-            self.take_values(mode, fields)
+            self.take_values(mode, self.ruling(mode, fields))
         except Refused as reason:
             return refused(f"2016: {reason}")
         self.accept(fields)
@@ -124,6 +126,11 @@ class Steering:
             return DONE
         wanted = (mode, LOITER) if mode in (LAUNCH, WAVE_OFF) else (mode,)
         return Outcome(shown=lambda: self.reported_mode() in wanted)
+
+    def ruling(self, mode, fields):
+        """The fields that count: in Edition 2.5 a steering command alone does not alter what the preference leaves to waypoint or loiter."""
+        kept = self.vehicle.options.edition != "2.5" or mode is not None or self.aircraft.mode not in (flight.LOITER, *flight.ON_ROUTE)
+        return fields if kept or self.loiter["Mode Preference"] % 3 else {n: v for n, v in fields.items() if n != "Commanded Altitude"}
 
     def commanded_mode(self, fields):
         return fields.get("Select Flight Path Control Mode")

@@ -240,7 +240,7 @@ system_id = 2
 tail_number = \"SITL-02\"
 signing = { key_file = \"uav2.key\" }
 ";
-/// What `dli-check` has to know of them. The place is that of px4-sim.
+/// What `dli-check` has to know of them. The place is that of px4-sim. Over loopback silence needs no longer look than this.
 const PROFILE: &str = "
 [subject]
 name = \"vsm run and px4-sim\"
@@ -265,6 +265,9 @@ geoid_m = 47.4
 [[vehicle]]
 id = \"1b:00:01:02\"
 simulated = true
+[timers]
+quiet = 1.0
+status = 8.0
 [figures]
 speed_factor = 10.0
 offer_s = 2.0

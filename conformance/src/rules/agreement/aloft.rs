@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 use std::time::Duration;
 
 use crate::bench::flight::{
-    Fix, Plan, airborne, clear, fix, fly_until, hold, home, load, loaded, mode, mode_becomes,
-    mode_command, reported_mode, stretch, to_number, wrapped,
+    Fix, Plan, airborne, clear, field, fix, fly_until, hold, home, load, loaded, mode,
+    mode_becomes, mode_command, reported_mode, route_head, stretch, to_number, wrapped,
 };
 use crate::bench::station::{Station, schedule};
 use crate::bench::trial::Trial;
-use crate::rules::acknowledgement::refused;
+use crate::rules::acknowledgement::{about, refused};
+use crate::rules::configuration::{availability, full};
 use crate::rules::scene::Scene;
-use crate::verdict::Judged;
+use crate::verdict::{Judged, Precondition};
 use crate::wire::Draft;
 
 pub(super) const FURTHER: &[Scene] = &[
@@ -34,6 +35,10 @@ pub(super) const FURTHER: &[Scene] = &[
     Scene {
         rule: "MODE-015",
         play: a_part_acts_and_the_rest_stays,
+    },
+    Scene {
+        rule: "CONF-004",
+        play: values_of_2016_work_or_are_listed,
     },
     Scene {
         rule: "STAT-007",
@@ -140,7 +145,17 @@ fn to_the_end_and_from_elsewhere(t: &Trial) -> Judged {
         "expected the route to be flown to its last waypoint; the vehicle never came within 25 m of it".into()
     })?;
     // On its way to the first, it is sent to the third.
-    loaded(t, &a, &route("ELSEWHERE", 600.0))?;
+    let mut elsewhere = route("ELSEWHERE", 600.0);
+    // Without a speed of their own, which is no speed of 0.
+    let paced = elsewhere.clone();
+    for point in &mut elsewhere.points {
+        *point = point.clone().set("Waypoint to Speed", 0.0);
+    }
+    clear(t, &a)?;
+    if load(t, &a, &elsewhere)?.status != Some(1) {
+        t.note("waypoints without a speed are refused");
+        loaded(t, &a, &paced)?;
+    }
     a.send(to(1));
     if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? || to_number(&a)? != Some(1) {
         return Ok(());
@@ -155,10 +170,46 @@ fn to_the_end_and_from_elsewhere(t: &Trial) -> Judged {
     while to_number(&a)? == Some(1) && t.bench.net.now() < deadline {
         t.pause(Duration::from_millis(50))?;
     }
-    let shown = to_number(&a)?;
+    let (shown, began) = (to_number(&a)?, fix(t, &a)?);
+    let moved = fly_until(t, &a, t.timers().begin / 2, |fix| {
+        fix.distance(began.latitude, began.longitude) > 25.0
+    })?;
     hold(t, &a)?;
     t.expect(shown != Some(1), || {
         "expected waypoint 3, commanded in mode 11 on the way to waypoint 1, to be flown to; 4001 still shows To 1".into()
+    })?;
+    t.expect(moved.is_some(), || {
+        "expected a waypoint without a speed to be flown to at the vehicle's own; the vehicle does not move".into()
+    })?;
+    the_flight_route_is_flown(t, &a, &home)
+}
+
+/// Mode 11 flies the flight route, not the contingency route that lies beside it and was sent last.
+fn the_flight_route_is_flown(t: &Trial, a: &Station, home: &Fix) -> Judged {
+    let mut plan = Plan::zigzag(home, "BESIDE", &[1, 2]);
+    stretch(home, &mut plan, 400.0);
+    let contingency = Plan::zigzag(home, "BESIDE", &[101, 102]);
+    plan.points.push(route_head("R-BESIDE", 101, 3));
+    plan.points.extend(contingency.points);
+    clear(t, a)?;
+    if load(t, a, &plan)?.status != Some(1) {
+        t.note("a contingency route beside the flight route is refused");
+        return Ok(());
+    }
+    let sent = a.send(mode_command(mode::WAYPOINT).acked());
+    if refused(t, a, &sent) || !mode_becomes(a, mode::WAYPOINT, t.timers().answer * 2)? {
+        t.note("mode 11 is not entered with a contingency route beside the flight route");
+        return Ok(());
+    }
+    let deadline = t.bench.net.now() + t.timers().answer;
+    let mut shown = to_number(a)?;
+    while matches!(shown, None | Some(0 | 65_535)) && t.bench.net.now() < deadline {
+        t.pause(Duration::from_millis(50))?;
+        shown = to_number(a)?;
+    }
+    hold(t, a)?;
+    t.expect(!matches!(shown, Some(101 | 102)), || {
+        format!("expected mode 11 to fly the flight route 1, 2, not the contingency route beside it; 4001 shows To {shown:?}")
     })
 }
 
@@ -223,6 +274,7 @@ fn banks_turns_and_climb_limits(t: &Trial) -> Judged {
         }
     }
     magnetic_headings(t, &a)?;
+    course_beside_heading(t, &a)?;
     // Type 3: the altitude, no faster than the vertical speed.
     let began = fix(t, &a)?;
     let sent = a.send(
@@ -296,6 +348,48 @@ fn magnetic_headings(t: &Trial, a: &Station) -> Judged {
     })
 }
 
+/// Heading command type 3: the nose along the heading, the way along the course.
+fn course_beside_heading(t: &Trial, a: &Station) -> Judged {
+    let Some(heading) = fix(t, a)?.heading else {
+        return Ok(());
+    };
+    let course = wrapped(heading + TAU / 4.0);
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Heading Command Type", 3)
+            .set("Commanded Heading", wrapped(heading - 0.4))
+            .set("Commanded Course", course)
+            .raw("Altitude Command Type", 0)
+            .set("Commanded Speed", 8.0)
+            .raw("Speed Type", 2)
+            .acked(),
+    );
+    if refused(t, a, &sent) || !mode_becomes(a, mode::AUTOPILOT, t.timers().begin)? {
+        t.note("heading command type 3 is refused");
+        return Ok(());
+    }
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    t.pause(Duration::from_secs_f64((8.0 / speed).max(0.8)))?;
+    let began = fix(t, a)?;
+    let moved = fly_until(t, a, t.timers().begin / 2, |fix| {
+        fix.distance(began.latitude, began.longitude) > 30.0
+    })?;
+    hold(t, a)?;
+    let Some(now) = moved else {
+        t.note("the vehicle does not move by heading command type 3");
+        return Ok(());
+    };
+    let (north, east) = now.from(began.latitude, began.longitude);
+    let flown = east.atan2(north);
+    t.expect(wrapped(flown - course).abs() < 0.6, || {
+        format!(
+            "expected the course of {:.0} degrees with heading command type 3, whatever the heading; the vehicle flies along {:.0}",
+            course.to_degrees().rem_euclid(360.0),
+            flown.to_degrees().rem_euclid(360.0)
+        )
+    })
+}
+
 fn a_part_acts_and_the_rest_stays(t: &Trial) -> Judged {
     let a = airborne(t)?;
     let home = home(t, &a)?;
@@ -351,7 +445,135 @@ fn a_part_acts_and_the_rest_stays(t: &Trial) -> Judged {
     hold(t, &a)?;
     t.expect(reached.is_some(), || {
         format!("expected a 2016 with an altitude alone to leave the commanded heading of {:.0} degrees; it is not reached", target.to_degrees().rem_euclid(360.0))
+    })?;
+    the_later_2016_stays(t, &a)?;
+    a_speed_alone_is_flown(t, &a)
+}
+
+/// In mode 15 on a course.
+fn a_speed_alone_is_flown(t: &Trial, a: &Station) -> Judged {
+    let heading = fix(t, a)?.heading.unwrap_or_default();
+    let sent = a.send(
+        mode_command(mode::AUTOPILOT)
+            .raw("Heading Command Type", 2)
+            .set("Commanded Course", heading)
+            .raw("Altitude Command Type", 0)
+            .set("Commanded Speed", 9.0)
+            .raw("Speed Type", 2)
+            .acked(),
+    );
+    if refused(t, a, &sent) || !mode_becomes(a, mode::AUTOPILOT, t.timers().begin)? {
+        return Ok(());
+    }
+    let speed = t.bench.profile.figures.speed_factor.max(1.0);
+    let settled = Duration::from_secs_f64((6.0 / speed).max(0.6));
+    t.pause(settled)?;
+    let fast = fix(t, a)?;
+    let alone = Draft::new(2016)
+        .set("Commanded Speed", 4.0)
+        .raw("Speed Type", 2)
+        .acked();
+    let sent = a.send(alone);
+    let taken = !refused(t, a, &sent);
+    let pace = |fix: &Fix| fix.north.hypot(fix.east);
+    let slower = fly_until(t, a, t.timers().begin / 2, |fix| pace(fix) < 6.0)?;
+    hold(t, a)?;
+    if !taken || pace(&fast) < 7.0 {
+        t.note("a speed alone in mode 15 is not judged");
+        return Ok(());
+    }
+    t.expect(slower.is_some(), || {
+        format!("expected a 2016 with a speed of 4 m/s alone, accepted in mode 15 at {:.1} m/s, to be flown; the vehicle is not slower", pace(&fast))
     })
+}
+
+/// Of two speeds the one with the later stamp, whichever arrives last.
+fn the_later_2016_stays(t: &Trial, a: &Station) -> Judged {
+    let speed = |speed: f64| {
+        Draft::new(2016)
+            .set("Commanded Speed", speed)
+            .raw("Speed Type", 2)
+    };
+    let overtaken = a.encode(&a.stamped(speed(4.0)));
+    t.pause(Duration::from_millis(30))?;
+    let late = field(&speed(7.0), "Commanded Speed");
+    a.send(speed(7.0));
+    t.pause(t.timers().answer / 4)?;
+    if a.query(3002)?.raw("Commanded Speed") != late {
+        t.note("3002 does not show a speed alone: a 2016 that was overtaken is not judged");
+        return Ok(());
+    }
+    a.send_bytes(&overtaken);
+    t.pause(t.timers().quiet / 3)?;
+    let shown = a.query(3002)?;
+    let named = shown.raw("Commanded Speed");
+    t.expect_of(&shown, named == late, || {
+        format!("expected a 2016 that a later one has overtaken not to undo it; 3002 shows the speed {named:?}, expected {late:?} (as on the wire)")
+    })
+}
+
+/// In flight, where nothing but the value itself is a reason to refuse it.
+fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
+    if !t.may_fly() {
+        return Ok(());
+    }
+    let Ok(a) = airborne(t) else { return Ok(()) };
+    let listed_by = full(t, &a, 3).precondition("a full configuration")?;
+    let now = fix(t, &a)?;
+    let number = |name: &str| {
+        let info = Draft::new(2016).seen().info;
+        let field = info.and_then(|info| info.field(name));
+        field.map_or(0, |field| i64::from(field.bit) + 1)
+    };
+    let speed = |kind: i64| {
+        Draft::new(2016)
+            .set("Commanded Speed", 6.0)
+            .raw("Speed Type", kind)
+    };
+    let altitude = |kind: i64| {
+        let home = t
+            .bench
+            .home
+            .get()
+            .map_or(now.altitude, |home| home.altitude);
+        let above = if kind == 2 {
+            now.altitude - home
+        } else {
+            now.altitude
+        };
+        Draft::new(2016)
+            .raw("Altitude Command Type", 1)
+            .set("Commanded Altitude", above)
+            .raw("Altitude Type", kind)
+    };
+    type Make<'a> = &'a dyn Fn(i64) -> Draft;
+    let cases: [(&str, std::ops::RangeInclusive<i64>, Make<'_>); 2] = [
+        ("Speed Type", 0..=3, &speed),
+        ("Altitude Type", 0..=3, &altitude),
+    ];
+    let mut result = Ok(());
+    for (field, values, make) in cases {
+        let listed = availability(&listed_by, 2016, number(field));
+        for value in values {
+            let sent = a.send(make(value).acked());
+            let end = a.wait(sent.mark, t.timers().ack * 2, |seen| {
+                about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") != Some(1)
+            });
+            let Some(end) = end else { continue };
+            let no = end.raw("Acknowledgement Type") == Some(3);
+            if result.is_ok() {
+                result = t.expect_of(&end, no == listed.contains(&value), || {
+                    if no {
+                        format!("expected {field} {value} of 2016 to be listed by 44003, since it is refused; it is not")
+                    } else {
+                        format!("expected {field} {value} of 2016, which 44003 lists as unavailable, to be refused; it was carried out")
+                    }
+                });
+            }
+        }
+    }
+    hold(t, &a)?;
+    result
 }
 
 /// Nothing is judged here: a climb and two turns, for the judge who compares 3009 and 4000.
