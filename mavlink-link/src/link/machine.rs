@@ -194,10 +194,14 @@ impl<A: Copy + Eq> Link<A> {
         }
         // Only while it is received: silence has a report of its own.
         let accepted = core.presence.accepted_at();
-        let received = accepted.is_some_and(|at| now.mono.saturating_sub(at) < UNANSWERED);
-        if received && core.config.security == Security::Signed {
+        let received = accepted.filter(|at| now.mono.saturating_sub(*at) < UNANSWERED);
+        if let Some(at) = received
+            && core.config.security == Security::Signed
+        {
             core.receipt.handle_timeout(now.mono);
-            if core.receipt.is_overdue(UNANSWERED, now.mono) {
+            // Counted up to the last frame that was received, not up to now: where a link is cut both ways the newest
+            // answer is up to a second older than that frame, and the vehicle is silent.
+            if core.receipt.is_overdue(UNANSWERED, at) {
                 core.events.alert(Alert::Unanswered, now.mono);
             }
         }

@@ -75,6 +75,7 @@ mod station_profiles;
 mod status;
 mod termination;
 mod time_of_validity;
+mod unanswered;
 mod vehicle_services;
 mod whole_route;
 mod wings;

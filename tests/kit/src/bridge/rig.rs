@@ -88,6 +88,10 @@ pub struct Rig {
     pub dli: Network<SocketAddr, Vec<u8>>,
     /// Between the bridge and the vehicles.
     pub mav: Network<SocketAddr, Vec<u8>>,
+    /// MAVLink messages of the vehicles that the way to the bridge loses, by their ids.
+    pub lost: Vec<u32>,
+    /// The same of the bridge's on the way to the vehicles.
+    pub lost_to_vehicles: Vec<u32>,
     /// What the bridge logged.
     pub log: Vec<LogEntry>,
     /// What went to ground stations beside the bridge, with the index of each.
@@ -165,6 +169,8 @@ impl Rig {
             synced_at: None,
             dli: Network::new(setup.seed ^ 0x00d1_1d11, setup.dli),
             mav: Network::new(setup.seed ^ 0x03a7_73a0, setup.mav),
+            lost: Vec::new(),
+            lost_to_vehicles: Vec::new(),
             log: Vec::new(),
             forwarded: Vec::new(),
             forward_is_stuck: false,
@@ -507,7 +513,12 @@ impl Rig {
             let to = |address: fn(usize) -> SocketAddr| {
                 (0..self.vehicles.len()).find(|index| address(*index) == packet.to)
             };
+            let id = packet.payload.get(7..10);
+            let id = id.map(|id| u32::from_le_bytes([id[0], id[1], id[2], 0]));
             if let (Some(index), Some(bridge)) = (to(bridge_mav), &mut self.bridge) {
+                if id.is_some_and(|id| self.lost.contains(&id)) {
+                    continue;
+                }
                 bridge.handle_vehicle(
                     now,
                     index,
@@ -517,11 +528,11 @@ impl Rig {
                     &mut |_, _| {},
                 );
             } else if let Some(index) = to(vehicle_address) {
-                if let Some([a, b, c]) = packet.payload.get(7..10) {
-                    *self
-                        .arrived
-                        .entry(u32::from_le_bytes([*a, *b, *c, 0]))
-                        .or_default() += 1;
+                if id.is_some_and(|id| self.lost_to_vehicles.contains(&id)) {
+                    continue;
+                }
+                if let Some(id) = id {
+                    *self.arrived.entry(id).or_default() += 1;
                 }
                 self.vehicles[index].handle_datagram(0, packet.from, &packet.payload);
             }

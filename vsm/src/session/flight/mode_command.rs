@@ -203,7 +203,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         match at.uploaded {
             Some(uploaded)
                 if uploaded.route_type == RouteType::Launch
-                    && holds(at.telemetry, uploaded)
+                    && holds(at.telemetry, uploaded) == Some(true)
                     && is_current(uploaded, RouteType::Launch, at) =>
             {
                 check_heights(uploaded, at)?;

@@ -285,12 +285,22 @@ pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> R
     checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
 }
 
-/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it.
-pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> bool {
-    uploaded.mission_id == 0
-        || vehicle
-            .mission
-            .is_some_and(|mission| mission.mission_id == uploaded.mission_id)
+/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it. None
+/// where it has not reported that yet: for a second after a silence, longer on a bad link, nobody knows what it holds.
+pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> Option<bool> {
+    if uploaded.mission_id == 0 {
+        return Some(true);
+    }
+    vehicle
+        .mission
+        .map(|mission| mission.mission_id == uploaded.mission_id)
+}
+
+/// The refusal of what depends on the mission of a vehicle that has not reported which one it holds, or where it is in it.
+pub(super) fn mission_not_reported(mode: &str) -> String {
+    format!(
+        "{mode}: the vehicle has not reported yet which mission it holds (MISSION_CURRENT): command it again in a second"
+    )
 }
 
 pub(super) fn place(

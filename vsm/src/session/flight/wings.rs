@@ -24,7 +24,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::settings::Pattern;
 use super::situation::{
     Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, flown_as, has,
-    holds, names_mode, place, plain, speed,
+    holds, mission_not_reported, names_mode, place, plain, speed,
 };
 use super::steering::{self, Direction};
 use crate::session::maneuver::{self, Step};
@@ -106,9 +106,16 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     if at.telemetry.hovers() {
         return here();
     }
-    let aboard = at.uploaded.filter(|uploaded| holds(at.telemetry, uploaded));
-    let pattern = aboard.and_then(|uploaded| Some((uploaded, uploaded.compiled.landing_start()?)));
-    match pattern {
+    let pattern = at
+        .uploaded
+        .and_then(|uploaded| Some((uploaded, uploaded.compiled.landing_start()?)));
+    // A VTOL would turn to a hover and land where it is, a wing be refused, though the pattern is aboard.
+    if let Some((uploaded, _)) = pattern
+        && holds(at.telemetry, uploaded).is_none()
+    {
+        return Err(mission_not_reported("mode 19 (land)"));
+    }
+    match pattern.filter(|(uploaded, _)| holds(at.telemetry, uploaded) == Some(true)) {
         Some((uploaded, start)) => {
             check_heights(uploaded, at)?;
             let mut steps = vec![Step::SetCurrent(start..=uploaded.compiled.place_from(start))];
@@ -133,6 +140,10 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
         return loiter();
     }
     let seq = at.telemetry.mission.map(|mission| mission.seq);
+    // It may be on its final approach: a loiter would circle just above the ground.
+    if at.telemetry.mode == Some(Px4Mode::MISSION) && at.uploaded.is_some() && seq.is_none() {
+        return Err(mission_not_reported("mode 20 (wave-off)"));
+    }
     let landing = at
         .uploaded
         .filter(|_| at.telemetry.mode == Some(Px4Mode::MISSION))

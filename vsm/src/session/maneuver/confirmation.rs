@@ -79,6 +79,11 @@ impl Confirmation {
     /// What has not been seen, for the operator.
     pub(super) fn awaited(&self, vehicle: &VehicleState) -> String {
         match self {
+            // By an older report it is in it: "not AUTO.LOITER, it is in AUTO.LOITER" would explain nothing.
+            Confirmation::Mode(modes) if !vehicle.state_is_newer_than_command() => {
+                let wanted = modes.first().map_or("", |mode| mode.name());
+                format!("{wanted}: it has not reported its mode since the command")
+            }
             Confirmation::Mode(modes) => {
                 let wanted = modes.first().map_or("", |mode| mode.name());
                 let present = vehicle.telemetry.mode.map_or("no mode", Px4Mode::name);

@@ -47,6 +47,8 @@ pub(crate) struct Maneuver {
     /// Sent when the maneuver fails: a launch that fails leaves no running motors.
     undo: Option<Command>,
     armed_by_us: bool,
+    /// The command that had no answer, and whose effect the vehicle may show all the same; its name and attempts.
+    unanswered: Option<(&'static str, u8)>,
 }
 
 /// The mode in which the next command of a maneuver is sent.
@@ -114,6 +116,7 @@ impl Maneuver {
             commanded,
             undo: None,
             armed_by_us: false,
+            unanswered: None,
         }
     }
 
@@ -229,9 +232,15 @@ impl Maneuver {
                     name(result)
                 ))
             }
-            Outcome::NoAnswer { tries } => Progress::Refused(format!(
-                "{what}: no answer from the vehicle after {tries} attempts"
-            )),
+            // Where the way back loses every COMMAND_ACK the command may have been carried out all the same, and an
+            // operator who reads that it was refused would be misled: what the vehicle shows since decides.
+            Outcome::NoAnswer { tries } if self.shows_the_command(vehicle) => {
+                self.armed_by_us |= command.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+                self.unanswered = Some((what, tries));
+                self.next();
+                Progress::Going
+            }
+            Outcome::NoAnswer { tries } => Progress::Refused(no_answer(what, tries)),
             Outcome::Withdrawn => Progress::Refused(format!("{what}: withdrawn")),
         }
     }
@@ -291,6 +300,7 @@ impl Maneuver {
                     },
                 ) => {
                     let patient_until = now + *patience;
+                    self.unanswered = None;
                     let enters = self.steps.get(1).is_some_and(Step::confirms_a_mode);
                     match submit(services, now, *command, what, patient_until) {
                         Ok(waiting) => self.waiting = waiting,
@@ -360,8 +370,12 @@ impl Maneuver {
                         self.confirmed();
                     } else if *deadline <= now {
                         let why = vehicle.latest_complaint(now).unwrap_or_default();
+                        let unanswered =
+                            self.unanswered.map(|(what, tries)| no_answer(what, tries));
+                        let unanswered = unanswered.map(|text| format!("{text}, and "));
                         return Progress::Refused(format!(
-                            "the vehicle does not show {}{why}",
+                            "{}the vehicle does not show {}{why}",
+                            unanswered.unwrap_or_default(),
                             confirmation.awaited(vehicle)
                         ));
                     } else {
@@ -408,6 +422,27 @@ impl Maneuver {
         }
     }
 
+    /// Whether the vehicle shows by now what the step behind the command in front waits for, and the steps up to the next
+    /// command prove it. The mode of a circle or an eight proves nothing: the vehicle may have been in it before.
+    fn shows_the_command(&self, vehicle: &VehicleState) -> bool {
+        let Some(Step::Command { command, .. }) = self.steps.front() else {
+            return false;
+        };
+        let behind = || self.steps.iter().skip(1).map_while(Step::confirmation);
+        let proves = |confirmation: &Confirmation| match confirmation {
+            Confirmation::Mode(_) => command.command == MavCmd::MAV_CMD_DO_SET_MODE,
+            Confirmation::Armed
+            | Confirmation::Disarmed
+            | Confirmation::OffTheGround
+            | Confirmation::Orbit { .. }
+            | Confirmation::Hovers(_)
+            | Confirmation::Target { .. } => true,
+            // They are compared roughly, and may have been so before.
+            Confirmation::Speed(_) | Confirmation::Course(_) => false,
+        };
+        behind().any(proves) && behind().next().is_some_and(|first| first.is_seen(vehicle))
+    }
+
     /// Whether a step is left that commands something, and has not begun.
     fn commands_more(&self) -> bool {
         let begun = usize::from(!matches!(
@@ -450,6 +485,10 @@ fn submit(
         }),
         Err(full) => Err(Progress::Refused(format!("{what}: {full}"))),
     }
+}
+
+fn no_answer(what: &str, tries: u8) -> String {
+    format!("{what}: no answer from the vehicle after {tries} attempts")
 }
 
 fn name(result: MavResult) -> &'static str {

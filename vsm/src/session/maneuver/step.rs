@@ -37,6 +37,16 @@ pub(crate) enum Step {
 }
 
 impl Step {
+    /// What it waits for, where it only waits.
+    pub(super) fn confirmation(&self) -> Option<&Confirmation> {
+        match self {
+            Step::Insist { confirmation, .. } | Step::Confirm { confirmation, .. } => {
+                Some(confirmation)
+            }
+            Step::Command { .. } | Step::SetCurrent(_) | Step::Pause(_) => None,
+        }
+    }
+
     /// Whether it waits for a mode: the command before it is one that enters that.
     pub(super) fn confirms_a_mode(&self) -> bool {
         matches!(

@@ -100,7 +100,8 @@ pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String 
             action(what)
         ),
         Outcome::ByItself => {
-            "the vehicle shows TERMINATION, commanded by itself, its pilot or another station: final until PX4 restarts"
+            "the vehicle shows TERMINATION, not commanded by this VSM since its start: by itself, its pilot, another station, or \
+             before that start; final until PX4 restarts"
                 .into()
         }
         Outcome::Unconfirmed(by, what) => format!(

@@ -10,7 +10,8 @@ use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use crate::session::flight::situation::{
-    NEAR_M, Situation, Task, check_heights, flown_as, holds, names_mode, speed, steps_to_waypoint,
+    NEAR_M, Situation, Task, check_heights, flown_as, holds, mission_not_reported, names_mode,
+    speed, steps_to_waypoint,
 };
 use crate::session::flight::wings;
 use crate::session::maneuver::{self, Step};
@@ -32,7 +33,7 @@ pub(super) fn fly(
     let uploaded = match at.uploaded {
         Some(uploaded)
             if serves(uploaded, route, at)
-                && holds(at.telemetry, uploaded)
+                && holds(at.telemetry, uploaded) == Some(true)
                 && (route == RouteType::Flight || is_current(uploaded, route, at)) =>
         {
             uploaded
@@ -47,6 +48,9 @@ pub(super) fn fly(
                 Some(number) => Err(absent(number)),
                 None => Ok(Task::Reload),
             };
+        }
+        Some(uploaded) if route == RouteType::Flight && holds(at.telemetry, uploaded).is_none() => {
+            return Err(mission_not_reported("mode 11 (waypoint)"));
         }
         // Mode 11 flies what 13000 has loaded, never what has been stored since.
         _ if route == RouteType::Flight => {
