@@ -121,6 +121,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// No bridge runs, and the order stands: the agents beside PX4 are ordered the same, and PX4 without one is given another key, as
 /// long as there are keys to do so.
 fn order_agents(config: &Config, disk: &FileDisk, in_flight: bool) -> Result<(), Failure> {
+    let vehicles = u32::try_from(config.vehicles().count()).unwrap_or(u32::MAX);
+    let _waiting = waiting(
+        "the agents beside PX4, and PX4, to take the order",
+        BEYOND_WITHIN.saturating_mul(vehicles),
+    );
     runtime()?.block_on(async {
         for vehicle in config.vehicles() {
             let Signing::KeyFile(key_file, exchange) = &vehicle.signing else {
@@ -293,6 +298,8 @@ pub(super) fn finish(store: &Path) -> Result<(), Failure> {
 const UNLOCKED_WITHIN: Duration = Duration::from_secs(60);
 const PING: Duration = Duration::from_secs(2);
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// Of one vehicle: an exchange with its agent, or another key for its PX4.
+const BEYOND_WITHIN: Duration = Duration::from_secs(32);
 /// A bridge waits for its agents, and an agent for PX4.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 /// What no program can promise.
