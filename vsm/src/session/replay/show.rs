@@ -52,6 +52,7 @@ impl Timeline {
             uptime_s: moment.saturating_sub(begun).as_secs_f64(),
             warnings: self.notes.clone(),
             findings: Vec::new(),
+            logged: Vec::new(),
             refused: Default::default(),
             set_aside: Default::default(),
             recordings: Default::default(),
