@@ -237,8 +237,11 @@ impl Alone {
             self.mode_at.is_some_and(|mode_at| mode_at >= newer)
         });
         let mode = telemetry.mode.filter(|_| settled);
+        // A report of just after it may still show the mode of before it.
+        let awaited = fresh(self.commanded_at, SHOWN_WITHIN);
         if settled {
-            self.entered = self.entered.filter(|entered| mode == Some(*entered));
+            let stays = |entered: &Px4Mode| awaited || mode == Some(*entered);
+            self.entered = self.entered.filter(stays);
             self.holding.note(Other::of(telemetry), now);
         }
         let other = mode.and_then(|_| Other::of(telemetry));
@@ -272,9 +275,7 @@ impl Alone {
             completed: None,
             controlled: false,
             lands: false,
-            busy: self
-                .commanded_at
-                .is_some_and(|at| now.saturating_sub(at) < SHOWN_WITHIN),
+            busy: awaited,
             operator_waits: false,
             on_final: is_on_final(telemetry),
             stored: [false, false],
