@@ -9,6 +9,7 @@
 //! | [`process`] | programs under test: start, wait for a line, terminate by process id; free ports, key files |
 //! | [`relay`] | the simulated network between two real UDP sockets |
 //! | [`serial`] | serial lines made of pseudo terminals |
+//! | [`streams`] | what PX4 sends on a radio |
 //! | [`heap`] | an allocator that counts |
 //! | `any_input` (feature `any_input`) | what has to hold for any bytes at all: the targets of fuzzing |
 //! | `bridge` (feature `bridge`) | the bridge with simulated vehicles and ground stations |
@@ -47,6 +48,7 @@ pub mod network;
 pub mod process;
 pub mod relay;
 pub mod serial;
+pub mod streams;
 pub mod tools;
 
 use std::path::Path;

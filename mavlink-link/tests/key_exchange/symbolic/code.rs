@@ -123,7 +123,7 @@ impl Code {
             self.ground
                 .handle_timeout(now, &mut random, &mut self.ground_disk);
             let message = self.ground.poll_transmit();
-            if let Some(message) = message.filter(|message| message.session == session.into()) {
+            if let Some(message) = message.filter(|message| message.session == u32::from(session)) {
                 assert_eq!(message.step, Step::Offer);
                 self.sent.push(wire(&message.to_payload()));
                 return;
