@@ -5,16 +5,48 @@ use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serialport::{SerialPort as _, TTYPort};
+
+/// An open end of a line.
+#[derive(Debug)]
+pub struct Port(TTYPort);
+
+impl Port {
+    /// Opens the device of this name, as a program does.
+    pub fn open(name: &str) -> Port {
+        let port = TTYPort::open(&serialport::new(name, 57_600));
+        Port::new(port.expect("the device"))
+    }
+
+    fn new(mut port: TTYPort) -> Port {
+        let limit = Duration::from_millis(20);
+        port.set_timeout(limit).expect("a time-out");
+        Port(port)
+    }
+
+    /// What has arrived, without waiting; 0 where nothing has.
+    pub fn read(&mut self, buffer: &mut [u8]) -> usize {
+        match self.0.bytes_to_read() {
+            Ok(1..) => self.0.read(buffer).unwrap_or(0),
+            _ => 0,
+        }
+    }
+
+    /// Writes; what the line has no room for is lost.
+    pub fn write(&mut self, bytes: &[u8]) {
+        let _ = self.0.write_all(bytes);
+    }
+}
 
 /// The near end of a pseudo terminal; a program opens the far end by its [`name`](Device::name).
 #[derive(Debug)]
 pub struct Device {
-    port: TTYPort,
+    /// The near end.
+    pub port: Port,
     /// The path of the device for the program.
     pub name: String,
     /// Keeps the line open while the program restarts.
@@ -24,31 +56,16 @@ pub struct Device {
 impl Device {
     /// Makes one.
     pub fn new() -> Device {
-        let (mut port, far) = TTYPort::pair().expect("a pseudo terminal");
-        port.set_timeout(Duration::from_millis(20))
-            .expect("a time-out");
+        let (port, far) = TTYPort::pair().expect("a pseudo terminal");
         let name = far.name().expect("the name of a pseudo terminal");
         // Held as a plain file: a port that is open as a port is locked, and the program could not open it.
         let held = File::options().read(true).write(true).open(&name);
         drop(far);
         Device {
-            port,
+            port: Port::new(port),
             name,
             _held: held.expect("the device"),
         }
-    }
-
-    /// What has arrived, without waiting; 0 where nothing has.
-    pub fn read(&mut self, buffer: &mut [u8]) -> usize {
-        match self.port.bytes_to_read() {
-            Ok(1..) => self.port.read(buffer).unwrap_or(0),
-            _ => 0,
-        }
-    }
-
-    /// Writes; what the line has no room for is lost.
-    pub fn write(&mut self, bytes: &[u8]) {
-        let _ = self.port.write_all(bytes);
     }
 }
 
@@ -62,6 +79,8 @@ impl Default for Device {
 #[derive(Debug)]
 pub struct Line {
     ended: Arc<AtomicBool>,
+    /// From the first device to the second, and back.
+    carried: [Arc<AtomicU64>; 2],
     carrier: Option<JoinHandle<()>>,
 }
 
@@ -79,7 +98,7 @@ impl Line {
         let name = device.name.clone();
         let socket = UdpSocket::bind(("127.0.0.1", port)).expect("a loopback socket");
         socket.set_nonblocking(true).expect("it need not block");
-        let line = Line::between(End::Device(device), End::Udp(socket, None));
+        let line = Line::between(End::Device(device), End::Udp(socket, None), None);
         (line, name)
     }
 
@@ -87,35 +106,98 @@ impl Line {
     pub fn between_devices() -> (Line, [String; 2]) {
         let (here, there) = (Device::new(), Device::new());
         let names = [here.name.clone(), there.name.clone()];
-        (Line::between(End::Device(here), End::Device(there)), names)
+        let line = Line::between(End::Device(here), End::Device(there), None);
+        (line, names)
     }
 
-    fn between(mut here: End, mut there: End) -> Line {
+    /// The same at this many baud, ten bits a byte: what is written faster waits in the devices.
+    pub fn at_baud(baud: u32) -> (Line, [String; 2]) {
+        let (here, there) = (Device::new(), Device::new());
+        let names = [here.name.clone(), there.name.clone()];
+        let line = Line::between(End::Device(here), End::Device(there), Some(baud));
+        (line, names)
+    }
+
+    /// Bytes carried so far, from the first device to the second, and back.
+    pub fn carried(&self) -> [u64; 2] {
+        self.carried.each_ref().map(|count| count.load(Relaxed))
+    }
+
+    fn between(mut here: End, mut there: End, baud: Option<u32>) -> Line {
         let ended = Arc::new(AtomicBool::new(false));
-        let ends = Arc::clone(&ended);
+        let carried = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
+        let (ends, counts) = (Arc::clone(&ended), carried.clone());
         let carrier = thread::spawn(move || {
             let mut buffer = [0; 1_024];
+            let mut paces = [(); 2].map(|()| Pace::of(baud));
             while !ends.load(Relaxed) {
-                let there_from_here = here.read(&mut buffer);
-                there.write(&buffer[..there_from_here]);
-                let here_from_there = there.read(&mut buffer);
-                here.write(&buffer[..here_from_there]);
-                if there_from_here + here_from_there == 0 {
+                let mut moved = 0;
+                for (at, (count, pace)) in counts.iter().zip(&mut paces).enumerate() {
+                    let (from, to) = match at {
+                        0 => (&mut here, &mut there),
+                        _ => (&mut there, &mut here),
+                    };
+                    let room = pace.room().min(buffer.len());
+                    let length = from.read(&mut buffer[..room]);
+                    to.write(&buffer[..length]);
+                    pace.take(length);
+                    count.fetch_add(length as u64, Relaxed);
+                    moved += length;
+                }
+                if moved == 0 {
                     thread::sleep(Duration::from_millis(1));
                 }
             }
         });
         Line {
             ended,
+            carried,
             carrier: Some(carrier),
         }
     }
 }
 
+/// How much one direction may carry by now.
+struct Pace {
+    bytes_s: Option<f64>,
+    /// Since when it has been saving up.
+    since: Instant,
+    saved: f64,
+}
+
+impl Pace {
+    fn of(baud: Option<u32>) -> Pace {
+        Pace {
+            bytes_s: baud.map(|baud| f64::from(baud) / 10.0),
+            since: Instant::now(),
+            saved: 0.0,
+        }
+    }
+
+    fn room(&mut self) -> usize {
+        let Some(bytes_s) = self.bytes_s else {
+            return usize::MAX;
+        };
+        let now = Instant::now();
+        self.saved += (now - self.since).as_secs_f64() * bytes_s;
+        self.since = now;
+        // An idle line saves nothing up, but for the rounds of this thread.
+        self.saved = self.saved.min(bytes_s * IDLE_S);
+        self.saved as usize
+    }
+
+    fn take(&mut self, length: usize) {
+        self.saved -= length as f64;
+    }
+}
+
+/// More than a round takes, on a machine that does something else too.
+const IDLE_S: f64 = 0.02;
+
 impl End {
     fn read(&mut self, buffer: &mut [u8]) -> usize {
         match self {
-            End::Device(device) => device.read(buffer),
+            End::Device(device) => device.port.read(buffer),
             End::Udp(socket, from) => match socket.recv_from(buffer) {
                 Ok((length, sender)) => {
                     *from = Some(sender);
@@ -131,7 +213,7 @@ impl End {
             return;
         }
         match self {
-            End::Device(device) => device.write(bytes),
+            End::Device(device) => device.port.write(bytes),
             End::Udp(socket, Some(to)) => {
                 let _ = socket.send_to(bytes, *to);
             }
@@ -147,4 +229,29 @@ impl Drop for Line {
             let _ = carrier.join();
         }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_of_57600_baud_carries_5760_bytes_a_second_and_loses_none() {
+        let (line, [here, there]) = Line::at_baud(57_600);
+        let mut near = File::options().write(true).open(here).expect("a device");
+        let far = File::options().read(true).open(there).expect("a device");
+        let begun = Instant::now();
+        let sender = thread::spawn(move || near.write_all(&[0x55; SENT]).expect("it is written"));
+        let mut bytes = [0; SENT];
+        let mut far = far;
+        far.read_exact(&mut bytes).expect("all of it");
+        let took = begun.elapsed().as_secs_f64();
+        sender.join().expect("it has sent");
+        assert_eq!(bytes, [0x55; SENT]);
+        assert_eq!(line.carried(), [SENT as u64, 0]);
+        let expected = SENT as f64 / 5_760.0;
+        assert!(took > 0.9 * expected && took < 5.0 * expected, "{took} s");
+    }
+
+    const SENT: usize = 2_880;
 }

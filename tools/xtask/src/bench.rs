@@ -151,11 +151,14 @@ fn machine() -> String {
     )
 }
 
-const BENCHES: [(&str, &str); 4] = [
+const BENCHES: [(&str, &str); 7] = [
     ("stanag-msgs", "codec"),
     ("comparison-benches", "signing"),
+    ("comparison-benches", "per_message"),
+    ("comparison-benches", "radio"),
     ("vsm", "bridge"),
     ("vsm", "sockets"),
+    ("vsm", "protected"),
 ];
 
 #[cfg(test)]

@@ -196,7 +196,7 @@ fn on_a_terminal_it_asks() {
     child.arg("init").current_dir(folder).stdout(Stdio::piped());
     let child = child.stdin(File::open(&terminal.name).expect("the terminal"));
     let child = child.spawn().expect("vsm");
-    terminal.write(b"sitl\n\n1b:00:00:b0\nquad\n");
+    terminal.port.write(b"sitl\n\n1b:00:00:b0\nquad\n");
     let output = child.wait_with_output().expect("its end");
     let printed = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{printed}");

@@ -238,7 +238,7 @@ fn a_terminal_gets_colours_unless_no_color_is_set() {
                 "{}",
                 String::from_utf8_lossy(&shown)
             );
-            let length = device.read(&mut bytes);
+            let length = device.port.read(&mut bytes);
             shown.extend_from_slice(&bytes[..length]);
             std::thread::sleep(Duration::from_millis(20));
         }

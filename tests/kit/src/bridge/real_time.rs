@@ -104,7 +104,7 @@ impl Side {
             match &mut self.end {
                 // What a socket has no room for is lost.
                 End::Udp(socket) => drop(socket.send_to(&packet.payload, packet.to)),
-                End::Serial(device) => device.write(&packet.payload),
+                End::Serial(device) => device.port.write(&packet.payload),
             }
         }
         arrived
@@ -121,7 +121,7 @@ impl Side {
                     Ok(_) | Err(_) => {}
                 }
             },
-            End::Serial(device) => Some(device.read(buffer)).filter(|length| *length > 0),
+            End::Serial(device) => Some(device.port.read(buffer)).filter(|length| *length > 0),
         }
     }
 }

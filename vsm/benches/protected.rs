@@ -1,0 +1,475 @@
+//! What guard and encryption cost `vsm run`: three of it side by side under the same load, message by message in turn: nothing
+//! protected; signed; and signed, with an encrypted link and a guarded CUCS. Prints Markdown tables; `cargo bench -p vsm --bench
+//! protected`.
+//!
+//! Processor time is the kernel's, of all threads of each process. Each figure is the median of segments of two seconds, and so
+//! are the ratios, which are taken within a segment: what else the machine does falls on all three.
+
+#![allow(missing_docs, reason = "a bench has no callers")]
+#![allow(clippy::print_stdout, reason = "figures are printed")]
+
+use std::cell::{Cell, RefCell};
+use std::fs;
+use std::net::{SocketAddr, UdpSocket};
+use std::os::unix::fs::PermissionsExt as _;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use kit::bridge::StationGuard;
+use mavlink_link::Now;
+use mavlink_link::dialect::{
+    ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
+};
+use mavlink_link::encrypted::{Carrier, EncryptedConfig, EncryptedLink, MAX_WIRE, Role};
+use mavlink_link::exchange::{Identity, Node, Parties};
+use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use mavlink_link::store::MemoryDisk;
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+use vsm::key_exchange::{ExchangeRecord, identity};
+use vsm::shell::disk::FileDisk;
+use vsm::shell::key_file::system_random;
+
+fn main() {
+    // `cargo test --benches` asks for nothing to be measured.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        return;
+    }
+    let worlds = KINDS.map(|kind| World::start(kind, LINGER));
+    println!(
+        "| `vsm run`, one vehicle and one CUCS | plain | signed | signed, encrypted, guarded | of signed |"
+    );
+    println!("|---|---|---|---|---|");
+    for (rate, segments) in [(PX4_RATE, 8), (2_000, 8)] {
+        load(&worlds, rate, segments);
+    }
+    drop(worlds);
+    let worlds = KINDS.map(|kind| World::start(kind, Duration::ZERO));
+    println!(
+        "| a HEARTBEAT with another mode, to its 3001 | plain | signed | signed, encrypted, guarded |"
+    );
+    println!("|---|---|---|---|");
+    latency(&worlds);
+}
+
+/// Frames of telemetry at this rate to each, and questions of its CUCS.
+fn load(worlds: &[World; 3], rate: u32, segments: u32) {
+    let (mut costs, mut ratios) = ([const { Vec::new() }; 3], Vec::new());
+    let begun = Instant::now();
+    let mut number = 0;
+    for _ in 0..segments {
+        let before = worlds.each_ref().map(World::cpu_ns);
+        for _ in 0..2 * rate {
+            number += 1;
+            let due = begun + Duration::from_secs(1) * number / rate;
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            for world in worlds {
+                world.attitude();
+                world.work();
+                if number.is_multiple_of((rate / QUESTIONS).max(1)) {
+                    world.question();
+                }
+            }
+        }
+        let after = worlds.each_ref().map(World::cpu_ns);
+        let each: [f64; 3] = std::array::from_fn(|at| (after[at] - before[at]) as f64);
+        ratios.push(each[2] / each[1]);
+        for (costs, ns) in costs.iter_mut().zip(each) {
+            costs.push(ns / f64::from(2 * rate) / 1e3);
+        }
+    }
+    for world in worlds {
+        assert!(world.answered.get() > 0, "its CUCS is answered");
+    }
+    let [plain, signed, protected] = costs.map(|mut costs| quantile(&mut costs, 0.5));
+    let [low, middle, high] = [0.0, 0.5, 1.0].map(|part| quantile(&mut ratios, part));
+    println!(
+        "| CPU a frame at {rate} frames/s, {QUESTIONS} questions/s | {plain:.1} us | {signed:.1} us | {protected:.1} us | \
+         {middle:.2} ({low:.2} to {high:.2}) |"
+    );
+}
+
+fn latency(worlds: &[World; 3]) {
+    let mut times = [const { Vec::new() }; 3];
+    for _ in 0..LATENCIES {
+        for (world, times) in worlds.iter().zip(&mut times) {
+            world.work();
+            let begun = Instant::now();
+            world.mode_change();
+            if world.await_report(begun) {
+                times.push(begun.elapsed().as_secs_f64() * 1e6);
+            }
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    for times in &times {
+        assert!(times.len() > LATENCIES * 9 / 10, "{}", times.len());
+    }
+    for (name, part) in [("p50", 0.5), ("p99", 0.99)] {
+        let [plain, signed, protected] = times.each_mut().map(|times| quantile(times, part));
+        println!("| {name} | {plain:.0} us | {signed:.0} us | {protected:.0} us |");
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Plain,
+    Signed,
+    Protected,
+}
+
+const KINDS: [Kind; 3] = [Kind::Plain, Kind::Signed, Kind::Protected];
+
+struct World {
+    kind: Kind,
+    vsm: Child,
+    vehicle: UdpSocket,
+    station: UdpSocket,
+    mavlink: SocketAddr,
+    dli: SocketAddr,
+    air: Option<RefCell<Air>>,
+    guard: Option<RefCell<StationGuard>>,
+    sent: Cell<u64>,
+    stamped: Cell<u64>,
+    asked: Cell<u64>,
+    answered: Cell<u64>,
+    started: Instant,
+    _folder: tempfile::TempDir,
+}
+
+/// The agent's end of the encrypted link.
+struct Air {
+    link: EncryptedLink<u8>,
+    disk: MemoryDisk,
+}
+
+impl World {
+    fn start(kind: Kind, linger: Duration) -> World {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (dli, mavlink) = (free(), free());
+        for (name, digits) in [("uav.key", "5a"), ("guard.key", "3c")] {
+            let key = folder.path().join(name);
+            fs::write(&key, digits.repeat(32)).expect("the key");
+            fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).expect("its mode");
+        }
+        let (signing, guard) = match kind {
+            Kind::Plain => ("\"off\"", ""),
+            Kind::Signed => ("{ key_file = \"uav.key\" }", ""),
+            Kind::Protected => (
+                "{ key_file = \"uav.key\", exchange = \"on\" }\nencrypt = true",
+                "guard = { key_file = \"guard.key\" }",
+            ),
+        };
+        let config = folder.path().join("vsm.toml");
+        let text = format!(
+            "[dli]\nvsm_id = \"{VSM_ID}\"\nlisten = \"{dli}\"\nlease_s = 3600\nmax_bytes_s = 10000000\nmax_messages_s = 100000\n\
+             [[cucs]]\nid = \"{CUCS}\"\nloi = [2]\naddress = \"127.0.0.1\"\n{guard}\n[[vehicle]]\n\
+             id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {signing}\n\
+             [store]\ndir = \"state\"\n"
+        );
+        fs::write(&config, text).expect("the configuration");
+        let started = Instant::now();
+        let now = Now {
+            mono: Duration::ZERO,
+            wall: wall(),
+        };
+        let protected = kind == Kind::Protected;
+        let air =
+            protected.then(|| RefCell::new(Air::paired(&folder.path().join("state"), linger)));
+        let guard = protected.then(|| {
+            let key = SigningKey::new([0x3c; 32]).expect("a key");
+            RefCell::new(StationGuard::with_key(CUCS, key, now))
+        });
+        let vsm = Command::new(VSM)
+            .args(["run", "--config"])
+            .arg(&config)
+            .env("RUST_LOG", "off")
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("vsm run");
+        let world = World {
+            kind,
+            vsm,
+            vehicle: socket(),
+            station: socket(),
+            mavlink,
+            dli,
+            air,
+            guard,
+            sent: Cell::new(0),
+            stamped: Cell::new(0),
+            asked: Cell::new(0),
+            answered: Cell::new(0),
+            started,
+            _folder: folder,
+        };
+        std::thread::sleep(Duration::from_millis(500));
+        let until = Instant::now() + Duration::from_secs(10);
+        let mut round = 0_u32;
+        // Until the keys are agreed on, the vehicle is live and the CUCS is answered.
+        while world.answered.get() < 20 {
+            assert!(Instant::now() < until, "{kind:?}: nothing is answered");
+            if round.is_multiple_of(25) {
+                world.say(&Message::from(CucsAuthorisationRequest {
+                    time_stamp: Some(world.stamp()),
+                    requested_handover_loi: Some(LoiBitmap::LOI2),
+                    requested_handover_access: Some(RequestedAccess::Request),
+                    ..CucsAuthorisationRequest::default()
+                }));
+            }
+            round += 1;
+            world.mode_change();
+            world.question();
+            std::thread::sleep(Duration::from_millis(20));
+            world.work();
+        }
+        world
+    }
+
+    fn now(&self) -> Now {
+        Now {
+            mono: self.started.elapsed(),
+            wall: wall(),
+        }
+    }
+
+    /// A HEARTBEAT in the other of two modes; a 3001 reports it.
+    fn mode_change(&self) {
+        let even = self.sent.get().is_multiple_of(2);
+        self.report(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(even)],
+            mavtype: MavType::MAV_TYPE_QUADROTOR,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
+            base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            mavlink_version: 3,
+            ..HEARTBEAT_DATA::default()
+        }));
+    }
+
+    /// The most frequent of PX4's messages.
+    fn attitude(&self) {
+        let part = (self.sent.get() % 100) as f32 / 100.0;
+        self.report(&MavMessage::ATTITUDE(ATTITUDE_DATA {
+            time_boot_ms: self.sent.get() as u32,
+            roll: part,
+            pitch: -part,
+            yaw: part * 3.0,
+            rollspeed: 0.1,
+            pitchspeed: 0.2,
+            yawspeed: 0.3,
+        }));
+    }
+
+    /// As the vehicle's autopilot sends it.
+    fn report(&self, message: &MavMessage) {
+        let count = self.sent.get() + 1;
+        self.sent.set(count);
+        let mut out = [0; MAX_FRAME];
+        let signed = self.kind != Kind::Plain;
+        let header = Header {
+            system_id: 1,
+            component_id: 1,
+            seq: count as u8,
+            incompat: if signed { INCOMPAT_SIGNED } else { 0 },
+            ..Header::default()
+        };
+        let mut length = encode(message, header, &mut out);
+        if signed {
+            let key = SigningKey::new([0x5a; 32]).expect("a key");
+            // As every signer must: two frames within 10 us do not share a stamp.
+            let stamp = Stamp::from_unix(wall()).get().max(self.stamped.get() + 1);
+            self.stamped.set(stamp);
+            length = sign(&key, 0, Stamp::new(stamp), &mut out, length).expect("it fits");
+        }
+        match &self.air {
+            Some(air) => {
+                let now = self.now().mono;
+                air.borrow_mut().link.send(now, 0, &out[..length]);
+                self.transmit();
+            }
+            None => self.radio(&out[..length]),
+        }
+    }
+
+    /// What the encrypted link has for the radio.
+    fn transmit(&self) {
+        let Some(air) = &self.air else { return };
+        let (mut air, mut out) = (air.borrow_mut(), [0; MAX_WIRE]);
+        let Air { link, disk } = &mut *air;
+        while let Some((_, length)) = link.poll_transmit(self.now().mono, disk, &mut out) {
+            self.radio(&out[..length]);
+        }
+    }
+
+    fn radio(&self, bytes: &[u8]) {
+        let sent = self.vehicle.send_to(bytes, self.mavlink);
+        sent.expect("it is sent");
+    }
+
+    /// A 17002 for 3001; a 3001 answers it.
+    fn question(&self) {
+        self.say(&Message::from(GenericInformationRequestMessage {
+            time_stamp: Some(self.stamp()),
+            message_type: Some(3001),
+            ..GenericInformationRequestMessage::default()
+        }));
+    }
+
+    /// A second message of the same stamp would be the first one repeated.
+    fn stamp(&self) -> TimeStamp {
+        let unix_ms = (wall().as_millis() as u64).max(self.asked.get() + 1);
+        self.asked.set(unix_ms);
+        TimeStamp::from_unix_ms(unix_ms)
+    }
+
+    fn say(&self, message: &Message) {
+        let mut out = [0; MAX_DATAGRAM];
+        let envelope = Envelope::new(CUCS, VEHICLE);
+        let length = message.encode(&envelope, &mut out).expect("it fits");
+        let bytes = match &self.guard {
+            Some(guard) => guard.borrow_mut().seal(self.now(), &out[..length]),
+            None => out[..length].to_vec(),
+        };
+        let sent = self.station.send_to(&bytes, self.dli);
+        sent.expect("it is sent");
+    }
+
+    /// Takes what has arrived on both sides.
+    fn work(&self) {
+        let mut bytes = [0; 2_048];
+        self.vehicle.set_nonblocking(true).expect("a socket");
+        self.station.set_nonblocking(true).expect("a socket");
+        while let Ok((length, _)) = self.vehicle.recv_from(&mut bytes) {
+            if let Some(air) = &self.air {
+                let Air { link, disk } = &mut *air.borrow_mut();
+                link.handle(self.now(), 0, &bytes[..length], &mut system_random, disk);
+            }
+        }
+        if let Some(air) = &self.air {
+            let Air { link, disk } = &mut *air.borrow_mut();
+            link.handle_timeout(self.now(), &mut system_random, disk);
+        }
+        self.transmit();
+        while let Ok((length, _)) = self.station.recv_from(&mut bytes) {
+            self.take(&bytes[..length]);
+        }
+        self.station.set_nonblocking(false).expect("a socket");
+    }
+
+    /// Whether there is a 3001 in it.
+    fn take(&self, bytes: &[u8]) -> bool {
+        let opened = self.guard.as_ref().map(|guard| {
+            let opened = guard.borrow_mut().open(self.now(), bytes);
+            opened.unwrap_or_default()
+        });
+        let bytes = opened.as_deref().unwrap_or(bytes);
+        let mut found = frames(bytes).flatten();
+        let reported = found.any(|frame| frame.header.message_type == 3001);
+        self.answered.set(self.answered.get() + u64::from(reported));
+        reported
+    }
+
+    /// Whether a 3001 arrives.
+    fn await_report(&self, begun: Instant) -> bool {
+        let mut bytes = [0; 2_048];
+        while begun.elapsed() < Duration::from_millis(200) {
+            let Ok((length, _)) = self.station.recv_from(&mut bytes) else {
+                return false;
+            };
+            if self.take(&bytes[..length]) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Processor time of all its threads.
+    fn cpu_ns(&self) -> u64 {
+        let tasks = fs::read_dir(format!("/proc/{}/task", self.vsm.id())).expect("its threads");
+        let of = |task: fs::DirEntry| {
+            let text = fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
+            let first = text.split(' ').next().unwrap_or_default();
+            first.parse::<u64>().unwrap_or(0)
+        };
+        tasks.flatten().map(of).sum()
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        let _ = self.vsm.kill();
+        let _ = self.vsm.wait();
+    }
+}
+
+impl Air {
+    /// Paired with the bridge of this store, as a pairing by a code would leave it.
+    fn paired(store: &std::path::Path, linger: Duration) -> Air {
+        let own = Identity::new([0x77; 32]);
+        let mut ground = FileDisk::open(store).expect("a store");
+        let peer = identity(&mut ground, &mut system_random).expect("its identity");
+        let key = SigningKey::new([0x5a; 32]).expect("a key").id();
+        let record = ExchangeRecord {
+            peer: Some(*own.public().bytes()),
+            agreed: Some(*key.bytes()),
+            key: Some(*key.bytes()),
+            since: wall().as_secs(),
+            ..ExchangeRecord::default()
+        };
+        record.save(&mut ground, VEHICLE).expect("it is stored");
+        let node = |system, component| Node { system, component };
+        let config = EncryptedConfig {
+            role: Role::Air,
+            parties: Parties::new(node(245, 190), node(1, AGENT), VSM_ID.0, VEHICLE.0),
+            identity: own,
+            peer: Some(peer.public()),
+            carrier: Carrier::Datagrams,
+            at: Some(0),
+            linger,
+        };
+        let disk = MemoryDisk::default();
+        Air {
+            link: EncryptedLink::open(config, Duration::ZERO, &disk).expect("it opens"),
+            disk,
+        }
+    }
+}
+
+fn quantile(values: &mut [f64], part: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let at = (values.len() as f64 * part) as usize;
+    values[at.min(values.len() - 1)]
+}
+
+fn free() -> SocketAddr {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    socket.local_addr().expect("its address")
+}
+
+fn socket() -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let wait = Some(Duration::from_millis(200));
+    socket.set_read_timeout(wait).expect("a time-out");
+    socket
+}
+
+fn wall() -> Duration {
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
+    wall.expect("after 1970")
+}
+
+/// What PX4 v1.18 sends a second on a link of a ground station.
+const PX4_RATE: u32 = 370;
+/// A second, of the CUCS.
+const QUESTIONS: u32 = 10;
+const LATENCIES: usize = 2_000;
+/// As the agent's.
+const LINGER: Duration = Duration::from_millis(5);
+/// The agent's component id where nothing else is configured.
+const AGENT: u8 = 191;
+const VSM: &str = env!("CARGO_BIN_EXE_vsm");
+const VSM_ID: Id = Id(0x1b00_0001);
+const CUCS: Id = Id(0x1b00_00a0);
+const VEHICLE: Id = Id(0x1b00_0101);
