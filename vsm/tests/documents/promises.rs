@@ -1,14 +1,15 @@
-//! docs/reference/promises.md and docs/guide/keys.md name the test that shows each promise. The tests of those names exist.
+//! docs/reference/promises.md, docs/guide/keys.md and security.md name the test that shows each promise. The tests of those names exist.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 /// Where the tests of promises about keys and links are.
-const PLACES: [&str; 8] = [
+const PLACES: [&str; 9] = [
     "mapping/src",
     "mavlink-link/src",
     "mavlink-link/tests",
+    "stanag-msgs/tests",
     "vsm/src",
     "vsm/tests",
     "tools/px4-sim/src",
@@ -69,7 +70,11 @@ fn each_promise_names_tests_that_exist() {
     for place in PLACES {
         tests_in(&root.join(place), &mut tests);
     }
-    for page in ["docs/reference/promises.md", "docs/guide/keys.md"] {
+    for page in [
+        "docs/reference/promises.md",
+        "docs/guide/keys.md",
+        "docs/guide/security.md",
+    ] {
         let text = fs::read_to_string(root.join(page)).unwrap();
         let rows = shown_by(&text);
         assert!(rows.len() >= 9, "{page}: {} promises", rows.len());
