@@ -22,6 +22,9 @@ pub(crate) struct Arguments {
     action: Option<Action>,
     #[command(flatten)]
     config: AgentConfigArg,
+    /// Open the window for one pairing at the start, as `vsm airside pair` does, and show the code to enter on the ground
+    #[arg(long)]
+    pair: bool,
     /// Write the log as text or as JSON, one object a line; RUST_LOG chooses how much of it
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     log: LogFormat,
@@ -50,7 +53,7 @@ pub(crate) enum Action {
 
 pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.action {
-        None => serve(arguments.config.path(), arguments.log),
+        None => serve(arguments.config.path(), arguments.pair, arguments.log),
         Some(Action::Pair { config, code }) => pair(config.path(), code),
         Some(Action::Status { config, json }) => show(config.path(), json),
     }
@@ -60,7 +63,7 @@ fn load(path: &Path) -> Result<AirsideConfig, Failure> {
     AirsideConfig::load(path).map_err(bad)
 }
 
-fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
+fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failure> {
     let config = load(path)?;
     let _log = log(format)?;
     // Before any key is read, and before a link is open.
@@ -79,6 +82,15 @@ fn serve(path: &Path, format: LogFormat) -> Result<(), Failure> {
         );
         announce("INFO", &ready);
         service::ready();
+        if with_pairing {
+            let store = config.store.dir.clone();
+            // Its socket is there, and ends with the agent: what fails then is nobody's concern.
+            std::thread::spawn(move || {
+                let _ = pairing_socket::ask(&store, None, |line| {
+                    let _ = writeln!(io::stdout(), "{line}");
+                });
+            });
+        }
         server.serve(stop).await.map_err(failed)?;
         // As `vsm run`.
         zeroize::finish(&config.store.dir)?;

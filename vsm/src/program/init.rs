@@ -1,8 +1,12 @@
 //! `vsm init`: from a few answers a configuration, the signing key, and for a simulated vehicle PX4's own key file.
 //!
+//! With `--protect` everything that authenticates and encrypts is on: [`protect`].
+//!
 //! What has a default that is safe needs no answer: with `--sitl` everything, since bridge, vehicle and ground station are on
 //! this computer. For another vehicle its link and the ids decide what is commanded, and by whom: they are asked for on a
 //! terminal, and required as options elsewhere. Nothing is overwritten, and a run that fails leaves no file behind.
+
+mod protect;
 
 use std::fmt::Display;
 use std::fs::{self, File};
@@ -31,6 +35,10 @@ pub(crate) struct Init {
     /// For a simulated vehicle on this computer (PX4 SITL, px4-sim): everything else has a default
     #[arg(long)]
     sitl: bool,
+    /// Switch everything on: a guard and an access list for the ground station, an encrypted link to an air-side agent and keys
+    /// agreed with it; writes the agent's configuration too. --link is the ground's end of the radio
+    #[arg(long)]
+    protect: bool,
     /// Where the vehicle's MAVLink is, such as serial:/dev/ttyUSB0:57600 or udpin:0.0.0.0:14550
     #[arg(long, value_name = "LINK")]
     link: Option<LinkAddress>,
@@ -116,6 +124,11 @@ struct Files {
     key: PathBuf,
     /// PX4's own, for a simulated vehicle: to be copied into its working folder, or that is this one.
     px4: PathBuf,
+    /// What `--protect` makes beside these.
+    agent: PathBuf,
+    guard: PathBuf,
+    access_key: PathBuf,
+    access_list: PathBuf,
 }
 
 impl Files {
@@ -126,6 +139,10 @@ impl Files {
             px4: config
                 .with_file_name("mavlink")
                 .join("mavlink-signing-key.bin"),
+            agent: config.with_file_name("airside.toml"),
+            guard: config.with_file_name(protect::GUARD_KEY),
+            access_key: config.with_file_name(protect::ACCESS_KEY),
+            access_list: config.with_file_name(protect::ACCESS_LIST),
         }
     }
 }
@@ -143,6 +160,11 @@ pub(crate) fn run(init: &Init) -> Result<(), Failure> {
     // Ids that collide, for example: the words are those of every other configuration.
     Config::parse(&text, folder_of(&files.config)).map_err(bad)?;
     let mut made = Made::default();
+    if init.protect {
+        protect::write(init, &answers, &files, &text, &mut made).map_err(failed)?;
+        made.keep();
+        return print(&protect::report(init, &answers, &files));
+    }
     write_files(&files, &text, answers.sitl, &mut made).map_err(failed)?;
     made.keep();
     let key = key_file::read(&files.key).map_err(failed)?;
@@ -154,6 +176,10 @@ fn refuse_to_overwrite(files: &Files) -> Result<(), Failure> {
         (&files.config, "a configuration"),
         (&files.key, "a signing key"),
         (&files.px4, "PX4's signing key"),
+        (&files.agent, "a configuration"),
+        (&files.guard, "a guard key"),
+        (&files.access_key, "an access key"),
+        (&files.access_list, "an access list"),
     ] {
         // A link that leads nowhere is there too.
         if fs::symlink_metadata(file).is_ok() {
@@ -179,9 +205,14 @@ fn without_questions(init: &Init) -> anyhow::Result<Answers> {
     }
     let sitl = init.sitl;
     let link = init.link.clone();
+    let of_sitl = if init.protect {
+        protect::sitl_link()
+    } else {
+        SITL_LINK
+    };
     Ok(Answers {
         sitl,
-        link: required(link, sitl.then_some(SITL_LINK), "--link LINK")?,
+        link: required(link, sitl.then_some(of_sitl), "--link LINK")?,
         vehicle_id: required(
             init.vehicle_id,
             sitl.then_some(VEHICLE_ID),
@@ -211,7 +242,11 @@ fn ask(init: &Init, input: &mut dyn BufRead, out: &mut dyn Write) -> anyhow::Res
                 LinkOrSitl::Link(link) => link,
                 LinkOrSitl::Sitl => {
                     sitl = true;
-                    SITL_LINK
+                    if init.protect {
+                        protect::sitl_link()
+                    } else {
+                        SITL_LINK
+                    }
                 }
             }
         }
@@ -300,6 +335,37 @@ fn configuration(init: &Init, answers: &Answers) -> String {
         ("{vehicle_id}", quoted(&answers.vehicle_id)),
         ("{link}", quoted(&answers.link)),
         ("{system_id}", init.system_id.to_string()),
+        (
+            "{station}",
+            if init.protect {
+                protect::STATION
+            } else {
+                STATION
+            }
+            .to_owned(),
+        ),
+        (
+            "{signing}",
+            if init.protect {
+                protect::SIGNING
+            } else {
+                SIGNING
+            }
+            .to_owned(),
+        ),
+        (
+            "{access}",
+            if init.protect { protect::ACCESS } else { "" }.to_owned(),
+        ),
+        (
+            "{listened}",
+            if init.protect {
+                protect::LISTENED
+            } else {
+                LISTENED
+            }
+            .to_owned(),
+        ),
         ("{key_file}", quoted(&KEY_FILE)),
         ("{tolerance_m}", answers.airframe.tolerance_m().to_owned()),
         ("{airframe}", answers.airframe.to_string()),
@@ -411,6 +477,12 @@ fn report(init: &Init, answers: &Answers, files: &Files, key: &str) -> String {
 }
 
 const TEMPLATE: &str = include_str!("init.toml");
+/// What stands in it where nothing else is asked for.
+const STATION: &str = "# address = \"127.0.0.1\"     # refused from anywhere else";
+const SIGNING: &str =
+    "signing = { key_file = {key_file} }    # PX4 has the same key: docs/guide/px4.md";
+const LISTENED: &str =
+    "CUCSs are not authenticated: stay on loopback, or behind a tunnel or firewall";
 const KEY_FILE: &str = "uav1.key";
 const DEFAULT_CONFIG: &str = "vsm.toml";
 const VEHICLE_ID: Id = Id(0x1b00_0101);

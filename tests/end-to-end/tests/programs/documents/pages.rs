@@ -4,9 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kit::process::{Running, free_udp_port, program};
+use serde_json::Value;
 
 #[test]
 fn the_commands_of_the_readme_fly_the_vehicle() {
@@ -23,8 +24,16 @@ fn the_commands_of_the_first_tasks_fly_the_vehicle() {
     run_all("docs/guide/tasks.md");
 }
 
+#[test]
+fn the_five_commands_of_the_officers_page_switch_everything_on() {
+    run_all("docs/guide/officer.md");
+}
+
 /// How many times faster than real time the vehicle of a page flies.
 const SPEED: u32 = 5;
+
+/// For what takes its time: keys are agreed on, and the vehicle is given them.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs the commands of a page's `sh` blocks in a copy of the examples, on ports of its own; a command that is not known
 /// here is a failure, so that none goes untried.
@@ -33,7 +42,7 @@ fn run_all(page: &str) {
     let text = fs::read_to_string(root().join(page)).expect(page);
     let lines = commands(&text);
     assert!(lines.len() > 5, "{page}: {lines:?}");
-    let mut running = Vec::new();
+    let (mut running, mut code) = (Vec::new(), String::new());
     for line in lines {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
@@ -47,19 +56,43 @@ fn run_all(page: &str) {
             [name, ref rest @ ..] if name.starts_with("./target/release/") => {
                 let name = &name["./target/release/".len()..];
                 match (name, rest.first()) {
-                    ("vsm", Some(&"run")) | ("px4-sim", _) => {
+                    ("vsm", Some(&"run" | &"airside" | &"guard")) | ("px4-sim", _) => {
                         let mut started = scratch.start(name, rest);
                         started.wait_for("ready", Duration::from_secs(10));
+                        if rest.contains(&"--pair") {
+                            started.wait_for("pairing code", Duration::from_secs(10));
+                            code = pairing_code(&started.output());
+                        }
                         running.push(started);
                         scratch.let_it_boot(name);
                     }
+                    ("vsm", Some(&"pair")) => {
+                        let rest = rest.iter().map(|word| word.replace("CODE", &code));
+                        let rest: Vec<String> = rest.collect();
+                        let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
+                        drop(scratch.run(name, &rest));
+                    }
+                    // What a page of a protected vehicle ends with: all of it is on.
+                    ("vsm", Some(&"status")) if !code.is_empty() => scratch.await_protection(),
+                    // Until keys are agreed on and the vehicle signs, nothing is discovered.
+                    ("cucs", _) if !code.is_empty() => scratch.try_until(name, rest),
                     _ => drop(scratch.run(name, rest)),
                 }
             }
             _ => panic!("{page}: nobody tries `{line}`"),
         }
     }
-    assert_eq!(running.len(), 2, "{page}: a bridge and a vehicle");
+    // With an agent and a guard where there is a pairing.
+    let expected = if code.is_empty() { 2 } else { 4 };
+    assert_eq!(running.len(), expected, "{page}: a bridge and a vehicle");
+}
+
+/// What an agent shows at its open window.
+fn pairing_code(printed: &str) -> String {
+    let line = printed
+        .lines()
+        .find_map(|line| line.strip_prefix("pairing code"));
+    line.expect("a code").trim().to_owned()
 }
 
 /// The lines of a page's `sh` blocks, without remarks.
@@ -88,6 +121,9 @@ struct Scratch {
     folder: tempfile::TempDir,
     dli: String,
     mavlink: String,
+    /// Between ground and agent, and where a guard listens.
+    radio: String,
+    guard: String,
 }
 
 impl Scratch {
@@ -96,6 +132,8 @@ impl Scratch {
             folder: tempfile::tempdir().expect("a folder"),
             dli: format!("127.0.0.1:{}", free_udp_port()),
             mavlink: format!("127.0.0.1:{}", free_udp_port()),
+            radio: format!("127.0.0.1:{}", free_udp_port()),
+            guard: format!("127.0.0.1:{}", free_udp_port()),
         };
         let to = scratch.folder.path().join("examples");
         fs::create_dir(&to).expect("the folder");
@@ -116,17 +154,23 @@ impl Scratch {
 
     fn here(&self, text: &str) -> String {
         text.replace("127.0.0.1:4586", &self.dli)
+            .replace("127.0.0.1:4587", &self.guard)
+            .replace("127.0.0.1:14560", &self.radio)
             .replace("127.0.0.1:14550", &self.mavlink)
     }
 
     fn arguments(&self, name: &str, rest: &[&str]) -> Vec<String> {
         let mut arguments: Vec<String> = rest.iter().map(|word| self.here(word)).collect();
         match (name, rest.first()) {
+            ("cucs", Some(&"--vsm")) => {}
             ("cucs", _) => arguments.extend(["--vsm".to_owned(), self.dli.clone()]),
             // The reader waits for a whole flight; here only its commands are tried.
             ("px4-sim", _) => arguments.extend(["--speed".to_owned(), SPEED.to_string()]),
             ("vsm", Some(&"init")) => {
-                let link = format!("udpin:{}", self.mavlink);
+                let link = match rest.contains(&"--protect") {
+                    true => format!("udpout:{}", self.radio),
+                    false => format!("udpin:{}", self.mavlink),
+                };
                 arguments.extend(["--listen".to_owned(), self.dli.clone()]);
                 arguments.extend(["--link".to_owned(), link]);
             }
@@ -148,7 +192,51 @@ impl Scratch {
             "{name} {arguments:?}: {printed}{}",
             String::from_utf8_lossy(&output.stderr)
         );
+        // What init has written has the usual ports too.
+        let agent = self.folder.path().join("airside.toml");
+        if name == "vsm" && rest.first() == Some(&"init") && agent.exists() {
+            let text = fs::read_to_string(&agent).expect("the agent's configuration");
+            fs::write(&agent, self.here(&text)).expect("its copy");
+        }
         printed
+    }
+
+    /// A person would type it again until it is done.
+    fn try_until(&self, name: &str, rest: &[&str]) {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let mut command = Command::new(program(name));
+            let output = command.args(self.arguments(name, rest)).output();
+            let output = output.expect(name);
+            if output.status.success() {
+                return;
+            }
+            let why = String::from_utf8_lossy(&output.stderr);
+            assert!(Instant::now() < end, "{rest:?}: {why}");
+            std::thread::sleep(Duration::from_millis(500));
+        }
+    }
+
+    /// Until guard, access list, signature and encryption show in the status.
+    fn await_protection(&self) {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let status = self.run("vsm", &["status", "--json"]);
+            let status: Value = serde_json::from_str(&status).expect("JSON");
+            let (vehicle, station) = (&status["vehicles"][0], &status["stations"][0]);
+            let link = &vehicle["link"];
+            let all = link["encryption"]["state"] == "encrypted"
+                && link["signed"] == true
+                && link["state"] == "live"
+                && station["guard"]["verified"].as_u64() > Some(0)
+                && status["access"]["version"] == 1
+                && vehicle["controller"] == "1b:00:00:a0";
+            if all {
+                return;
+            }
+            assert!(Instant::now() < end, "{status:#}");
+            std::thread::sleep(Duration::from_millis(500));
+        }
     }
 
     fn start(&self, name: &str, rest: &[&str]) -> Running {

@@ -1,0 +1,212 @@
+//! `vsm init --protect`: guard, access list, encrypted link and agreed keys from the first start on, and the file of the agent.
+//!
+//! No signing key is written: the first one comes of the pairing. The access list gives the one station every group but
+//! termination and zeroize, for its guard key, until it is changed.
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::net::{Ipv4Addr, SocketAddr};
+
+use anyhow::{Context as _, anyhow};
+
+use super::{Answers, DEFAULT_CONFIG, Files, Init, Made};
+use crate::config::LinkAddress;
+use crate::config::airside::AirsideConfig;
+use crate::session::{AccessEntry, AccessGroup, AccessKey, AccessList};
+use crate::shell::disk::folder_of;
+use crate::shell::key_file;
+
+/// Writes all files; what was made before a failure is in `made`.
+pub(super) fn write(
+    init: &Init,
+    answers: &Answers,
+    files: &Files,
+    config: &str,
+    made: &mut Made,
+) -> anyhow::Result<()> {
+    let folder = folder_of(&files.config);
+    let agent = agent(init, answers);
+    AirsideConfig::parse(&agent, folder).context("the agent's configuration")?;
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    for key in [&files.guard, &files.access_key] {
+        key_file::generate(key)?;
+        made.0.push(key.clone());
+    }
+    let list = list(init, answers, files)?;
+    // The configuration is the last: where it is, all that it names is.
+    for (path, text) in [
+        (&files.access_list, list.as_str()),
+        (&files.agent, &agent),
+        (&files.config, config),
+    ] {
+        let place = || path.display().to_string();
+        let mut file = File::create_new(path).with_context(place)?;
+        made.0.push(path.clone());
+        file.write_all(text.as_bytes())
+            .and_then(|()| file.sync_all())
+            .with_context(place)?;
+    }
+    Ok(())
+}
+
+/// Version 1 of the access list, signed.
+fn list(init: &Init, answers: &Answers, files: &Files) -> anyhow::Result<String> {
+    let guard = key_file::read(&files.guard)?.id();
+    let mut list = AccessList::new(init.vsm_id);
+    for group in GROUPS {
+        let entry = AccessEntry {
+            cucs: answers.cucs_id,
+            vehicle: answers.vehicle_id,
+            group,
+            key: guard,
+            until: None,
+        };
+        list.grant(entry).map_err(|fault| anyhow!("{fault}"))?;
+    }
+    let key = AccessKey::new(&key_file::read(&files.access_key)?);
+    Ok(list.signed(1, &key))
+}
+
+/// The text of the agent's file.
+fn agent(init: &Init, answers: &Answers) -> String {
+    let quoted = |value: &dyn std::fmt::Display| toml::Value::String(value.to_string()).to_string();
+    let px4 = match answers.sitl {
+        true => "udpin:127.0.0.1:14550",
+        false => "serial:/dev/ttyS0:921600",
+    };
+    [
+        ("{vehicle_id}", quoted(&answers.vehicle_id)),
+        ("{vsm_id}", quoted(&init.vsm_id)),
+        ("{radio}", quoted(&other_end(&answers.link))),
+        ("{px4}", quoted(&px4)),
+        ("{system_id}", init.system_id.to_string()),
+    ]
+    .into_iter()
+    .fold(AGENT.to_owned(), |text, (name, value)| {
+        text.replace(name, &value)
+    })
+}
+
+/// What the agent has where the ground has this link; a device or the ground's address is a guess, which the report names.
+fn other_end(link: &LinkAddress) -> String {
+    match link {
+        LinkAddress::UdpIn(address) => format!("udpout:192.0.2.1:{}", address.port()),
+        LinkAddress::UdpOut(host) => {
+            let (host, port) = host.rsplit_once(':').unwrap_or((host, "14560"));
+            match host {
+                "127.0.0.1" | "localhost" => format!("udpin:127.0.0.1:{port}"),
+                _ => format!("udpin:0.0.0.0:{port}"),
+            }
+        }
+        LinkAddress::Serial { baud, .. } => format!("serial:/dev/ttyS1:{baud}"),
+    }
+}
+
+/// What was written, and the commands that come next.
+pub(super) fn report(init: &Init, answers: &Answers, files: &Files) -> String {
+    let config = files.config.display();
+    let mut text = format!("{config}: the configuration, with guard, access list and encryption\n");
+    for (path, what) in [
+        (
+            &files.guard,
+            "a new guard key: the ground station's computer needs a copy",
+        ),
+        (
+            &files.access_key,
+            "a new access key, by which the list is signed: keep it apart",
+        ),
+        (
+            &files.access_list,
+            "what the ground station may do, signed as version 1",
+        ),
+        (&files.agent, "the configuration of the air-side agent"),
+    ] {
+        text += &format!("{}: {what}\n", path.display());
+    }
+    let file = match files.config == std::path::Path::new(DEFAULT_CONFIG) {
+        true => String::new(),
+        false => format!(" --config {config}"),
+    };
+    let (agent, guard) = (files.agent.display(), files.guard.display());
+    text += "next, on the vehicle's computer, with a copy of the agent's configuration whose two links are right:\n";
+    text += &format!("  vsm airside --pair --config {agent}\n");
+    text += "here, with the code that it shows:\n";
+    text += &format!("  vsm pair{file} --code CODE\n  vsm run{file}\n");
+    text += "on the ground station's computer, with a copy of the guard key; the station sends to LISTEN:\n";
+    let listen = match init.listen.ip().is_loopback() {
+        true => " --listen 127.0.0.1:4587",
+        false => "",
+    };
+    text += &format!(
+        "  vsm guard run --cucs {} --vsm-id {} --vsm {} --key-file {guard}{listen}\n",
+        answers.cucs_id, init.vsm_id, init.listen
+    );
+    text
+}
+
+/// The ground's end of a radio that is only simulated.
+pub(super) fn sitl_link() -> LinkAddress {
+    let to = SocketAddr::from((Ipv4Addr::LOCALHOST, 14_560));
+    format!("udpout:{to}")
+        .parse()
+        .unwrap_or(LinkAddress::UdpIn(to))
+}
+
+const GROUPS: [AccessGroup; 5] = [
+    AccessGroup::Payload,
+    AccessGroup::Plan,
+    AccessGroup::Fly,
+    AccessGroup::Settings,
+    AccessGroup::Launch,
+];
+pub(super) const GUARD_KEY: &str = "guard.key";
+pub(super) const ACCESS_KEY: &str = "access.key";
+pub(super) const ACCESS_LIST: &str = "access.list";
+/// What stands in the configuration in place of the usual.
+pub(super) const STATION: &str = "guard = { key_file = \"guard.key\" }     # nothing counts in its name without: docs/guide/guard.md";
+pub(super) const SIGNING: &str = "signing = { key_file = {key_file}, exchange = \"on\" }     # agreed with the agent: docs/guide/keys.md\n\
+     encrypt = true              # nobody on the radio reads it: docs/guide/encryption.md";
+pub(super) const ACCESS: &str = "[access]                    # what each CUCS may do: docs/guide/guard.md\n\
+     list = \"access.list\"\n\
+     key_file = \"access.key\"\n\n\
+     [authority]\n\
+     guarded_only = true         # no other station without a guard controls anything\n\n";
+pub(super) const LISTENED: &str = "Only what the guard of a CUCS has sealed counts";
+const AGENT: &str = r#"# The air-side agent, as `vsm init --protect` writes it. Paths are relative to this file.
+
+[agent]
+vehicle_id = {vehicle_id}
+vsm_id = {vsm_id}
+key_file = "airside.key"        # made by the pairing
+
+[radio]                         # to the ground
+link = {radio}
+encrypt = true
+
+[px4]                           # to PX4: a line of its own
+link = {px4}
+system_id = {system_id}
+
+[store]
+dir = "airside-state"
+"#;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_link_has_another_end_that_can_be_used() {
+        for (ground, air) in [
+            ("udpout:127.0.0.1:14560", "udpin:127.0.0.1:14560"),
+            ("udpout:radio.local:7", "udpin:0.0.0.0:7"),
+            ("udpin:0.0.0.0:14550", "udpout:192.0.2.1:14550"),
+            ("serial:/dev/ttyUSB0:57600", "serial:/dev/ttyS1:57600"),
+        ] {
+            let other = other_end(&ground.parse().unwrap());
+            assert_eq!(other, air);
+            other.parse::<LinkAddress>().unwrap();
+        }
+        assert_eq!(sitl_link().to_string(), "udpout:127.0.0.1:14560");
+    }
+}
