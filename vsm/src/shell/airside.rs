@@ -2,6 +2,7 @@
 
 use std::future::Future;
 use std::io;
+use std::net::SocketAddr;
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::Arc;
@@ -220,6 +221,12 @@ impl AirsideServer {
             asker: None,
             orderer: None,
         })
+    }
+
+    /// Where the ground and PX4 reach it; `None` where a link is a serial line.
+    #[must_use]
+    pub fn addresses(&self) -> Option<(SocketAddr, SocketAddr)> {
+        Some((self.radio.1.local_addr()?, self.px4.1.local_addr()?))
     }
 
     /// Serves until `stop` is done, then gives the last status. All but the serial ports is this one task: it feeds the

@@ -175,6 +175,15 @@ impl VehicleReader {
 }
 
 impl VehicleWriter {
+    /// Where the other end reaches it; `None` for what has no address.
+    #[must_use]
+    pub fn local_addr(&self) -> Option<SocketAddr> {
+        match self {
+            VehicleWriter::Udp(socket) => socket.local_addr().ok(),
+            VehicleWriter::Tcp(_) | VehicleWriter::Serial(_) => None,
+        }
+    }
+
     /// Who is there is the ground station: a connection of TCP that is not is closed after some seconds.
     pub fn accept(&self, peer: Peer) {
         if let (VehicleWriter::Tcp(connections), Peer::Tcp(peer)) = (self, peer) {

@@ -1,53 +1,71 @@
-//! `vsm demo --attack` shows what it promises: the vehicle that is protected holds its altitude, the other one comes down.
+//! `vsm demo --attack` shows what it promises: the vehicle that is not protected comes down, the other holds its altitude and is
+//! landed by its own ground station; on the radio is nothing to read where it is encrypted.
 
 use kit::process::run_in;
 
-/// The number before a word, after a heading.
-fn number(text: &str, heading: &str, before: &str) -> f64 {
-    let part = text
-        .split(heading)
-        .nth(1)
-        .unwrap_or_else(|| panic!("{heading}: {text}"));
-    let at = part
-        .find(before)
-        .unwrap_or_else(|| panic!("{before}: {part}"));
-    let words: Vec<&str> = part[..at].split_whitespace().collect();
-    words
-        .last()
-        .and_then(|word| word.parse().ok())
-        .unwrap_or_else(|| panic!("{before}: {part}"))
+/// What is printed of an attack: without what stands against it, and with it.
+fn flights<'a>(printed: &'a str, attack: &str) -> [&'a str; 2] {
+    // The lines that were printed in flight name the attacks too.
+    let summary = printed.find("\n\nposition commands").expect("the summary");
+    let part = printed[summary..].split(attack).nth(1);
+    let mut lines = part
+        .unwrap_or_else(|| panic!("{attack}: {printed}"))
+        .lines()
+        .skip(1);
+    ["  without ", "  with "].map(|word| {
+        let line = lines.next().unwrap_or_default();
+        assert!(line.starts_with(word), "{attack}: {line}");
+        line
+    })
+}
+
+/// The lowest altitude after the attack began, m.
+fn lowest_m(flight: &str) -> f64 {
+    let after = flight.split("lowest ").nth(1).expect(flight);
+    let figure = after.split(' ').next().expect(flight);
+    figure.parse().expect(flight)
+}
+
+fn holds(flight: &str) -> bool {
+    lowest_m(flight) > 1.5 && flight.contains("landed by its own CUCS afterwards")
 }
 
 #[test]
-fn false_commands_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
+fn false_data_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
     let folder = tempfile::tempdir().unwrap();
     let (done, printed) = run_in(
         folder.path(),
         "vsm",
-        &["demo", "--attack", "--speed", "20", "--out", "out"],
+        &["demo", "--attack", "--speed", "10", "--out", "out"],
     );
     let printed = String::from_utf8_lossy(&printed);
     assert!(done, "{printed}");
-    let (on, off) = ("\nwith protection: ", "\nwithout protection: ");
-    let protected = printed.split(off).next().unwrap();
-    assert!(number(protected, on, " unsigned frames") > 100.0);
-    assert!(number(protected, on, " with a wrong signature") > 100.0);
-    assert!(number(protected, on, " DLI datagrams from another address") > 0.0);
-    assert_eq!(number(protected, on, " of the attacker's"), 0.0);
-    let lowest = |part: &str| {
-        let after = part.split("lowest after that ").nth(1).unwrap();
-        after
-            .split_whitespace()
-            .next()
-            .unwrap()
-            .parse::<f64>()
-            .unwrap()
-    };
-    assert!(lowest(protected) > 9.0, "{protected}");
-    let open = printed.split(off).nth(1).unwrap();
-    assert!(lowest(open) < 0.5, "{open}");
-    let picture = std::fs::read_to_string(folder.path().join("out/attack.svg")).unwrap();
-    for part in ["with protection", "without protection", "PX4 refused"] {
-        assert!(picture.contains(part), "{part}");
+    for (attack, refused) in [
+        ("position commands on the MAVLink link", "unsigned "),
+        ("from another address", "guard: no trailer "),
+        ("from its own address\n", "guard: no trailer "),
+    ] {
+        let [without, with] = flights(&printed, attack.trim_end());
+        assert!(lowest_m(without) < 0.5, "{without}");
+        assert!(without.contains("brought to the ground"), "{without}");
+        assert!(holds(with), "{with}");
+        assert!(with.contains(refused), "{with}");
     }
+    let [without, with] = flights(&printed, "a recorded landing");
+    assert!(holds(without) && holds(with), "{without}\n{with}");
+    assert!(with.contains("guard: "), "{with}");
+
+    let [without, with] = flights(&printed, "the radio between bridge and agent");
+    assert!(without.contains("GLOBAL_POSITION_INT"), "{without}");
+    assert!(with.contains(" 0 positions read"), "{with}");
+    let clear = with.split("in the clear: ").nth(1).expect(with);
+    assert!(
+        clear.ends_with(" KEY_EXCHANGE") && !clear.contains(','),
+        "{clear}"
+    );
+
+    let picture = std::fs::read_to_string(folder.path().join("out/attack.svg")).unwrap();
+    assert_eq!(picture.matches("without ").count(), 5, "each has its line");
+    // Two curves each, the last of which nothing was read for, and the dashed line of each attack.
+    assert_eq!(picture.matches("<polyline").count(), 5 * 2 + 4);
 }

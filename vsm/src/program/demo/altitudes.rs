@@ -1,86 +1,97 @@
-//! Altitudes over time, one panel a flight, as an SVG in the style of the demo's other picture.
+//! Altitudes over time: panels of some flights each, as an SVG in the style of the demo's other picture.
 
 use std::fmt::Write as _;
 
 use super::labels::escaped;
-use super::picture::{FLOWN, MAP_WIDTH, MARGIN, PLANNED, WIDTH, polyline, ticks};
-use super::track::Track;
+use super::picture::{MAP_WIDTH, MARGIN, WIDTH, polyline, ticks};
 
 /// What is drawn.
 pub(super) struct Altitudes<'a> {
     pub(super) title: &'a str,
-    /// When the attack begins, s of flight.
-    pub(super) attack_s: f64,
-    pub(super) panels: [Panel<'a>; 2],
+    pub(super) panels: Vec<Panel>,
+}
+
+/// Flights that are compared.
+pub(super) struct Panel {
+    pub(super) title: String,
+    /// When an attack begins, s of flight.
+    pub(super) attack_s: Option<f64>,
+    pub(super) curves: Vec<Curve>,
 }
 
 /// One flight.
-pub(super) struct Panel<'a> {
-    pub(super) title: &'a str,
-    /// What was refused and what was taken.
-    pub(super) note: &'a [String; 2],
-    pub(super) track: &'a Track,
+pub(super) struct Curve {
+    /// What it is, and what was refused: in the colour of the curve.
+    pub(super) text: String,
+    pub(super) colour: &'static str,
+    /// Seconds of flight, metres above home.
+    pub(super) points: Vec<(f64, f64)>,
 }
 
 impl Altitudes<'_> {
     /// The SVG.
     pub(super) fn svg(&self) -> String {
+        let height: f64 = self.panels.iter().map(Panel::height).sum::<f64>() + FIRST_TOP;
         let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" \
              font-family=\"sans-serif\" font-size=\"13\">\n\
-             <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n\
+             <rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#fff\"/>\n\
              <text x=\"{MARGIN}\" y=\"28\" font-size=\"18\" font-weight=\"bold\">{}</text>\n\
              <text x=\"{MARGIN}\" y=\"48\" fill=\"#555\">altitude above home in m, over the time of flight in s; \
              the attack begins at the dashed line</text>\n",
             escaped(self.title)
         );
-        let points = || self.panels.iter().flat_map(|panel| &panel.track.points);
-        // One scale for both, or they could not be compared.
-        let highest = points().map(|point| point.up_m).fold(5.0, f64::max) * 1.15;
-        let seconds = self
-            .panels
-            .iter()
-            .map(|panel| panel.seconds())
-            .fold(1.0, f64::max);
-        for (nth, panel) in (0_u8..).zip(&self.panels) {
-            let top = FIRST_TOP + f64::from(nth) * PANEL_PITCH;
-            panel.draw(&mut svg, top, (seconds, highest), self.attack_s);
+        let curves = || self.panels.iter().flat_map(|panel| &panel.curves);
+        let points = || curves().flat_map(|curve| &curve.points);
+        // One scale for all, or they could not be compared.
+        let highest = points().map(|point| point.1).fold(2.0, f64::max) * 1.15;
+        let seconds = points().map(|point| point.0).fold(1.0, f64::max);
+        let mut top = FIRST_TOP;
+        for panel in &self.panels {
+            panel.draw(&mut svg, top, (seconds, highest));
+            top += panel.height();
         }
         svg.push_str("</svg>\n");
         svg
     }
 }
 
-impl Panel<'_> {
-    fn seconds(&self) -> f64 {
-        let points = &self.track.points;
-        let (first, last) = (points.first(), points.last());
-        first
-            .zip(last)
-            .map_or(0.0, |(first, last)| last.time_s - first.time_s)
+impl Panel {
+    /// A line for the title and for each curve, the plot, and its scale.
+    fn height(&self) -> f64 {
+        self.texts() + PLOT_HEIGHT + BELOW
     }
 
-    fn draw(&self, svg: &mut String, top: f64, (seconds, highest): (f64, f64), attack_s: f64) {
-        let begun = self.track.points.first().map_or(0.0, |first| first.time_s);
-        let x = |time_s: f64| MARGIN + time_s / seconds * MAP_WIDTH;
-        let y = |up_m: f64| top + PANEL_HEIGHT * (1.0 - up_m.max(0.0) / highest);
-        let [first, second] = self.note;
-        let (right, bottom) = (MARGIN + MAP_WIDTH, top + PANEL_HEIGHT);
+    fn texts(&self) -> f64 {
+        LINE * self.curves.iter().map(|_| 1.0).sum::<f64>() + LINE
+    }
+
+    fn draw(&self, svg: &mut String, top: f64, (seconds, highest): (f64, f64)) {
         let _ = writeln!(
             svg,
-            "<text x=\"{MARGIN}\" y=\"{:.1}\" font-weight=\"bold\">{}</text>\
-             <text x=\"{MARGIN}\" y=\"{:.1}\" fill=\"#555\">{}</text>\
-             <text x=\"{MARGIN}\" y=\"{:.1}\" fill=\"#555\">{}</text>\
-             <rect x=\"{MARGIN}\" y=\"{top}\" width=\"{MAP_WIDTH}\" height=\"{PANEL_HEIGHT}\" fill=\"#f6f8f6\" \
-             stroke=\"#ccc\"/>",
-            top - 44.0,
-            escaped(self.title),
-            top - 26.0,
-            escaped(first),
-            top - 9.0,
-            escaped(second)
+            "<text x=\"{MARGIN}\" y=\"{:.1}\" font-weight=\"bold\">{}</text>",
+            top + 4.0,
+            escaped(&self.title)
         );
-        for step in ticks(highest) {
+        let mut y = top + 4.0;
+        for curve in &self.curves {
+            y += LINE;
+            let (colour, text) = (curve.colour, escaped(&curve.text));
+            let _ = writeln!(
+                svg,
+                "<text x=\"{MARGIN}\" y=\"{y:.1}\" fill=\"{colour}\">{text}</text>"
+            );
+        }
+        let top = top + self.texts() - 6.0;
+        let x = |time_s: f64| MARGIN + time_s / seconds * MAP_WIDTH;
+        let y = |up_m: f64| top + PLOT_HEIGHT * (1.0 - up_m.max(0.0) / highest);
+        let (right, bottom) = (MARGIN + MAP_WIDTH, top + PLOT_HEIGHT);
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{MARGIN}\" y=\"{top}\" width=\"{MAP_WIDTH}\" height=\"{PLOT_HEIGHT}\" fill=\"#f6f8f6\" \
+             stroke=\"#ccc\"/>"
+        );
+        for step in ticks(highest).filter(|step| step.fract() == 0.0) {
             let y = y(step);
             let _ = writeln!(
                 svg,
@@ -98,26 +109,20 @@ impl Panel<'_> {
                 bottom + 16.0
             );
         }
-        let attack = [(x(attack_s), top), (x(attack_s), bottom)];
-        polyline(
-            svg,
-            attack.into_iter(),
-            PLANNED,
-            "stroke-dasharray=\"7 5\" stroke-width=\"2\"",
-        );
-        let flown = &self.track.points;
-        polyline(
-            svg,
-            flown
-                .iter()
-                .map(|point| (x(point.time_s - begun), y(point.up_m))),
-            FLOWN,
-            "stroke-width=\"2\"",
-        );
+        if let Some(attack_s) = self.attack_s {
+            let attack = [(x(attack_s), top), (x(attack_s), bottom)];
+            let style = "stroke-dasharray=\"7 5\" stroke-width=\"2\"";
+            polyline(svg, attack.into_iter(), "#555", style);
+        }
+        for curve in &self.curves {
+            let points = curve.points.iter().map(|point| (x(point.0), y(point.1)));
+            polyline(svg, points, curve.colour, "stroke-width=\"2\"");
+        }
     }
 }
 
-const HEIGHT: f64 = 690.0;
-const FIRST_TOP: f64 = 124.0;
-const PANEL_HEIGHT: f64 = 210.0;
-const PANEL_PITCH: f64 = 306.0;
+const FIRST_TOP: f64 = 76.0;
+const LINE: f64 = 17.0;
+const PLOT_HEIGHT: f64 = 130.0;
+/// The scale of the time, and the room to the next panel.
+const BELOW: f64 = 42.0;

@@ -3,9 +3,9 @@
 //! Each has a thread of its own and only sockets between them. The simulator runs faster than time; signing clocks,
 //! time-outs and the CUCS stay in real time.
 
+mod agent;
 mod altitudes;
 pub(crate) mod attack;
-mod attacker;
 mod curve;
 mod labels;
 mod payload;
@@ -15,6 +15,7 @@ mod story;
 mod table;
 mod track;
 mod wings;
+mod wire;
 mod world;
 
 use std::io::{self, Write};
@@ -52,10 +53,10 @@ pub(crate) struct Arguments {
         conflicts_with = "attack"
     )]
     web: Option<u16>,
-    /// Run the simulator this many times faster than real time (default: 10; with --payload or --web 3)
+    /// Run the simulator this many times faster than real time (default: 10; with --attack 5; with --payload or --web 3)
     #[arg(long)]
     speed: Option<f64>,
-    /// Show an attack instead: false commands pull a hovering vehicle down, with and without protection
+    /// Show attacks instead: false data pull a hovering vehicle down, without signing, guard and encryption and with them
     #[arg(long)]
     attack: bool,
     /// Fly a section of the Everland Speedway by nine curved legs instead of a route of straight ones
@@ -85,7 +86,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } = arguments;
     // A gimbal is steered in real time: faster than this the vehicle has flown on before it is turned after it. Who looks
     // at the page is not faster either.
-    let usual = if *payload || web.is_some() { 3.0 } else { 10.0 };
+    // Two flights at a time are the same for two threads more.
+    let usual = match (*payload || web.is_some(), *attack) {
+        (true, _) => 3.0,
+        (false, true) => 5.0,
+        (false, false) => 10.0,
+    };
     let speed = speed.unwrap_or(usual);
     if *attack {
         return attack::run(out, speed);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::world::{Protection, World};
+use super::world::{Setup, World};
 
 /// Where and how a demo is flown.
 #[derive(Debug)]
@@ -23,6 +23,12 @@ impl Stage<'_> {
             .page
             .map(|port| format!("[http]\nlisten = \"127.0.0.1:{port}\"\n"));
         let more = more.unwrap_or_default();
-        World::open(self.out, self.speed, vehicle, Protection::On, &more)
+        let setup = Setup {
+            speed: self.speed,
+            vehicle,
+            more: &more,
+            ..Setup::default()
+        };
+        World::start(self.out, &setup)
     }
 }

@@ -100,5 +100,5 @@ pub(super) async fn await_waypoint(
 
 /// The demo's CUCS.
 pub(super) const CUCS: Id = Id(0x1b00_00a0);
-pub(super) const READY_WITHIN: Duration = Duration::from_secs(15);
+const READY_WITHIN: Duration = Duration::from_secs(15);
 pub(super) const FLIGHT_WITHIN: Duration = Duration::from_secs(60);

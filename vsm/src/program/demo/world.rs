@@ -1,6 +1,6 @@
 //! The bridge and the simulated vehicle of the demo, each on a thread of its own.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use crate::config::Config;
 use crate::session::Status;
+use crate::shell::guard_proxy::{GuardConfig, GuardProxy};
 use crate::shell::key_file;
 use crate::shell::server::Server;
 use crate::shell::tasks::TaskFault;
@@ -18,13 +19,53 @@ use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 
-/// What stands between an attacker and the vehicle.
+use super::agent::AgentBeside;
+use super::story::CUCS;
+
+/// How a world is made.
+pub(super) struct Setup<'a> {
+    pub(super) speed: f64,
+    pub(super) vehicle: px4_sim::Config,
+    /// Whether the vehicle's link is signed. Without, in the demo's own world on loopback and nowhere else.
+    pub(super) signed: bool,
+    pub(super) stations: Stations,
+    pub(super) radio: Radio,
+    /// Added to the configuration of the bridge.
+    pub(super) more: &'a str,
+}
+
+/// Whom the bridge takes for its CUCS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Protection {
+pub(super) enum Stations {
+    /// Who sends from its address, as a user without a guard would have it.
+    Address,
+    /// Who says so.
+    Anywhere,
+    /// Who has its guard key.
+    Guard,
+}
+
+/// What is between the bridge and its vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Radio {
+    /// Nothing: one socket to the other.
+    None,
+    /// The air-side agent, behind a radio that somebody records.
+    Agent { encrypt: bool },
+}
+
+impl Default for Setup<'_> {
     /// As a user would have it: signed, and a CUCS is taken from its address alone.
-    On,
-    /// Neither. In the demo's own world on loopback, and nowhere else.
-    Off,
+    fn default() -> Self {
+        Setup {
+            speed: 1.0,
+            vehicle: px4_sim::Config::default(),
+            signed: true,
+            stations: Stations::Address,
+            radio: Radio::None,
+            more: "",
+        }
+    }
 }
 
 /// What runs.
@@ -35,12 +76,13 @@ pub(crate) struct World {
     pub(super) page: Option<SocketAddr>,
     bridge: JoinHandle<Option<Result<Status, TaskFault>>>,
     stop: oneshot::Sender<()>,
+    agent: Option<AgentBeside>,
     simulator: Simulator,
-    /// Runs the simulator.
+    /// Runs the simulator, and carries the radio.
     background: Runtime,
     recording: String,
-    /// Key and state of the demo: gone with it.
-    _private: TempDir,
+    /// Keys and state of the demo: gone with it.
+    private: TempDir,
 }
 
 /// What is left when all has stopped.
@@ -49,49 +91,31 @@ pub(crate) struct Remains {
     pub(crate) counters: Counters,
     pub(crate) track: Vec<Truth>,
     pub(crate) recording: String,
+    /// Every datagram that was on the radio.
+    pub(super) radio: Vec<Vec<u8>>,
 }
 
 impl World {
-    pub(crate) fn start(
-        out: &Path,
-        speed: f64,
-        vehicle: px4_sim::Config,
-        protection: Protection,
-    ) -> anyhow::Result<World> {
-        World::open(out, speed, vehicle, protection, "")
-    }
-
-    /// The same; `more` is added to the configuration of the bridge.
-    pub(super) fn open(
-        out: &Path,
-        speed: f64,
-        vehicle: px4_sim::Config,
-        protection: Protection,
-        more: &str,
-    ) -> anyhow::Result<World> {
+    pub(super) fn start(out: &Path, setup: &Setup<'_>) -> anyhow::Result<World> {
         std::fs::create_dir_all(out)
             .with_context(|| format!("the folder {} cannot be made", out.display()))?;
         let private = TempDir::new().context("a folder for the demo's key and state")?;
         let key = private.path().join("demo.key");
         key_file::generate(&key)?;
-        let out = std::path::absolute(out)?;
-        let (signing, address) = match protection {
-            Protection::On => (r#"{ key_file = "demo.key" }"#, r#"address = "127.0.0.1""#),
-            Protection::Off => (r#""off""#, ""),
+        let background = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()?;
+        let agent = match setup.radio {
+            Radio::None => None,
+            Radio::Agent { encrypt } => {
+                Some(AgentBeside::start(private.path(), encrypt, &background)?)
+            }
         };
-        let (dli, operator) = if vehicle.payloads > 0 {
-            // The layouts of the payload messages are derived from Edition 2.
-            ("provisional = \"all\"", OPERATOR_TABLE)
-        } else {
-            ("", "")
-        };
-        let text = CONFIG
-            .replace("DLI", dli)
-            .replace("OPERATOR", operator)
-            .replace("OUT", &toml_text(&out)?)
-            .replace("SIGNING", signing)
-            .replace("ADDRESS", address);
-        let config = Config::parse(&(text + more), private.path())?;
+        let config = Config::parse(&configuration(out, setup, agent.as_ref())?, private.path())?;
+        if setup.stations == Stations::Guard {
+            key_file::generate(&private.path().join(GUARD_KEY))?;
+        }
         let (tell, told) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
         let bridge = std::thread::Builder::new()
@@ -99,28 +123,40 @@ impl World {
             .spawn(move || serve(&config, &tell, stopped))?;
         // The bridge binds first: its ports are not known before, and the simulator is pointed at one.
         let addresses = told.recv().context("the bridge's thread has ended")??;
-        let background = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(1)
-            .enable_all()
-            .build()?;
-        let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(addresses.vehicle));
-        simulation.key = match protection {
-            Protection::On => Some(key_file::read(&key)?),
-            Protection::Off => None,
+        let px4 = agent.as_ref().map_or(addresses.vehicle, |agent| agent.px4);
+        let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(px4));
+        simulation.key = match setup.signed {
+            true => Some(key_file::read(&key)?),
+            false => None,
         };
-        simulation.speed = speed;
-        simulation.vehicle = vehicle;
+        simulation.speed = setup.speed;
+        simulation.vehicle = setup.vehicle.clone();
         let simulator = background.block_on(Simulator::spawn(simulation))?;
         Ok(World {
             vsm: addresses.dli,
             page: addresses.page,
             bridge,
             stop,
+            agent,
             simulator,
             background,
             recording: addresses.recording,
-            _private: private,
+            private,
         })
+    }
+
+    /// The guard beside the CUCS, which sends to this address in place of the bridge's.
+    pub(super) async fn guard(&self, to: SocketAddr) -> anyhow::Result<GuardProxy> {
+        let config = GuardConfig {
+            cucs: CUCS,
+            vsm: VSM,
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            to,
+            key_file: self.private.path().join(GUARD_KEY),
+            store: self.private.path().join("guard-state"),
+            users: Vec::new(),
+        };
+        Ok(GuardProxy::open(config).await?)
     }
 
     /// What is really so with the vehicle now.
@@ -133,6 +169,11 @@ impl World {
         self.simulator.armed_at()
     }
 
+    /// What was flown so far is no part of the flight.
+    pub(super) fn forget_track(&self) {
+        drop(self.simulator.take_track());
+    }
+
     /// Where the vehicle's own MAVLink socket is, for whoever is on the link.
     pub(crate) fn px4(&self) -> anyhow::Result<SocketAddr> {
         self.simulator.address(0).context("the vehicle has no link")
@@ -142,6 +183,7 @@ impl World {
     pub(crate) fn stop(self) -> anyhow::Result<Remains> {
         let (counters, track) = (self.simulator.counters(), self.simulator.take_track());
         self.background.block_on(self.simulator.stop());
+        let radio = self.agent.map_or(Ok(Vec::new()), AgentBeside::stop)?;
         // A bridge that has ended already has nothing left to stop.
         let _ = self.stop.send(());
         let status = self
@@ -154,8 +196,49 @@ impl World {
             counters,
             track,
             recording: self.recording,
+            radio,
         })
     }
+}
+
+/// The configuration that a user would write, for this.
+fn configuration(
+    out: &Path,
+    setup: &Setup<'_>,
+    agent: Option<&AgentBeside>,
+) -> anyhow::Result<String> {
+    let out = std::path::absolute(out)?;
+    let stations = match setup.stations {
+        Stations::Address => r#"address = "127.0.0.1""#.to_owned(),
+        Stations::Anywhere => String::new(),
+        Stations::Guard => format!("guard = {{ key_file = \"{GUARD_KEY}\" }}"),
+    };
+    let (dli, operator) = if setup.vehicle.payloads > 0 {
+        // The layouts of the payload messages are derived from Edition 2.
+        ("provisional = \"all\"", OPERATOR_TABLE)
+    } else {
+        ("", "")
+    };
+    let signing = match (setup.signed, agent) {
+        (false, _) => r#""off""#,
+        (true, None) => r#"{ key_file = "demo.key" }"#,
+        (true, Some(_)) => r#"{ key_file = "demo.key", exchange = "on" }"#,
+    };
+    let link = match agent {
+        None => "link = \"udpin:127.0.0.1:0\"".to_owned(),
+        Some(agent) => format!(
+            "link = \"udpout:{}\"\nencrypt = {}",
+            agent.wire.near, agent.encrypt
+        ),
+    };
+    let text = CONFIG
+        .replace("DLI", dli)
+        .replace("OPERATOR", operator)
+        .replace("OUT", &toml_text(&out)?)
+        .replace("SIGNING", signing)
+        .replace("LINK", &link)
+        .replace("ADDRESS", &stations);
+    Ok(text + setup.more)
 }
 
 /// Degrees north and east of a place near where the simulator stands.
@@ -243,6 +326,9 @@ fn toml_text(path: &Path) -> anyhow::Result<String> {
     Ok(text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
+/// The guard key of the CUCS, in the demo's folder.
+const GUARD_KEY: &str = "guard.key";
+const VSM: Id = Id(0x1b00_0001);
 /// Where px4-sim stands by default, degrees north and east.
 const HOME: (f64, f64) = (47.397_743_4, 8.545_593_9);
 const METRES_A_DEGREE: f64 = 111_194.93;
@@ -266,7 +352,7 @@ ADDRESS
 OPERATOR
 [[vehicle]]
 id = "1b:00:01:01"
-link = "udpin:127.0.0.1:0"
+LINK
 system_id = 1
 tail_number = "DEMO-01"
 signing = SIGNING

@@ -37,7 +37,7 @@ use self::tasks::{
     tell_status, watch_group,
 };
 use super::disk::FileDisk;
-use super::sockets::{DliSockets, Resolver, VehicleReader, VehicleWriter};
+use super::sockets::{DliSockets, Resolver, VehicleReader};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
 use super::web;
@@ -91,10 +91,8 @@ impl Server {
     /// Where the vehicle with this index reaches it; `None` for a serial line.
     #[must_use]
     pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {
-        match self.shared.core.borrow().writers.get(index)? {
-            VehicleWriter::Udp(socket) => socket.local_addr().ok(),
-            VehicleWriter::Tcp(_) | VehicleWriter::Serial(_) => None,
-        }
+        let core = self.shared.core.borrow();
+        core.writers.get(index)?.local_addr()
     }
 
     /// Lets the file of the configuration be read again while it serves: by SIGHUP, and by `vsm reload`.
