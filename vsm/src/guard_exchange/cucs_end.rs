@@ -212,7 +212,10 @@ impl CucsEnd {
                 InitiatorEvent::NoRandom => {
                     CucsNews::Failed("the system has no random bytes".to_owned())
                 }
-                InitiatorEvent::Begun { .. } | InitiatorEvent::Status { .. } => continue,
+                InitiatorEvent::Begun { .. }
+                | InitiatorEvent::Status { .. }
+                // A guard orders nothing of its VSM by this exchange.
+                | InitiatorEvent::Zeroize { .. } => continue,
             };
             self.note(news);
         }

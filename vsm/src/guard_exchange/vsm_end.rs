@@ -185,6 +185,8 @@ impl VsmEnd {
                 ResponderEvent::NotStored(cause) => VsmNews::NotStored(cause),
                 // No key waits here for anything.
                 ResponderEvent::Withdrawn => continue,
+                // A zeroize of the whole VSM is 50024, under the rules of the authority: no pairing gives a right to it.
+                ResponderEvent::Zeroize { .. } => continue,
             });
         }
         while let Some(answer) = end.poll_transmit() {

@@ -86,7 +86,7 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
             let store = config.store.dir.clone();
             // Its socket is there, and ends with the agent: what fails then is nobody's concern.
             std::thread::spawn(move || {
-                let _ = pairing_socket::ask(&store, None, |line| {
+                let _ = pairing_socket::ask(&store, "", |line| {
                     let _ = writeln!(io::stdout(), "{line}");
                 });
             });

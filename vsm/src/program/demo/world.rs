@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use crate::config::Config;
 use crate::session::Status;
+use crate::shell::guard_link::GuardSide;
 use crate::shell::guard_proxy::{GuardConfig, GuardProxy};
 use crate::shell::key_file;
 use crate::shell::server::Server;
@@ -148,12 +149,15 @@ impl World {
     /// The guard beside the CUCS, which sends to this address in place of the bridge's.
     pub(super) async fn guard(&self, to: SocketAddr) -> anyhow::Result<GuardProxy> {
         let config = GuardConfig {
-            cucs: CUCS,
-            vsm: VSM,
+            side: GuardSide {
+                cucs: CUCS,
+                vsm: VSM,
+                to,
+                key_file: self.private.path().join(GUARD_KEY),
+                store: self.private.path().join("guard-state"),
+            },
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
-            to,
-            key_file: self.private.path().join(GUARD_KEY),
-            store: self.private.path().join("guard-state"),
+            group: None,
             users: Vec::new(),
         };
         Ok(GuardProxy::open(config).await?)
