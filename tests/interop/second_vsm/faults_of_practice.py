@@ -273,7 +273,7 @@ def _(vsm):
         after(vehicle, "after_change", change)
 
 
-@fault("STAT-001z", "who gives back LOI 4 and keeps LOI 2 is sent no status any more")
+@fault("AUTH-005z2", "who gives back LOI 4 and keeps LOI 2 is sent no status any more")
 def _(vsm):
     muted = set()
     for vehicle in vsm.vehicles:
@@ -624,7 +624,7 @@ def _(vsm):
     before(vsm, "schedule", schedule)
 
 
-@fault("STAT-001z2", "who connects again is sent the position of before first")
+@fault("STAT-001z", "who connects again is sent the position of before first")
 def _(vsm):
     kept = {}
 

@@ -47,7 +47,7 @@ pub(super) const FURTHER: &[Scene] = &[
         play: an_override_ends_an_upload,
     },
     Scene {
-        rule: "STAT-001",
+        rule: "AUTH-005",
         play: who_keeps_loi_2_keeps_its_status,
     },
     Scene {
