@@ -30,7 +30,7 @@ fn what_the_vehicle_shows_is_carried_out_though_every_answer_is_lost() {
     done(&mut rig, orders::load());
     rig.lost = vec![COMMAND_ACK];
     done(&mut rig, orders::launch(20.0));
-    assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Loiter));
+    assert!(rig.until(60.0, |rig| rig.truth().mode == Px4::Loiter));
     done(&mut rig, orders::mode(Mode::Waypoint));
     assert_eq!(rig.truth().mode, Px4::Mission);
     // A load puts a vehicle on hold that flies its mission.
