@@ -36,7 +36,7 @@ fn false_data_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
     let (done, printed) = run_in(
         folder.path(),
         "vsm",
-        &["demo", "--attack", "--speed", "10", "--out", "out"],
+        &["demo", "--attack", "--speed", "5", "--out", "out"],
     );
     let printed = String::from_utf8_lossy(&printed);
     assert!(done, "{printed}");
