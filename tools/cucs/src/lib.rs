@@ -5,17 +5,14 @@
 //! [`Station`] puts it on a UDP socket and offers what an operator does as methods: discover, take control, send a
 //! route, launch, fly, land, release. [`Operator`] is the same in words, for the program `cucs` and for scripts.
 //!
-//! The folders, each built on those before it: `session` and `route` (without I/O), `formats` (files of routes),
-//! `station` (UDP), `operator` (subcommands and scripts). Nothing here speaks MAVLink: whatever a CUCS may need must be
+//! The folders, each built on those before it: `session` (without I/O), `station` (UDP), `operator` (subcommands and scripts). Routes
+//! and their files are the crate `route-files`. Nothing here speaks MAVLink: whatever a CUCS may need must be
 //! in the DLI.
 //!
 //! Nothing received can make any of them panic, block or grow without bound.
 
-pub mod fence;
-pub mod formats;
 mod operator;
 pub mod program;
-mod route;
 mod session;
 mod station;
 
@@ -25,12 +22,11 @@ pub use operator::error::OperatorError;
 pub use operator::payload::{FocusTo, PayloadAction, PayloadArguments, Sensor, Switch, ZoomTo};
 pub use operator::script::{Line, ScriptError, parse_line};
 pub use operator::verb::{Condition, HandoverVerb, LoiList, ModeArguments, Verb};
-pub use route::model::{
-    Curve, CurveForm, FurtherRoute, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
+pub use route_files::{
+    Curve, CurveForm, Download, FurtherRoute, Loiter, LoiterSpan, Loop, Place, Route, RouteError,
+    RouteFileError, Waypoint, fence, formats,
 };
-pub use route::read::RouteFileError;
 pub use session::alert::Alert;
-pub use session::download::Download;
 pub use session::edition_25::Unsayable;
 pub use session::machine::{Event, Session};
 pub use session::sender::{Delivery, Edition, Now, SendError, SessionConfig, Ticket};

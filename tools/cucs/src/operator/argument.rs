@@ -2,7 +2,7 @@
 
 use stanag_msgs::enums::AltitudeType;
 
-use crate::route::form::altitude_type_named;
+use route_files::route::form::altitude_type_named;
 
 /// An argument that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -17,12 +17,12 @@ use stanag_msgs::{Bam16, Bam32, Id, Message, Scaled};
 
 use super::argument::{Expected, altitude_type, degrees};
 use super::console::{Done, Operator};
-use crate::route::form::altitude_type_name;
 use crate::session::machine::Session;
 use crate::session::sender::Edition;
 use crate::session::vehicle::Vehicle;
 use crate::station::endpoint::Station;
 use crate::station::outcome::{Outcome, StationError};
+use route_files::route::form::altitude_type_name;
 
 /// A payload station, and what it is to do.
 #[derive(Clone, Debug, Args)]

@@ -12,7 +12,7 @@ use super::console::{Done, Operator, Style, remark};
 use super::error::OperatorError;
 use crate::fence;
 use crate::formats::{self, Import, Losses};
-use crate::route::model::Route;
+use route_files::route::model::Route;
 
 impl<W: Write> Operator<W> {
     /// Reads a route in any format, reports what of the file is lost, and sends the rest.

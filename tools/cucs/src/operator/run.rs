@@ -15,10 +15,10 @@ use super::file_kind::{self, Reader};
 use super::termination::Ordered;
 use super::verb::{Condition, ModeArguments, Verb};
 use crate::formats::Losses;
-use crate::route::model::Route;
 use crate::session::vehicle::Vehicle;
 use crate::station::command::{LoiterAt, set_altitude, set_speed};
 use crate::station::outcome::{StationError, levels};
+use route_files::route::model::Route;
 
 impl<W: Write> Operator<W> {
     /// Carries a subcommand out and prints the result, then the alerts that came with it. Files are relative to

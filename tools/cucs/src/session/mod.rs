@@ -3,13 +3,11 @@
 //! - [`traffic`]: counters of messages sent, received and dropped;
 //! - [`sender`]: what is on its way to the VSM: time stamps, window, retransmission;
 //! - [`alert`]: 16000s whose text spans several messages;
-//! - [`download`]: a plan as a vehicle sends it;
 //! - [`vehicle`]: what one vehicle last reported;
 //! - [`edition_25`]: the border to VSMs of Edition 2.5;
 //! - [`machine`]: the session that joins them: datagrams and time in, datagrams and events out.
 
 pub(crate) mod alert;
-pub(crate) mod download;
 pub(crate) mod edition_25;
 pub(crate) mod machine;
 pub(crate) mod sender;

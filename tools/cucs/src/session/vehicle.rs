@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use route_files::Download;
 use stanag_msgs::enums::{
     AltitudeType, FlightPathControlMode, HandoverStatus, LoiBitmap, MissionTransferStatus, UaState,
 };
@@ -14,7 +15,6 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::alert::{Alert, Alerts, Taken};
-use super::download::Download;
 
 /// A vehicle as this CUCS knows it: the latest message of each type by its stamp.
 #[derive(Clone, Debug, Default)]

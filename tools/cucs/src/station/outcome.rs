@@ -7,8 +7,8 @@ use std::time::Duration;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::{Id, OutOfRange};
 
-use crate::route::model::RouteError;
 use crate::session::sender::SendError;
+use route_files::route::model::RouteError;
 
 /// What became of a command or a transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]

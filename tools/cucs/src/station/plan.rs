@@ -10,10 +10,10 @@ use tokio::time::Instant;
 
 use super::endpoint::Station;
 use super::outcome::{Outcome, StationError};
-use crate::route::model::Route;
-use crate::session::download::Download;
 use crate::session::machine::Session;
 use crate::session::sender::Delivery;
+use route_files::Download;
+use route_files::route::model::Route;
 
 impl Station {
     /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 reports it

@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 use stanag_msgs::enums::FlightPathControlMode as Mode;
 
 use super::outcome::{levels, loi_numbers};
-use crate::route::form::altitude_type_name;
 use crate::session::vehicle::Vehicle;
+use route_files::route::form::altitude_type_name;
 
 /// `1b:00:01:01 LOI 2,4,5, mode 11 (waypoint), airborne, 47.3977412 8.5455939 518.2 m wgs84, 5.0 m/s, to waypoint 20`
 pub(crate) fn line(vehicle: &Vehicle) -> String {

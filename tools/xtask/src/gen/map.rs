@@ -69,7 +69,7 @@ fn first_sentence(source: &str) -> String {
     sentence.trim_end_matches(['.', ':']).to_owned()
 }
 
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "vsm",
     "stanag-msgs",
     "mavlink-link",
@@ -77,6 +77,7 @@ const CRATES: [&str; 11] = [
     "curve-paths",
     "conformance",
     "conformance/mavlink",
+    "route-files",
     "tools/cucs",
     "tools/px4-sim",
     "tools/curve-plan",

@@ -89,6 +89,19 @@ pub struct Import {
     pub strict: bool,
 }
 
+impl Import {
+    /// A line of a file with several, by its name or its number from 1; and for a file without altitudes an altitude above mean sea
+    /// level, or a height above home, m.
+    #[must_use]
+    pub fn of(line: Option<String>, altitude_m: Option<f64>, height_m: Option<f64>) -> Self {
+        Self {
+            level: Level::at(altitude_m, height_m),
+            line: Line { line },
+            ..Self::default()
+        }
+    }
+}
+
 /// A kind of file.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Format {
@@ -161,11 +174,15 @@ pub fn ending(file: &Path) -> String {
 /// # Errors
 /// It cannot be read, is not of its format, a point has no altitude, or it is below the ground.
 pub fn read(file: &Path, import: &Import) -> Result<Draft, FormatError> {
+    read_content(file, bytes(file)?, import)
+}
+
+fn read_content(file: &Path, content: Vec<u8>, import: &Import) -> Result<Draft, FormatError> {
     let selection = Selection {
         line: import.line.clone(),
         ..Selection::default()
     };
-    let mut draft = read_track(file, &selection)?;
+    let mut draft = track_in(file, content, &selection)?;
     let terrain = import.level.terrain()?;
     draft.level(&import.level, terrain.as_ref(), file)?;
     if let Some(home_m) = import.home_alt {
@@ -184,15 +201,24 @@ pub fn read(file: &Path, import: &Import) -> Result<Draft, FormatError> {
 /// # Errors
 /// As of [`read`].
 pub fn read_to_send(file: &Path, import: &Import) -> Result<(Route, Losses), FormatError> {
-    if ending(file) != "toml" {
-        return read(file, import)?.to_send(file);
+    content_to_send(file, bytes(file)?, import)
+}
+
+/// As [`read_to_send`], of what a file holds: of `file` its name alone is looked at.
+///
+/// # Errors
+/// As of [`read`].
+pub fn content_to_send(
+    file: &Path,
+    content: Vec<u8>,
+    import: &Import,
+) -> Result<(Route, Losses), FormatError> {
+    // These look at the path, and so must it be one.
+    if ending(file) != "toml" || import.level.is_given() || import.home_alt.is_some() {
+        return read_content(file, content, import)?.to_send(file);
     }
-    let text = text(file, bytes(file)?)?;
+    let text = text(file, not_empty(file, content)?)?;
     let route = Route::parse(file, &text)?;
-    if import.level.is_given() || import.home_alt.is_some() {
-        // These look at the path, and so must it be one.
-        return read(file, import)?.to_send(file);
-    }
     let mut losses = Losses::of("waypoint");
     losses.items = route.waypoints.len();
     lost::sent_fence(&route_file::areas(file, &text)?, file, &mut losses);
@@ -204,7 +230,11 @@ pub fn read_to_send(file: &Path, import: &Import) -> Result<(Route, Losses), For
 /// # Errors
 /// It cannot be read, or is not of its format.
 pub fn read_track(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {
-    let mut draft = parse(file, selection)?;
+    track_in(file, bytes(file)?, selection)
+}
+
+fn track_in(file: &Path, content: Vec<u8>, selection: &Selection) -> Result<Draft, FormatError> {
+    let mut draft = parse(file, content, selection)?;
     if draft.points.is_empty() {
         let problem = "no path, expected a line, a route, a track, waypoints or points";
         return Err(FormatError::file(file, problem));
@@ -239,7 +269,7 @@ pub fn read_fence(file: &Path) -> Result<Vec<Area>, FormatError> {
     let areas = if Format::of(file)? == Format::RouteFile {
         fence::parse(file, &text(file, bytes(file)?)?)?
     } else {
-        parse(file, &Selection::default())?.areas
+        parse(file, bytes(file)?, &Selection::default())?.areas
     };
     // A route without a fence must not take the place of the one aboard.
     if areas.is_empty() {
@@ -258,7 +288,7 @@ pub fn read_rally(file: &Path) -> Result<Vec<Position>, FormatError> {
         let problem = "rally points are read from a .plan, where their heights are above home";
         return Err(FormatError::file(file, problem));
     }
-    let rally = parse(file, &Selection::default())?.rally;
+    let rally = parse(file, bytes(file)?, &Selection::default())?.rally;
     if rally.is_empty() {
         let problem = "no rally point, expected at least one";
         return Err(FormatError::file(file, problem));
@@ -266,7 +296,7 @@ pub fn read_rally(file: &Path) -> Result<Vec<Position>, FormatError> {
     Ok(rally)
 }
 
-fn parse(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {
+fn parse(file: &Path, mut content: Vec<u8>, selection: &Selection) -> Result<Draft, FormatError> {
     let format = Format::of(file)?;
     if selection.lap.is_some() && format != Format::Csv {
         let problem = "--lap needs a table with a column lap (.csv)";
@@ -278,7 +308,7 @@ fn parse(file: &Path, selection: &Selection) -> Result<Draft, FormatError> {
             "--line needs a file that can have several lines (.kml, .kmz, .gpx, .geojson)";
         return Err(FormatError::Option(problem.into()));
     }
-    let mut content = bytes(file)?;
+    content = not_empty(file, content)?;
     if format == Format::Kmz {
         content = kml::unpack(file, &content)?;
     }
@@ -313,13 +343,15 @@ fn bytes(file: &Path) -> Result<Vec<u8>, FormatError> {
         );
         return Err(FormatError::file(file, problem));
     }
-    if bytes.iter().all(u8::is_ascii_whitespace) {
-        return Err(FormatError::file(
-            file,
-            "empty, expected a route or a track",
-        ));
+    not_empty(file, bytes)
+}
+
+fn not_empty(file: &Path, content: Vec<u8>) -> Result<Vec<u8>, FormatError> {
+    if content.iter().all(u8::is_ascii_whitespace) {
+        let problem = "empty, expected a route or a track";
+        return Err(FormatError::file(file, problem));
     }
-    Ok(bytes)
+    Ok(content)
 }
 
 /// A day's track at a fix a tenth of a second has some 60 MB as GPX.

@@ -39,7 +39,8 @@ impl Download {
     }
 
     /// A waypoint by its number, and its loiter.
-    pub(crate) fn waypoint(
+    #[must_use]
+    pub fn waypoint(
         &self,
         number: u16,
     ) -> Option<(&UaPositionWaypoint, Option<&UaLoiterWaypoint>)> {
@@ -94,7 +95,7 @@ impl Download {
     }
 
     /// Whether the message is part of a plan and was kept.
-    pub(crate) fn take(&mut self, message: &Message) -> bool {
+    pub fn take(&mut self, message: &Message) -> bool {
         match message {
             Message::UaRoute(route) => {
                 // Sent again, as in a second download: the later one counts.

@@ -15,7 +15,7 @@ use stanag_msgs::{Bam16, Bam32, Envelope, Id, MAX_DATAGRAM, Message, Scaled, Tex
 use super::model::{
     Curve, CurveForm, FurtherRoute, Loiter, LoiterSpan, Loop, Place, Route, RouteError, Waypoint,
 };
-use crate::session::download::Download;
+use crate::download::Download;
 
 impl Route {
     /// The messages, in the order: further routes, route, each waypoint with its loiter, curves. 50001 names vehicle and
@@ -80,7 +80,10 @@ impl Route {
     }
 
     /// The 13000 that loads it.
-    pub(crate) fn load_command(&self) -> Result<MissionTransferCommand, RouteError> {
+    ///
+    /// # Errors
+    /// A value that its field cannot carry.
+    pub fn load_command(&self) -> Result<MissionTransferCommand, RouteError> {
         Ok(MissionTransferCommand {
             mission_id: self.mission_id()?,
             mission_plan_mode: Some(MissionPlanMode::Load),
@@ -90,12 +93,18 @@ impl Route {
     }
 
     /// The Mission ID for the 13000 that loads it.
-    pub(crate) fn mission_id(&self) -> Result<Option<Text<20>>, RouteError> {
+    ///
+    /// # Errors
+    /// It is longer than its field.
+    pub fn mission_id(&self) -> Result<Option<Text<20>>, RouteError> {
         text("Mission ID", self.mission_id.as_deref())
     }
 
     /// The Route ID.
-    pub(crate) fn route_id(&self) -> Result<Option<Text<33>>, RouteError> {
+    ///
+    /// # Errors
+    /// It is longer than its field.
+    pub fn route_id(&self) -> Result<Option<Text<33>>, RouteError> {
         text("Route ID", self.id.as_deref())
     }
 

@@ -8,8 +8,8 @@
 //! - [`form`]: keys and words of a route file; [`read`] and [`write`] the two directions;
 //! - [`messages`]: into messages, and back from a download.
 
-pub(crate) mod form;
-pub(crate) mod messages;
-pub(crate) mod model;
-pub(crate) mod read;
-pub(crate) mod write;
+pub mod form;
+pub mod messages;
+pub mod model;
+pub mod read;
+pub mod write;

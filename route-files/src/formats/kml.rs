@@ -38,12 +38,14 @@ pub(super) fn unpack(file: &Path, bytes: &[u8]) -> Result<Vec<u8>, FormatError> 
     let name = name.ok_or_else(|| FormatError::file(file, "no .kml in it, expected doc.kml"))?;
     let within = archive.by_name(name).map_err(|e| fault(&e))?;
     let mut text = Vec::new();
+    // Places do not pack a hundred times smaller: what does is made to fill the memory of who unpacks it.
+    let most = (bytes.len() as u64 * 100).clamp(1 << 20, MAX_UNPACKED);
     within
-        .take(MAX_UNPACKED + 1)
+        .take(most + 1)
         .read_to_end(&mut text)
         .map_err(|e| fault(&e))?;
-    if text.len() as u64 > MAX_UNPACKED {
-        let problem = format!("{name} is over {MAX_UNPACKED} bytes, expected fewer");
+    if text.len() as u64 > most {
+        let problem = format!("{name} is over {most} bytes, expected fewer");
         return Err(FormatError::file(file, problem));
     }
     Ok(text)

@@ -200,6 +200,15 @@ pub struct Level {
 }
 
 impl Level {
+    /// At this altitude above mean sea level, or this height above home, m.
+    pub(super) const fn at(altitude: Option<f64>, height: Option<f64>) -> Self {
+        Self {
+            altitude,
+            height,
+            terrain: None,
+        }
+    }
+
     /// Whether the command line gives one.
     pub(super) const fn is_given(&self) -> bool {
         self.altitude.is_some() || self.height.is_some() || self.terrain.is_some()

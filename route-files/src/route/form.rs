@@ -164,12 +164,14 @@ pub(crate) const LIMITS: Names<LimitType> = Names(&[
 ]);
 
 /// The altitude type that `agl`, `wgs84`, `amsl` or `pressure` means.
-pub(crate) fn altitude_type_named(word: &str) -> Option<AltitudeType> {
+#[must_use]
+pub fn altitude_type_named(word: &str) -> Option<AltitudeType> {
     ALTITUDE_TYPES.value(word)
 }
 
 /// The word for an altitude type; its number where there is none.
-pub(crate) fn altitude_type_name(value: AltitudeType) -> String {
+#[must_use]
+pub fn altitude_type_name(value: AltitudeType) -> String {
     let word = ALTITUDE_TYPES.word(value).map(str::to_owned);
     word.unwrap_or_else(|| format!("type {}", value.raw()))
 }
