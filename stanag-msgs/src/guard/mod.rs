@@ -20,6 +20,7 @@
 //! A correct trailer does not make a datagram fresh: which stamps are accepted is the receiver's to decide.
 //!
 //! `exchange` is the datagram by which two guards agree about a key, `group` how a group gets one.
+//! A web client has the same key and no datagrams: [`Opening`] and [`ConnectionKey`] are how its frames are authenticated.
 //!
 //! ```
 //! use stanag_msgs::Id;
@@ -37,6 +38,7 @@
 //! assert!(!key.verifies(&guarded, cucs));
 //! ```
 
+mod connection;
 mod exchange;
 mod group;
 
@@ -51,6 +53,7 @@ use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
 use zeroize::Zeroizing;
 
+pub use self::connection::{ConnectionKey, Opening, SealedText};
 use crate::{Id, MAX_DATAGRAM};
 
 /// How long a trailer is.

@@ -23,6 +23,7 @@ use super::value::{
     messages_a_second, silence,
 };
 use super::vehicle::Vehicle;
+use super::web::{Http, Web};
 use super::zeroize::Zeroize;
 
 table! {
@@ -45,6 +46,9 @@ table! {
         pub store: Store => Table(Store::KEYS),
         /// The status page; without it none is served.
         pub http: Option<Http> => Table(Http::KEYS),
+        /// Stations that come by a WebSocket of the page.
+        #[serde(default)]
+        pub web: Web => Table(Web::KEYS),
         /// What silence of the controlling CUCS leads to.
         #[serde(default = "Authority::unspanned")]
         pub authority: Spanned<Authority> => Table(Authority::KEYS),
@@ -165,19 +169,6 @@ table! {
     pub struct Store {
         /// Folder of signing clocks, plans and authority; made with mode 0700, refused when open to others
         pub dir: PathBuf => Required,
-    }
-}
-
-table! {
-    /// `[http]`
-    #[derive(Debug, Clone, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub struct Http {
-        /// TCP address of the status page
-        pub listen: SocketAddr => Nothing("none"),
-        /// Names that it may be requested by, beside `localhost` and its address: those of a proxy before it
-        #[serde(default)]
-        pub hosts: Vec<String> => Value("[]"),
     }
 }
 
@@ -356,6 +347,12 @@ impl Config {
                 unguarded.join(", ")
             ));
         }
+        if self.web.control && self.stations().all(|one| !one.web) {
+            warnings.push(
+                "[web] control is true, and no [[cucs]] has web = true: nobody can connect"
+                    .to_owned(),
+            );
+        }
         let unreached = |cucs: &&Cucs| cucs.delivery.to_address();
         if group.is_some()
             && listen.ip().is_loopback()
@@ -409,6 +406,7 @@ impl Config {
             station.get_ref().check(station.span().start, has_group)?;
         }
         self.check_guards()?;
+        self.web.check(self.http.as_ref(), &self.cucs)?;
         let mut links: Vec<(&LinkAddress, u8)> = Vec::new();
         for spanned in &self.vehicle {
             let (vehicle, at) = (spanned.get_ref(), spanned.span().start);

@@ -6,7 +6,7 @@
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
 //! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
 //! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `controls` chooses parameters that a CUCS may set; `terrain` reads elevation files; `termination` is what a
-//! commanded flight termination does, `zeroize` what a zeroize erases; `access` names the access list; `explain` puts what is wrong into words;
+//! commanded flight termination does, `zeroize` what a zeroize erases; `access` names the access list; `web` the stations of the page; `explain` puts what is wrong into words;
 //! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`, `agent_contingency` a table of it; [`reference`](mod@reference)
 //! writes `docs/reference/configuration.md`.
 //!
@@ -45,11 +45,12 @@ mod termination;
 mod terrain;
 mod value;
 mod vehicle;
+mod web;
 mod zeroize;
 
 pub use access::Access;
 pub use agent_contingency::AgentContingency;
-pub use bridge::{Authority, Config, Dli, Http, Mavlink, Record, Store};
+pub use bridge::{Authority, Config, Dli, Mavlink, Record, Store};
 pub use changes::{Changes, Report};
 pub use contingency::{Contingency, ContingencyAction};
 pub use controls::Controls;
@@ -67,4 +68,5 @@ pub use value::{
 pub use vehicle::{
     Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Outside, Vehicle,
 };
+pub use web::{Http, Web};
 pub use zeroize::Zeroize;

@@ -152,6 +152,8 @@ dir = \"state\"
 [http]
 listen = \"127.0.0.1:0\"
 #http
+[web]
+#web
 [authority]
 #authority
 [mavlink]

@@ -33,6 +33,10 @@ table! {
         pub address: Option<IpAddr> => Nothing("any"),
         /// Its guard: what arrives in its name is taken from `vsm guard` with the same key alone
         pub guard: Option<Guard> => Table(Guard::KEYS),
+        /// Whether it is a web client: it comes by the WebSocket of the page alone, under its guard key, and not by datagrams. Needs
+        /// `web.control` and `guard`
+        #[serde(default)]
+        pub web: bool => Value("false"),
         /// Whether it may take control from another
         #[serde(default, rename = "override")]
         pub override_control["override"]: bool => Value("false"),

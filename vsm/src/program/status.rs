@@ -84,6 +84,7 @@ fn readable(status: &Value) -> String {
             _ => "",
         };
         text += &format!("CUCS {} at {address}{proof}\n", plain(&station["id"]));
+        text += &web(&station["web"]);
         text += &guard(&station["guard"]);
     }
     text += &rights(status);
@@ -202,7 +203,8 @@ fn guards(status: &Value) -> String {
 /// Refusals whose sender is not known too: without a trailer, or of nobody who has a key.
 fn refused_by_guards(refused: &Value) -> Value {
     let refused = refused.as_object().into_iter().flatten();
-    let by_guards = refused.filter(|(name, _)| name.starts_with("guard: "));
+    let by_guards =
+        refused.filter(|(name, _)| ["guard: ", "web: "].iter().any(|of| name.starts_with(of)));
     by_guards
         .map(|(name, count)| (name.clone(), count.clone()))
         .collect()
@@ -245,6 +247,15 @@ fn rights(status: &Value) -> String {
         }
     }
     text
+}
+
+/// The line of a web client; none of any other station.
+fn web(web: &Value) -> String {
+    match (web["connected"].as_bool(), web["connected_s"].as_f64()) {
+        (Some(true), Some(since_s)) => format!("  a web client, connected for {since_s:.0} s\n"),
+        (Some(_), _) => "  a web client, not connected\n".to_owned(),
+        (None, _) => String::new(),
+    }
 }
 
 /// The lines of a station's guard; none where it has none.

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use mapping::alert::Alert;
 use mapping::health::HealthFault;
+use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use super::allowance::{Allowance, Rate};
@@ -105,6 +106,17 @@ pub(crate) struct Alerts {
     agl_sent: bool,
     /// That the vehicle is silent, while a finding stands in its place that explains why: one fault is one alert.
     silence: Option<Alert>,
+    /// Which of those that stand a person has seen.
+    acknowledged: Vec<Acknowledged>,
+}
+
+/// An alert that a station has acknowledged.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Acknowledged {
+    id: i32,
+    pub(crate) cucs: Id,
+    /// By the wall clock.
+    pub(crate) at: Duration,
 }
 
 /// What stations are sent of the commands that were refused to them.
@@ -162,6 +174,7 @@ impl Alerts {
             refusals: Vec::new(),
             agl_sent: false,
             silence: None,
+            acknowledged: Vec::new(),
         }
     }
 
@@ -182,6 +195,8 @@ impl Alerts {
             if standing.text == text && standing.priority == priority {
                 return None;
             }
+            // What was seen was another text.
+            self.acknowledged.retain(|one| one.id != standing.id);
             // The id stays: a CUCS updates the alert that it shows instead of adding another.
             standing.text = text;
             standing.priority = priority;
@@ -396,6 +411,25 @@ impl Alerts {
             _ => false,
         });
         ended.map(|(cause, alert)| (*cause, alert.text.clone()))
+    }
+
+    /// A station acknowledges one that stands: its text, where this station has not done so before.
+    pub(crate) fn acknowledge(&mut self, id: i32, cucs: Id, at: Duration) -> Option<&str> {
+        let (standing, acknowledged) = (&self.standing, &mut self.acknowledged);
+        acknowledged.retain(|one| standing.iter().any(|(_, alert)| alert.id == one.id));
+        let (_, alert) = standing.iter().find(|(_, alert)| alert.id == id)?;
+        let known = |one: &Acknowledged| (one.id, one.cucs) == (id, cucs);
+        if acknowledged.iter().any(known) {
+            return None;
+        }
+        acknowledged.push(Acknowledged { id, cucs, at });
+        Some(&alert.text)
+    }
+
+    /// Who has acknowledged an alert that stands, the first one first.
+    pub(crate) fn acknowledged(&self, alert: &Alert) -> impl Iterator<Item = &Acknowledged> {
+        let id = alert.id;
+        self.acknowledged.iter().filter(move |one| one.id == id)
     }
 
     /// What stands, for a CUCS that starts to listen.

@@ -428,7 +428,12 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn show(&mut self, source: Id, to: &[usize], raised: &Raised) {
         let Raised { alert, first } = raised;
         let (outbox, now) = (&mut *self.outbox, self.now);
-        let messages: Vec<Message> = alert::messages(alert, *first, || outbox.stamp(now))
+        let stamp = || {
+            let stamp = outbox.stamp(now);
+            outbox.note_alert(stamp, alert.id);
+            stamp
+        };
+        let messages: Vec<Message> = alert::messages(alert, *first, stamp)
             .map(Message::SubsystemStatusAlert)
             .collect();
         for message in &messages {

@@ -27,9 +27,12 @@ use mavlink_link::clock::{Ceiling, ClockError, Origin, SigningClock};
 use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::Id;
-use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, Offer, Trailer};
+use stanag_msgs::guard::{
+    ConnectionKey, Direction, GuardKey, Guarded, MAX_GUARDED, Offer, Trailer,
+};
 
 use super::counters::Counters;
+use super::web::Hello;
 
 mod group;
 
@@ -56,6 +59,8 @@ pub struct GuardEnd {
     /// When an empty datagram may be sent again.
     lift_at: Duration,
     verified: u64,
+    /// When a frame of a web client has verified last.
+    framed: Option<Duration>,
     refused: Counters,
 }
 
@@ -169,6 +174,7 @@ impl GuardEnd {
             elsewhere: VecDeque::new(),
             lift_at: Duration::ZERO,
             verified: 0,
+            framed: None,
             refused: Counters::default(),
         };
         end.set_keys(keys, not_before, now, disk)?;
@@ -450,6 +456,36 @@ impl GuardEnd {
         self.seal_under(place, now, &[], out, disk).ok()
     }
 
+    /// The keys of the connection that a web client opens, and the key of the station that it has.
+    pub(crate) fn open_connection(
+        &mut self,
+        now: Duration,
+        hello: &Hello<'_>,
+    ) -> Option<(KeyId, ConnectionKey)> {
+        self.drop_expired(now);
+        let mut keys = self.keys.iter().enumerate();
+        let (place, id, key) =
+            keys.find_map(|(place, one)| Some((place, one.id, hello.verify(&one.key)?)))?;
+        self.in_use = place;
+        Some((id, key))
+    }
+
+    /// A frame of a web client has verified in a connection under this key; false where that is not accepted any more.
+    pub(crate) fn takes_frame(&mut self, now: Duration, key: KeyId) -> bool {
+        let accepted = self.accepts(now, key);
+        if accepted {
+            self.verified += 1;
+            self.framed = Some(now);
+        }
+        accepted
+    }
+
+    /// Whether what is sealed under this key is accepted.
+    pub(crate) fn accepts(&self, now: Duration, key: KeyId) -> bool {
+        let mut keys = self.keys.iter();
+        keys.any(|one| one.id == key && !one.is_over(now))
+    }
+
     /// The keys under which something is believed.
     pub(crate) fn key_ids(&self) -> impl Iterator<Item = KeyId> + '_ {
         self.keys.iter().map(|one| one.id)
@@ -471,7 +507,7 @@ impl GuardEnd {
     #[must_use]
     pub fn status(&self, now: Duration) -> GuardStatus {
         let newest = self.keys.iter().filter_map(|one| one.window.newest);
-        let verified_at = newest.map(|(_, at)| at).max();
+        let verified_at = newest.map(|(_, at)| at).chain(self.framed).max();
         GuardStatus {
             key_id: self.keys.first().map(|one| one.id.to_string()),
             previous_key_id: self.keys.get(1).map(|one| one.id.to_string()),

@@ -107,6 +107,7 @@ pub(crate) mod trace;
 pub(crate) mod trigger;
 mod turns;
 mod two_steps;
+pub mod web;
 mod zeroize;
 
 pub use access::{
@@ -126,7 +127,9 @@ pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, Waypoin
 pub use bridge::status::{
     CurvesStatus, LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus,
 };
-pub use bridge::{Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, link_config};
+pub use bridge::{
+    Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, WebOpened, WebWay, link_config,
+};
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};
 pub use forward::ForwardStatus;

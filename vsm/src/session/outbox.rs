@@ -74,7 +74,8 @@ impl Datagram {
     }
 
     /// Whom it is for.
-    pub(crate) fn destination(&self) -> Id {
+    #[must_use]
+    pub fn destination(&self) -> Id {
         self.destination
     }
 }
@@ -150,6 +151,8 @@ pub(crate) struct Outbox {
     last_stamp_ms: u64,
     /// The same of the latest report of measurements, by source, destination and type.
     measured_ms: BTreeMap<Series, u64>,
+    /// The latest alerts (16000), by their stamps: an acknowledgement (17000) names no more than that.
+    alerts: VecDeque<(TimeStamp, i32)>,
     pub(crate) sent: ByType,
 }
 
@@ -160,6 +163,20 @@ impl Outbox {
         // Two messages within a millisecond still get rising stamps.
         self.last_stamp_ms = now_ms.max(self.last_stamp_ms + 1);
         TimeStamp::from_unix_ms(self.last_stamp_ms)
+    }
+
+    /// An alert was written with this stamp, and has this id.
+    pub(crate) fn note_alert(&mut self, stamp: TimeStamp, id: i32) {
+        if self.alerts.len() == MAX_ALERTS {
+            self.alerts.pop_front();
+        }
+        self.alerts.push_back((stamp, id));
+    }
+
+    /// The id of the alert with this stamp, where it is one of the latest.
+    pub(crate) fn alert_of(&self, stamp: TimeStamp) -> Option<i32> {
+        let found = self.alerts.iter().find(|(known, _)| *known == stamp);
+        found.map(|(_, id)| *id)
     }
 
     /// When the latest message was stamped, ms since 1970: it does not roll over as the stamp does.
@@ -319,6 +336,8 @@ fn stamp_ms(wall: Duration) -> u64 {
 const MAX_QUEUED: usize = 65_536;
 /// Messages that wait for the disk at most, of what one station has led to.
 const MAX_HELD: usize = 256;
+/// Alerts whose acknowledgement is still understood.
+const MAX_ALERTS: usize = 1_024;
 /// A change of the wall clock against monotonic time that is no step.
 const SMALL_STEP: Duration = Duration::from_secs(1);
 /// How long a step forward must last before the stamps follow it.

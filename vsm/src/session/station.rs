@@ -16,6 +16,7 @@ use super::duplicates::Delay;
 use super::editions::Translator;
 use super::guard::GuardEnd;
 use super::station_profile::{Shown, StationProfile};
+use super::web::WebLink;
 use crate::config::{Cucs, Dli, Edition};
 
 /// A CUCS of the configuration.
@@ -42,6 +43,8 @@ pub(crate) struct GroundStation {
     pub(crate) guard: Option<GuardEnd>,
     /// The guard key that has sealed what is handled now.
     pub(crate) sealed_under: Option<KeyId>,
+    /// Its connection, where it is a web client and is there.
+    pub(crate) web: Option<WebLink>,
     /// What the access list allows it.
     pub(crate) permits: Permits,
     /// What it may still send.
@@ -66,6 +69,7 @@ impl GroundStation {
             sends_heartbeats: false,
             guard: None,
             sealed_under: None,
+            web: None,
             permits: Permits::default(),
             allowance: StationAllowance::default(),
             spoken: None,

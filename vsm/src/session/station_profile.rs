@@ -48,6 +48,19 @@ enum Vectors {
 impl StationProfile {
     /// What the configuration says of a station.
     pub(crate) fn of(cucs: &Cucs, dli: &Dli) -> StationProfile {
+        if cucs.web {
+            // Its messages are written as JSON from what is encoded here: as the tables have them, with what is known alone.
+            return StationProfile {
+                edition: Some(Edition::Ed4),
+                checksum: Some(ChecksumStyle::None),
+                spoken: None,
+                presence: Some(Presence::Partial),
+                vectors: Vectors::Nothing,
+                readings: Profile::default(),
+                delivery: Delivery::Unicast,
+                provisional: cucs.provisional.unwrap_or(dli.provisional),
+            };
+        }
         StationProfile {
             edition: cucs.edition,
             checksum: cucs.checksum.map(|Checksum(style)| style),

@@ -11,12 +11,12 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AckType, LoiBitmap};
-use stanag_msgs::messages::UaStickCommand;
+use stanag_msgs::messages::{MessageAcknowledgement, SubsystemStatusAlert, UaStickCommand};
 use stanag_msgs::table::{self, Direction};
 use stanag_msgs::wrapper::{Frame, Header, WrapperError};
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp, ed25};
 
-use super::guards::{Opened, UNAUTHORISED_ADDRESS};
+use super::guards::{DATAGRAM_OF_WEB, Opened, UNAUTHORISED_ADDRESS};
 use super::reach::Arriving;
 use super::{Bridge, destination_as_source};
 use crate::config::Edition;
@@ -35,6 +35,30 @@ impl Bridge {
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         let before = self.trace.then(|| DliTrace::begin(&self.counters));
         let opened = self.open_guarded(now, from, bytes, disk);
+        self.take_traced(now, from, (opened, bytes), before, disk);
+    }
+
+    /// Takes what a web client has sent, as a datagram that its guard has sealed.
+    pub(super) fn take_verified(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        (bytes, index): (&[u8], usize),
+        disk: &mut dyn Disk,
+    ) {
+        let before = self.trace.then(|| DliTrace::begin(&self.counters));
+        let opened = Opened::Verified(bytes, index);
+        self.take_traced(now, from, (opened, bytes), before, disk);
+    }
+
+    fn take_traced(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        (opened, bytes): (Opened<'_>, &[u8]),
+        before: Option<DliTrace>,
+        disk: &mut dyn Disk,
+    ) {
         let bytes = match opened {
             Opened::Plain(inside) | Opened::Verified(inside, _) if ed25::is_ed25(inside) => {
                 self.guarded = opened.station();
@@ -195,8 +219,10 @@ impl Bridge {
             return false;
         }
         self.received.count(header.message_type.into());
-        if let Message::MessageAcknowledgement(_) = message {
-            // It shows that the station's computer is there, which `reach` has noted, and nothing of who sits before it.
+        if let Message::MessageAcknowledgement(answer) = &message {
+            // It shows that the station's computer is there, which `reach` has noted, and nothing of who sits before it: unless
+            // it is of an alert. None requests one, so that no computer sends it by itself.
+            self.acknowledge_alert(now, index, answer, disk);
             return false;
         }
         let station = &mut self.stations[index];
@@ -239,6 +265,36 @@ impl Bridge {
         true
     }
 
+    /// A station has acknowledged an alert, if it is one that stands.
+    fn acknowledge_alert(
+        &mut self,
+        now: Now,
+        index: usize,
+        answer: &MessageAcknowledgement,
+        disk: &mut dyn Disk,
+    ) {
+        if answer.original_message_type != Some(SubsystemStatusAlert::ID) {
+            return;
+        }
+        let cucs = self.stations[index].id();
+        let (mut dli, aircraft) = self.effects(now, disk);
+        let stamp = answer.original_message_time_stamp;
+        let Some(id) = stamp.and_then(|stamp| dli.outbox.alert_of(stamp)) else {
+            return dli.counters.count("acknowledges an unknown alert");
+        };
+        let text = |text: &str| format!("CUCS {cucs} has acknowledged the alert: {text}");
+        for one in aircraft.iter_mut() {
+            let (about, seen) = (one.id(), one.alerts.acknowledge(id, cucs, now.wall));
+            if let Some(seen) = seen.map(text) {
+                return dli.note(LogLevel::Info, about, seen);
+            }
+        }
+        let seen = dli.alerts.acknowledge(id, cucs, now.wall).map(text);
+        if let Some(seen) = seen {
+            dli.note(LogLevel::Info, dli.vsm, seen);
+        }
+    }
+
     /// The index of the station that a frame is from, where it may speak and speaks to us.
     pub(super) fn admit(
         &self,
@@ -259,7 +315,10 @@ impl Bridge {
             .find(|(_, station)| station.id() == header.source && !station.removed)
             .ok_or(Barred::Source { to_us })?;
         if station.config.guard.is_some() && self.guarded.is_none() {
-            return Err(Barred::Unguarded);
+            return Err(match station.config.web {
+                true => Barred::OfWeb,
+                false => Barred::Unguarded,
+            });
         }
         if self.guarded.is_some_and(|guarded| guarded != index) {
             return Err(Barred::OtherSender);
@@ -372,6 +431,8 @@ pub(super) enum Barred {
     Source { to_us: bool },
     /// Listed with a guard, and it came without a trailer.
     Unguarded,
+    /// A web client, and it came as a datagram.
+    OfWeb,
     /// In a datagram that another station's guard has sealed.
     OtherSender,
     /// Listed with another address, this one.
@@ -389,6 +450,7 @@ impl Barred {
             Barred::OurOwn => "our own",
             Barred::Source { .. } => "unauthorised source",
             Barred::Unguarded => UNGUARDED,
+            Barred::OfWeb => DATAGRAM_OF_WEB,
             Barred::OtherSender => "guard: the source is not the sender",
             Barred::Address(_) => UNAUTHORISED_ADDRESS,
             Barred::Edition(_) => "another edition than configured",
@@ -405,6 +467,7 @@ impl Barred {
                 header.checksum,
             )),
             Barred::Unguarded => Some(Fault::Guard(header.source, UNGUARDED)),
+            Barred::OfWeb => Some(Fault::Web(header.source, DATAGRAM_OF_WEB)),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
             Barred::Edition(edition) => Some(Fault::OtherEdition(header.source, edition)),
             Barred::Misaddressed { known: false } => {

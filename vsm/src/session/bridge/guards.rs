@@ -129,12 +129,19 @@ impl Bridge {
         let found = stations.find_map(|(index, one)| {
             let listed = one.config.id == sender && !one.removed;
             let end = one.guard.as_mut().filter(|_| listed)?;
-            Some((index, end, one.config.address))
+            Some((index, end, one.config.address, one.config.web))
         });
-        let Some((index, end, address)) = found else {
+        let Some((index, end, address, web)) = found else {
             self.counters.count("guard: sender without a guard key");
             return Opened::Dropped;
         };
+        // One way for each station: a key that is in a browser is not one for datagrams too.
+        if web {
+            self.counters.count(DATAGRAM_OF_WEB);
+            let fault = Fault::Web(sender, DATAGRAM_OF_WEB);
+            self.evidence.note(now.mono, from, fault);
+            return Opened::Dropped;
+        }
         // Before its stamp is used up: a copy from elsewhere that is faster must not cost the station its own datagram.
         if let Some(expected) = address.filter(|one| *one != from.ip()) {
             self.counters.count(UNAUTHORISED_ADDRESS);
@@ -295,4 +302,5 @@ const OUR_OWN: &str = "our own";
 const UNDER_GROUP_KEY: &str = "guard: under a group key, which commands nothing";
 /// Steps that wait for their machine: more than an honest exchange has on its way.
 const MAX_STEPS: usize = 32;
+pub(super) const DATAGRAM_OF_WEB: &str = "web: datagram of a web client";
 pub(super) const UNAUTHORISED_ADDRESS: &str = "unauthorised address";

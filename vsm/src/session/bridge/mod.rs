@@ -4,7 +4,7 @@
 //! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
 //! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
 //! `forwards`: other ground stations; `files`: files of a vehicle;
-//! `guards`: CUCSs with a guard key; `access`: the access list; `zeroize`: an order to erase all that this VSM has; `editions`:
+//! `guards`: CUCSs with a guard key; `web`: those that come by a WebSocket; `access`: the access list; `zeroize`: an order to erase all that this VSM has; `editions`:
 //! stations of Edition 2.5; `status`: what the bridge is doing; `map`: what a map shows beside it; `reload`: another
 //! configuration while it runs.
 
@@ -24,6 +24,7 @@ mod reload;
 pub(crate) mod status;
 mod vehicles;
 mod watch;
+mod web;
 mod zeroize;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -40,6 +41,7 @@ use stanag_msgs::{Id, Profile};
 pub use self::forwards::PreparedForwards;
 use self::port::Port;
 pub use self::vehicles::link_config;
+pub use self::web::{WebOpened, WebWay};
 use super::access::Gate;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
@@ -61,6 +63,7 @@ use super::paths::{Limits, Paths};
 use super::reports::VehicleSettings;
 use super::station::GroundStation;
 use super::trace;
+use super::web::WebRefusal;
 use super::zeroize::Zeroize;
 use crate::config::Config;
 
@@ -120,6 +123,8 @@ pub struct Bridge {
     offered: BTreeMap<Id, Duration>,
     /// Steps of an exchange about a guard key, and where they came from.
     guard_steps: VecDeque<(SocketAddr, Box<[u8]>)>,
+    /// Connections of web clients that end.
+    web_ends: Vec<(u64, WebRefusal)>,
     /// The station whose message is being handled.
     asker: Option<usize>,
     /// What is on its way to stations of Edition 2.5.
@@ -219,6 +224,7 @@ impl Bridge {
             guard_group: None,
             offered: BTreeMap::new(),
             guard_steps: VecDeque::new(),
+            web_ends: Vec::new(),
             asker: None,
             translated: VecDeque::new(),
             sent_to_group: VecDeque::new(),
@@ -272,7 +278,8 @@ impl Bridge {
             else {
                 continue;
             };
-            if let Some(peer) = known.peer {
+            // A web client is where its connection is.
+            if let Some(peer) = known.peer.filter(|_| !station.config.web) {
                 self.paths.restore(now, index, peer, known.proven);
                 station.peer = self.paths.peer(index);
                 station.proven = self.paths.is_proven(index);
@@ -324,6 +331,7 @@ impl Bridge {
         self.watch_forwards(now, disk);
         self.watch_paths(now, disk);
         self.keep_guards(now, disk);
+        self.watch_web(now.mono);
         self.watch_access(now, disk);
         self.watch_findings(now, disk);
         self.show_holders(now, disk);

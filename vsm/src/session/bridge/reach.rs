@@ -216,7 +216,7 @@ impl Bridge {
     }
 
     /// Sends a station what a new listener is sent: the vehicles, and the alerts that stand.
-    fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+    pub(super) fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
             one.ask_authority(&mut dli, Input::Returned { station: index });

@@ -16,6 +16,7 @@ use super::Bridge;
 use super::access::RightsStatus;
 use crate::session::access::AccessStatus;
 use crate::session::aircraft::Aircraft;
+use crate::session::alerts::Acknowledged;
 use crate::session::authority::rules::Stage;
 use crate::session::counters::{ByType, Counters};
 use crate::session::findings::Finding;
@@ -24,6 +25,7 @@ use crate::session::guard::GuardStatus;
 use crate::session::link::encryption_status::EncryptionStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
 use crate::session::payload;
+use crate::session::web::WebStatus;
 
 /// The whole bridge.
 #[derive(Debug, Clone, Serialize)]
@@ -93,6 +95,8 @@ pub struct StationStatus {
     pub silent_s: Option<f64>,
     /// How its guard stands; none where it has none, and is whoever writes its id.
     pub guard: Option<GuardStatus>,
+    /// Its connection, where it is a web client.
+    pub web: Option<WebStatus>,
     /// Lines of its `[[cucs]]` that would fix how it speaks, by what was received.
     pub profile: Vec<String>,
 }
@@ -170,6 +174,17 @@ pub struct AlertStatus {
     pub priority: String,
     /// Its text.
     pub text: String,
+    /// Who has acknowledged it, as it stands now.
+    pub acknowledged: Vec<AcknowledgedStatus>,
+}
+
+/// A ground station that has acknowledged an alert.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AcknowledgedStatus {
+    /// CUCS ID.
+    pub cucs: String,
+    /// When, ms since 1970.
+    pub at_ms: u64,
 }
 
 /// Where a sensor of a vehicle looks.
@@ -342,6 +357,7 @@ impl Bridge {
         let listed = each.filter(|(_, station)| !station.removed);
         let stations = listed.map(|(index, station)| StationStatus {
             guard: self.guard_status(index, now),
+            web: self.web_status(index, now),
             id: station.id().to_string(),
             address: station.peer.map(|peer| peer.to_string()),
             proof: match (station.proven, station.config.address) {
@@ -482,12 +498,17 @@ pub(crate) fn motion(telemetry: &Telemetry) -> MotionStatus {
 }
 
 fn alerts(aircraft: &Aircraft) -> Vec<AlertStatus> {
+    let seen = |one: &Acknowledged| AcknowledgedStatus {
+        cucs: one.cucs.to_string(),
+        at_ms: u64::try_from(one.at.as_millis()).unwrap_or(u64::MAX),
+    };
     let mut standing: Vec<_> = aircraft.alerts.standing().collect();
     standing.sort_by_key(|alert| Reverse(alert.priority.raw()));
     let shown = standing.into_iter().map(|alert| AlertStatus {
         id: alert.id,
         priority: alert.priority.to_string(),
         text: alert.text.clone(),
+        acknowledged: aircraft.alerts.acknowledged(alert).map(seen).collect(),
     });
     shown.collect()
 }

@@ -25,6 +25,8 @@ pub(crate) enum Fault {
     OtherEdition(Id, Edition),
     /// Its source has a guard, which it did not come from: by this counter.
     Guard(Id, &'static str),
+    /// It is a web client, and what came in its name is not believed: by this counter.
+    Web(Id, &'static str),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
     /// Its checksum does not fit, under this style; and how it would.
@@ -79,6 +81,7 @@ impl Fault {
             | Fault::Address(..)
             | Fault::OtherEdition(..)
             | Fault::Guard(..)
+            | Fault::Web(..)
             | Fault::Misaddressed(..) => 1,
             _ => 3,
         }
@@ -160,7 +163,9 @@ impl Seen {
             | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
             // A forger's one reason hides no other, which may be an honest guard's.
-            (Fault::Guard(..), Fault::Guard(..)) => self.fault == fault,
+            (Fault::Guard(..), Fault::Guard(..)) | (Fault::Web(..), Fault::Web(..)) => {
+                self.fault == fault
+            }
             (one, other) => {
                 std::mem::discriminant(&one) == std::mem::discriminant(&other)
                     && self.from.ip() == from.ip()
@@ -216,7 +221,7 @@ impl DliEvidence {
             .iter()
             .map(|one| std::mem::discriminant(&one.fault));
         // Of guards there are as many as there are stations with one and reasons, however many forge.
-        let bounded = matches!(fault, Fault::Guard(..));
+        let bounded = matches!(fault, Fault::Guard(..) | Fault::Web(..));
         if bounded || kinds.by_ref().filter(|one| *one == kind).count() < PLACES {
             self.seen.push(Seen {
                 fault,
@@ -239,7 +244,7 @@ impl DliEvidence {
             | Fault::OtherEdition(id, _)
             | Fault::Misaddressed(id, _) => id != source,
             // A forger's beside its own: shown as long as it lasts.
-            Fault::Guard(..) => true,
+            Fault::Guard(..) | Fault::Web(..) => true,
             fault => !fault.is_broken() || one.from.ip() != from.ip(),
         });
     }
@@ -318,6 +323,12 @@ fn span(off: Duration) -> String {
     }
 }
 
+/// Two reasons of one station stand beside each other.
+fn key_of(id: Id, why: &str) -> u32 {
+    let mixed = |key: u32, byte| key.rotate_left(5) ^ u32::from(byte);
+    why.bytes().fold(id.0, mixed)
+}
+
 fn finding(one: &Seen) -> Finding {
     let ip = one.from.ip();
     let of_ip = match ip {
@@ -361,9 +372,19 @@ fn finding(one: &Seen) -> Finding {
                  than an hour; if it does, somebody else writes in its name"
                     .to_owned(),
             );
-            // Two reasons of one station stand beside each other.
-            let mixed = |key: u32, byte| key.rotate_left(5) ^ u32::from(byte);
-            finding.key = why.bytes().fold(id.0, mixed);
+            finding.key = key_of(id, why);
+            finding
+        }
+        Fault::Web(id, why) => {
+            let mut finding = of_cucs(
+                Code::CucsGuard,
+                id,
+                format!("is a web client, and what comes in its name from {ip} is not believed ({why})"),
+                "have it connect to the page's address by /control, with the key file that its [[cucs]] names; if it does, \
+                 somebody else uses its name"
+                    .to_owned(),
+            );
+            finding.key = key_of(id, why);
             finding
         }
         Fault::OtherEdition(id, edition) => of_cucs(

@@ -187,6 +187,27 @@ impl Paths {
         station.current = Some(path);
     }
 
+    /// A station is at the other end of a connection: a challenge was answered there, so that it is proven as long as that lasts.
+    pub(crate) fn connect(&mut self, now: Duration, index: usize, peer: SocketAddr) {
+        if let Some(station) = self.stations.get_mut(index) {
+            let path = station.path(now, peer);
+            station.current = Some(Path {
+                trusted: true,
+                proven: Some(now),
+                ..path
+            });
+            station.forget_rest();
+        }
+    }
+
+    /// Its connection has ended: it is nowhere.
+    pub(crate) fn disconnect(&mut self, index: usize) {
+        if let Some(station) = self.stations.get_mut(index) {
+            station.current = None;
+            station.forget_rest();
+        }
+    }
+
     /// A message of `bytes` has come from an address. `controls`: the station holds LOI 3, 4 or 5.
     pub(crate) fn arrived(
         &mut self,
@@ -414,6 +435,12 @@ impl Station {
             self.missed = true;
         }
         // What waits was meant for there: here it could be more than three times what came from here.
+        self.waiting.clear();
+    }
+
+    /// What was of another place, or on its way there.
+    fn forget_rest(&mut self) {
+        self.candidates.clear();
         self.waiting.clear();
     }
 

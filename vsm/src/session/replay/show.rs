@@ -40,6 +40,7 @@ impl Timeline {
                 proof: "recorded",
                 silent_s: Some(moment.saturating_sub(*at).as_secs_f64()),
                 guard: None,
+                web: None,
                 profile: Vec::new(),
             })
         });

@@ -252,6 +252,7 @@ impl OfVehicle {
                 id: number,
                 priority: priority.to_string(),
                 text: text.clone(),
+                acknowledged: Vec::new(),
             };
             standing.push((priority.raw(), alert));
         }

@@ -22,6 +22,7 @@ pub async fn serve(listener: TcpListener, timeline: Timeline, stop: impl Future<
     let page = web::serve(
         listener,
         Vec::new(),
+        None,
         Rc::default(),
         Rc::new(Replay(timeline)),
     );

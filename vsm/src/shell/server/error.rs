@@ -24,6 +24,9 @@ pub enum StartError {
     /// The thread that writes to the store.
     #[error("the [store] dir: {0}")]
     Writer(io::Error),
+    /// The thread of the web clients.
+    #[error("[web] control: no thread for its connections: {0}")]
+    WebClients(io::Error),
     /// Elevation files.
     #[error(transparent)]
     Terrain(#[from] TerrainFault),

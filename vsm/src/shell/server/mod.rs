@@ -13,6 +13,7 @@ mod reload;
 mod shared;
 mod tasks;
 mod vehicle;
+mod web;
 mod zeroize;
 
 pub use error::StartError;
@@ -40,7 +41,8 @@ use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
-use super::web;
+use super::web as page;
+use super::web::control::{Door, Reports};
 use crate::session::Status;
 
 /// A bridge with its sockets open, ready to serve.
@@ -61,6 +63,8 @@ pub struct Server {
     /// What has come of it.
     agreed: UnboundedReceiver<Done>,
     page: Option<(TcpListener, Vec<String>)>,
+    /// The WebSocket of the page, where web clients may control.
+    control: Option<(Door, Reports)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
     /// What a reload asks for the addresses of hosts.
@@ -141,6 +145,7 @@ impl Server {
             pairing,
             agreed,
             page,
+            control,
             reload,
             resolver,
         } = self;
@@ -203,10 +208,17 @@ impl Server {
         tasks.spawn(&local, "zeroize", |beat| {
             zeroize::serve(of_all, beat, zeroize)
         });
+        let (door, reports) = control.unzip();
         if let Some((listener, hosts)) = page {
             let of_all = shared.clone();
             tasks.spawn(&local, "status page", |beat| {
-                web::serve(listener, hosts, beat, of_all)
+                page::serve(listener, hosts, door, beat, of_all)
+            });
+        }
+        if let Some(reports) = reports {
+            let of_all = shared.clone();
+            tasks.spawn(&local, "web clients", |beat| {
+                web::serve(of_all, beat, reports)
             });
         }
         if let Some((path, listener)) = reload {

@@ -30,6 +30,7 @@ use crate::shell::pairing_socket;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::sockets::{DliSockets, Hosts, ask_system};
 use crate::shell::status_socket;
+use crate::shell::web::control::{self, Clients};
 
 impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
@@ -115,6 +116,10 @@ impl Server {
             .as_ref()
             .map(|http| Ok::<_, StartError>((listen(http.listen)?, http.hosts.clone())))
             .transpose()?;
+        let control = (config.web.control)
+            .then(|| control::open(config.dli.vsm_id))
+            .transpose()
+            .map_err(StartError::WebClients)?;
         let status = status_socket::listen(&config.store.dir, status_socket::STATUS)
             .map_err(StartError::Status)?;
         let settings = status_socket::listen(&config.store.dir, status_socket::SETTINGS)
@@ -153,6 +158,7 @@ impl Server {
                 exchanges,
                 encryptions,
                 guard_thread,
+                web: Clients::default(),
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),
@@ -172,6 +178,7 @@ impl Server {
             pairing,
             agreed,
             page,
+            control,
             reload: None,
             resolver: ask_system,
         })

@@ -21,6 +21,7 @@ use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::VehicleWriter;
+use crate::shell::web::control::Clients;
 use crate::shell::web::{Event, Events, PageInfo, Source};
 
 /// Writes to the log what a machine has to report.
@@ -90,6 +91,8 @@ pub(super) struct Core {
     pub(super) encryptions: Vec<(usize, Encryption)>,
     /// Agrees about keys with the guards of CUCSs.
     pub(super) guard_thread: GuardThread,
+    /// The web clients that are connected.
+    pub(super) web: Clients,
 }
 
 impl Core {
@@ -204,6 +207,9 @@ impl Shared {
                     .count_dropped("guard: too many steps of exchanges at once");
             }
         }
+        while let Some((number, why)) = core.bridge.poll_web_end() {
+            core.web.end(number, why);
+        }
         if core.bridge.zeroize_to_store() {
             self.zeroize.notify_one();
         }
@@ -235,7 +241,10 @@ impl Shared {
 
 impl Source for Rc<Shared> {
     fn page(&self) -> PageInfo {
-        PageInfo::default()
+        PageInfo {
+            control: self.core.borrow().config.web.control,
+            ..PageInfo::default()
+        }
     }
 
     fn status(&self, _moment: Option<Duration>) -> Status {

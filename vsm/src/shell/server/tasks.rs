@@ -14,7 +14,7 @@ use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
 
 use super::shared::{Core, Shared, write_log};
-use crate::session::{Destination, OutFrame, Peer};
+use crate::session::{Datagram, Destination, OutFrame, Peer, WebWay};
 use crate::shell::interfaces::listen_elsewhere;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
@@ -223,6 +223,9 @@ pub(super) async fn send(
             {
                 recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
             }
+            if pass_to_web(&shared, &datagram) {
+                continue;
+            }
             let to = match datagram.to {
                 Destination::Multicast => to,
                 Destination::Unicast(to) => reached(to),
@@ -239,6 +242,22 @@ pub(super) async fn send(
             }
         }
     }
+}
+
+/// True where the datagram is for a web client: it is in that one's queue, or nobody is there to have it.
+fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
+    let mut core = shared.core.borrow_mut();
+    let Core { bridge, web, .. } = &mut *core;
+    match bridge.web_way(datagram.destination()) {
+        WebWay::Datagrams => return false,
+        WebWay::Nowhere => {}
+        WebWay::Connection(number) => {
+            if let Err(why) = web.send(number, datagram.bytes()) {
+                bridge.close_web(shared.clock.mono(), number, Some(why));
+            }
+        }
+    }
+    true
 }
 
 /// Sends what is for other ground stations, last of all. A socket that has no room loses it, as on any link.

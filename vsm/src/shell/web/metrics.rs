@@ -46,6 +46,16 @@ pub(super) fn text(status: &Status) -> String {
     for station in &status.stations {
         all.optional(&format!("cucs=\"{}\"", station.id), station.silent_s);
     }
+    all.family(
+        "web_client_connected",
+        "gauge",
+        "1 where the web client is connected to /control.",
+    );
+    for station in &status.stations {
+        let connected = station.web.as_ref().map(|web| web.connected);
+        let value = connected.map(|connected| f64::from(u8::from(connected)));
+        all.optional(&format!("cucs=\"{}\"", station.id), value);
+    }
     all.gauge(
         status,
         "vehicle_live",

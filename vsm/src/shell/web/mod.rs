@@ -1,5 +1,5 @@
-//! `[http] listen`: the operator's page, /status.json, /map.json, /events.json and /metrics. Nothing can be commanded here,
-//! only read.
+//! `[http] listen`: the operator's page, /status.json, /map.json, /events.json and /metrics, which are read; and /control, where
+//! `[web] control` allows it: a WebSocket by which ground stations come (`control`).
 //!
 //! `source` is what the page asks of the bridge, `routes` what is answered to which request, `events` what the bridge has logged of late, `metrics` the format of
 //! Prometheus; `page` holds the page itself: HTML, style, ES modules, and Leaflet for the map. All of it is in the
@@ -11,6 +11,7 @@
 //! A connection has one answer. Of those that are open the one that has sent no request for longest makes room for the
 //! next: however many send nothing, a request is answered.
 
+pub mod control;
 mod events;
 mod metrics;
 mod routes;
@@ -37,21 +38,29 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinError, JoinSet};
 
+use self::control::Door;
 pub use self::events::{Event, Events};
 use self::routes::{Kept, Query};
 pub use self::source::{PageInfo, Source, Span};
 use super::tasks::Beat;
 use super::test_fault;
+use crate::session::web::WebRefusal;
 
 /// Serves until it is dropped. `hosts`: names that it may be asked by, beside `localhost` and its addresses.
 ///
 /// # Panics
 /// Where a connection has panicked: this task ends by it, and with it the program.
-pub async fn serve(listener: TcpListener, hosts: Vec<String>, beat: Rc<Beat>, source: impl Source) {
+pub async fn serve(
+    listener: TcpListener,
+    hosts: Vec<String>,
+    door: Option<Door>,
+    beat: Rc<Beat>,
+    source: impl Source,
+) {
     let hosts: Rc<[String]> = hosts.into();
     // Handlers of axum may run on any thread, the bridge is of this one: they ask, and it is answered here.
     let (queries, mut asked) = mpsc::channel(MAX_CONNECTIONS);
-    let routes = routes::all(queries);
+    let routes = routes::all(queries).merge(control::routes(door.clone()));
     let mut kept = Kept::default();
     let mut connections = JoinSet::new();
     let mut open: VecDeque<Connection> = VecDeque::new();
@@ -74,7 +83,7 @@ pub async fn serve(listener: TcpListener, hosts: Vec<String>, beat: Rc<Beat>, so
         });
         match accepted.await {
             None => open.retain(|connection| !connection.task.is_finished()),
-            Some(Ok((stream, _))) => {
+            Some(Ok((stream, from))) => {
                 if open.len() >= MAX_CONNECTIONS {
                     let idle = open.iter().position(|connection| !connection.sent.get());
                     if let Some(connection) = open.remove(idle.unwrap_or(0)) {
@@ -82,7 +91,9 @@ pub async fn serve(listener: TcpListener, hosts: Vec<String>, beat: Rc<Beat>, so
                     }
                 }
                 let sent = Rc::new(Cell::new(false));
-                let served = answer_one(stream, hosts.clone(), routes.clone(), sent.clone());
+                let from = SocketAddr::new(from.ip().to_canonical(), from.port());
+                let of_one = (stream, from, door.clone());
+                let served = answer_one(of_one, hosts.clone(), routes.clone(), sent.clone());
                 let task = connections.spawn_local(test_fault::broken("page connection", served));
                 open.push_back(Connection { sent, task });
             }
@@ -100,13 +111,28 @@ struct Connection {
     task: AbortHandle,
 }
 
-async fn answer_one(stream: TcpStream, hosts: Rc<[String]>, routes: Router, sent: Rc<Cell<bool>>) {
+async fn answer_one(
+    (stream, from, door): (TcpStream, SocketAddr, Option<Door>),
+    hosts: Rc<[String]>,
+    routes: Router,
+    sent: Rc<Cell<bool>>,
+) {
     let Ok(here) = stream.local_addr() else {
         return;
     };
-    let answer = service_fn(move |request: Request<Incoming>| {
+    let answer = service_fn(move |mut request: Request<Incoming>| {
         sent.set(true);
         let checked = check_source(&request, here, &hosts);
+        if let (Err((code, _)), Some(door)) = (&checked, &door)
+            && request.uri().path() == control::PATH
+        {
+            let why = match *code {
+                StatusCode::FORBIDDEN => WebRefusal::Origin,
+                _ => WebRefusal::Host,
+            };
+            door.refuse(from, why);
+        }
+        request.extensions_mut().insert(control::From(from));
         let routes = TowerToHyperService::new(routes.clone());
         async move {
             match checked {
@@ -121,7 +147,8 @@ async fn answer_one(stream: TcpStream, hosts: Rc<[String]>, routes: Router, sent
         .max_buf_size(MAX_HEADER_BYTES)
         // One answer a connection: a client that stays connected would hold one of the few places.
         .keep_alive(false)
-        .serve_connection(TokioIo::new(stream), answer);
+        .serve_connection(TokioIo::new(stream), answer)
+        .with_upgrades();
     // The whole of it has a time-out too: a client that reads its answer byte by byte is not waited for. A body is
     // not read at all.
     if let Ok(Err(cause)) = tokio::time::timeout(ANSWER_WITHIN, served).await {
@@ -248,7 +275,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("its address");
         let hosts = vec!["vsm.example".to_owned()];
-        tokio::task::spawn_local(serve(listener, hosts, Rc::default(), Nothing));
+        tokio::task::spawn_local(serve(listener, hosts, None, Rc::default(), Nothing));
         address
     }
 

@@ -99,7 +99,7 @@ pub(super) fn all(queries: Queries) -> Router {
             get(|State(to)| ask(to, Query::Metrics, PROMETHEUS)),
         )
         .fallback(async || text(StatusCode::NOT_FOUND, THERE_ARE))
-        // Commands go through the DLI alone, where the level of interoperability is checked.
+        // Commands go through the DLI alone, where the level of interoperability is checked: web clients' too (`control`).
         .method_not_allowed_fallback(async || text(StatusCode::METHOD_NOT_ALLOWED, ONLY_GET))
         .with_state(queries)
 }

@@ -1,0 +1,93 @@
+//! `[http]` and `[web]`: where the page is, whether stations may come by its WebSocket, and what that needs of the rest of the
+//! file.
+
+use std::net::SocketAddr;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::error::{Fault, fault};
+use super::key::WhenAbsent::{Nothing, Value};
+use super::key::table;
+use super::station::Cucs;
+
+table! {
+    /// `[http]`
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Http {
+        /// TCP address of the status page
+        pub listen: SocketAddr => Nothing("none"),
+        /// Names that it may be requested by, beside `localhost` and its address: those of a proxy before it
+        #[serde(default)]
+        pub hosts: Vec<String> => Value("[]"),
+    }
+}
+
+table! {
+    /// `[web]`
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Web {
+        /// Take the CUCSs with `web = true` by a WebSocket of the page, `/control`, under their guard keys
+        /// ([websocket.md](../guide/websocket.md)). `http.listen` must be an address of loopback then
+        pub control: bool => Value("false"),
+    }
+}
+
+impl Web {
+    /// What the rest of the file must have for it.
+    pub(super) fn check(self, http: Option<&Http>, cucs: &[Spanned<Cucs>]) -> Result<(), Fault> {
+        for spanned in cucs {
+            self.check_station(spanned.get_ref(), spanned.span().start)?;
+        }
+        if !self.control {
+            return Ok(());
+        }
+        let Some(http) = http else {
+            let expected = "an address of the page, [http] listen = \"127.0.0.1:8586\"";
+            return fault(0, "web.control", "true without [http]", expected);
+        };
+        if !http.listen.ip().is_loopback() {
+            // Over a network in the clear the page itself could be changed on its way, and with it the key taken that is typed
+            // into it.
+            let expected = "an address of loopback such as 127.0.0.1:8586, since web.control is true: from elsewhere by a proxy \
+                            with TLS on this computer, or ssh -L";
+            return fault(0, "http.listen", http.listen, expected);
+        }
+        Ok(())
+    }
+
+    fn check_station(self, cucs: &Cucs, at: usize) -> Result<(), Fault> {
+        if !cucs.web {
+            return Ok(());
+        }
+        if !self.control {
+            return fault(
+                at,
+                "cucs.web",
+                true,
+                "[web] control = true, or no such line",
+            );
+        }
+        if cucs.guard.is_none() {
+            let expected =
+                "guard = { key_file = \"FILE\" } beside it: a web client has no other proof";
+            return fault(at, "cucs.web", "true without a guard", expected);
+        }
+        let set = [
+            ("cucs.edition", cucs.edition.is_some()),
+            ("cucs.checksum", cucs.checksum.is_some()),
+            ("cucs.presence", cucs.presence.is_some()),
+            ("cucs.disputed", cucs.disputed.set().next().is_some()),
+        ];
+        match set.into_iter().find(|(_, set)| *set) {
+            None => Ok(()),
+            Some((key, _)) => {
+                let expected =
+                    "no such key: what a web client is sent is JSON, with what is known in it";
+                fault(at, key, "set, with web = true", expected)
+            }
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! One connection of a web client, from its challenge to its last frame.
+//!
+//! It serves its client alone: while that does not read, nothing of it is read either, and what it is sent waits in a queue that has
+//! an end. Whatever ends it is reported by name.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use axum::extract::ws::{CloseFrame, Message, WebSocket};
+use stanag_msgs::Id;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+
+use super::route;
+use super::{Admitted, Report};
+use crate::session::web::{Body, Hello, Request, Unusable, WebRefusal, challenge};
+use crate::shell::key_file::system_random;
+
+/// Serves a connection to its end. `verified` is called once its client has shown its key.
+pub(super) async fn run(
+    mut socket: WebSocket,
+    (number, from): (u64, SocketAddr),
+    vsm: Id,
+    reports: mpsc::Sender<Report>,
+    verified: impl FnOnce(),
+) {
+    let opened = timeout(
+        HELLO_WITHIN,
+        open(&mut socket, (number, from), vsm, &reports),
+    );
+    let why = match opened
+        .await
+        .unwrap_or(Err(Ended::Refused(WebRefusal::NoHello)))
+    {
+        Ok(admitted) => {
+            verified();
+            let ended = Connection::new((number, from), admitted, reports.clone())
+                .serve(&mut socket)
+                .await;
+            let why = ended.refusal();
+            let _ = reports.send(Report::Closed { number, why }).await;
+            ended
+        }
+        Err(ended) => {
+            if let Ended::Refused(why) = ended {
+                let _ = reports.send(Report::Refused { from, why }).await;
+            }
+            ended
+        }
+    };
+    if let Ended::Refused(why) | Ended::Told(why) = why {
+        let frame = CloseFrame {
+            code: why.code(),
+            reason: why.reason().into(),
+        };
+        let _ = timeout(CLOSE_WITHIN, socket.send(Message::Close(Some(frame)))).await;
+    }
+}
+
+/// How a connection ends.
+#[derive(Debug, Clone, Copy)]
+enum Ended {
+    /// The client has left.
+    Left,
+    /// It is refused here, which is to be counted.
+    Refused(WebRefusal),
+    /// The bridge ends it, and has counted that.
+    Told(WebRefusal),
+}
+
+impl Ended {
+    fn refusal(self) -> Option<WebRefusal> {
+        match self {
+            Ended::Refused(why) => Some(why),
+            Ended::Left | Ended::Told(_) => None,
+        }
+    }
+}
+
+/// Challenge, hello and welcome.
+async fn open(
+    socket: &mut WebSocket,
+    (number, from): (u64, SocketAddr),
+    vsm: Id,
+    reports: &mpsc::Sender<Report>,
+) -> Result<Admitted, Ended> {
+    let mut of_vsm = [0; 32];
+    system_random(&mut of_vsm).map_err(|_| Ended::Refused(WebRefusal::NoHello))?;
+    send(socket, challenge(vsm, &of_vsm)).await?;
+    let frame = loop {
+        match receive(socket).await? {
+            Received::Frame(frame) => break frame,
+            Received::Other => {}
+        }
+    };
+    // What is no hello is none of the bridge's business.
+    Hello::parse(&frame, vsm, of_vsm).map_err(Ended::Refused)?;
+    let (answer, answered) = oneshot::channel();
+    let hello = Report::Hello {
+        number,
+        from,
+        of_vsm,
+        frame,
+        answer,
+    };
+    let ends = Ended::Told(WebRefusal::Ends);
+    reports.send(hello).await.map_err(|_| ends)?;
+    let admitted = answered.await.map_err(|_| ends)?;
+    // Who says nothing of the reason does so here alone: the bridge has counted it.
+    let admitted = admitted.map_err(Ended::Told)?;
+    send(socket, admitted.welcome.clone()).await?;
+    Ok(admitted)
+}
+
+struct Connection {
+    number: u64,
+    from: SocketAddr,
+    admitted: Admitted,
+    reports: mpsc::Sender<Report>,
+    opened: Instant,
+    /// When the client has answered a ping last, and sent anything.
+    answered: Instant,
+    received: Instant,
+    /// Messages of a route that have not gone to the bridge yet.
+    route: VecDeque<Vec<u8>>,
+}
+
+impl Connection {
+    fn new(
+        (number, from): (u64, SocketAddr),
+        admitted: Admitted,
+        reports: mpsc::Sender<Report>,
+    ) -> Connection {
+        let now = Instant::now();
+        Connection {
+            number,
+            from,
+            admitted,
+            reports,
+            opened: now,
+            answered: now,
+            received: now,
+            route: VecDeque::new(),
+        }
+    }
+
+    async fn serve(mut self, socket: &mut WebSocket) -> Ended {
+        let mut pings = interval(PING_EVERY);
+        pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut pace = interval(ROUTE_PACE);
+        pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let done = tokio::select! {
+                received = receive(socket) => match received {
+                    Ok(received) => self.take(socket, received).await,
+                    Err(ended) => Err(ended),
+                },
+                Some(datagram) = self.admitted.queue.recv() => self.pass(socket, &datagram).await,
+                ended = &mut self.admitted.ends => {
+                    return Ended::Told(ended.unwrap_or(WebRefusal::Ends));
+                }
+                _ = pings.tick() => self.ping(socket).await,
+                _ = pace.tick(), if !self.route.is_empty() => self.send_route().await,
+            };
+            if let Err(ended) = done {
+                return ended;
+            }
+        }
+    }
+
+    /// A datagram of the bridge to the client.
+    async fn pass(&mut self, socket: &mut WebSocket, datagram: &[u8]) -> Result<(), Ended> {
+        for frame in self.admitted.end.seal_datagram(datagram) {
+            self.send(socket, frame).await?;
+        }
+        Ok(())
+    }
+
+    /// The bridge may end it meanwhile, such as for a full queue: a client that reads nothing is not waited for.
+    async fn send(&mut self, socket: &mut WebSocket, frame: String) -> Result<(), Ended> {
+        tokio::select! {
+            sent = timeout(SILENCE, send(socket, frame)) => {
+                sent.unwrap_or(Err(Ended::Refused(WebRefusal::TooSlow)))
+            }
+            ended = &mut self.admitted.ends => Err(Ended::Told(ended.unwrap_or(WebRefusal::Ends))),
+        }
+    }
+
+    async fn take(&mut self, socket: &mut WebSocket, received: Received) -> Result<(), Ended> {
+        let now = Instant::now();
+        self.received = now;
+        let frame = match received {
+            Received::Frame(frame) => frame,
+            Received::Other => {
+                self.answered = now;
+                return Ok(());
+            }
+        };
+        let since = now.saturating_duration_since(self.opened);
+        let opened = self.admitted.end.open(since, &frame);
+        match opened.map_err(Ended::Refused)? {
+            Ok((_, Request::Message(bytes))) => self.report(bytes).await,
+            Ok((of, Request::Route(file))) => {
+                let taken = match self.route.is_empty() {
+                    true => route::datagrams(&file, self.admitted.cucs),
+                    false => Err("route: the one before is still on its way".to_owned()),
+                };
+                let frame = match taken {
+                    Ok(taken) => {
+                        let frame = self.admitted.end.seal(&Body::Route {
+                            of,
+                            messages: taken.datagrams.len(),
+                            load: taken.load,
+                            lost: &taken.lost,
+                        });
+                        self.route = taken.datagrams.into();
+                        frame
+                    }
+                    Err(why) => self.admitted.end.seal(&Body::Error { of, why: &why }),
+                };
+                self.send(socket, frame).await
+            }
+            Err(Unusable { of, why }) => {
+                let frame = self.admitted.end.seal(&Body::Error { of, why: &why });
+                self.send(socket, frame).await
+            }
+        }
+    }
+
+    async fn report(&mut self, bytes: Vec<u8>) -> Result<(), Ended> {
+        let report = Report::Datagram {
+            number: self.number,
+            from: self.from,
+            bytes,
+        };
+        let sent = self.reports.send(report).await;
+        sent.map_err(|_| Ended::Told(WebRefusal::Ends))
+    }
+
+    /// The next messages of a route: no more than a station may send, or they would be dropped.
+    async fn send_route(&mut self) -> Result<(), Ended> {
+        for _ in 0..ROUTE_BATCH {
+            let Some(bytes) = self.route.pop_front() else {
+                break;
+            };
+            self.report(bytes).await?;
+        }
+        Ok(())
+    }
+
+    async fn ping(&mut self, socket: &mut WebSocket) -> Result<(), Ended> {
+        let now = Instant::now();
+        if now.saturating_duration_since(self.answered) > SILENCE {
+            // Who sends and answers no ping reads nothing.
+            let sends = now.saturating_duration_since(self.received) <= SILENCE;
+            return Err(Ended::Refused(if sends {
+                WebRefusal::TooSlow
+            } else {
+                WebRefusal::Dead
+            }));
+        }
+        let ping = Message::Ping(bytes::Bytes::new());
+        match timeout(SILENCE, socket.send(ping)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) => Err(Ended::Left),
+            Err(_) => Err(Ended::Refused(WebRefusal::Dead)),
+        }
+    }
+}
+
+enum Received {
+    Frame(String),
+    /// An answer to a ping, or a ping.
+    Other,
+}
+
+async fn receive(socket: &mut WebSocket) -> Result<Received, Ended> {
+    match socket.recv().await {
+        Some(Ok(Message::Text(text))) => Ok(Received::Frame(text.as_str().to_owned())),
+        Some(Ok(Message::Ping(_) | Message::Pong(_))) => Ok(Received::Other),
+        Some(Ok(Message::Binary(_))) => Err(Ended::Refused(WebRefusal::Form)),
+        Some(Ok(Message::Close(_))) | None => Err(Ended::Left),
+        Some(Err(fault)) => Err(ended_by(fault)),
+    }
+}
+
+/// A connection that breaks is no fault; what no WebSocket sends is.
+fn ended_by(fault: axum::Error) -> Ended {
+    use tungstenite::Error;
+    match fault.into_inner().downcast_ref::<Error>() {
+        Some(Error::Capacity(_)) => Ended::Refused(WebRefusal::TooLarge),
+        Some(Error::Utf8(_)) => Ended::Refused(WebRefusal::Form),
+        _ => Ended::Left,
+    }
+}
+
+async fn send(socket: &mut WebSocket, frame: String) -> Result<(), Ended> {
+    let sent = socket.send(Message::Text(frame.into())).await;
+    sent.map_err(|_| Ended::Left)
+}
+
+const HELLO_WITHIN: Duration = Duration::from_secs(5);
+const CLOSE_WITHIN: Duration = Duration::from_millis(200);
+const PING_EVERY: Duration = Duration::from_secs(5);
+/// Without an answer to a ping, or while it takes nothing, a client is not there.
+const SILENCE: Duration = Duration::from_secs(15);
+/// Messages of a route go by so many at a time: 500 a second, half of what a station may send.
+const ROUTE_BATCH: usize = 5;
+const ROUTE_PACE: Duration = Duration::from_millis(10);

@@ -1,0 +1,229 @@
+//! `/control`: the WebSocket by which web clients are ground stations (docs/guide/websocket.md).
+//!
+//! | part | does |
+//! |---|---|
+//! | this file | lets a connection in: the request, and the thread of all connections |
+//! | `connection` | one connection: opening, frames both ways, its limits |
+//! | `route` | a file of a route into the datagrams of its client |
+//! | [`Clients`] (`clients`) | the bridge's side: a queue for each client |
+//!
+//! The connections have a thread of their own. What does not verify ends there, and so does the work that JSON and HMACs are: the
+//! bridge's thread takes datagrams from a queue ([`Report`]) and puts datagrams into queues, and waits for none of them.
+
+mod clients;
+mod connection;
+mod route;
+
+use std::collections::VecDeque;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::ws::{WebSocket, WebSocketUpgrade, rejection::WebSocketUpgradeRejection};
+use axum::extract::{Extension, State};
+use axum::http::{Response, StatusCode};
+use axum::routing::get;
+use stanag_msgs::Id;
+use tokio::sync::{mpsc, oneshot};
+use tokio::task::{AbortHandle, JoinSet};
+
+pub use self::clients::Clients;
+use super::routes;
+use crate::session::web::{MAX_FRAME, WebEnd, WebRefusal};
+
+/// What a connection has for the bridge.
+#[derive(Debug)]
+pub enum Report {
+    /// A client says who it is. It waits for the answer.
+    Hello {
+        /// By which the connection is known from here on.
+        number: u64,
+        /// Where it comes from.
+        from: SocketAddr,
+        /// The random bytes that it was sent.
+        of_vsm: [u8; 32],
+        /// Its frame.
+        frame: String,
+        /// Where the answer goes.
+        answer: oneshot::Sender<Result<Admitted, WebRefusal>>,
+    },
+    /// A message of a client, as a datagram.
+    Datagram {
+        /// The connection.
+        number: u64,
+        /// Where it comes from.
+        from: SocketAddr,
+        /// The datagram.
+        bytes: Vec<u8>,
+    },
+    /// A connection has ended.
+    Closed {
+        /// The connection.
+        number: u64,
+        /// For which it was refused.
+        why: Option<WebRefusal>,
+    },
+    /// A connection was refused before anybody was known to be at its other end.
+    Refused {
+        /// Where it came from.
+        from: SocketAddr,
+        /// Why.
+        why: WebRefusal,
+    },
+}
+
+/// A client whose key has verified.
+#[derive(Debug)]
+pub struct Admitted {
+    /// This end of it.
+    pub end: WebEnd,
+    /// Its first frame.
+    pub welcome: String,
+    /// In whose name it sends.
+    pub cucs: Id,
+    /// What it is to be sent.
+    pub queue: mpsc::Receiver<Box<[u8]>>,
+    /// Ends it.
+    pub ends: oneshot::Receiver<WebRefusal>,
+}
+
+/// Where the reports of all connections arrive.
+pub type Reports = mpsc::Receiver<Report>;
+
+/// By which connections come in.
+#[derive(Debug, Clone)]
+pub struct Door {
+    connections: mpsc::Sender<(WebSocket, SocketAddr)>,
+    reports: mpsc::Sender<Report>,
+}
+
+/// Where a request comes from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct From(pub(super) SocketAddr);
+
+/// Begins the thread of the connections. It ends when the door is gone.
+///
+/// # Errors
+/// There is no thread.
+pub fn open(vsm: Id) -> io::Result<(Door, Reports)> {
+    let (connections, arriving) = mpsc::channel(ARRIVING);
+    let (reports, reported) = mpsc::channel(REPORTS);
+    let door = Door {
+        connections,
+        reports: reports.clone(),
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_time()
+        .build()?;
+    thread::Builder::new()
+        .name("web clients".to_owned())
+        .spawn(move || runtime.block_on(serve(vsm, arriving, reports)))?;
+    Ok((door, reported))
+}
+
+/// The route. `None`: control is off.
+pub(super) fn routes(door: Option<Door>) -> Router {
+    Router::new().route(PATH, get(enter)).with_state(door)
+}
+
+async fn enter(
+    State(door): State<Option<Door>>,
+    Extension(From(from)): Extension<From>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Response<Body> {
+    let Some(door) = door else {
+        return routes::text(StatusCode::NOT_FOUND, OFF);
+    };
+    let Ok(upgrade) = upgrade else {
+        return routes::text(StatusCode::UPGRADE_REQUIRED, NO_UPGRADE);
+    };
+    // One that is longer is named by who counts it; one that is much longer is not even kept.
+    let upgrade = upgrade
+        .max_message_size(2 * MAX_FRAME)
+        .max_frame_size(2 * MAX_FRAME);
+    upgrade.on_upgrade(move |socket| async move {
+        let _ = door.connections.send((socket, from)).await;
+    })
+}
+
+impl Door {
+    /// A request for the WebSocket is refused.
+    pub(super) fn refuse(&self, from: SocketAddr, why: WebRefusal) {
+        // Where the queue is full something is counted already, and nothing waits for a stranger.
+        let _ = self.reports.try_send(Report::Refused { from, why });
+    }
+}
+
+/// Connections that have not verified, the oldest first; the first of them makes room.
+#[derive(Debug, Default)]
+struct Waiting(Mutex<VecDeque<(u64, AbortHandle)>>);
+
+impl Waiting {
+    /// The place of one more, and whether another had to leave for it.
+    fn enter(&self, number: u64, task: AbortHandle) -> bool {
+        let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        waiting.retain(|(_, task)| !task.is_finished());
+        let full = waiting.len() >= MAX_WAITING;
+        if full && let Some((_, oldest)) = waiting.pop_front() {
+            oldest.abort();
+        }
+        waiting.push_back((number, task));
+        full
+    }
+
+    /// It has verified, and keeps its place whoever comes.
+    fn leave(&self, number: u64) {
+        let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        waiting.retain(|(one, _)| *one != number);
+    }
+}
+
+async fn serve(
+    vsm: Id,
+    mut arriving: mpsc::Receiver<(WebSocket, SocketAddr)>,
+    reports: mpsc::Sender<Report>,
+) {
+    let waiting = Arc::new(Waiting::default());
+    let numbers = AtomicU64::new(1);
+    let mut connections = JoinSet::new();
+    loop {
+        let (socket, from) = tokio::select! {
+            arrived = arriving.recv() => match arrived {
+                Some(arrived) => arrived,
+                None => break,
+            },
+            Some(_) = connections.join_next() => continue,
+        };
+        let number = numbers.fetch_add(1, Ordering::Relaxed);
+        let (reports_of, leaves) = (reports.clone(), waiting.clone());
+        let verified = move || leaves.leave(number);
+        let ends = connection::run(socket, (number, from), vsm, reports_of, verified);
+        let task = connections.spawn(ends);
+        if waiting.enter(number, task) {
+            let why = WebRefusal::Many;
+            let _ = reports.try_send(Report::Refused { from, why });
+        }
+    }
+    // Each is closed by the bridge's end of it.
+    let _ = tokio::time::timeout(LAST_FRAMES, async {
+        while connections.join_next().await.is_some() {}
+    })
+    .await;
+}
+
+/// Of the WebSocket.
+pub(super) const PATH: &str = "/control";
+const OFF: &str = "control is off: [web] control = true in the configuration\n";
+const NO_UPGRADE: &str = "expected the upgrade to a WebSocket\n";
+/// Connections that have not verified.
+const MAX_WAITING: usize = 64;
+/// Between the page's listener and the thread of the connections.
+const ARRIVING: usize = 64;
+/// Between all connections and the bridge: each waits for its turn here, so that a flood of one delays itself.
+const REPORTS: usize = 64;
+/// How long connections may take to say that they end.
+const LAST_FRAMES: std::time::Duration = std::time::Duration::from_millis(300);
