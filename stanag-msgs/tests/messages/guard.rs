@@ -4,7 +4,9 @@ use std::io::Read as _;
 
 use proptest::prelude::*;
 use serde_json::Value;
-use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, TRAILER_BYTES, Trailer};
+use stanag_msgs::guard::{
+    Direction, GuardKey, Guarded, MAX_GUARDED, Opening, SealedText, TRAILER_BYTES, Trailer,
+};
 use stanag_msgs::{Id, MAX_DATAGRAM};
 
 const CUCS: Id = Id(0x1b00_00a0);
@@ -159,4 +161,74 @@ proptest! {
             prop_assert!(!GuardKey::new(&[1; 32]).verifies(&guarded, VSM));
         }
     }
+}
+
+#[test]
+fn frames_of_a_connection_agree_with_the_reference_and_with_no_other_opening() {
+    // By the HMAC and HKDF of tests/data/dli/reference_guard.py.
+    let key = GuardKey::new(&core::array::from_fn(|place| place as u8));
+    let opening = Opening {
+        vsm: VSM,
+        cucs: Id(0x1b00_00b0),
+        of_vsm: [3; 32],
+        of_client: [4; 32],
+    };
+    let connection = key.connection(&opening);
+    let frames = [
+        (
+            Direction::ToVsm,
+            "1a0c9a02dfe3974d492f35f1bfec835a41cc4d5d3992f916c104ce31969c4566 {\"n\":0}",
+        ),
+        (
+            Direction::ToCucs,
+            "0c83ca1591ac838047e0cd7c31f0c74f5f0da507b96e31dd0d2723d0d34b21d3 \
+             {\"n\":1,\"error\":{\"of\":1,\"why\":\"\u{fc}\"}}",
+        ),
+    ];
+    let others = [
+        Opening {
+            vsm: CUCS,
+            ..opening
+        },
+        Opening {
+            cucs: CUCS,
+            ..opening
+        },
+        Opening {
+            of_vsm: [5; 32],
+            ..opening
+        },
+        Opening {
+            of_client: [5; 32],
+            ..opening
+        },
+    ];
+    for (direction, frame) in frames {
+        let sealed = SealedText::parse(frame).expect("a frame");
+        assert!(connection.verifies(direction, &sealed));
+        assert!(!connection.verifies(direction.back(), &sealed));
+        assert_eq!(connection.seal(direction, sealed.text), frame);
+        for other in &others {
+            assert!(
+                !key.connection(other).verifies(direction, &sealed),
+                "{other:?}"
+            );
+        }
+        let other_key = GuardKey::new(&[9; 32]).connection(&opening);
+        assert!(!other_key.verifies(direction, &sealed));
+    }
+    for broken in [
+        "",
+        "00 {}",
+        "\u{fc}",
+        &frames[0].1.to_uppercase(),
+        &frames[0].1.replace(' ', ""),
+    ] {
+        assert_eq!(SealedText::parse(broken), None, "{broken}");
+    }
+    assert_eq!(
+        format!("{connection:?}"),
+        "ConnectionKey",
+        "it shows nothing"
+    );
 }

@@ -13,6 +13,7 @@
 //! | [`heap`] | an allocator that counts |
 //! | `any_input` (feature `any_input`) | what has to hold for any bytes at all: the targets of fuzzing |
 //! | `bridge` (feature `bridge`) | the bridge with simulated vehicles and ground stations |
+//! | `web` (feature `web`) | a client of the page's WebSocket |
 //! | [`tools`] | other people's programs that a test needs, and what happens where one is missing |
 //!
 //! Randomness comes from [`Random`]: the same seed gives the same history.
@@ -50,6 +51,8 @@ pub mod relay;
 pub mod serial;
 pub mod streams;
 pub mod tools;
+#[cfg(feature = "web")]
+pub mod web;
 
 use std::path::Path;
 

@@ -160,7 +160,7 @@ fn host() -> Result<String> {
 }
 
 /// The targets, and the longest input of each in bytes.
-const TARGETS: [(&str, u32); 13] = [
+const TARGETS: [(&str, u32); 15] = [
     ("dli_wrapper", 548),
     ("dli_datagram", 548),
     ("dli_guard", 640),
@@ -170,6 +170,8 @@ const TARGETS: [(&str, u32); 13] = [
     ("session", 4_096),
     ("config", 4_096),
     ("access_list", 4_096),
+    ("web_frame", 4_096),
+    ("route_file", 4_096),
     ("key_exchange_message", 249),
     ("key_exchange_initiator", 4_096),
     ("key_exchange_responder", 4_096),

@@ -8,17 +8,19 @@ mod every_replay;
 mod seeds;
 
 use kit::Random;
-use kit::any_input::{access_list, config, frame, ftp, session};
+use kit::any_input::{access_list, config, frame, ftp, route_file, session, web_frame};
 
 /// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
-const TARGETS: [Target; 5] = [
+const TARGETS: [Target; 7] = [
     ("access_list", access_list::run, seeds::access_lists),
     ("mavlink_frame", frame::run, seeds::frames),
     ("ftp", ftp::run, seeds::file_answers),
     ("session", session::run, seeds::sessions),
     ("config", config::run, seeds::configurations),
+    ("web_frame", web_frame::run, seeds::web_frames),
+    ("route_file", route_file::run, seeds::route_files),
 ];
 
 #[test]

@@ -163,3 +163,31 @@ fn capture(name: &str) -> Vec<Vec<u8>> {
     let sent = sent.filter(|datagram| datagram.from_autopilot);
     sent.map(|datagram| datagram.bytes).collect()
 }
+
+/// What a web client seals: messages, a route, what is neither.
+pub(crate) fn web_frames() -> Vec<Vec<u8>> {
+    let texts = [
+        r#"{"n":1,"message":{"id":16002,"destination":"1b:00:00:01","fields":{"Time Stamp":849100000000}}}"#,
+        r#"{"n":1,"message":{"id":1,"destination":452985089,"ack":true,"fields":{"Time Stamp":849100000000,"Requested/Handover LOI":["LOI 4","LOI 5"],"Requested/Handover Access":"request control"}}}"#,
+        r#"{"n":1,"message":{"id":2016,"destination":"1b:00:01:01","fields":{"Time Stamp":1,"Select Flight Path Control Mode":"launch","Commanded Altitude":20.5,"Altitude Type":"AGL"}}}"#,
+        r#"{"n":1,"route":{"vehicle":"1b:00:01:01","file":"a.kml","text":"<kml/>","stamp":1,"height_m":50}}"#,
+        r#"{"n":1,"route":{"vehicle":"1b:00:01:01","file":"a.kmz","base64":"UEsDBA==","stamp":1,"line":"2"}}"#,
+        r#"{"n":0,"hello":{"version":1,"cucs":"1b:00:00:b0","random":"0404040404040404040404040404040404040404040404040404040404040404"}}"#,
+    ];
+    texts.map(|text| text.as_bytes().to_vec()).to_vec()
+}
+
+/// A route in each kind of file; the first byte names the kind.
+pub(crate) fn route_files() -> Vec<Vec<u8>> {
+    let square = std::fs::read(kit::workspace().join("examples/square.route.toml"));
+    let files: [(u8, &[u8]); 6] = [
+        (0, &square.expect("an example")),
+        (1, br#"{"fileType":"Plan","version":1,"mission":{"items":[{"command":16,"frame":3,"params":[0,0,0,null,47.1,8.1,20],"type":"SimpleItem"}],"plannedHomePosition":[47,8,400]}}"#),
+        (2, b"QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t400\t1\n1\t0\t3\t16\t0\t0\t0\t0\t47.1\t8.1\t20\t1\n"),
+        (3, br#"{"type":"LineString","coordinates":[[8.1,47.1,420],[8.2,47.1,420]]}"#),
+        (132, b"<kml><Placemark><LineString><coordinates>8.1,47.1 8.2,47.1</coordinates></LineString></Placemark></kml>"),
+        (134, b"<gpx><rte><rtept lat=\"47.1\" lon=\"8.1\"><ele>420</ele></rtept></rte></gpx>"),
+    ];
+    let each = files.iter().map(|(kind, file)| [&[*kind], *file].concat());
+    each.collect()
+}

@@ -11,7 +11,7 @@
 //! - commands that wait, and what is flown by itself: `held_commands`, `contingencies`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
-//! - who may command: `guarded`, `false_data`, `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
+//! - who may command: `guarded`, `web_clients`, `false_data`, `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
 //! - payload stations: `payload`, `payload_at_waypoints`
 //! - a station of Edition 2.5: `edition_25`
 //! - reports: `status`, `equipment`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
@@ -77,6 +77,7 @@ mod termination;
 mod time_of_validity;
 mod unanswered;
 mod vehicle_services;
+mod web_clients;
 mod whole_route;
 mod wings;
 mod zeroize;

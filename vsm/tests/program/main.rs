@@ -23,4 +23,5 @@ mod serial_line;
 mod small_disk;
 mod under_attack;
 mod waits;
+mod web_control;
 mod zeroize;

@@ -6,4 +6,6 @@ pub mod access_list;
 pub mod config;
 pub mod frame;
 pub mod ftp;
+pub mod route_file;
 pub mod session;
+pub mod web_frame;

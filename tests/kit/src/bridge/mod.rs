@@ -5,6 +5,7 @@
 //!   and vehicles restarted at any moment, the disk full
 //! - [`Station`]: a ground station that records everything that it receives
 //! - [`StationGuard`]: the guard beside a station that the configuration gives one
+//! - [`WebParty`]: the connection of a station that is a web client
 //! - [`orders`]: the messages that a station sends
 //! - [`flight`]: a whole flight, the same in a [`Rig`] and between processes
 //! - [`Processes`]: `vsm run` between real sockets or on a serial line, in real time
@@ -27,6 +28,7 @@ mod guard;
 mod real_time;
 mod rig;
 mod station;
+mod web;
 
 pub use crate::network::Faults;
 pub use guard::{StationGuard, access_key, guard_key};
@@ -34,3 +36,4 @@ pub use parties::{VSM, bridge_mav, cucs, key, station_address, vehicle_address, 
 pub use real_time::Processes;
 pub use rig::{FORWARD_KEYS, Restart, Rig, Setup};
 pub use station::{Station, Ticket};
+pub use web::WebParty;

@@ -12,7 +12,8 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::guard::MAX_GUARDED;
 use vsm::config::{Changes, Config, Report};
-use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer};
+use vsm::session::web::WebRefusal;
+use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer, WebWay};
 
 use super::guard::{StationGuard, access_key, guard_key};
 use super::orders;
@@ -20,8 +21,10 @@ use super::parties::{
     VSM, bridge_dli, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id,
 };
 use super::station::{Station, Ticket};
+use super::web::WebParty;
 use crate::clock::{START, VirtualClock};
 use crate::network::{Faults, Network};
+use mavlink_link::signing::SigningKey;
 use mavlink_link::store::MemoryDisk;
 
 /// What a rig is made with.
@@ -72,6 +75,11 @@ pub struct Rig {
     /// The guards of those that the configuration gives one, by the station's index. One that is taken out is a station that
     /// sends without.
     pub guards: BTreeMap<usize, StationGuard>,
+    /// The connections of those that are web clients, by the station's index. One that is taken out is not connected; one that has
+    /// ended is opened again.
+    pub web: BTreeMap<usize, WebParty>,
+    /// Of the connections so far.
+    web_number: u64,
     /// The file of the access list, where the configuration names one: signed by [`access_key`](super::access_key).
     pub access: String,
     /// The vehicles.
@@ -161,6 +169,8 @@ impl Rig {
             clock: VirtualClock::default(),
             stations,
             guards: BTreeMap::new(),
+            web: BTreeMap::new(),
+            web_number: 0,
             access: String::new(),
             vehicles,
             bridge: None,
@@ -270,19 +280,53 @@ impl Rig {
     /// As the shell reads the key files; and each station with a guard has one.
     fn give_guard_keys(&mut self) {
         let guarded = self.config.stations().filter(|one| one.guard.is_some());
-        let ids: Vec<_> = guarded.map(|one| one.id).collect();
+        let ids: Vec<_> = guarded.map(|one| (one.id, one.web)).collect();
         let (now, station_now) = (self.now(), self.station_now());
-        for id in &ids {
+        for (id, _) in ids.iter().filter(|(_, web)| !web) {
             let stations = self.stations.iter();
             if let Some(index) = stations.clone().position(|one| one.id == *id) {
                 let guard = || StationGuard::new(*id, station_now);
                 self.guards.entry(index).or_insert_with(guard);
             }
         }
-        let keys = ids.into_iter().map(|id| (id, vec![(guard_key(id), None)]));
+        let keys = ids
+            .into_iter()
+            .map(|(id, _)| (id, vec![(guard_key(id), None)]));
         let bridge = self.bridge.as_mut().expect("it runs");
         let given = bridge.set_guard_keys(keys.collect(), now, START, &mut self.store);
         given.expect("their clocks can be read");
+        self.web.clear();
+        for index in 0..self.stations.len() {
+            let id = self.stations[index].id;
+            if self.config.stations().any(|one| one.id == id && one.web) {
+                self.connect_web(index, &guard_key(id))
+                    .expect("its key is right");
+            }
+        }
+    }
+
+    /// Opens a connection of a station that is a web client, with this key.
+    ///
+    /// # Errors
+    /// It is refused.
+    pub fn connect_web(&mut self, index: usize, key: &SigningKey) -> Result<(), WebRefusal> {
+        self.web_number += 1;
+        let station = &self.stations[index];
+        let (place, who) = ((self.web_number, station.address), (station.id, key));
+        let now = self.clock.now();
+        let bridge = self.bridge.as_mut().expect("it runs");
+        let party = WebParty::open(bridge, now, place, who, &mut self.store)?;
+        self.web.insert(index, party);
+        Ok(())
+    }
+
+    /// Lets a frame arrive in the connection of a station, whoever has written it.
+    pub fn deliver_frame(&mut self, index: usize, frame: &str) {
+        let now = self.now();
+        let bridge = self.bridge.as_mut().expect("it runs");
+        if let Some(party) = self.web.get_mut(&index) {
+            party.deliver(bridge, now, frame, &mut self.store);
+        }
     }
 
     /// Lets the running bridge read another configuration.
@@ -476,6 +520,12 @@ impl Rig {
         }
         for (index, station) in self.stations.iter_mut().enumerate() {
             for bytes in station.advance(station_now) {
+                if let (Some(party), Some(bridge)) = (self.web.get_mut(&index), &mut self.bridge) {
+                    for frame in party.frames(&bytes) {
+                        party.deliver(bridge, now, &frame, &mut self.store);
+                    }
+                    continue;
+                }
                 let bytes = match self.guards.get_mut(&index) {
                     Some(guard) => guard.seal(station_now, &bytes),
                     None => bytes,
@@ -555,6 +605,20 @@ impl Rig {
         }
         let mut sealed = [0; MAX_GUARDED];
         while let Some(datagram) = bridge.poll_dli() {
+            match bridge.web_way(datagram.destination()) {
+                WebWay::Datagrams => {}
+                WebWay::Nowhere => continue,
+                WebWay::Connection(number) => {
+                    let parties = self.web.iter_mut();
+                    let found = parties.into_iter().find(|(_, one)| one.number == number);
+                    if let Some((index, party)) = found {
+                        for bytes in party.receive(datagram.bytes()) {
+                            self.stations[*index].receive(station_now, &bytes);
+                        }
+                    }
+                    continue;
+                }
+            }
             let bytes = bridge.sealed(now, &datagram, &mut sealed, &mut self.store);
             let Some(sent) = bytes.map(<[u8]>::to_vec) else {
                 continue;

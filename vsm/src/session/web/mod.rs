@@ -253,3 +253,6 @@ const FRAMES: Rate = Rate {
     cost: Duration::from_millis(2),
     burst: Duration::from_secs(2),
 };
+
+#[cfg(test)]
+mod tests;
