@@ -21,6 +21,12 @@ fn the_page_shows_the_flight_and_stays_until_it_is_interrupted() {
         .and_then(|rest| rest.split('/').next())
         .expect("its address");
     assert!(get(page, "/").contains("<title>vsm</title>"));
+    // Who opens the link has a ground station of its own.
+    assert_eq!(json(page, "/page.json")["control"], true);
+    let link = format!("http://{page}/#1b:00:00:b0=");
+    let key = printed.split(&link).nth(1).expect("the link to fly by");
+    let digits = key.chars().take_while(char::is_ascii_hexdigit).count();
+    assert_eq!(digits, 64, "{printed}");
     let flying = &json(page, "/status.json")["vehicles"][0];
     assert_eq!(flying["armed"], true, "{flying}");
     assert_eq!(flying["controller"], "1b:00:00:a0", "{flying}");

@@ -29,7 +29,7 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, WaypointSp
 
 use self::curve::Section;
 use self::picture::{Picture, Planned};
-use self::stage::Stage;
+use self::stage::{PILOT, Stage};
 use self::story::{
     CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover, take_control,
 };
@@ -250,6 +250,11 @@ fn session(
         let mut stop = pin!(stop);
         if let Some(page) = page {
             story.tell(format!("the operator's page: http://{page}/"));
+            // Behind the #, so that it is sent to nobody; the page takes it out of its address. A key that is kept belongs into no link.
+            let key = &world.pilot_key;
+            story.tell(format!(
+                "to fly it with the mouse: http://{page}/#{PILOT}={key} (a key of this demo alone)"
+            ));
         }
         let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
         let whole = async {
@@ -257,16 +262,27 @@ fn session(
             fly(&world, &mut station, story, vehicle).await?;
             land(&mut station, story, vehicle).await
         };
-        tokio::select! {
-            flown = whole => flown?,
+        let flown = tokio::select! {
+            flown = whole => flown,
             () = &mut stop => {
                 anyhow::ensure!(page.is_some(), "interrupted");
                 return Ok(None);
             }
-        }
-        if let Some(page) = page {
-            story.tell(format!("all is flown; http://{page}/ stays until Ctrl-C"));
-            stop.await;
+        };
+        match (flown, page) {
+            (flown, None) => flown?,
+            (Ok(()), Some(page)) => {
+                story.tell(format!("all is flown; http://{page}/ stays until Ctrl-C"));
+                stop.await;
+            }
+            // Somebody has taken the vehicle on the page: it is theirs.
+            (Err(fault), Some(page)) => {
+                story.tell(format!(
+                    "the demo's own flight has ended ({fault:#}); http://{page}/ is there until Ctrl-C"
+                ));
+                stop.await;
+                return Ok(None);
+            }
         }
         Ok(Some(station))
     });

@@ -18,10 +18,10 @@ pub(super) struct Stage<'a> {
 impl Stage<'_> {
     /// The bridge and its vehicle, protected.
     pub(super) fn start(&self, vehicle: px4_sim::Config) -> anyhow::Result<World> {
-        // Loopback alone: whoever reaches the page reads it.
+        // Loopback alone: whoever reaches the page reads it, and who has the key flies by it.
         let more = self
             .page
-            .map(|port| format!("[http]\nlisten = \"127.0.0.1:{port}\"\n"));
+            .map(|port| format!("[http]\nlisten = \"127.0.0.1:{port}\"\n{PILOT_TABLES}"));
         let more = more.unwrap_or_default();
         let setup = Setup {
             speed: self.speed,
@@ -32,3 +32,15 @@ impl Stage<'_> {
         World::start(self.out, &setup)
     }
 }
+
+/// Who looks at the page may fly from there: a ground station of its own, whose key is made for this demo and goes with it.
+pub(super) const PILOT: &str = "1b:00:00:b0";
+const PILOT_TABLES: &str = r#"
+[web]
+control = true
+[[cucs]]
+id = "1b:00:00:b0"
+loi = [2, 4, 5]
+guard = { key_file = "pilot.key" }
+web = true
+"#;

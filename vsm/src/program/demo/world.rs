@@ -75,6 +75,8 @@ pub(crate) struct World {
     pub(crate) vsm: SocketAddr,
     /// Where the operator's page is, where there is one.
     pub(super) page: Option<SocketAddr>,
+    /// The key of who flies from the page, in hex: of this demo alone.
+    pub(super) pilot_key: String,
     bridge: JoinHandle<Option<Result<Status, TaskFault>>>,
     stop: oneshot::Sender<()>,
     agent: Option<AgentBeside>,
@@ -103,6 +105,9 @@ impl World {
         let private = TempDir::new().context("a folder for the demo's key and state")?;
         let key = private.path().join("demo.key");
         key_file::generate(&key)?;
+        let pilot = private.path().join("pilot.key");
+        key_file::generate(&pilot)?;
+        let pilot_key = std::fs::read_to_string(&pilot)?.trim().to_owned();
         let background = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
             .enable_all()
@@ -136,6 +141,7 @@ impl World {
         Ok(World {
             vsm: addresses.dli,
             page: addresses.page,
+            pilot_key,
             bridge,
             stop,
             agent,

@@ -34,6 +34,36 @@ fn the_page_is_quick_small_accessible_and_usable_in_a_flood_of_alerts() {
     drive("page_replays.py", &[page.expect("its address")], &replay);
 }
 
+#[test]
+fn a_route_is_drawn_sent_flown_and_seen_and_who_may_not_is_kept_out() {
+    if !there_is_a_browser() {
+        return;
+    }
+    let ground = Ground::with_tables(&format!(
+        r#"
+[web]
+control = true
+[[cucs]]
+id = "{PILOT}"
+loi = [2, 4, 5]
+guard = {{ key_file = "pilot.key" }}
+web = true
+"#
+    ));
+    let key = ground.path("pilot.key");
+    let made = Running::start(
+        &program("vsm"),
+        ["guard".as_ref(), "keygen".as_ref(), key.as_os_str()],
+    )
+    .wait(LIMIT);
+    assert!(made.is_some_and(|status| status.success()), "{made:?}");
+    let mut bridge = ground.bridge();
+    let _aircraft = ground.aircraft_with(&["--speed", "3"]);
+    bridge.wait_for("the link is live", LIMIT);
+    let key = key.display().to_string();
+    drive("page_commands.py", &[&ground.page(), PILOT, &key], &bridge);
+}
+
 /// Until the vehicle flies the route.
 fn fly_the_square(ground: &Ground, bridge: &mut Running) {
     bridge.wait_for("the link is live", LIMIT);
@@ -66,5 +96,6 @@ fn drive(script: &str, arguments: &[&str], served_by: &Running) {
     );
 }
 
+const PILOT: &str = "1b:00:00:b0";
 /// A run takes 15 s; a busy machine may need more.
 const LIMIT: Duration = Duration::from_secs(120);
