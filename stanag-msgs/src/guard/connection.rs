@@ -99,7 +99,8 @@ impl ConnectionKey {
     fn mac(&self, direction: Direction, text: &str) -> Hmac<Sha256> {
         let keyed = match direction {
             Direction::ToVsm => &self.to_vsm,
-            Direction::ToCucs => &self.to_cucs,
+            // A connection has two ends and no group: whatever is not for the VSM is for its client.
+            Direction::ToCucs | Direction::ToGroup => &self.to_cucs,
         };
         Hmac::clone(keyed).chain_update(text.as_bytes())
     }
