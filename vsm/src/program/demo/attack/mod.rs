@@ -347,7 +347,9 @@ fn judge(attack: Attack, remains: &Remains, shots: &Shots) -> Flown {
     }
     let lowest_m = flown(ATTACK_AFTER.as_secs_f64())
         .map(|point| point.up_m.max(0.0))
-        .fold(f64::INFINITY, f64::min);
+        .fold(f64::INFINITY, f64::min)
+        // Not "-0.0".
+        .abs();
     let end = match (lowest_m < ON_THE_GROUND_M, shots.served) {
         (true, _) => "brought to the ground",
         (false, true) => "landed by its own CUCS afterwards",
