@@ -377,7 +377,10 @@ fn refusals(attack: Attack, remains: &Remains) -> String {
     } else {
         named.extend(remains.status.refused.iter());
     }
-    let named = named.iter().filter(|(_, count)| *count > 0);
+    named.retain(|(_, count)| *count > 0);
+    // What the attack was refused by is what was refused most.
+    named.sort_by_key(|(_, count)| u64::MAX - *count);
+    let named = named.iter().take(NAMED);
     let named: Vec<String> = named
         .map(|(name, count)| format!("{name} {count}"))
         .collect();
