@@ -298,7 +298,7 @@ export class Control {
     this.#alerts.set(`${from} ${alert}`, { from, stamp: fields["Time Stamp"] });
     const text = this.#whole(`${from} ${alert}`, fields);
     // A reason stands beside its refusal, before or behind it.
-    if (text === null || fields.Priority?.startsWith("cleared")) return;
+    if (text === null || fields.Priority === "nominal" || fields.Priority?.startsWith("cleared")) return;
     const now = performance.now();
     this.#reasons = this.#reasons.filter(({ at }) => now - at < REASON_WITHIN_MS);
     this.#reasons.push({ at: now, text });
