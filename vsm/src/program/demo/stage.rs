@@ -43,4 +43,5 @@ id = "1b:00:00:b0"
 loi = [2, 4, 5]
 guard = { key_file = "pilot.key" }
 web = true
+override = true
 "#;
