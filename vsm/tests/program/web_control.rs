@@ -10,8 +10,11 @@ use std::time::{Duration, Instant};
 use kit::process::{Running, free_tcp_port, free_udp_port, hex, program, write_key};
 use kit::web::{self, Refused, WebClient, request_control};
 use serde_json::{Value, json};
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::guard::{Direction, GuardKey, Opening};
-use stanag_msgs::messages::{GenericInformationRequestMessage, VehicleId};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, GenericInformationRequestMessage, VehicleId,
+};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 use tempfile::TempDir;
 use tungstenite::Message as Frame;
@@ -183,8 +186,9 @@ fn a_client_flies_a_route_from_a_file_from_take_to_release() {
 
     assert_eq!(mode(&mut client, launch(), "launch"), "carried out");
     assert_eq!(mode(&mut client, json!({}), "waypoint"), "carried out");
-    client.wait("the last waypoint", LIMIT, |frame| {
-        frame["message"]["id"] == 4001 && frame["message"]["fields"]["To Waypoint Number"] == 2
+    client.wait("the route's end", LIMIT, |frame| {
+        let mode = &frame["message"]["fields"]["Select Flight Path Control Mode"];
+        frame["message"]["id"] == 3001 && mode == "loiter"
     });
     assert_eq!(mode(&mut client, json!({}), "loiter"), "carried out");
     let flying = world.status();
@@ -214,9 +218,12 @@ fn a_client_flies_a_route_from_a_file_from_take_to_release() {
     world.until("it has left", |status| {
         status["stations"][1]["web"]["connected"] == false
     });
-    let log = world.vsm(&["audit", "--config", "vsm.toml"]);
-    let log = String::from_utf8_lossy(&log.stdout).into_owned();
-    assert!(log.contains(&CLIENT.to_string()), "{log}");
+    let log = world.folder.path().join("state/audit-1b000101.log");
+    let log = fs::read_to_string(log).expect("an audit log");
+    assert!(
+        log.contains("1b:00:00:b0") || log.contains("1b0000b0"),
+        "{log}"
+    );
     assert!(
         !world.bridge.output().contains(&hex(&KEY)),
         "no key in the log"
@@ -282,7 +289,12 @@ fn whoever_is_not_the_client_gets_nothing_through_and_is_named() {
     let before = world.status()["received"]["2016"].as_u64();
     for (what, code, send) in ATTACKS {
         let ended = ends_with(&world, |client| send(client));
-        assert_eq!(ended, Some(Refused::Closed(*code)), "{what}");
+        // The rest of a frame that is not read any more has the system end the connection before the reason arrives.
+        let unread = *what == "one that is far too large" && ended == Some(Refused::Dropped);
+        assert!(
+            unread || ended == Some(Refused::Closed(*code)),
+            "{what}: {ended:?}"
+        );
     }
     // A recorded session on a new connection: its hello, and a landing of it in a connection that is open.
     let mut socket = web::open(world.page, None).expect("it opens");
@@ -418,7 +430,10 @@ fn who_says_nothing_or_reads_nothing_is_dropped_by_name_and_delays_nobody() {
         1,
         "it sends heartbeats, and answers no ping"
     );
-    assert_eq!(deaf.ended(LIMIT), Some(Refused::Closed(4007)));
+    // What it answers to pings once it reads again meets a closed connection.
+    let ended = deaf.ended(LIMIT);
+    let closed = [Refused::Closed(4007), Refused::Dropped].map(Some);
+    assert!(closed.contains(&ended), "{ended:?}");
     drop(silent);
 }
 
@@ -474,6 +489,12 @@ fn fifty_web_clients_do_not_delay_the_dli() {
     socket
         .set_read_timeout(Some(Duration::from_secs(10)))
         .expect("set");
+    let listen = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::LOI2),
+        requested_handover_access: Some(RequestedAccess::Request),
+        ..CucsAuthorisationRequest::default()
+    };
+    send(&socket, listen.into());
     let (mut without, mut with) = (Vec::new(), Vec::new());
     for _ in 0..2 {
         without.extend(waits(&socket, 2));

@@ -26,7 +26,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use axum::Router;
-use axum::http::header::{HOST, HeaderValue, ORIGIN};
+use axum::http::header::{CONNECTION, HOST, HeaderValue, ORIGIN};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, Request, StatusCode};
 use hyper::body::Incoming;
@@ -135,18 +135,23 @@ async fn answer_one(
         request.extensions_mut().insert(control::From(from));
         let routes = TowerToHyperService::new(routes.clone());
         async move {
-            match checked {
-                Ok(()) => routes.call(request).await,
-                Err((code, why)) => Ok::<_, Infallible>(routes::text(code, why)),
+            let mut response = match checked {
+                Ok(()) => routes.call(request).await?,
+                Err((code, why)) => routes::text(code, why),
+            };
+            // One answer a connection: a client that stays connected would hold one of the few places. Not by hyper's own
+            // keep_alive(false), which adds this beside the "upgrade" of a WebSocket, where clients take it for a refusal.
+            if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+                let close = HeaderValue::from_static("close");
+                response.headers_mut().insert(CONNECTION, close);
             }
+            Ok::<_, Infallible>(response)
         }
     });
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEADER_WITHIN)
         .max_buf_size(MAX_HEADER_BYTES)
-        // One answer a connection: a client that stays connected would hold one of the few places.
-        .keep_alive(false)
         .serve_connection(TokioIo::new(stream), answer)
         .with_upgrades();
     // The whole of it has a time-out too: a client that reads its answer byte by byte is not waited for. A body is

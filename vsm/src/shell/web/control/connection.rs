@@ -54,7 +54,12 @@ pub(super) async fn run(
             code: why.code(),
             reason: why.reason().into(),
         };
-        let _ = timeout(CLOSE_WITHIN, socket.send(Message::Close(Some(frame)))).await;
+        // What is unread as a connection closes has the system reset it, and the reason is lost.
+        let _ = timeout(CLOSE_WITHIN, async {
+            let _ = socket.send(Message::Close(Some(frame))).await;
+            while let Some(Ok(_)) = socket.recv().await {}
+        })
+        .await;
     }
 }
 
@@ -301,7 +306,7 @@ async fn send(socket: &mut WebSocket, frame: String) -> Result<(), Ended> {
 }
 
 const HELLO_WITHIN: Duration = Duration::from_secs(5);
-const CLOSE_WITHIN: Duration = Duration::from_millis(200);
+const CLOSE_WITHIN: Duration = Duration::from_millis(500);
 const PING_EVERY: Duration = Duration::from_secs(5);
 /// Without an answer to a ping, or while it takes nothing, a client is not there.
 const SILENCE: Duration = Duration::from_secs(15);
