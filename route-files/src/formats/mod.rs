@@ -267,7 +267,7 @@ fn track_in(file: &Path, content: Vec<u8>, selection: &Selection) -> Result<Draf
 /// It cannot be read, is not of its format, or has no area.
 pub fn read_fence(file: &Path) -> Result<Vec<Area>, FormatError> {
     let areas = if Format::of(file)? == Format::RouteFile {
-        fence::parse(file, &text(file, bytes(file)?)?)?
+        fence::parse(file, &text(file, not_empty(file, bytes(file)?)?)?)?
     } else {
         parse(file, bytes(file)?, &Selection::default())?.areas
     };
@@ -296,7 +296,7 @@ pub fn read_rally(file: &Path) -> Result<Vec<Position>, FormatError> {
     Ok(rally)
 }
 
-fn parse(file: &Path, mut content: Vec<u8>, selection: &Selection) -> Result<Draft, FormatError> {
+fn parse(file: &Path, content: Vec<u8>, selection: &Selection) -> Result<Draft, FormatError> {
     let format = Format::of(file)?;
     if selection.lap.is_some() && format != Format::Csv {
         let problem = "--lap needs a table with a column lap (.csv)";
@@ -308,7 +308,7 @@ fn parse(file: &Path, mut content: Vec<u8>, selection: &Selection) -> Result<Dra
             "--line needs a file that can have several lines (.kml, .kmz, .gpx, .geojson)";
         return Err(FormatError::Option(problem.into()));
     }
-    content = not_empty(file, content)?;
+    let mut content = not_empty(file, content)?;
     if format == Format::Kmz {
         content = kml::unpack(file, &content)?;
     }
@@ -343,7 +343,7 @@ fn bytes(file: &Path) -> Result<Vec<u8>, FormatError> {
         );
         return Err(FormatError::file(file, problem));
     }
-    not_empty(file, bytes)
+    Ok(bytes)
 }
 
 fn not_empty(file: &Path, content: Vec<u8>) -> Result<Vec<u8>, FormatError> {

@@ -47,12 +47,14 @@ impl<'a> ExchangeDatagram<'a> {
         let [b'G', b'X', VERSION, direction, rest @ ..] = bytes else {
             return None;
         };
+        // Two ends agree; a group is sent its key by another way.
+        let direction = Direction::of_code(*direction).filter(|way| *way != Direction::ToGroup)?;
         let (cucs, rest) = rest.split_first_chunk()?;
         let (vsm, payload) = rest.split_first_chunk()?;
         (1..=MAX_STEP)
             .contains(&payload.len())
             .then_some(ExchangeDatagram {
-                direction: Direction::of_code(*direction)?,
+                direction,
                 cucs: Id(u32::from_be_bytes(*cucs)),
                 vsm: Id(u32::from_be_bytes(*vsm)),
                 payload,
