@@ -323,6 +323,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("forward.link", "\"udpout:127.0.0.1:14560\""),
     ("forward.vehicles", "[\"1b:00:01:01\"]"),
     ("forward.key_file", "\"qgc.key\""),
+    ("forward.users", "[1000]"),
     ("vehicle.id", "\"1b:00:01:01\""),
     ("vehicle.logical_id", "\"00:00:00:01\""),
     ("vehicle.link", "\"udpin:127.0.0.1:14550\""),
