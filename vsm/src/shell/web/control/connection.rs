@@ -12,8 +12,8 @@ use stanag_msgs::Id;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
+use super::report::{Admitted, Report};
 use super::route;
-use super::{Admitted, Report};
 use crate::session::web::{Body, Hello, Request, Unusable, WebRefusal, challenge};
 use crate::shell::key_file::system_random;
 

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | this file | lets a connection in: the request, and the thread of all connections |
 //! | `connection` | one connection: opening, frames both ways, its limits |
+//! | `report` | what a connection and the bridge give each other |
 //! | `route` | a file of a route into the datagrams of its client |
 //! | [`Clients`] (`clients`) | the bridge's side: a queue for each client |
 //!
@@ -12,6 +13,7 @@
 
 mod clients;
 mod connection;
+mod report;
 mod route;
 
 use std::collections::VecDeque;
@@ -28,68 +30,13 @@ use axum::extract::{Extension, State};
 use axum::http::{Response, StatusCode};
 use axum::routing::get;
 use stanag_msgs::Id;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 
 pub use self::clients::Clients;
+pub use self::report::{Admitted, Report};
 use super::routes;
-use crate::session::web::{MAX_FRAME, WebEnd, WebRefusal};
-
-/// What a connection has for the bridge.
-#[derive(Debug)]
-pub enum Report {
-    /// A client says who it is. It waits for the answer.
-    Hello {
-        /// By which the connection is known from here on.
-        number: u64,
-        /// Where it comes from.
-        from: SocketAddr,
-        /// The random bytes that it was sent.
-        of_vsm: [u8; 32],
-        /// Its frame.
-        frame: String,
-        /// Where the answer goes.
-        answer: oneshot::Sender<Result<Admitted, WebRefusal>>,
-    },
-    /// A message of a client, as a datagram.
-    Datagram {
-        /// The connection.
-        number: u64,
-        /// Where it comes from.
-        from: SocketAddr,
-        /// The datagram.
-        bytes: Vec<u8>,
-    },
-    /// A connection has ended.
-    Closed {
-        /// The connection.
-        number: u64,
-        /// For which it was refused.
-        why: Option<WebRefusal>,
-    },
-    /// A connection was refused before anybody was known to be at its other end.
-    Refused {
-        /// Where it came from.
-        from: SocketAddr,
-        /// Why.
-        why: WebRefusal,
-    },
-}
-
-/// A client whose key has verified.
-#[derive(Debug)]
-pub struct Admitted {
-    /// This end of it.
-    pub end: WebEnd,
-    /// Its first frame.
-    pub welcome: String,
-    /// In whose name it sends.
-    pub cucs: Id,
-    /// What it is to be sent.
-    pub queue: mpsc::Receiver<Box<[u8]>>,
-    /// Ends it.
-    pub ends: oneshot::Receiver<WebRefusal>,
-}
+use crate::session::web::{MAX_FRAME, WebRefusal};
 
 /// Where the reports of all connections arrive.
 pub type Reports = mpsc::Receiver<Report>;
