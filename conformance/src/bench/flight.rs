@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use super::fix::{EARTH_M, Fix, wrapped};
-use super::station::Station;
+use super::station::{Station, about};
 use super::trial::{Player, Trial};
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::dialect::places::has_field;
@@ -436,9 +436,7 @@ fn launched(t: &Trial, station: &Player, home: &Fix) -> Judged<bool> {
             .acked(),
     );
     let refused = |seen: &Seen| {
-        seen.kind() == 17000
-            && seen.raw("Original Message Time Stamp") == Some(command.stamp)
-            && seen.raw("Acknowledgement Type") == Some(3)
+        about(seen, 2016, command.stamp) && seen.raw("Acknowledgement Type") == Some(3)
     };
     let mut climbed = false;
     fly_until(t, station, t.timers().flight, |fix| {

@@ -582,6 +582,14 @@ impl Station {
     }
 }
 
+/// Whether a 17000 is about this message.
+#[must_use]
+pub fn about(seen: &Seen, kind: u16, stamp: i64) -> bool {
+    seen.kind() == 17000
+        && seen.raw("Original Message Type") == Some(kind.into())
+        && seen.raw("Original Message Time Stamp") == Some(stamp)
+}
+
 /// What a CUCS of Edition 2.5 answers by itself: #1400 to what the VSM wants acknowledged, and #1202 where it is requested.
 fn answer_25(
     net: &Net,

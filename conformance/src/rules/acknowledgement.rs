@@ -7,7 +7,9 @@ use super::scene::Scene;
 use crate::bench::flight::{
     airborne, home, mode, mode_becomes, mode_command, reported_mode, transfer, waypoint,
 };
-use crate::bench::station::{Access, Sent, Station, authorisation, information_request, schedule};
+use crate::bench::station::{
+    Access, Sent, Station, about, authorisation, information_request, schedule,
+};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};
@@ -38,13 +40,6 @@ pub(super) const SCENES: &[Scene] = &[
         play: received_then_done_or_refused,
     },
 ];
-
-/// Whether a 17000 is about this message.
-pub(super) fn about(seen: &Seen, kind: u16, stamp: i64) -> bool {
-    seen.kind() == 17000
-        && seen.raw("Original Message Type") == Some(kind.into())
-        && seen.raw("Original Message Time Stamp") == Some(stamp)
-}
 
 /// Whether 17000 type 3 came about a message within the time of an acknowledgement.
 pub(super) fn refused(t: &Trial, a: &Station, sent: &Sent) -> bool {

@@ -312,7 +312,7 @@ fn missing_values_are_listed(t: &Trial) -> Judged {
         }
         let sent = a.send(crate::bench::flight::mode_command(wanted).acked());
         let refused = a.wait(sent.mark, t.timers().quiet, |seen| {
-            super::acknowledgement::about(seen, 2016, sent.stamp)
+            crate::bench::station::about(seen, 2016, sent.stamp)
                 && seen.raw("Acknowledgement Type") == Some(3)
         });
         let shown = crate::bench::flight::reported_mode(&a)?;
@@ -335,7 +335,7 @@ fn values_work_or_are_listed(t: &Trial, a: &Station, configuration: &[Arc<Seen>]
         for value in values {
             let sent = a.send(Draft::new(2017).raw(field, value).acked());
             let end = a.wait(sent.mark, t.timers().ack * 2, |seen| {
-                super::acknowledgement::about(seen, 2017, sent.stamp)
+                crate::bench::station::about(seen, 2017, sent.stamp)
                     && seen.raw("Acknowledgement Type") != Some(1)
             });
             let Some(end) = end else { continue };

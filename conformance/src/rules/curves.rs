@@ -50,7 +50,7 @@ pub(super) fn curve(t: &Trial, a: &Station, from: i64, to: i64) -> Judged<Draft>
 fn known(t: &Trial, a: &Station) -> Judged {
     let sent = a.send(curve(t, a, 1, 2)?.acked());
     let answer = a.wait(sent.mark, t.timers().ack * 2, |seen| {
-        super::acknowledgement::about(seen, 50002, sent.stamp)
+        crate::bench::station::about(seen, 50002, sent.stamp)
             && seen
                 .raw("Acknowledgement Type")
                 .is_some_and(|kind| kind != 3)

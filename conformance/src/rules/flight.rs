@@ -6,7 +6,6 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::acknowledgement::about;
 use super::maneuver::circled;
 use super::scene::Scene;
 use crate::bench::flight::{
@@ -14,6 +13,7 @@ use crate::bench::flight::{
     mode_command, reported_mode, stretch, to_number, wrapped,
 };
 use crate::bench::station::Station;
+use crate::bench::station::about;
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};

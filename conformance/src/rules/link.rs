@@ -338,7 +338,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
         }
         let sent = a.send(mode_command(12).acked());
         let refused = a.wait(sent.mark, t.timers().answer * 2, |seen| {
-            super::acknowledgement::about(seen, 2016, sent.stamp)
+            crate::bench::station::about(seen, 2016, sent.stamp)
                 && seen.raw("Acknowledgement Type") == Some(3)
         });
         t.expect(refused.is_some(), || {

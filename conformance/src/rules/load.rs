@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use super::acknowledgement::about;
 use super::scene::Scene;
 use crate::bench::flight::{Plan, clear, difference, download, home, load};
+use crate::bench::station::about;
 use crate::bench::station::{Access, authorisation, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};

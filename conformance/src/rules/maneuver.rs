@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use super::acknowledgement::about;
 use super::mission::aboard;
 use super::scene::Scene;
 use crate::bench::flight::{
@@ -10,6 +9,7 @@ use crate::bench::flight::{
     mode_command, reported_mode, to_number, wrapped,
 };
 use crate::bench::station::Station;
+use crate::bench::station::about;
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::acknowledgement::{about, carried_out};
+use super::acknowledgement::carried_out;
 use super::configuration::{availability, full};
 use super::scene::Scene;
 use crate::bench::flight::{
     airborne, fix, fly_until, home, land, mode, mode_command, reported_mode, run_transfer, transfer,
 };
+use crate::bench::station::about;
 use crate::bench::station::{Station, information_request};
 use crate::bench::trial::{Player, Trial};
 use crate::verdict::{Judged, Stop};

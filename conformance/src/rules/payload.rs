@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use super::acknowledgement::{about, carried_out};
+use super::acknowledgement::carried_out;
 use super::scene::Scene;
 use crate::bench::flight::{EARTH_M, airborne, fix, home, wrapped};
+use crate::bench::station::about;
 use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};

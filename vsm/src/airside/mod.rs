@@ -57,9 +57,9 @@ use mavlink_link::exchange::{
 use mavlink_link::link::{Alert, Auth, Event, KeyExchangeFrame, LinkState};
 
 use self::fallback::Fallback;
+use self::phase::Stage;
 use self::phase::{Cause, Phase};
 use self::relay::FrameForwarder;
-use self::zeroize::Stage;
 pub use crate::relay_policy::RelayPolicy;
 use crate::session::{LogLevel, Peer};
 

@@ -1,7 +1,8 @@
-//! How the agent stands with PX4's key.
+//! How the agent stands with PX4's key, and with an order to zeroize.
 
 use std::time::Duration;
 
+use mavlink_link::exchange::AutopilotKey;
 use mavlink_link::link::Auth;
 use mavlink_link::provisioning::{KeyRollover, KeySlot, State};
 use mavlink_link::receiver::KeyState;
@@ -157,3 +158,16 @@ impl Phase {
 
 /// How long PX4 counts as signed after a frame that verified; it sends something each second, and takes longer to start.
 const SIGNED_LATELY: Duration = Duration::from_millis(1_800);
+
+/// How far a zeroize has gone.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) enum Stage {
+    #[default]
+    Safe,
+    /// Of the ground, or of an operator of this computer.
+    ToStore { ground: bool },
+    /// PX4 is being given another key.
+    Replacing { until: Duration },
+    /// What it came to is sent to whoever asks; then the agent ends.
+    Over { key: AutopilotKey, since: Duration },
+}

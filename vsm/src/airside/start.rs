@@ -18,10 +18,10 @@ use super::exchange::Exchange;
 use super::fallback::Fallback;
 use super::keys::{Held, Keys, with_clock};
 use super::output::Reports;
+use super::phase::Stage;
 use super::phase::{Cause, Phase};
 use super::relay::Relay;
 use super::watch::Watch;
-use super::zeroize::Stage;
 use crate::session::LogLevel;
 
 /// Why an agent does not start.

@@ -25,21 +25,8 @@ use zeroize::Zeroizing;
 
 use super::agent::Agent;
 use super::keys::Keys;
-use super::phase::{Cause, Phase};
+use super::phase::{Cause, Phase, Stage};
 use crate::session::LogLevel;
-
-/// How far it has gone.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) enum Stage {
-    #[default]
-    Safe,
-    /// Of the ground, or of an operator of this computer.
-    ToStore { ground: bool },
-    /// PX4 is being given another key.
-    Replacing { until: Duration },
-    /// What it came to is sent to whoever asks; then the agent ends.
-    Over { key: AutopilotKey, since: Duration },
-}
 
 impl Agent {
     /// The paired ground orders it.

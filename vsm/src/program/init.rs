@@ -23,6 +23,7 @@ use crate::config::{Config, LinkAddress};
 use crate::shell::disk::folder_of;
 use crate::shell::key_file;
 
+use self::protect::Protected;
 use super::config_arg::ConfigArg;
 use super::key::wall_stamp;
 use super::process::{Failure, bad, failed, print};
@@ -161,9 +162,24 @@ pub(crate) fn run(init: &Init) -> Result<(), Failure> {
     Config::parse(&text, folder_of(&files.config)).map_err(bad)?;
     let mut made = Made::default();
     if init.protect {
-        protect::write(init, &answers, &files, &text, &mut made).map_err(failed)?;
+        let of = Protected {
+            vsm_id: init.vsm_id,
+            vehicle_id: answers.vehicle_id,
+            cucs_id: answers.cucs_id,
+            system_id: init.system_id,
+            listen: init.listen,
+            link: &answers.link,
+            sitl: answers.sitl,
+            config: &files.config,
+            is_default: files.config == Path::new(DEFAULT_CONFIG),
+            agent: &files.agent,
+            guard: &files.guard,
+            access_key: &files.access_key,
+            access_list: &files.access_list,
+        };
+        protect::write(&of, &text, &mut made.0).map_err(failed)?;
         made.keep();
-        return print(&protect::report(init, &answers, &files));
+        return print(&protect::report(&of));
     }
     write_files(&files, &text, answers.sitl, &mut made).map_err(failed)?;
     made.keep();

@@ -4,7 +4,6 @@
 //! The pairing lies beside the key, so that whoever revokes the key ends the pairing too (`vsm guard revoke`): a guard that was
 //! locked out could agree about another key otherwise. `a0.key.lock` is held by whoever changes any of them.
 
-use std::fs::{File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,12 +12,10 @@ use mavlink_link::exchange::{
     Agreed, PinnedPeer, PublicKey, ResponderMemory, ResponderStore, StoreError,
 };
 use mavlink_link::store::Record as _;
-use rustix::fs::FlockOperation;
 
 use super::disk::{self, FileSystem, NativeFileSystem};
 use super::guard_file;
 use super::key_file::KeyFileError;
-use super::ownership;
 use crate::key_exchange::ExchangeRecord;
 
 /// The files of one CUCS.
@@ -112,7 +109,7 @@ impl ResponderStore for AgreedFiles {
     }
 
     fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError> {
-        let _held = hold(&self.path).map_err(reason)?;
+        let _held = guard_file::hold(&self.path).map_err(reason)?;
         let known = self.record().map_err(reason)?;
         let same = |one: &ExchangeRecord| one.peer == Some(*peer.key.bytes());
         // It was revoked by a person since: what is known here of the guard is out of date.
@@ -128,7 +125,7 @@ impl ResponderStore for AgreedFiles {
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        let _held = hold(&self.path).map_err(reason)?;
+        let _held = guard_file::hold(&self.path).map_err(reason)?;
         let Some(mut record) = self.record().map_err(reason)? else {
             return Err(reason("the pairing was ended"));
         };
@@ -137,18 +134,6 @@ impl ResponderStore for AgreedFiles {
         self.write(&record)?;
         guard_file::put_in_force(&*self.system, &self.path, &agreed.key).map_err(reason)
     }
-}
-
-/// Keeps the files from being changed by anybody else as long as it lives.
-pub(super) fn hold(path: &Path) -> io::Result<File> {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".lock");
-    let mut how = OpenOptions::new();
-    how.write(true).create(true).truncate(false);
-    std::os::unix::fs::OpenOptionsExt::mode(&mut how, 0o600);
-    let lock = ownership::open_no_link(&mut how, Path::new(&name))?;
-    rustix::fs::flock(&lock, FlockOperation::LockExclusive)?;
-    Ok(lock)
 }
 
 fn reason(fault: impl std::fmt::Display) -> StoreError {

@@ -12,10 +12,11 @@ use std::time::{Duration, SystemTime};
 
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
+use rustix::fs::FlockOperation;
 
 use super::disk::{self, FileSystem, NativeFileSystem};
-use super::guard_agreed;
 use super::key_file::{self, KeyFileError};
+use super::ownership;
 use crate::session::GuardKeyUntil;
 
 /// The key in force, and the one before while it is accepted.
@@ -52,7 +53,7 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
 /// # Errors
 /// There is no key yet, or the system's; a key that is cut off in between is in force still.
 pub fn rotate(path: &Path) -> Result<SigningKey, KeyFileError> {
-    let _held = hold(path)?;
+    let _held = hold(path).map_err(|cause| io_fault(path, cause))?;
     let new = other_than(&key_file::read(path)?, path)?;
     put_in_force(&NativeFileSystem, path, &new)?;
     Ok(new)
@@ -80,7 +81,7 @@ pub(super) fn put_in_force(
 /// # Errors
 /// As [`rotate`].
 pub fn revoke(path: &Path) -> Result<SigningKey, KeyFileError> {
-    let _held = hold(path)?;
+    let _held = hold(path).map_err(|cause| io_fault(path, cause))?;
     let new = other_than(&key_file::read(path)?, path)?;
     // First: a guard that is paired still could agree about the next key.
     remove(&pairing(path))?;
@@ -96,8 +97,16 @@ fn remove(path: &Path) -> Result<(), KeyFileError> {
     removed.map_err(|cause| io_fault(path, cause))
 }
 
-fn hold(path: &Path) -> Result<fs::File, KeyFileError> {
-    guard_agreed::hold(path).map_err(|cause| io_fault(path, cause))
+/// Keeps the files of a key from being changed by anybody else as long as it lives.
+pub(super) fn hold(path: &Path) -> io::Result<fs::File> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    let mut how = fs::OpenOptions::new();
+    how.write(true).create(true).truncate(false);
+    std::os::unix::fs::OpenOptionsExt::mode(&mut how, 0o600);
+    let lock = ownership::open_no_link(&mut how, Path::new(&name))?;
+    rustix::fs::flock(&lock, FlockOperation::LockExclusive)?;
+    Ok(lock)
 }
 
 /// A new key, whose trailers name another key id.

@@ -53,7 +53,11 @@ fn what_the_vehicle_does_not_show_is_refused_where_every_answer_is_lost() {
         ..orders::mode(Mode::Loiter)
     };
     assert_eq!(rig.carry_out(faster), Some(AckType::Refused));
-    assert!(rig.station().has_alert("no answer from the vehicle"));
+    let alerts = rig.station().alerts();
+    assert!(
+        rig.station().has_alert("no answer from the vehicle"),
+        "{alerts:?}"
+    );
 }
 
 #[test]

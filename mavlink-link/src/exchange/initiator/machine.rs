@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use super::attempt::{Asking, Attempt, Confirming, Pauses, Promise};
-use super::orders::Ordering;
+use super::ordering::Ordering;
 use crate::Now;
 use crate::exchange::gate::{Cookie, Gate};
 use crate::exchange::identity::{Identity, PublicKey, Random};

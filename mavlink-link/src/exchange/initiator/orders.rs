@@ -3,26 +3,11 @@
 use core::time::Duration;
 
 use super::machine::{Initiator, InitiatorEvent, Trust};
+use super::ordering::Ordering;
 use crate::exchange::identity::{NoRandom, Random};
 use crate::exchange::message::{Message, Status, Step, Suite, VERSION};
 use crate::exchange::order::{Answer, AutopilotKey, Nonce, Order, ZeroizeReport};
 use crate::exchange::stats::Ignored;
-
-/// An order on its way.
-#[derive(Debug)]
-pub(super) struct Ordering {
-    order: Order,
-    session: u32,
-    next_at: Duration,
-    /// It is sent with its challenge, and not answered, since then.
-    asked_at: Option<Duration>,
-    /// When nobody has answered for long enough.
-    silent_at: Duration,
-    /// When what has not been reported is not waited for any more.
-    over_at: Duration,
-    reported: Option<ZeroizeReport>,
-    due: bool,
-}
 
 impl Initiator {
     /// Orders the air side to zeroize; [`InitiatorEvent::Zeroize`] follows, within half a minute. False where nobody is pinned.

@@ -8,8 +8,8 @@ use zeroize::Zeroizing;
 
 use super::cookies::Cookies;
 use super::limits::{Claim, Limits};
-use super::orders::Orders;
 use super::sessions::{Arrival, Done, HalfOpen, PairingSlots};
+use super::taken::Orders;
 use crate::exchange::gate::Gate;
 use crate::exchange::identity::{Identity, PublicKey, Random};
 use crate::exchange::message::{Data, Inbound, Message, Received, Status, Step, Suite, VERSION};

@@ -9,8 +9,8 @@
 //! be installed in the autopilot when the ground no longer has it. Step 1 can be withheld and replayed later,
 //! but its counter must be above that of every exchange completed since.
 //!
-//! Order of the parts: `limits` (rate limits), `cookies` (proof of an address under load), `sessions` (open sessions), `machine` (the state), `steps` (what each step
-//! does), `orders` (an order to zeroize).
+//! Order of the parts: `limits` (rate limits), `cookies` (proof of an address under load), `sessions` (open sessions), `taken` (orders to zeroize), `machine` (the state), `steps` (what each step
+//! does), `orders` (what is done for an order).
 
 mod cookies;
 mod limits;
@@ -18,5 +18,6 @@ mod machine;
 mod orders;
 mod sessions;
 mod steps;
+mod taken;
 
 pub use self::machine::{Outbound, Responder, ResponderConfig, ResponderEvent, WindowError};

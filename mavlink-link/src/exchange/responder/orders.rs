@@ -2,29 +2,14 @@
 
 use core::hash::Hash;
 use core::time::Duration;
-use std::collections::VecDeque;
 
 use super::machine::{Responder, ResponderEvent};
 use super::sessions::Arrival;
-use crate::exchange::gate::Gate;
+use super::taken::Taken;
 use crate::exchange::identity::Random;
 use crate::exchange::message::{Message, Status, Step, Suite};
 use crate::exchange::order::{Answer, Nonce, Order, ZeroizeReport};
 use crate::exchange::stats::Ignored;
-
-/// An order that was taken.
-#[derive(Debug)]
-pub(super) struct Taken<A> {
-    number: Nonce,
-    session: u32,
-    /// Where it came from last.
-    from: A,
-    gate: Gate,
-    /// Its challenge holds for some time after this.
-    at: Duration,
-    /// None until the caller has decided.
-    report: Option<ZeroizeReport>,
-}
 
 impl<A: Copy + Eq + Hash> Responder<A> {
     /// Step 6. It costs a few hashes, and its answer is shorter than it is: there is no limit that others could use up.
@@ -121,5 +106,3 @@ fn is_refused<A>(one: &Taken<A>) -> bool {
 
 /// Orders within the life of a challenge: the ground sends one, and an operator who tries again another.
 const MAX_ORDERS: usize = 8;
-
-pub(super) type Orders<A> = VecDeque<Taken<A>>;

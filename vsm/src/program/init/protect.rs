@@ -6,42 +6,62 @@
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use stanag_msgs::Id;
 
-use super::{Answers, DEFAULT_CONFIG, Files, Init, Made};
 use crate::config::LinkAddress;
 use crate::config::airside::AirsideConfig;
 use crate::session::{AccessEntry, AccessGroup, AccessKey, AccessList};
 use crate::shell::disk::folder_of;
 use crate::shell::key_file;
 
+/// What was asked for, and where the files are to be.
+pub(super) struct Protected<'a> {
+    pub(super) vsm_id: Id,
+    pub(super) vehicle_id: Id,
+    pub(super) cucs_id: Id,
+    pub(super) system_id: u8,
+    /// Where the VSM listens for its ground station.
+    pub(super) listen: SocketAddr,
+    /// The ground's end of the radio.
+    pub(super) link: &'a LinkAddress,
+    /// PX4 is simulated, on this computer.
+    pub(super) sitl: bool,
+    pub(super) config: &'a Path,
+    /// Its name is the one that every command takes by itself.
+    pub(super) is_default: bool,
+    pub(super) agent: &'a Path,
+    pub(super) guard: &'a Path,
+    pub(super) access_key: &'a Path,
+    pub(super) access_list: &'a Path,
+}
+
 /// Writes all files; what was made before a failure is in `made`.
 pub(super) fn write(
-    init: &Init,
-    answers: &Answers,
-    files: &Files,
+    of: &Protected<'_>,
     config: &str,
-    made: &mut Made,
+    made: &mut Vec<PathBuf>,
 ) -> anyhow::Result<()> {
-    let folder = folder_of(&files.config);
-    let agent = agent(init, answers);
+    let folder = folder_of(of.config);
+    let agent = agent(of);
     AirsideConfig::parse(&agent, folder).context("the agent's configuration")?;
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    for key in [&files.guard, &files.access_key] {
+    for key in [of.guard, of.access_key] {
         key_file::generate(key)?;
-        made.0.push(key.clone());
+        made.push(key.to_owned());
     }
-    let list = list(init, answers, files)?;
+    let list = list(of)?;
     // The configuration is the last: where it is, all that it names is.
     for (path, text) in [
-        (&files.access_list, list.as_str()),
-        (&files.agent, &agent),
-        (&files.config, config),
+        (of.access_list, list.as_str()),
+        (of.agent, &agent),
+        (of.config, config),
     ] {
         let place = || path.display().to_string();
         let mut file = File::create_new(path).with_context(place)?;
-        made.0.push(path.clone());
+        made.push(path.to_owned());
         file.write_all(text.as_bytes())
             .and_then(|()| file.sync_all())
             .with_context(place)?;
@@ -50,36 +70,36 @@ pub(super) fn write(
 }
 
 /// Version 1 of the access list, signed.
-fn list(init: &Init, answers: &Answers, files: &Files) -> anyhow::Result<String> {
-    let guard = key_file::read(&files.guard)?.id();
-    let mut list = AccessList::new(init.vsm_id);
+fn list(of: &Protected<'_>) -> anyhow::Result<String> {
+    let guard = key_file::read(of.guard)?.id();
+    let mut list = AccessList::new(of.vsm_id);
     for group in GROUPS {
         let entry = AccessEntry {
-            cucs: answers.cucs_id,
-            vehicle: answers.vehicle_id,
+            cucs: of.cucs_id,
+            vehicle: of.vehicle_id,
             group,
             key: guard,
             until: None,
         };
         list.grant(entry).map_err(|fault| anyhow!("{fault}"))?;
     }
-    let key = AccessKey::new(&key_file::read(&files.access_key)?);
+    let key = AccessKey::new(&key_file::read(of.access_key)?);
     Ok(list.signed(1, &key))
 }
 
 /// The text of the agent's file.
-fn agent(init: &Init, answers: &Answers) -> String {
+fn agent(of: &Protected<'_>) -> String {
     let quoted = |value: &dyn std::fmt::Display| toml::Value::String(value.to_string()).to_string();
-    let px4 = match answers.sitl {
+    let px4 = match of.sitl {
         true => "udpin:127.0.0.1:14550",
         false => "serial:/dev/ttyS0:921600",
     };
     [
-        ("{vehicle_id}", quoted(&answers.vehicle_id)),
-        ("{vsm_id}", quoted(&init.vsm_id)),
-        ("{radio}", quoted(&other_end(&answers.link))),
+        ("{vehicle_id}", quoted(&of.vehicle_id)),
+        ("{vsm_id}", quoted(&of.vsm_id)),
+        ("{radio}", quoted(&other_end(of.link))),
         ("{px4}", quoted(&px4)),
-        ("{system_id}", init.system_id.to_string()),
+        ("{system_id}", of.system_id.to_string()),
     ]
     .into_iter()
     .fold(AGENT.to_owned(), |text, (name, value)| {
@@ -103,43 +123,43 @@ fn other_end(link: &LinkAddress) -> String {
 }
 
 /// What was written, and the commands that come next.
-pub(super) fn report(init: &Init, answers: &Answers, files: &Files) -> String {
-    let config = files.config.display();
+pub(super) fn report(of: &Protected<'_>) -> String {
+    let config = of.config.display();
     let mut text = format!("{config}: the configuration, with guard, access list and encryption\n");
     for (path, what) in [
         (
-            &files.guard,
+            of.guard,
             "a new guard key: the ground station's computer needs a copy",
         ),
         (
-            &files.access_key,
+            of.access_key,
             "a new access key, by which the list is signed: keep it apart",
         ),
         (
-            &files.access_list,
+            of.access_list,
             "what the ground station may do, signed as version 1",
         ),
-        (&files.agent, "the configuration of the air-side agent"),
+        (of.agent, "the configuration of the air-side agent"),
     ] {
         text += &format!("{}: {what}\n", path.display());
     }
-    let file = match files.config == std::path::Path::new(DEFAULT_CONFIG) {
+    let file = match of.is_default {
         true => String::new(),
         false => format!(" --config {config}"),
     };
-    let (agent, guard) = (files.agent.display(), files.guard.display());
+    let (agent, guard) = (of.agent.display(), of.guard.display());
     text += "next, on the vehicle's computer, with a copy of the agent's configuration whose two links are right:\n";
     text += &format!("  vsm airside --pair --config {agent}\n");
     text += "here, with the code that it shows:\n";
     text += &format!("  vsm pair{file} --code CODE\n  vsm run{file}\n");
     text += "on the ground station's computer, with a copy of the guard key; the station sends to LISTEN:\n";
-    let listen = match init.listen.ip().is_loopback() {
+    let listen = match of.listen.ip().is_loopback() {
         true => " --listen 127.0.0.1:4587",
         false => "",
     };
     text += &format!(
         "  vsm guard run --cucs {} --vsm-id {} --vsm {} --key-file {guard}{listen}\n",
-        answers.cucs_id, init.vsm_id, init.listen
+        of.cucs_id, of.vsm_id, of.listen
     );
     text
 }

@@ -18,11 +18,14 @@
 //! it, and returns where nobody does. What was handled is on disk: a restart neither flies it again nor forgets what has not been
 //! flown. A failsafe of PX4 ends nothing: the action waits for its end, of one that only holds not for long. Which goes first,
 //! this or the loss action, is decided in `priority`; `cause`: whether one stands; `reported`: what a vehicle reports of each; `setting`: what
-//! CUCSs have set; `outlet`: what the machine needs of whoever runs it.
+//! CUCSs have set; `outlet`: what the machine needs of whoever runs it; `provision`: what is to be
+//! flown for each cause; `record`: what is kept over a restart.
 
 mod cause;
 mod outlet;
 pub(crate) mod priority;
+mod provision;
+mod record;
 mod reported;
 mod setting;
 #[cfg(test)]
@@ -30,21 +33,22 @@ mod tests;
 
 pub(crate) use self::cause::{Seen, What};
 pub(crate) use self::outlet::Outlet;
+pub(crate) use self::provision::Provision;
+pub(crate) use self::record::{Record, Setting};
 pub(crate) use self::reported::reported;
 
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mavlink_link::store::StoreError;
-use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::{AlertPriority, RouteType, SubsystemId};
 
 use self::cause::Watch;
 use self::priority::{Urgency, is_shown};
-use crate::config::{self, ContingencyAction as Action};
+use self::record::{End, Handled};
+use crate::config::ContingencyAction as Action;
 use crate::session::alerts::Cause;
 use crate::session::other::Other;
-use crate::session::store::vehicle_record;
 use crate::session::trigger::Trigger;
 
 /// The machine.
@@ -61,44 +65,6 @@ pub(crate) struct Contingencies {
     unsaved: Option<Duration>,
     /// Data is received from the vehicle since then.
     live_since: Option<Duration>,
-}
-
-/// What ended the action of a cause that may last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct Handled {
-    trigger: Trigger,
-    end: End,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum End {
-    /// The vehicle has shown this.
-    Shown(Action),
-    /// It has flown the route of this to its end, and holds there.
-    Completed(Action),
-    /// A pilot has the vehicle.
-    Pilot,
-    /// The CUCS in control has commanded otherwise.
-    Operator,
-}
-
-impl End {
-    /// What the vehicle was brought to.
-    fn flown(self) -> Option<Action> {
-        match self {
-            End::Shown(action) | End::Completed(action) => Some(action),
-            End::Pilot | End::Operator => None,
-        }
-    }
-}
-
-/// What a CUCS has set for a cause.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Setting {
-    pub(crate) trigger: Trigger,
-    pub(crate) action: Action,
-    /// Of the battery; none as the configuration has it.
-    pub(crate) percent: Option<u8>,
 }
 
 /// What has become of a contingency, for 50023.
@@ -118,41 +84,6 @@ struct Trying {
     next_at: Duration,
     /// The CUCS in control has commanded something since that waits for its route: it ends this once it is flown.
     yields: bool,
-}
-
-/// What is kept over a restart.
-#[derive(Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Record {
-    handled: Vec<Handled>,
-    #[serde(default)]
-    set: Vec<Setting>,
-}
-
-vehicle_record!(Record, "contingencies", Power);
-
-/// What is flown for each cause.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Provision {
-    pub(crate) battery: Option<Action>,
-    pub(crate) battery_percent: u8,
-    pub(crate) position: Option<Action>,
-    pub(crate) fence: Option<Action>,
-    pub(crate) engine: Option<Action>,
-    /// Of an agent: no frame of the ground.
-    pub(crate) link: Option<Action>,
-}
-
-impl From<config::Contingency> for Provision {
-    fn from(configured: config::Contingency) -> Provision {
-        Provision {
-            battery: configured.battery,
-            battery_percent: configured.battery_percent,
-            position: configured.position,
-            fence: configured.fence,
-            engine: configured.engine,
-            link: None,
-        }
-    }
 }
 
 /// What it reads.

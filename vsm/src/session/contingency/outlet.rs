@@ -5,7 +5,7 @@ use std::time::Duration;
 use mavlink_link::store::{Store as _, StoreError};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
-use super::Record;
+use super::record::Record;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
 

@@ -2,8 +2,8 @@
 
 use mapping::telemetry::Telemetry;
 
-use super::Provision;
 use super::cause::{Seen, What};
+use super::provision::Provision;
 
 /// Of engine, position, fence and battery. `outside`: whether a place (latitude, longitude) is outside of the fence, where there
 /// is one.

@@ -50,7 +50,8 @@ enum Phase {
     },
     /// The vehicle is put on hold.
     Hold {
-        maneuver: Maneuver,
+        /// Apart: it is larger than everything else.
+        maneuver: Box<Maneuver>,
         compiled: CompiledMission,
     },
     Upload {
@@ -315,6 +316,7 @@ impl RouteUpload {
         // PX4 flies another plan from the index that it has reached in this one.
         if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
+            let maneuver = Box::new(maneuver);
             self.phase = Phase::Hold { maneuver, compiled };
             self.held = true;
             return Outcome::Percent(0);

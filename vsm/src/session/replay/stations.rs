@@ -10,7 +10,7 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{SubsystemStatusAlert, UaPositionWaypoint, VsmAuthorisationResponse};
 use stanag_msgs::{Id, Message, Profile, ed25, table};
 
-use super::{Changes, entry};
+use super::changes::{Changes, entry};
 use crate::session::authority::rules::Stations as Payload;
 use crate::session::bridge::status::AlertStatus;
 use crate::session::log::{LogEntry, LogLevel};

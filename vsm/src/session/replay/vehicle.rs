@@ -13,7 +13,7 @@ use mavlink_link::service::mission::Item;
 use mavlink_link::service::text::Texts;
 use stanag_msgs::Id;
 
-use super::{Changes, entry};
+use super::changes::{Changes, entry};
 use crate::session::bridge::status::{FootprintStatus, MotionStatus, footprints, motion};
 use crate::session::link::is_of_payload;
 use crate::session::log::{LogEntry, LogLevel};

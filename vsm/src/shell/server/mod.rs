@@ -1,10 +1,11 @@
 //! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second
-//! thread synchronises the disk, and a third agrees about keys with the guards of CUCSs (`pairing`).
+//! thread synchronises the disk, and a third agrees about keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket of who asks for it).
 
 mod encryption;
 mod error;
 mod files;
 mod forward;
+mod guard_thread;
 mod guards;
 mod open;
 mod pairing;
@@ -31,7 +32,7 @@ use tokio::sync::mpsc::UnboundedReceiver;
 use tokio::task::LocalSet;
 
 use self::forward::ForwardReader;
-use self::pairing::Done;
+use self::guard_thread::Done;
 use self::shared::Shared;
 use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,

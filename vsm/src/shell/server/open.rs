@@ -14,8 +14,8 @@ use zeroize::Zeroize as _;
 
 use super::encryption::open_encryption;
 use super::forward;
+use super::guard_thread::GuardThread;
 use super::guards;
-use super::pairing::GuardThread;
 use super::shared::{Core, OpenPort, Shared};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle, share};
 use super::{Server, StartError};

@@ -28,8 +28,8 @@ use tokio::time::{sleep, timeout};
 use super::StartError;
 use super::encryption::open_encryption;
 use super::forward::{self, Forwards, OpenForward, Served};
+use super::guard_thread::{self, Work};
 use super::guards;
-use super::pairing::{self, Work};
 use super::read_ahead::{Ahead, ReadAhead};
 use super::shared::{Core, OpenPort, Shared};
 use super::tasks::{receive_forward, receive_vehicle};
@@ -365,7 +365,7 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         change_forwards(core, &numbers, new);
         if !core
             .guard_thread
-            .give(Work::Files(pairing::paths(&core.config)))
+            .give(Work::Files(guard_thread::paths(&core.config)))
         {
             tracing::warn!("pairings of guards are not read again: reload once more");
         }

@@ -9,7 +9,7 @@ use mavlink_link::Now;
 use tokio::sync::Notify;
 
 use super::forward::OpenForward;
-use super::pairing::{GuardThread, Work};
+use super::guard_thread::{GuardThread, Work};
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};

@@ -1,0 +1,28 @@
+//! What is to be flown for each cause.
+
+use crate::config::{self, ContingencyAction as Action};
+
+/// What is flown for each cause.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Provision {
+    pub(crate) battery: Option<Action>,
+    pub(crate) battery_percent: u8,
+    pub(crate) position: Option<Action>,
+    pub(crate) fence: Option<Action>,
+    pub(crate) engine: Option<Action>,
+    /// Of an agent: no frame of the ground.
+    pub(crate) link: Option<Action>,
+}
+
+impl From<config::Contingency> for Provision {
+    fn from(configured: config::Contingency) -> Provision {
+        Provision {
+            battery: configured.battery,
+            battery_percent: configured.battery_percent,
+            position: configured.position,
+            fence: configured.fence,
+            engine: configured.engine,
+            link: None,
+        }
+    }
+}
