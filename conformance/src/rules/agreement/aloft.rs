@@ -7,9 +7,10 @@ use crate::bench::flight::{
     Fix, Plan, airborne, clear, field, fix, fly_until, hold, home, load, loaded, mode,
     mode_becomes, mode_command, reported_mode, route_head, stretch, to_number, wrapped,
 };
+use crate::bench::station::about;
 use crate::bench::station::{Station, schedule};
 use crate::bench::trial::Trial;
-use crate::rules::acknowledgement::{about, refused};
+use crate::rules::acknowledgement::refused;
 use crate::rules::configuration::{availability, full};
 use crate::rules::scene::Scene;
 use crate::verdict::{Judged, Precondition};

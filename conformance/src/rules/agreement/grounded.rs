@@ -5,11 +5,12 @@ use std::time::Duration;
 use crate::bench::flight::{
     Plan, clear, deliver, fix, fly_until, home, loaded, mode, mode_command, run_transfer, transfer,
 };
+use crate::bench::station::about;
 use crate::bench::station::{
     Access, Station, authorisation, discovery, information_request, loi, schedule,
 };
 use crate::bench::trial::Trial;
-use crate::rules::acknowledgement::{about, refused};
+use crate::rules::acknowledgement::refused;
 use crate::rules::configuration::full;
 use crate::rules::mission::aboard;
 use crate::rules::scene::Scene;

@@ -7,9 +7,9 @@ use std::time::Duration;
 use crate::bench::flight::{
     Plan, clear, deliver, download, home, load, loaded, run_transfer, transfer,
 };
+use crate::bench::station::about;
 use crate::bench::station::{Access, Station, authorisation, information_request, loi, schedule};
 use crate::bench::trial::Trial;
-use crate::rules::acknowledgement::about;
 use crate::rules::configuration::request;
 use crate::rules::curves::curve;
 use crate::rules::mission::{aboard, with_plan};
