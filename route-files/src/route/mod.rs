@@ -5,7 +5,7 @@
 //! what no message can carry is refused here.
 //!
 //! - [`model`]: the route itself;
-//! - [`form`]: keys and words of a route file; [`read`] and [`write`] the two directions;
+//! - [`form`]: keys and words of a route file; [`mod@read`] and [`mod@write`] the two directions;
 //! - [`messages`]: into messages, and back from a download.
 
 pub mod form;
