@@ -15,7 +15,10 @@ fuzz_target!(|bytes: &[u8]| {
     }
     // A datagram for the group has another key than any that is for one station.
     if let Some(guarded) = Guarded::parse(bytes) {
-        assert!(guarded.trailer.direction != Direction::ToGroup || guarded.trailer.direction.back().is_none());
+        assert!(
+            guarded.trailer.direction != Direction::ToGroup
+                || guarded.trailer.direction.back().is_none()
+        );
     }
     let Some(step) = ExchangeDatagram::parse(bytes) else {
         return;
@@ -26,7 +29,10 @@ fuzz_target!(|bytes: &[u8]| {
     assert!(bytes.starts_with(&written));
     assert!(bytes[written.len()..].iter().all(|byte| *byte == 0));
     let again = ExchangeDatagram::parse(&written).expect("a step was written");
-    assert_eq!((again.direction, again.cucs, again.vsm), (step.direction, step.cucs, step.vsm));
+    assert_eq!(
+        (again.direction, again.cucs, again.vsm),
+        (step.direction, step.cucs, step.vsm)
+    );
 });
 
 /// No receiver of the DLI takes it for a message.

@@ -45,6 +45,7 @@ fn what_the_vehicle_shows_is_carried_out_though_every_answer_is_lost() {
 fn what_the_vehicle_does_not_show_is_refused_where_every_answer_is_lost() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
+    done(&mut rig, orders::mode(Mode::Loiter));
     rig.lost = vec![COMMAND_ACK];
     // Of a speed no message of PX4 shows anything but the flight itself.
     let faster = VehicleOperatingModeCommand {
