@@ -69,7 +69,10 @@ fn fly_the_square(ground: &Ground, bridge: &mut Running) {
     bridge.wait_for("the link is live", LIMIT);
     let route = kit::workspace().join("examples/square.route.toml");
     let route = route.display();
-    let script = format!("take\nsend {route}\nlaunch 30\nwait airborne\nfly\nwait waypoint 20\n");
+    // A link is live before what the vehicle reports by it is.
+    let script = format!(
+        "take\nwatch --seconds 3\nsend {route}\nlaunch 30\nwait airborne\nfly\nwait waypoint 20\n"
+    );
     std::fs::write(ground.path("flight.cucs"), script).expect("the script");
     let flight = ground.path("flight.cucs").display().to_string();
     let arguments = ["--vsm", &ground.dli(), "script", &flight];
