@@ -248,6 +248,11 @@ mod tests {
         let took = begun.elapsed().as_secs_f64();
         sender.join().expect("it has sent");
         assert_eq!(bytes, [0x55; SENT]);
+        // What has arrived is counted a moment later.
+        let until = Instant::now() + Duration::from_secs(2);
+        while line.carried() != [SENT as u64, 0] && Instant::now() < until {
+            thread::sleep(Duration::from_millis(1));
+        }
         assert_eq!(line.carried(), [SENT as u64, 0]);
         let expected = SENT as f64 / 5_760.0;
         assert!(took > 0.9 * expected && took < 5.0 * expected, "{took} s");
