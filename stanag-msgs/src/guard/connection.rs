@@ -3,9 +3,11 @@
 //! A connection is reliable and in order, so that nothing of the trailer but its HMAC is needed. What a trailer has its stamp for,
 //! that nothing recorded counts again, the opening does: each end names 32 random bytes, and both are in the keys.
 //!
-//!     about  "vsm-web-1", VSM ID, CUCS ID, random bytes of the VSM, random bytes of the client
-//!     key    HMAC-SHA256(key of the direction, about): of all frames of a direction
-//!     frame  64 lower-case hex digits, a space, a text;  the digits are HMAC-SHA256(key, text)
+//! ```text
+//! about  "vsm-web-1", VSM ID, CUCS ID, random bytes of the VSM, random bytes of the client
+//! key    HMAC-SHA256(key of the direction, about): of all frames of a direction
+//! frame  64 lower-case hex digits, a space, a text;  the digits are HMAC-SHA256(key, text)
+//! ```
 //!
 //! The key of the direction is that of the datagrams' trailers. No HMAC of one is one of the other: those begin with
 //! "vsm-guard-1".
