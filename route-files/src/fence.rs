@@ -96,7 +96,10 @@ pub enum Shape {
 /// A fence file; a route file may hold a fence too, and its other keys are not looked at here.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code)]
+#[allow(
+    dead_code,
+    reason = "the other keys of a file that holds both are only allowed here"
+)]
 struct File {
     #[serde(default)]
     area: Vec<FileArea>,
