@@ -54,6 +54,13 @@ def loads(checks, browser, url, shots):
     if shots:
         opened.page.screenshot(path=f"{shots}/page-light.png")
 
+    checks.step("the ground under the map")
+    opened.until("document.querySelectorAll('img.leaflet-tile-loaded').length > 0")
+    sides = set(opened.page.evaluate("[...document.querySelectorAll('img.leaflet-tile-loaded')].map((one) => one.naturalWidth)"))
+    checks.check("its pictures are those of the file", sides == {256}, sides)
+    said = opened.text(".leaflet-control-attribution")
+    checks.check("whose map it is is shown as a text", "a map of <b>chequers</b>" in said, said)
+
     checks.step("a text that would be code")
     opened.page.evaluate(
         "document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.ran = 1\">');"

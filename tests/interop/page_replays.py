@@ -36,6 +36,9 @@ def main():
         checks.check("nothing can be commanded", not page.locator("#control").is_visible())
         checks.check("it says that no signatures are recorded", "signatures are not recorded" in opened.text("#link"), opened.text("#link"))
 
+        opened.until("document.querySelectorAll('img.leaflet-tile-loaded').length > 0")
+        checks.check("the ground of its file is under the map", True)
+
         checks.step("played")
         begun, at_first = place(page), moment(page)
         page.locator("#speed").select_option("20")

@@ -562,6 +562,9 @@ impl Config {
             access.list = folder.join(&access.list);
             access.key_file = folder.join(&access.key_file);
         }
+        if let Some(tiles) = &mut self.web.tiles {
+            *tiles = folder.join(&*tiles);
+        }
         self.store.dir = folder.join(&self.store.dir);
         if let Some(record) = &mut self.record {
             record.dir = folder.join(&record.dir);

@@ -365,6 +365,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.payload.camera", "100"),
     ("store.dir", "\"state\""),
     ("http.listen", "\"127.0.0.1:8586\""),
+    ("web.tiles", "\"map.pmtiles\""),
     ("record.dir", "\"recordings\""),
 ];
 

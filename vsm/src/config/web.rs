@@ -1,7 +1,8 @@
-//! `[http]` and `[web]`: where the page is, whether stations may come by its WebSocket, and what that needs of the rest of the
-//! file.
+//! `[http]` and `[web]`: where the page is, what its map shows of the ground, whether stations may come by its WebSocket, and what
+//! that needs of the rest of the file.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -26,20 +27,32 @@ table! {
 
 table! {
     /// `[web]`
-    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+    #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Web {
         /// Take the CUCSs with `web = true` by a WebSocket of the page, `/control`, under their guard keys
         /// ([websocket.md](../guide/websocket.md)). `http.listen` must be an address of loopback then
         pub control: bool => Value("false"),
+        /// A PMTiles file of pictures (PNG, JPEG, WebP, AVIF) that the map shows beneath vehicles and routes; read from this
+        /// computer alone
+        pub tiles: Option<PathBuf> => Nothing("the map has a grid"),
     }
 }
 
 impl Web {
     /// What the rest of the file must have for it.
-    pub(super) fn check(self, http: Option<&Http>, cucs: &[Spanned<Cucs>]) -> Result<(), Fault> {
+    pub(super) fn check(&self, http: Option<&Http>, cucs: &[Spanned<Cucs>]) -> Result<(), Fault> {
         for spanned in cucs {
             self.check_station(spanned.get_ref(), spanned.span().start)?;
+        }
+        if let (Some(tiles), None) = (&self.tiles, http) {
+            let expected = "an address of the page, [http] listen = \"127.0.0.1:8586\"";
+            return fault(
+                0,
+                "web.tiles",
+                format!("{} without [http]", tiles.display()),
+                expected,
+            );
         }
         if !self.control {
             return Ok(());
@@ -58,7 +71,7 @@ impl Web {
         Ok(())
     }
 
-    fn check_station(self, cucs: &Cucs, at: usize) -> Result<(), Fault> {
+    fn check_station(&self, cucs: &Cucs, at: usize) -> Result<(), Fault> {
         if !cucs.web {
             return Ok(());
         }

@@ -6,6 +6,7 @@ use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ContingencyAction, ExchangeMode, Signing, owner_name};
 use crate::shell::key_file::{self, KeyFileError};
 use crate::shell::server::StartError;
+use crate::shell::web::Tiles;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
@@ -23,6 +24,9 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     }
     let mut config = Config::load(path).map_err(bad)?;
     config.read_terrain(None).map_err(bad)?;
+    if let Some(tiles) = &config.web.tiles {
+        Tiles::open(tiles).map_err(StartError::from).map_err(bad)?;
+    }
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
     if let Some(group) = config.dli.group() {

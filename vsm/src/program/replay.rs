@@ -9,6 +9,7 @@ use tokio::net::TcpListener;
 use super::process::{Failure, announce, bad, failed, runtime, stop_signal};
 use crate::config::Config;
 use crate::shell::replay;
+use crate::shell::web::Tiles;
 
 /// Show a recording on the operator's page, with a time line: until Ctrl-C
 #[derive(Debug, clap::Args)]
@@ -21,6 +22,9 @@ pub(crate) struct Arguments {
     /// Serve the page on this address; port 0 is any
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8587")]
     listen: SocketAddr,
+    /// Show this PMTiles file of pictures under the map
+    #[arg(long, value_name = "FILE")]
+    tiles: Option<PathBuf>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -30,6 +34,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.records.clone()
     };
     let timeline = replay::read(&records).map_err(failed)?;
+    let tiles = (arguments.tiles.as_deref().map(Tiles::open)).transpose();
+    let tiles = tiles.map_err(bad)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let stop = stop_signal()?;
@@ -42,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "INFO",
             &format!("ready: the recording is at http://{page}/ until Ctrl-C"),
         );
-        replay::serve(listener, timeline, stop).await;
+        replay::serve(listener, timeline, tiles, stop).await;
         Ok(())
     })
 }

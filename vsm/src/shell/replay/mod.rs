@@ -12,20 +12,23 @@ use tokio::net::TcpListener;
 use tokio::task::LocalSet;
 
 pub use self::files::{ReplayError, read};
-use super::web::{self, Event, PageInfo, Source, Span};
+use super::web::{self, Event, Page, PageInfo, Source, Span, Tiles};
 use crate::session::replay::{Timeline, TrackPoint};
 use crate::session::{Status, VehicleMap};
 
 /// Serves the page of a recording until `stop` is done.
-pub async fn serve(listener: TcpListener, timeline: Timeline, stop: impl Future<Output = ()>) {
+pub async fn serve(
+    listener: TcpListener,
+    timeline: Timeline,
+    tiles: Option<Tiles>,
+    stop: impl Future<Output = ()>,
+) {
     let local = LocalSet::new();
-    let page = web::serve(
-        listener,
-        Vec::new(),
-        None,
-        Rc::default(),
-        Rc::new(Replay(timeline)),
-    );
+    let page = Page {
+        tiles,
+        ..Page::default()
+    };
+    let page = web::serve(listener, page, Rc::default(), Rc::new(Replay(timeline)));
     local
         .run_until(async {
             tokio::select! {

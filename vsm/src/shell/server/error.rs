@@ -14,6 +14,7 @@ use crate::shell::disk::OpenError;
 use crate::shell::key_file::KeyFileError;
 use crate::shell::key_store::KeyStoreError;
 use crate::shell::sockets::SocketError;
+use crate::shell::web::TilesError;
 
 /// A bridge that cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -110,6 +111,9 @@ pub enum StartError {
         /// The system's reason.
         cause: io::Error,
     },
+    /// The pictures under the map.
+    #[error("[web] tiles {0}")]
+    Tiles(#[from] TilesError),
     /// There is no key yet, and the exchange that would bring one needs a pairing.
     #[error("there is no key {path} yet: pair with the air-side agent by `vsm pair` first", path = path.display())]
     NotPaired {

@@ -42,8 +42,8 @@ use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
-use super::web as page;
 use super::web::control::{Door, Reports};
+use super::web::{self as page, Page};
 use crate::session::Status;
 
 /// A bridge with its sockets open, ready to serve.
@@ -63,7 +63,7 @@ pub struct Server {
     pairing: UnixListener,
     /// What has come of it.
     agreed: UnboundedReceiver<Done>,
-    page: Option<(TcpListener, Vec<String>)>,
+    page: Option<(TcpListener, Page)>,
     /// The WebSocket of the page, where web clients may control.
     control: Option<(Door, Reports)>,
     /// The configuration that is read again, and where that is requested.
@@ -210,10 +210,11 @@ impl Server {
             zeroize::serve(of_all, beat, zeroize)
         });
         let (door, reports) = control.unzip();
-        if let Some((listener, hosts)) = page {
+        if let Some((listener, page)) = page {
             let of_all = shared.clone();
+            let page = Page { door, ..page };
             tasks.spawn(&local, "status page", |beat| {
-                page::serve(listener, hosts, door, beat, of_all)
+                page::serve(listener, page, beat, of_all)
             });
         }
         if let Some(reports) = reports {

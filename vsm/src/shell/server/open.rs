@@ -31,6 +31,7 @@ use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::sockets::{DliSockets, Hosts, ask_system};
 use crate::shell::status_socket;
 use crate::shell::web::control::{self, Clients};
+use crate::shell::web::{Page, Tiles};
 
 impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
@@ -114,7 +115,14 @@ impl Server {
         let page = config
             .http
             .as_ref()
-            .map(|http| Ok::<_, StartError>((listen(http.listen)?, http.hosts.clone())))
+            .map(|http| {
+                let page = Page {
+                    hosts: http.hosts.clone(),
+                    tiles: (config.web.tiles.as_deref().map(Tiles::open)).transpose()?,
+                    ..Page::default()
+                };
+                Ok::<_, StartError>((listen(http.listen)?, page))
+            })
             .transpose()?;
         let control = (config.web.control)
             .then(|| control::open(config.dli.vsm_id))

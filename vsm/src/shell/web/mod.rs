@@ -2,7 +2,7 @@
 //! `[web] control` allows it: a WebSocket by which ground stations come (`control`).
 //!
 //! `source` is what the page asks of the bridge, `routes` what is answered to which request, `events` what the bridge has logged of late, `metrics` the format of
-//! Prometheus; `page` holds the page itself: HTML, style, ES modules, and Leaflet for the map. All of it is in the
+//! Prometheus, `tiles` the pictures under the map; `page` holds the page itself: HTML, style, ES modules, and Leaflet for the map. All of it is in the
 //! program: no other host is asked for anything.
 //!
 //! What can be read is for who asks by the address or by a name of the configuration. A web page that has its own name
@@ -16,6 +16,7 @@ mod events;
 mod metrics;
 mod routes;
 mod source;
+mod tiles;
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -23,6 +24,7 @@ use std::convert::Infallible;
 use std::net::{IpAddr, SocketAddr};
 use std::panic::resume_unwind;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -42,26 +44,35 @@ use self::control::Door;
 pub use self::events::{Event, Events};
 use self::routes::{Kept, Query};
 pub use self::source::{PageInfo, Source, Span};
+pub use self::tiles::{Tiles, TilesError, TilesInfo};
 use super::tasks::Beat;
 use super::test_fault;
 use crate::session::web::WebRefusal;
 
-/// Serves until it is dropped. `hosts`: names that it may be asked by, beside `localhost` and its addresses.
+/// What the page is served with, beside what it shows.
+#[derive(Debug, Default)]
+pub struct Page {
+    /// Names that it may be asked by, beside `localhost` and its addresses.
+    pub hosts: Vec<String>,
+    /// Where ground stations come in by the WebSocket.
+    pub door: Option<Door>,
+    /// Pictures under the map.
+    pub tiles: Option<Tiles>,
+}
+
+/// Serves until it is dropped.
 ///
 /// # Panics
 /// Where a connection has panicked: this task ends by it, and with it the program.
-pub async fn serve(
-    listener: TcpListener,
-    hosts: Vec<String>,
-    door: Option<Door>,
-    beat: Rc<Beat>,
-    source: impl Source,
-) {
+pub async fn serve(listener: TcpListener, page: Page, beat: Rc<Beat>, source: impl Source) {
+    let Page { hosts, door, tiles } = page;
     let hosts: Rc<[String]> = hosts.into();
     // Handlers of axum may run on any thread, the bridge is of this one: they ask, and it is answered here.
     let (queries, mut asked) = mpsc::channel(MAX_CONNECTIONS);
-    let routes = routes::all(queries).merge(control::routes(door.clone()));
     let mut kept = Kept::default();
+    kept.tiles = tiles.as_ref().map(|tiles| tiles.info().clone());
+    let routes = routes::all(queries, tiles.map(Arc::new));
+    let routes = routes.merge(control::routes(door.clone()));
     let mut connections = JoinSet::new();
     let mut open: VecDeque<Connection> = VecDeque::new();
     loop {
@@ -279,8 +290,11 @@ mod tests {
     async fn page() -> SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("its address");
-        let hosts = vec!["vsm.example".to_owned()];
-        tokio::task::spawn_local(serve(listener, hosts, None, Rc::default(), Nothing));
+        let page = Page {
+            hosts: vec!["vsm.example".to_owned()],
+            ..Page::default()
+        };
+        tokio::task::spawn_local(serve(listener, page, Rc::default(), Nothing));
         address
     }
 
@@ -425,6 +439,17 @@ mod tests {
                     "{other}"
                 );
             }
+        });
+    }
+
+    #[test]
+    fn without_tiles_none_are_named_and_none_are_served() {
+        run(async {
+            let address = page().await;
+            let host = format!("Host: {address}\r\n");
+            let answer = get(address, "/page.json", &host).await;
+            assert!(answer.contains("\"tiles\":null"), "{answer}");
+            assert_eq!(code(address, "/tiles/0/0/0", &host).await, "404");
         });
     }
 

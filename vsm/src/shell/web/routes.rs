@@ -1,5 +1,6 @@
 //! What is answered to which request.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
@@ -15,7 +16,8 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 
 use super::metrics;
-use super::source::Source;
+use super::source::{PageInfo, Source};
+use super::tiles::{Tiles, TilesInfo};
 
 /// A question to the bridge, and where its answer goes: JSON, or the text of /metrics.
 #[derive(Debug)]
@@ -35,7 +37,14 @@ impl Query {
     /// Answers it; whoever asked may have left.
     pub(super) fn answer(self, source: &impl Source, kept: &mut Kept) {
         let _ = match self {
-            Query::Page(to) => to.send(json(&source.page()).into()),
+            Query::Page(to) => {
+                let tiles = kept.tiles.clone();
+                let page = PageInfo {
+                    tiles,
+                    ..source.page()
+                };
+                to.send(json(&page).into())
+            }
             Query::Status(at, to) => to.send(kept.status.get(at, || json(&source.status(at)))),
             Query::Map(at, to) => to.send(kept.map.get(at, || json(&source.map(at)))),
             Query::Events(from, at, to) => to.send(json(&source.events(from, at)).into()),
@@ -51,6 +60,7 @@ impl Query {
 /// What was answered last: however many ask, the thread that flies composes it a few times a second.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
+    pub(super) tiles: Option<TilesInfo>,
     status: Answer,
     map: Answer,
     metrics: Answer,
@@ -79,7 +89,7 @@ fn json(value: &impl serde::Serialize) -> String {
 type Queries = mpsc::Sender<Query>;
 
 /// All routes.
-pub(super) fn all(queries: Queries) -> Router {
+pub(super) fn all(queries: Queries, tiles: Option<Arc<Tiles>>) -> Router {
     Router::new()
         .route("/", get(|| async { asset("index.html") }))
         .route(
@@ -97,6 +107,10 @@ pub(super) fn all(queries: Queries) -> Router {
         .route(
             "/metrics",
             get(|State(to)| ask(to, Query::Metrics, PROMETHEUS)),
+        )
+        .route(
+            "/tiles/{zoom}/{x}/{y}",
+            get(|Path(place): Path<(u8, u32, u32)>| tile(tiles, place)),
         )
         .fallback(async || text(StatusCode::NOT_FOUND, THERE_ARE))
         // Commands go through the DLI alone, where the level of interoperability is checked: web clients' too (`control`).
@@ -155,6 +169,25 @@ async fn ask(
     }
 }
 
+/// A picture of the ground; none where there is none, which a map shows as the grid.
+async fn tile(tiles: Option<Arc<Tiles>>, (zoom, x, y): (u8, u32, u32)) -> Response<Body> {
+    let Some(tiles) = tiles else {
+        return text(StatusCode::NOT_FOUND, THERE_ARE);
+    };
+    match tiles.get(zoom, x, y).await {
+        Ok(Some(picture)) => response(StatusCode::OK, tiles.kind(), picture.into()),
+        // Not "not found": browsers name each such picture as an error of the page.
+        Ok(None) => text(StatusCode::NO_CONTENT, ""),
+        Err(cause) => {
+            tracing::debug!("[web] tiles: {zoom}/{x}/{y}: {cause}");
+            text(
+                StatusCode::INTERNAL_SERVER_ERROR,
+                "[web] tiles cannot be read there\n",
+            )
+        }
+    }
+}
+
 /// A file of the page.
 fn asset(name: &str) -> Response<Body> {
     let found = ASSETS.iter().find(|(known, ..)| *known == name);
@@ -193,8 +226,7 @@ const JSON: &str = "application/json";
 const PROMETHEUS: &str = "text/plain; version=0.0.4";
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-const THERE_ARE: &str =
-    "there are /, /page.json, /status.json, /map.json, /events.json, /tracks.json and /metrics\n";
+const THERE_ARE: &str = "there are /, /page.json, /status.json, /map.json, /events.json, /tracks.json, /metrics and, with [web] tiles, /tiles/ZOOM/X/Y\n";
 const EXPECTED: &str = "expected /events.json?from=NUMBER, the number of the first event to show; of a recording at=MS too, the \
     milliseconds since 1970 of a moment, as /status.json and /map.json take it\n";
 const ONLY_GET: &str = "only GET: nothing is commanded here\n";

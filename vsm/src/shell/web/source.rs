@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::events::Event;
+use super::tiles::TilesInfo;
 use crate::session::replay::TrackPoint;
 use crate::session::{Status, VehicleMap};
 
@@ -32,6 +33,8 @@ pub struct PageInfo {
     pub replay: Option<Span>,
     /// It takes ground stations by the WebSocket (`[web] control`).
     pub control: bool,
+    /// There are tiles under the map; said by the page's server, not by a source.
+    pub tiles: Option<TilesInfo>,
 }
 
 /// From when to when a recording is, ms since 1970.

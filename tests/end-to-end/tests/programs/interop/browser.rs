@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use kit::process::{Running, filter, program};
 use kit::tools::works;
-use vsm_tests::ground::Ground;
+use vsm_tests::ground::{Ground, HOME};
 use vsm_tests::{here, peers_python};
 
 #[test]
@@ -13,7 +13,10 @@ fn the_page_is_quick_small_accessible_and_usable_in_a_flood_of_alerts() {
     if !there_is_a_browser() {
         return;
     }
-    let ground = Ground::with_tables("[record]\ndir = \"records\"\n");
+    let ground =
+        Ground::with_tables("[record]\ndir = \"records\"\n[web]\ntiles = \"map.pmtiles\"\n");
+    let tiles = ground.path("map.pmtiles").display().to_string();
+    make_tiles(&tiles);
     let mut bridge = ground.bridge();
     let aircraft = ground.aircraft_with(&["--speed", "3"]);
     fly_the_square(&ground, &mut bridge);
@@ -24,7 +27,8 @@ fn the_page_is_quick_small_accessible_and_usable_in_a_flood_of_alerts() {
 
     // What was just flown, as a recording.
     let records = ground.path("records").display().to_string();
-    let arguments = ["replay", &records, "--listen", "127.0.0.1:0"];
+    let listen = "127.0.0.1:0";
+    let arguments = ["replay", &records, "--listen", listen, "--tiles", &tiles];
     let mut replay = Running::start(&program("vsm"), arguments);
     replay.wait_for("ready", LIMIT);
     let printed = replay.output();
@@ -81,6 +85,20 @@ fn fly_the_square(ground: &Ground, bridge: &mut Running) {
 
 fn there_is_a_browser() -> bool {
     works("chromium", Command::new("chromium").arg("--version"))
+}
+
+/// Pictures of the ground around where the vehicle stands.
+fn make_tiles(file: &str) {
+    let script = here().join("interop/map_tiles.py").display().to_string();
+    let place: Vec<&str> = HOME.split(',').take(2).collect();
+    let arguments = [script.as_str(), file].into_iter().chain(place);
+    let mut made = Running::start(&peers_python(), arguments);
+    let status = made.wait(LIMIT);
+    assert!(
+        status.is_some_and(|status| status.success()),
+        "{}",
+        made.output()
+    );
 }
 
 /// Runs one of the programs that drive the browser to its end.

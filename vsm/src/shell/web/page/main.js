@@ -67,7 +67,8 @@ function connected(text, kind) {
 
 /** What differs between a running bridge and a recording. */
 async function begin() {
-  const { replay, control: controllable } = await (await read("page.json")).json();
+  const { replay, control: controllable, tiles } = await (await read("page.json")).json();
+  if (tiles) map.showTiles(tiles);
   if (controllable) control = new Control(map, chosen);
   if (replay) {
     timeLine = new TimeLine(replay, sought);

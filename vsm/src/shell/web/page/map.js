@@ -1,5 +1,5 @@
-// The map: vehicles with their tracks, routes, fences, home, rally points and what cameras look at. Without a network it has a
-// grid and a scale; nothing is loaded from elsewhere.
+// The map: vehicles with their tracks, routes, fences, home, rally points and what cameras look at, over a grid; beneath it what
+// the bridge has of the ground, from a file on its computer. Nothing is loaded from elsewhere.
 
 /* global L */
 
@@ -62,6 +62,19 @@ export class VehiclesMap {
     this.#map.setView([0, 0], 2);
     this.#map.on("moveend zoomend resize", () => drawGrid(this.#map, this.#grid));
     drawGrid(this.#map, this.#grid);
+  }
+
+  /** Pictures of the ground, of this zoom and within these bounds; beyond their zoom they are drawn larger. */
+  showTiles({ min_zoom, max_zoom, bounds: [south, west, north, east], attribution }) {
+    L.tileLayer("tiles/{z}/{x}/{y}", {
+      minNativeZoom: min_zoom,
+      maxNativeZoom: max_zoom,
+      minZoom: min_zoom,
+      maxZoom: this.#map.getMaxZoom(),
+      bounds: [[south, west], [north, east]],
+      // Of the file: as text, whatever is in it.
+      attribution: attribution === null ? undefined : new Option(attribution).innerHTML,
+    }).addTo(this.#map);
   }
 
   /** What changes seldom. */

@@ -1,13 +1,13 @@
-// The altitude along the route, and where the vehicle is beside it.
+// The altitude along the route and the speeds commanded on it, and where the vehicle is and how fast it flies beside them.
 
-import { distance, height } from "./units.js";
+import { distance, height, speed } from "./units.js";
 
 // The name of a language, not an address: nothing is loaded from there.
 const SVG = "http://www.w3.org/2000/svg";
 const EARTH_M = 6_371_008.8;
 const WIDTH = 600;
 const HEIGHT = 130;
-const MARGIN = { left: 56, right: 12, top: 12, bottom: 22 };
+const MARGIN = { left: 56, right: 56, top: 12, bottom: 22 };
 
 const radians = (deg) => (deg * Math.PI) / 180;
 
@@ -42,6 +42,35 @@ function nearest(points, at) {
   return best;
 }
 
+/** How far along the route each waypoint with a speed is: in their order, as a route may pass a place twice. */
+function speedsAlong(points, waypoints) {
+  const legs = [];
+  let from = 0;
+  let before = 0;
+  for (const { at, speed_m_s } of waypoints) {
+    const off = points.map((point, i) => (i < from ? Infinity : metres(point.at, at)));
+    const here = off.findIndex((m) => m < 1);
+    from = here >= 0 ? here : off.indexOf(Math.min(...off));
+    const { along } = points[from];
+    if (speed_m_s !== null) legs.push({ from: before, to: along, speed_m_s });
+    before = along;
+  }
+  return legs;
+}
+
+/** Steps of the commanded speed, and the vehicle's beside them, by a scale of their own at the right. */
+function drawSpeeds(legs, flown, x, parts) {
+  const all = legs.map((leg) => leg.speed_m_s);
+  if (flown) all.push(flown.speed_m_s);
+  if (legs.length === 0) return;
+  const high = Math.max(...all, 1) * 1.15;
+  const y = (m_s) => HEIGHT - MARGIN.bottom - (m_s / high) * (HEIGHT - MARGIN.top - MARGIN.bottom);
+  for (const leg of legs) parts.push(svg("line", { class: "speed", x1: x(leg.from), x2: x(leg.to), y1: y(leg.speed_m_s), y2: y(leg.speed_m_s) }));
+  for (const m_s of new Set([Math.min(...legs.map((leg) => leg.speed_m_s)), Math.max(...legs.map((leg) => leg.speed_m_s))]))
+    parts.push(svg("text", { class: "speed-text", x: WIDTH - MARGIN.right + 6, y: y(m_s) + 4 }, speed(m_s)));
+  if (flown) parts.push(svg("rect", { class: "flown-speed", x: x(flown.along) - 4, y: y(flown.speed_m_s) - 4, width: 8, height: 8 }));
+}
+
 export function drawProfile(node, caption, route, vehicle) {
   const points = [];
   for (const { at, amsl_m } of route?.path ?? []) {
@@ -70,9 +99,13 @@ export function drawProfile(node, caption, route, vehicle) {
   parts.push(svg("text", { x: WIDTH - MARGIN.right, y: HEIGHT - 6, "text-anchor": "end" }, distance(length)));
   parts.push(svg("polyline", { class: "route", points: drawn.map((p) => `${x(p.along)},${y(p.amsl_m)}`).join(" ") }));
   const at = vehicle.live && vehicle.position ? nearest(points, vehicle.position) : null;
+  const flown = at && vehicle.motion.ground_speed_m_s !== null ? { along: at.along, speed_m_s: vehicle.motion.ground_speed_m_s } : null;
+  const legs = speedsAlong(points, route.waypoints);
+  drawSpeeds(legs, flown, x, parts);
   if (at) parts.push(svg("circle", { class: "vehicle", cx: x(at.along), cy: y(vehicle.position[2]), r: 5 }));
   node.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
   node.replaceChildren(...parts);
   const beside = at ? `; the vehicle is ${distance(at.off)} beside it` : "";
-  caption.textContent = `altitude above mean sea level along the route, ${distance(length)}${beside}`;
+  const speeds = legs.length > 0 ? "; dashed: the commanded speed, with the vehicle's as a square" : "";
+  caption.textContent = `altitude above mean sea level along the route, ${distance(length)}${beside}${speeds}`;
 }
