@@ -41,6 +41,8 @@ pub(crate) enum Denied {
     InFlight(u16),
     /// The motors would be stopped in flight.
     ForcedDisarm,
+    /// The motors would be started, and the link to the ground ends within seconds.
+    Zeroizing,
     /// It writes a parameter that is protected.
     Parameter([u8; 16]),
 }
@@ -52,20 +54,33 @@ impl Denied {
             Denied::Command(_) => "command not allowed (relay.commands)",
             Denied::InFlight(_) => "command not allowed unless disarmed",
             Denied::ForcedDisarm => "forced arming or disarming",
+            Denied::Zeroizing => "a zeroize is ordered",
             Denied::Parameter(_) => "parameter protected (relay.protected_parameters)",
         }
     }
 }
 
+/// What a frame is judged by beside the lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Px4Now {
+    /// PX4 has just reported that it is disarmed.
+    pub(crate) disarmed: bool,
+    /// A zeroize is ordered, and takes effect whatever happens: an aircraft that took off now would lose its keys in the air.
+    pub(crate) zeroizing: bool,
+}
+
 impl RelayPolicy {
-    /// Whether a verified frame of the ground may be forwarded to PX4. `disarmed`: PX4 has just reported so.
-    pub(crate) fn check(&self, frame: &FrameView<'_>, disarmed: bool) -> Result<(), Denied> {
+    /// Whether a verified frame of the ground may be forwarded to PX4.
+    pub(crate) fn check(&self, frame: &FrameView<'_>, px4: Px4Now) -> Result<(), Denied> {
         let (id, payload) = (frame.header().message_id, frame.payload());
         if !self.messages.contains(&id) || NEVER.contains(&id) {
             return Err(Denied::Message(id));
         }
+        if px4.zeroizing && px4.disarmed && may_arm(id, payload) {
+            return Err(Denied::Zeroizing);
+        }
         match id {
-            COMMAND_INT | COMMAND_LONG => self.check_command(payload, disarmed),
+            COMMAND_INT | COMMAND_LONG => self.check_command(payload, px4.disarmed),
             PARAM_SET => {
                 let mut name = [0; 16];
                 for (to, at) in name.iter_mut().zip(6..) {
@@ -138,6 +153,19 @@ fn matches(pattern: &[u8], name: &[u8]) -> bool {
     }
 }
 
+/// Whether PX4 may start its motors by it: MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_MISSION_START, or sticks, whose gesture arms.
+fn may_arm(message_id: u32, payload: &[u8]) -> bool {
+    match message_id {
+        COMMAND_INT | COMMAND_LONG => {
+            let command = u16::from_le_bytes([byte(payload, 28), byte(payload, 29)]);
+            let param1 = f32::from_le_bytes([0, 1, 2, 3].map(|at| byte(payload, at)));
+            command == MISSION_START || command == ARM_DISARM && param1 != 0.0
+        }
+        MANUAL_CONTROL => true,
+        _ => false,
+    }
+}
+
 /// Whether a FILE_TRANSFER_PROTOCOL message changes nothing on PX4's card: it lists, reads, sums, or ends a session.
 pub(crate) fn reads_files(payload: &[u8]) -> bool {
     // Three bytes of addresses, then sequence (2), session (1) and the opcode.
@@ -151,6 +179,8 @@ pub(crate) const FILE_TRANSFER: u32 = 110;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 const PARAM_SET: u32 = 23;
+const MANUAL_CONTROL: u32 = 69;
+const MISSION_START: u16 = 300;
 const ARM_DISARM: u16 = 400;
 
 /// HEARTBEAT, PING; PARAM_REQUEST_READ, _LIST, _SET; the mission protocol; MANUAL_CONTROL; COMMAND_INT, _LONG, _ACK;

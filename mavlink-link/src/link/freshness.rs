@@ -74,6 +74,12 @@ impl HeartbeatLog {
                 Age::AtMost(mono.saturating_sub(sent))
             })
     }
+
+    /// Whether none was sent within the last minute.
+    pub(super) fn bounds_nothing(&self, mono: Duration) -> bool {
+        let newest = self.ring[(self.next + HEARTBEATS - 1) % HEARTBEATS].1;
+        self.len == 0 || mono.saturating_sub(newest) > FRESH
+    }
 }
 
 /// The age up to which a frame shows that its sender is live now. Some heartbeats may be lost or late.

@@ -146,6 +146,14 @@ impl<A: Copy + Eq> Link<A> {
         self.core.presence.accepted_at()
     }
 
+    /// When the last frame was accepted that was made within a minute of it: stamped at or above a heartbeat of ours of that
+    /// minute. Whoever records frames and delivers them later does not move it. Where no heartbeat was sent for a minute nothing
+    /// bounds an age, and every accepted frame counts.
+    #[must_use]
+    pub fn present_at(&self) -> Option<Duration> {
+        self.core.presence.present_at()
+    }
+
     /// How old the newest frame of ours is that the vehicle has received for certain, or the first where it has received
     /// none; `None` on an unsigned link, and before the first. Frames of the vehicle that are accepted show that
     /// we receive it; this shows that it receives us.

@@ -174,6 +174,8 @@ pub enum LinkState {
 pub(super) struct Presence {
     state: LinkState,
     accepted: Option<Duration>,
+    /// The last accepted frame that nobody can have held back for long.
+    present: Option<Duration>,
     /// The last accepted frame of the autopilot itself.
     autopilot: Option<Duration>,
     /// The last stale frames, oldest first.
@@ -188,6 +190,7 @@ impl Presence {
         Self {
             state: LinkState::Waiting,
             accepted: None,
+            present: None,
             autopilot: None,
             stale: [None; STALE_FRAMES],
             alert_at: None,
@@ -209,6 +212,15 @@ impl Presence {
         self.stale = [None; STALE_FRAMES];
         self.alert_at = None;
         core::mem::replace(&mut self.state, LinkState::Live) != LinkState::Live
+    }
+
+    pub(super) fn present_at(&self) -> Option<Duration> {
+        self.present
+    }
+
+    /// Its sender was there within the last minute, or nothing sent from here could show it.
+    pub(super) fn is_present(&mut self, mono: Duration) {
+        self.present = Some(mono);
     }
 
     /// A frame of the autopilot was accepted.

@@ -195,6 +195,9 @@ impl<A: Copy + Eq> Core<A> {
         if let Some((before, to)) = self.peer.confirm(from, now.mono) {
             self.events.push(Event::PeerChanged { from: before, to });
         }
+        if !age.is_late() || self.heartbeats.bounds_nothing(now.mono) {
+            self.presence.is_present(now.mono);
+        }
         if self.presence.accepted(now.mono) {
             self.events.push(Event::Live);
         }

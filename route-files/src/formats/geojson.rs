@@ -12,25 +12,26 @@ use serde_json::{Map, Value, json};
 
 use super::draft::{Datum, Draft, NoAltitude, Point};
 use super::fault::FormatError;
+use super::json_line::Document;
 use super::lines::Lines;
 use super::losses::Losses;
-use super::{attributes, json_line, lost};
+use super::{attributes, lost};
 use crate::fence::{Area, Keep, Shape};
 
 /// Reads the lines of a document, or else its Points.
 pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
-    let document = json_line::document(file, text)?;
+    let document = Document::read(file, text)?;
     let mut found = Found {
         file,
-        text,
+        document: &document,
         lines: Lines::default(),
     };
-    let datum = if altitude_type(&document) == Some(AGL) {
+    let datum = if altitude_type(&document.value) == Some(AGL) {
         Datum::Home
     } else {
         Datum::SeaLevel
     };
-    found.search(&document, "", &Value::Null)?;
+    found.search(&document.value, "", &Value::Null)?;
     let mut lines = found.lines;
     for draft in lines.lines.iter_mut().chain([&mut lines.points]) {
         draft.datum = datum;
@@ -40,7 +41,7 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
 
 struct Found<'a> {
     file: &'a Path,
-    text: &'a str,
+    document: &'a Document<'a>,
     lines: Lines,
 }
 
@@ -126,8 +127,7 @@ impl Found<'_> {
                 })?;
             }
         }
-        self.lines.lines.push(draft);
-        Ok(())
+        self.lines.push(self.file, draft)
     }
 
     fn polygon(&mut self, rings: &Value, path: &str, owner: &Value) -> Result<(), FormatError> {
@@ -198,15 +198,14 @@ impl Found<'_> {
     }
 
     fn positions(&self, list: &Value, path: &str) -> Result<Vec<Point>, FormatError> {
-        let fault =
-            || json_line::fault(self.file, self.text, path, "expected an array of positions");
+        let fault = || (self.document).fault(path, "expected an array of positions");
         let list = list.as_array().ok_or_else(fault)?.iter().enumerate();
         list.map(|(k, c)| self.position(c, &format!("{path}[{k}]")))
             .collect()
     }
 
     fn position(&self, c: &Value, path: &str) -> Result<Point, FormatError> {
-        let line = json_line::line_of(self.text, path);
+        let line = Some(self.document.line_of(path));
         let alt_m = match &c[2] {
             Value::Null => Some(Err(NoAltitude::Missing)),
             number => number.as_f64().map(Ok),
@@ -215,7 +214,7 @@ impl Found<'_> {
             (Some(lat), Some(lon), Some(alt_m)) => Ok(Point::found(lat, lon, alt_m, line)),
             _ => {
                 let problem = format!("{c}, expected [longitude, latitude, altitude]");
-                Err(json_line::fault(self.file, self.text, path, problem))
+                Err(self.document.fault(path, problem))
             }
         }
     }

@@ -18,7 +18,7 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
     let mut lines = Lines::default();
     for gpx in document.all("gpx") {
         for route in gpx.all("rte") {
-            lines.lines.push(line(file, route, &[route], "rtept")?);
+            lines.push(file, line(file, route, &[route], "rtept")?)?;
         }
         for track in gpx.all("trk") {
             let segments: Vec<&Node> = track.all("trkseg").collect();
@@ -27,7 +27,7 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
                 let what = format!("gaps between {} segments (joined)", segments.len());
                 draft.losses.add_whole(what);
             }
-            lines.lines.push(draft);
+            lines.push(file, draft)?;
         }
         lines.points = line(file, gpx, &[gpx], "wpt")?;
         lines.points.name.clear();

@@ -22,7 +22,8 @@ use super::{attributes, lost};
 use crate::fence::{Area, Keep, Shape};
 
 /// The KML within a KMZ: `doc.kml`, or else the first one.
-pub(super) fn unpack(file: &Path, bytes: &[u8]) -> Result<Vec<u8>, FormatError> {
+/// `most`: bytes that it may unpack to.
+pub(super) fn unpack(file: &Path, bytes: &[u8], most: Option<u64>) -> Result<Vec<u8>, FormatError> {
     let fault =
         |problem: &dyn std::fmt::Display| FormatError::file(file, format!("zip: {problem}"));
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| fault(&e))?;
@@ -39,7 +40,8 @@ pub(super) fn unpack(file: &Path, bytes: &[u8]) -> Result<Vec<u8>, FormatError> 
     let within = archive.by_name(name).map_err(|e| fault(&e))?;
     let mut text = Vec::new();
     // Places do not pack a hundred times smaller: what does is made to fill the memory of who unpacks it.
-    let most = (bytes.len() as u64 * 100).clamp(1 << 20, MAX_UNPACKED);
+    let likely = (bytes.len() as u64 * 100).clamp(1 << 20, MAX_UNPACKED);
+    let most = most.map_or(likely, |most| most.min(likely));
     within
         .take(most + 1)
         .read_to_end(&mut text)
@@ -180,8 +182,7 @@ impl Found<'_> {
                 )
             })?;
         }
-        self.lines.lines.push(draft);
-        Ok(())
+        self.lines.push(self.file, draft)
     }
 
     fn polygon(&mut self, polygon: &Node, owner: &Owner) -> Result<(), FormatError> {

@@ -28,6 +28,19 @@ pub(super) struct Lines {
 }
 
 impl Lines {
+    /// One more. A file of thousands of empty lines was made to fill the memory of who names them all.
+    pub(super) fn push(&mut self, file: &Path, mut line: Draft) -> Result<(), FormatError> {
+        if self.lines.len() >= MAX_LINES {
+            let problem = format!("over {MAX_LINES} lines, expected one that is flown");
+            return Err(FormatError::file(file, problem));
+        }
+        if let Some((end, _)) = line.name.char_indices().nth(MAX_NAME) {
+            line.name.truncate(end);
+        }
+        self.lines.push(line);
+        Ok(())
+    }
+
     /// The requested line, or the first; the others, and the points beside it, are named as lost.
     pub(super) fn choose(self, file: &Path, line: &Line) -> Result<Draft, FormatError> {
         let names = self.lines.iter().enumerate().map(|(k, draft)| {
@@ -43,7 +56,15 @@ impl Lines {
                 let number = wanted.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
                 let by_number = number.filter(|k| *k < self.lines.len());
                 by_name.or(by_number).ok_or_else(|| {
-                    let known = names.join(", ");
+                    let mut known = names
+                        .iter()
+                        .take(NAMED)
+                        .cloned()
+                        .collect::<Vec<_>>()
+                        .join(", ");
+                    if names.len() > NAMED {
+                        known += &format!(" and {} more", names.len() - NAMED);
+                    }
                     FormatError::Option(format!(
                         "{}: --line {wanted}: no such line, expected one of {known}",
                         file.display()
@@ -73,3 +94,10 @@ impl Lines {
         Ok(draft.numbered())
     }
 }
+
+/// More than a survey of a whole day has.
+const MAX_LINES: usize = 1_000;
+/// Characters of a name that are kept: a route's has 20 on its way to a vehicle.
+const MAX_NAME: usize = 200;
+/// Lines that an error names.
+const NAMED: usize = 20;

@@ -62,6 +62,8 @@ pub struct Selection {
     pub every: u32,
     #[command(flatten)]
     line: Line,
+    #[arg(skip)]
+    most_unpacked: Option<u64>,
 }
 
 impl Default for Selection {
@@ -70,6 +72,7 @@ impl Default for Selection {
             lap: None,
             every: 1,
             line: Line::default(),
+            most_unpacked: None,
         }
     }
 }
@@ -87,6 +90,9 @@ pub struct Import {
     /// Fail where anything of the file would be lost; nothing is written or sent then.
     #[arg(long)]
     pub strict: bool,
+    /// Bytes that a zipped file may unpack to, where somebody else sends it; else so many that no honest one has more.
+    #[arg(skip)]
+    pub most_unpacked: Option<u64>,
 }
 
 impl Import {
@@ -180,6 +186,7 @@ pub fn read(file: &Path, import: &Import) -> Result<Draft, FormatError> {
 fn read_content(file: &Path, content: Vec<u8>, import: &Import) -> Result<Draft, FormatError> {
     let selection = Selection {
         line: import.line.clone(),
+        most_unpacked: import.most_unpacked,
         ..Selection::default()
     };
     let mut draft = track_in(file, content, &selection)?;
@@ -310,7 +317,7 @@ fn parse(file: &Path, content: Vec<u8>, selection: &Selection) -> Result<Draft, 
     }
     let mut content = not_empty(file, content)?;
     if format == Format::Kmz {
-        content = kml::unpack(file, &content)?;
+        content = kml::unpack(file, &content, selection.most_unpacked)?;
     }
     let text = &text(file, content)?;
     let choose = |lines: Lines| lines.choose(file, &selection.line);

@@ -8,14 +8,15 @@ use serde_json::{Value, json};
 use super::draft::{Datum, Draft};
 use super::fault::FormatError;
 use super::items::{FRAME_MISSION, MissionItem, Reader, items};
-use super::json_line;
+use super::json_line::Document;
 use super::losses::Losses;
 use crate::fence::{Area, Keep, Shape};
 
 /// Reads a .plan.
 pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
-    let plan = json_line::document(file, text)?;
-    let fault = |field: &str, problem: &str| json_line::fault(file, text, field, problem);
+    let document = Document::read(file, text)?;
+    let plan = &document.value;
+    let fault = |field: &str, problem: &str| document.fault(field, problem);
     if plan["fileType"] != "Plan" {
         let problem = format!("{}, expected \"Plan\"", plan["fileType"]);
         return Err(fault("fileType", &problem));
@@ -27,9 +28,9 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
     for (k, item) in list.iter().enumerate() {
         let path = format!("mission.items[{k}]");
         if item["type"] == "ComplexItem" {
-            complex(file, text, &path, item, &mut reader)?;
+            complex(&document, &path, item, &mut reader)?;
         } else {
-            simple(file, text, &path, item, &mut reader)?;
+            simple(&document, &path, item, &mut reader)?;
         }
     }
     let home = place(&plan["mission"]["plannedHomePosition"]);
@@ -45,7 +46,7 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
         (Some(one), None) => draft.losses.add_whole(planned("cruise", one)),
         (None, Some(one)) => draft.losses.add_whole(planned("hover", one)),
     }
-    fence(file, text, &plan["geoFence"], &mut draft)?;
+    fence(&document, &mut draft)?;
     let rally = plan["rallyPoints"]["points"].as_array();
     for (k, point) in rally.into_iter().flatten().enumerate() {
         let field = format!("rallyPoints.points[{k}]");
@@ -58,15 +59,12 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
 }
 
 fn simple(
-    file: &Path,
-    text: &str,
+    document: &Document<'_>,
     path: &str,
     item: &Value,
     reader: &mut Reader,
 ) -> Result<(), FormatError> {
-    let fault = |name: &str, problem: &str| {
-        json_line::fault(file, text, &format!("{path}.{name}"), problem)
-    };
+    let fault = |name: &str, problem: &str| document.fault(&format!("{path}.{name}"), problem);
     if item["type"] != "SimpleItem" {
         let problem = format!(
             "{}, expected \"SimpleItem\" or \"ComplexItem\"",
@@ -99,15 +97,14 @@ fn simple(
         command,
         frame,
         params,
-        line: json_line::line_of(text, path),
+        line: Some(document.line_of(path)),
     });
     taken.map_err(|problem| fault("frame", &problem))
 }
 
 /// A survey, a corridor or a structure has its items within; a landing pattern has none that a route could fly.
 fn complex(
-    file: &Path,
-    text: &str,
+    document: &Document<'_>,
     path: &str,
     item: &Value,
     reader: &mut Reader,
@@ -125,12 +122,13 @@ fn complex(
     };
     for (k, item) in within.iter().enumerate() {
         let path = format!("{path}.TransectStyleComplexItem.Items[{k}]");
-        simple(file, text, &path, item, reader)?;
+        simple(document, &path, item, reader)?;
     }
     Ok(())
 }
 
-fn fence(file: &Path, text: &str, fence: &Value, draft: &mut Draft) -> Result<(), FormatError> {
+fn fence(document: &Document<'_>, draft: &mut Draft) -> Result<(), FormatError> {
+    let fence = &document.value["geoFence"];
     let list = |name: &str| fence[name].as_array().into_iter().flatten().enumerate();
     let keep = |area: &Value| Keep::inside(area["inclusion"].as_bool().unwrap_or(true));
     for (k, area) in list("polygons") {
@@ -139,7 +137,7 @@ fn fence(file: &Path, text: &str, fence: &Value, draft: &mut Draft) -> Result<()
         let vertices = vertices.filter(|v| v.len() >= 3).ok_or_else(|| {
             let field = format!("geoFence.polygons[{k}].polygon");
             let problem = "expected 3 or more of [latitude, longitude]";
-            json_line::fault(file, text, &field, problem)
+            document.fault(&field, problem)
         })?;
         draft.areas.push(Area {
             keep: keep(area),
@@ -152,7 +150,7 @@ fn fence(file: &Path, text: &str, fence: &Value, draft: &mut Draft) -> Result<()
         else {
             let field = format!("geoFence.circles[{k}].circle");
             let problem = "expected center [latitude, longitude] and radius, m";
-            return Err(json_line::fault(file, text, &field, problem));
+            return Err(document.fault(&field, problem));
         };
         draft.areas.push(Area {
             keep: keep(area),

@@ -397,3 +397,83 @@ fn a_fence_file_of_mavproxy_is_a_fence() {
         "geofence polygon cut short (1 vertices)"
     );
 }
+
+/// Of a file that somebody else sends: 256 KiB, the most that a web client's frame holds, made to cost as much as it can.
+#[test]
+fn a_file_that_was_made_to_cost_time_or_memory_is_read_at_once_or_refused() {
+    const MOST: usize = 256 << 10;
+    let fill = |head: &str, part: &str, tail: &str| {
+        let parts = (MOST - head.len() - tail.len()) / part.len();
+        format!("{head}{}{tail}", part.repeat(parts))
+    };
+    let line = "{\"type\":\"LineString\",\"coordinates\":[";
+    let point = "{\"type\":\"Point\",\"coordinates\":[8,47,9]},";
+    let name = "n".repeat(120_000);
+    let named = format!("<kml><Placemark><name>{name}</name>");
+    let files = [
+        (
+            "survey.geojson",
+            fill(line, "[8.5,47.4,488],", "[8,47,9]]}").into_bytes(),
+            None,
+        ),
+        (
+            "short.geojson",
+            fill(line, "[0,0],", "[0,0]]}").into_bytes(),
+            None,
+        ),
+        (
+            "points.geojson",
+            fill(
+                "{\"type\":\"GeometryCollection\",\"geometries\":[",
+                point,
+                "{}]}",
+            )
+            .into_bytes(),
+            None,
+        ),
+        (
+            "items.plan",
+            fill(
+                "{\"fileType\":\"Plan\",\"mission\":{\"items\":[",
+                "{\"type\":\"SimpleItem\",\"command\":16,\"frame\":3,\"params\":[0,0,0,0,47,8,9]},",
+                "{\"type\":\"ComplexItem\"}]}}",
+            )
+            .into_bytes(),
+            None,
+        ),
+        (
+            "names.kml",
+            fill(&named, "<LineString/>", "</Placemark></kml>").into_bytes(),
+            Some("lines, expected one that is flown"),
+        ),
+        (
+            "bomb.kmz",
+            zipped(&"<a/>".repeat(4 << 20)),
+            Some("is over 1048576 bytes"),
+        ),
+    ];
+    for (name, content, refused) in files {
+        let import = Import {
+            most_unpacked: Some(1 << 20),
+            ..Import::of(None, None, Some(50.0))
+        };
+        let begun = std::time::Instant::now();
+        let read = content_to_send(Path::new(name), content, &import);
+        let took = begun.elapsed();
+        assert!(took.as_secs() < 10, "{name}: {took:?}");
+        match refused {
+            None => assert!(read.is_ok(), "{name}: {:?}", read.err()),
+            Some(why) => {
+                let fault = read.expect_err(name).to_string();
+                assert!(
+                    fault.contains(why) && fault.len() < 2_000,
+                    "{name}: {fault:.300}"
+                );
+            }
+        }
+    }
+}
+
+fn zipped(kml: &str) -> Vec<u8> {
+    kml::pack(Path::new("bomb.kmz"), kml).expect("it is packed")
+}

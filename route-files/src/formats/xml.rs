@@ -42,6 +42,7 @@ pub(super) fn document(file: &Path, text: &str) -> Result<Node, FormatError> {
     let mut reader = Reader::from_str(text);
     let (mut counted, mut line) = (0, 1_u64);
     let mut open = vec![Node::default()];
+    let mut nodes = 0_usize;
     loop {
         let event = reader.read_event();
         let position = (reader.buffer_position() as usize).clamp(counted, text.len());
@@ -51,13 +52,21 @@ pub(super) fn document(file: &Path, text: &str) -> Result<Node, FormatError> {
         let fault =
             |problem: &dyn ToString| FormatError::at(file, Some(line), "", problem.to_string());
         match event.map_err(|e| fault(&e))? {
+            Event::Start(_) | Event::Empty(_) if nodes >= MAX_NODES => {
+                let problem = format!("over {MAX_NODES} elements, expected fewer");
+                return Err(fault(&problem));
+            }
             Event::Start(_) if open.len() > MAX_DEPTH => {
                 let problem =
                     format!("elements within elements, expected at most {MAX_DEPTH} deep");
                 return Err(fault(&problem));
             }
-            Event::Start(e) => open.push(node(&e, line).map_err(|e| fault(&e))?),
+            Event::Start(e) => {
+                nodes += 1;
+                open.push(node(&e, line).map_err(|e| fault(&e))?);
+            }
             Event::Empty(e) => {
+                nodes += 1;
                 open.push(node(&e, line).map_err(|e| fault(&e))?);
                 close(&mut open);
             }
@@ -130,3 +139,5 @@ pub fn escaped(text: &str) -> std::borrow::Cow<'_, str> {
 
 /// Files of the world stay under ten; a file of nothing but start tags must not fill the stack when it is dropped.
 const MAX_DEPTH: usize = 100;
+/// A track of a million places has two of each; a file of more was made to fill the memory.
+const MAX_NODES: usize = 4_000_000;

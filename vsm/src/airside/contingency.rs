@@ -82,7 +82,8 @@ pub struct AloneStatus {
 /// What the loop around it knows.
 pub(super) struct Surroundings<'a> {
     pub(super) now: Now,
-    /// When the agent was started, and when a frame of the ground has verified last.
+    /// When the agent was started, and when the ground was last there: by a frame that was not held back, however well it verified.
+    /// Else whoever jams the radio and lets one old frame through at a time would keep the vehicle from coming home.
     pub(super) started: Duration,
     pub(super) ground: Option<Duration>,
     /// PX4 can be commanded now.

@@ -60,6 +60,7 @@ use self::fallback::Fallback;
 use self::phase::Stage;
 use self::phase::{Cause, Phase};
 use self::relay::FrameForwarder;
+use crate::relay_policy::Px4Now;
 pub use crate::relay_policy::RelayPolicy;
 use crate::session::{LogLevel, Peer};
 
@@ -104,11 +105,14 @@ impl Agent {
     ) {
         let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
         let to = self.px4.peer();
-        let disarmed = self.watch.is_disarmed(now.mono);
+        let px4_now = Px4Now {
+            disarmed: self.watch.is_disarmed(now.mono),
+            zeroizing: self.zeroize != Stage::Safe,
+        };
         let auth = self.phase.ground_auth(keys);
         self.radio
             .handle_datagram(now, from, bytes, auth, &mut |delivery| {
-                self.relay.pass_to_px4(&delivery, to, closed, disarmed);
+                self.relay.pass_to_px4(&delivery, to, closed, px4_now);
             });
         while let Some(event) = self.radio.poll_event() {
             match event {
@@ -279,7 +283,7 @@ impl Agent {
             .min(self.zeroize_timeout())
             .min(
                 self.alone
-                    .poll_timeout(self.started, self.radio.accepted_at()),
+                    .poll_timeout(self.started, self.radio.present_at()),
             )
     }
 
@@ -304,7 +308,7 @@ impl Agent {
         self.alone.step(&mut contingency::Surroundings {
             now,
             started: self.started,
-            ground: self.radio.accepted_at(),
+            ground: self.radio.present_at(),
             reaches_px4: self.phase.reaches_px4(),
             disk: keys.disk(),
             reports: &mut self.reports,

@@ -13,7 +13,7 @@ use mavlink_link::link::Delivery;
 use super::contingency::Alone;
 use super::output::{Side, Transmit};
 use super::watch::Watch;
-use crate::relay_policy::{Denied, RelayPolicy};
+use crate::relay_policy::{Denied, Px4Now, RelayPolicy};
 use crate::session::{ByType, Counters, Peer};
 
 /// A frame on its way through, as it came.
@@ -61,14 +61,13 @@ pub(super) struct Mark {
 }
 
 impl Relay {
-    /// A frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command. `disarmed`: it has just
-    /// reported that it is.
+    /// A frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command.
     pub(super) fn pass_to_px4(
         &mut self,
         delivery: &Delivery<'_>,
         px4: Option<Peer>,
         closed: bool,
-        disarmed: bool,
+        now: Px4Now,
     ) {
         let why = match px4 {
             _ if !delivery.verified => "unsigned",
@@ -76,14 +75,14 @@ impl Relay {
             _ if delivery.header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from the ground",
             _ if closed => "PX4 is not heard, signed",
             None => "PX4 has not been heard",
-            Some(to) => match self.policy.check(&delivery.frame, disarmed) {
+            Some(to) => match self.policy.check(&delivery.frame, now) {
                 Err(denied) => {
                     match denied {
                         Denied::Message(id) => self.denied_messages.count(id),
                         Denied::Command(command) | Denied::InFlight(command) => {
                             self.denied_commands.count(command.into());
                         }
-                        Denied::ForcedDisarm | Denied::Parameter(_) => {}
+                        Denied::ForcedDisarm | Denied::Parameter(_) | Denied::Zeroizing => {}
                     }
                     denied.name()
                 }

@@ -33,7 +33,7 @@ use super::counters::Counters;
 use super::link::frame::{OutFrame, Peer};
 use super::link::link_state_name;
 use crate::config;
-use crate::relay_policy::{Denied, FILE_TRANSFER, RelayPolicy, reads_files};
+use crate::relay_policy::{Denied, FILE_TRANSFER, Px4Now, RelayPolicy, reads_files};
 
 /// One ground station.
 #[derive(Debug)]
@@ -60,8 +60,8 @@ pub(crate) struct Request {
 /// How the vehicle of a request stands.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Situation {
-    /// It has just reported that it is disarmed.
-    pub(crate) disarmed: bool,
+    /// What the lists are applied to.
+    pub(crate) px4: Px4Now,
     /// A CUCS holds LOI 4 or 5, or the VSM flies for one that was lost.
     pub(crate) controlled: bool,
 }
@@ -240,7 +240,7 @@ impl Forward {
         let writes = self.config.unsigned
             && frame.header().message_id == FILE_TRANSFER
             && !reads_files(frame.payload());
-        let why = match self.policy.as_ref()?.check(&frame, situation.disarmed) {
+        let why = match self.policy.as_ref()?.check(&frame, situation.px4) {
             Ok(()) if writes => "file transfer that writes",
             Ok(())
                 if situation.controlled && !self.config.while_controlled && !only_asks(&frame) =>

@@ -1,6 +1,8 @@
 //! What the agent flies by itself while nothing is received of the ground, and what it leaves alone.
 
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage,
+};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::sign;
 
@@ -8,7 +10,7 @@ use px4_sim::{Autopilot, Config, HealthFaults, Mode as Px4, Param, Signing};
 use vsm::airside::Settings;
 use vsm::config::airside::AirsideConfig;
 
-use crate::world::{Disk, World, at, key, settings};
+use crate::world::{Disk, GROUND, World, at, key, settings};
 
 /// An agent with this `[contingency]`, in the air and on hold, with its ground.
 fn flying(contingency: &str) -> World {
@@ -110,6 +112,34 @@ fn a_vehicle_whose_ground_is_lost_returns_and_the_ground_learns_of_it() {
     // Lost a second time it is flown again.
     cut(&mut world, 14.0);
     assert_eq!(mode(&world), Px4::Rtl, "{:?}", world.log);
+}
+
+/// Who jams the radio and lets one recorded frame through now and then does not keep the vehicle from coming home: each verifies,
+/// and none of them was made within the last minute.
+#[test]
+fn frames_that_were_held_back_do_not_stand_for_the_ground() {
+    let mut world = flying("[contingency]\nlink_lost_s = 100.0\nlink = \"rtl\"");
+    world.uplink_cut = true;
+    let mut held_back = vec![];
+    for _ in 0..60 {
+        world.run(1.0);
+        let now = world.now;
+        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+        held_back.push(world.ground.as_mut().unwrap().frame(now, &beat));
+    }
+    for frame in held_back.iter().step_by(10) {
+        world.run(15.0);
+        assert!(world.passes(GROUND, frame), "it verifies");
+    }
+    let log = world.log.join("\n");
+    assert!(
+        log.contains("the ground is lost: the vehicle is in AUTO.RTL"),
+        "{log}"
+    );
+    // The ground itself ends it.
+    world.uplink_cut = false;
+    world.run(2.0);
+    assert!(contingency(&world).contains("ground_lost_s: None"));
 }
 
 #[test]

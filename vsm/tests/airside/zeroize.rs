@@ -390,3 +390,31 @@ fn an_operator_of_this_computer_has_px4s_key_replaced_too() {
         "{log}"
     );
 }
+
+/// PX4 is being given another key for up to 20 s: who takes off meanwhile would be without keys in the air.
+#[test]
+fn what_stands_on_the_ground_is_not_started_once_a_zeroize_is_ordered() {
+    let mut ordered = Ordered::new();
+    let command = |ordered: &mut Ordered, command, param1| {
+        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command,
+            param1,
+            target_system: 1,
+            target_component: 1,
+            ..COMMAND_LONG_DATA::default()
+        });
+        let now = ordered.world.now;
+        let ground = ordered.world.ground.as_mut().unwrap();
+        let bytes = ground.frame(now, &message);
+        ordered.world.passes(GROUND, &bytes)
+    };
+    ordered.world.run(12.0);
+    let arm = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+    assert!(command(&mut ordered, arm, 0.0), "before, it passes");
+    ordered.order(false);
+    ordered.run(1.0);
+    assert_eq!(ordered.stored, 1);
+    assert!(!command(&mut ordered, arm, 1.0));
+    assert_eq!(ordered.world.held_back("a zeroize is ordered"), 1);
+    assert!(command(&mut ordered, arm, 0.0), "disarming always does");
+}

@@ -110,6 +110,21 @@ fn two_orders_on_the_ground_zeroize_and_every_station_knows() {
     assert!(!is_ordered(&rig), "stored once");
 }
 
+/// Agents and PX4 take half a minute to follow: nobody is to take off meanwhile, and be without keys in the air.
+#[test]
+fn nothing_takes_off_between_the_order_and_the_end() {
+    let mut rig = controlled(ALLOWED, 1);
+    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.send(order(FtState::Execute));
+    rig.run(0.5);
+    assert_eq!(rig.carry_out(orders::launch(20.0)), NO);
+    assert!(rig.station().has_alert("a zeroize is ordered"));
+    store(&mut rig, Ok(None));
+    assert_eq!(rig.carry_out(orders::launch(20.0)), NO);
+    rig.run(10.0);
+    assert_eq!(rig.vehicles[0].vehicle().truth().armed, false);
+}
+
 #[test]
 fn an_order_that_cannot_be_stored_is_refused_and_all_is_as_it_was() {
     let mut rig = controlled(ALLOWED, 1);

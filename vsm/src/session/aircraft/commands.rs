@@ -175,6 +175,10 @@ impl Aircraft {
         if self.termination.view(true).holds && right.is_some_and(flies) {
             return self.effects(dli).refuse(Some(origin), TERMINATING);
         }
+        // The order is stored and takes effect whatever happens, seconds from now: what took off in these would fly without keys.
+        if self.zeroizing && !self.vehicle.may_fly() && right.is_some_and(flies) {
+            return self.effects(dli).refuse(Some(origin), ZEROIZING);
+        }
         match message {
             Message::VehicleOperatingModeCommand(_)
             | Message::LoiterConfiguration(_)
@@ -243,6 +247,7 @@ impl Aircraft {
 
 /// Why nothing else is commanded.
 const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0, reset) where it can be";
+const ZEROIZING: &str = "a zeroize is ordered: the vehicle is on the ground, and stays there";
 const NEVER_HELD: &str =
     "a flight termination is never held, nor is a zeroize: two orders of the moment command it";
 

@@ -69,6 +69,8 @@ pub(crate) struct Aircraft {
     pub(super) payload: Payload,
     pub(super) termination: Termination,
     pub(super) link: VehicleLink,
+    /// A zeroize is ordered: nothing that stands on the ground is started any more.
+    pub(super) zeroizing: bool,
     files: FileAccess,
     /// Of events, then of parameters.
     metadata: [MetadataReader; 2],

@@ -59,6 +59,7 @@ impl Aircraft {
             reports: Reports::default(),
             payload: Payload::default(),
             link,
+            zeroizing: false,
             files: FileAccess::default(),
             metadata: [Definitions::Events, Definitions::Parameters].map(MetadataReader::new),
             config,

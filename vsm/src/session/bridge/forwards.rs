@@ -13,6 +13,7 @@ use stanag_msgs::Id;
 
 use super::{Bridge, LinkEnd};
 use crate::config::{self, Config};
+use crate::relay_policy::Px4Now;
 use crate::session::aircraft::Aircraft;
 use crate::session::forward::{Forward, Request, Situation};
 use crate::session::link::frame::{OutFrame, Peer};
@@ -236,7 +237,10 @@ impl Bridge {
 fn situation(one: &Aircraft) -> Situation {
     let live = one.vehicle.live();
     Situation {
-        disarmed: live && one.vehicle.telemetry.armed == Some(false),
+        px4: Px4Now {
+            disarmed: live && one.vehicle.telemetry.armed == Some(false),
+            zeroizing: one.zeroizing,
+        },
         controlled: one.authority.controller().is_some() || one.flight.view().commands_by_itself,
     }
 }

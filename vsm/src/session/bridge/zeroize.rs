@@ -107,6 +107,7 @@ impl Bridge {
             Ok(Some(why)) => Some(format!("ZEROIZE ORDERED, BUT NOT SURELY STORED: {why}")),
             Err(why) => {
                 self.zeroize.rules.not_stored();
+                self.mark_zeroizing();
                 Some(format!("ZEROIZE NOT DONE: {why}"))
             }
         };
@@ -163,9 +164,17 @@ impl Bridge {
         }
     }
 
+    fn mark_zeroizing(&mut self) {
+        let ordered = self.zeroize.rules.stage() == Stage::Ordered;
+        for one in &mut self.aircraft {
+            one.zeroizing = ordered;
+        }
+    }
+
     fn conclude_zeroize(&mut self, now: Now, outcome: Outcome, disk: &mut dyn Disk) {
         let words = text::outcome(outcome, self.zeroize.settings.armed_s);
         let (what, by) = text::audit(outcome);
+        self.mark_zeroizing();
         let (mut dli, aircraft) = self.effects(now, disk);
         if !matches!(outcome, Outcome::Reset(_, false)) {
             for one in aircraft.iter_mut() {

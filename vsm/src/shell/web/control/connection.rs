@@ -4,16 +4,18 @@
 //! an end. Whatever ends it is reported by name.
 
 use std::collections::VecDeque;
+use std::future::pending;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use axum::extract::ws::{CloseFrame, Message, WebSocket};
 use stanag_msgs::Id;
 use tokio::sync::{mpsc, oneshot};
+use tokio::task::{JoinHandle, spawn_blocking};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
 use super::report::{Admitted, Report};
-use super::route;
+use super::route::{self, Taken};
 use crate::session::web::{Body, Hello, Request, Unusable, WebRefusal, challenge};
 use crate::shell::key_file::system_random;
 
@@ -127,6 +129,8 @@ struct Connection {
     /// When the client has answered a ping last, and sent anything.
     answered: Instant,
     received: Instant,
+    /// A file of a route that is being read, and the number of its frame.
+    import: Option<(u64, JoinHandle<Result<Taken, String>>)>,
     /// Messages of a route that have not gone to the bridge yet.
     route: VecDeque<Vec<u8>>,
 }
@@ -146,6 +150,7 @@ impl Connection {
             opened: now,
             answered: now,
             received: now,
+            import: None,
             route: VecDeque::new(),
         }
     }
@@ -165,6 +170,7 @@ impl Connection {
                 ended = &mut self.admitted.ends => {
                     return Ended::Told(ended.unwrap_or(WebRefusal::Ends));
                 }
+                taken = imported(&mut self.import) => self.answer_route(socket, taken).await,
                 _ = pings.tick() => self.ping(socket).await,
                 _ = pace.tick(), if !self.route.is_empty() => self.send_route().await,
             };
@@ -206,31 +212,49 @@ impl Connection {
         let opened = self.admitted.end.open(since, &frame);
         match opened.map_err(Ended::Refused)? {
             Ok((_, Request::Message(bytes))) => self.report(bytes).await,
+            Ok((of, Request::Route(_))) if self.import.is_some() || !self.route.is_empty() => {
+                let why = "route: the one before is still on its way";
+                self.answer_error(socket, of, why).await
+            }
             Ok((of, Request::Route(file))) => {
-                let taken = match self.route.is_empty() {
-                    true => route::datagrams(&file, self.admitted.cucs),
-                    false => Err("route: the one before is still on its way".to_owned()),
-                };
-                let frame = match taken {
-                    Ok(taken) => {
-                        let frame = self.admitted.end.seal(&Body::Route {
-                            of,
-                            messages: taken.datagrams.len(),
-                            load: taken.load,
-                            lost: &taken.lost,
-                        });
-                        self.route = taken.datagrams.into();
-                        frame
-                    }
-                    Err(why) => self.admitted.end.seal(&Body::Error { of, why: &why }),
-                };
-                self.send(socket, frame).await
+                // On a thread of its own: whatever is in the file, no other client's messages and no heartbeat wait for it.
+                let cucs = self.admitted.cucs;
+                let read = spawn_blocking(move || route::datagrams(&file, cucs));
+                self.import = Some((of, read));
+                Ok(())
             }
-            Err(Unusable { of, why }) => {
-                let frame = self.admitted.end.seal(&Body::Error { of, why: &why });
-                self.send(socket, frame).await
-            }
+            Err(Unusable { of, why }) => self.answer_error(socket, of, &why).await,
         }
+    }
+
+    async fn answer_route(
+        &mut self,
+        socket: &mut WebSocket,
+        (of, taken): (u64, Result<Taken, String>),
+    ) -> Result<(), Ended> {
+        match taken {
+            Ok(taken) => {
+                let frame = self.admitted.end.seal(&Body::Route {
+                    of,
+                    messages: taken.datagrams.len(),
+                    load: taken.load,
+                    lost: &taken.lost,
+                });
+                self.route = taken.datagrams.into();
+                self.send(socket, frame).await
+            }
+            Err(why) => self.answer_error(socket, of, &why).await,
+        }
+    }
+
+    async fn answer_error(
+        &mut self,
+        socket: &mut WebSocket,
+        of: u64,
+        why: &str,
+    ) -> Result<(), Ended> {
+        let frame = self.admitted.end.seal(&Body::Error { of, why });
+        self.send(socket, frame).await
     }
 
     async fn report(&mut self, bytes: Vec<u8>) -> Result<(), Ended> {
@@ -272,6 +296,22 @@ impl Connection {
             Err(_) => Err(Ended::Refused(WebRefusal::Dead)),
         }
     }
+}
+
+/// The end of a file's reading; without one this never ends. Cancelled by another branch of a `select!` it loses nothing.
+async fn imported(
+    import: &mut Option<(u64, JoinHandle<Result<Taken, String>>)>,
+) -> (u64, Result<Taken, String>) {
+    let Some((of, read)) = import else {
+        return pending().await;
+    };
+    let of = *of;
+    let taken = read.await;
+    *import = None;
+    (
+        of,
+        taken.unwrap_or_else(|cause| Err(format!("route: {cause}"))),
+    )
 }
 
 enum Received {

@@ -5,7 +5,7 @@
 //! | this file | lets a connection in: the request, and the thread of all connections |
 //! | `connection` | one connection: opening, frames both ways, its limits |
 //! | `report` | what a connection and the bridge give each other |
-//! | `route` | a file of a route into the datagrams of its client |
+//! | `route` | a file of a route into the datagrams of its client, on a thread beside |
 //! | [`Clients`] (`clients`) | the bridge's side: a queue for each client |
 //!
 //! The connections have a thread of their own. What does not verify ends there, and so does the work that JSON and HMACs are: the
@@ -65,6 +65,7 @@ pub fn open(vsm: Id) -> io::Result<(Door, Reports)> {
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_time()
+        .max_blocking_threads(IMPORTS)
         .build()?;
     thread::Builder::new()
         .name("web clients".to_owned())
@@ -172,5 +173,7 @@ const MAX_WAITING: usize = 64;
 const ARRIVING: usize = 64;
 /// Between all connections and the bridge: each waits for its turn here, so that a flood of one delays itself.
 const REPORTS: usize = 64;
+/// Files of routes that are read at once; others wait for their turn.
+const IMPORTS: usize = 2;
 /// How long connections may take to say that they end.
 const LAST_FRAMES: std::time::Duration = std::time::Duration::from_millis(300);

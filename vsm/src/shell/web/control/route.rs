@@ -30,7 +30,8 @@ pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
     if file.altitude_m.is_some() && file.height_m.is_some() {
         return Err("route: expected either altitude_m or height_m".to_owned());
     }
-    let import = Import::of(file.line.clone(), file.altitude_m, file.height_m);
+    let mut import = Import::of(file.line.clone(), file.altitude_m, file.height_m);
+    import.most_unpacked = Some(MOST_UNPACKED);
     let (route, losses) = formats::content_to_send(name, file.content.clone(), &import)
         .map_err(|fault| format!("route: {fault}"))?;
     let unix_ms = TimeStamp(file.stamp).unix_ms();
@@ -40,10 +41,25 @@ pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
     let after = datagrams.len().saturating_sub(1) as u64;
     Ok(Taken {
         load: (file.stamp + after) % TimeStamp::PERIOD_MS,
-        lost: losses.lost.iter().map(|loss| lost(loss, &losses)).collect(),
+        lost: lost_of(&losses),
         datagrams,
     })
 }
+
+/// A frame has an end: of many the first are named, and how many more there are.
+fn lost_of(losses: &Losses) -> Vec<String> {
+    let named = losses.lost.iter().take(MOST_NAMED);
+    let mut named: Vec<String> = named.map(|loss| lost(loss, losses)).collect();
+    let more = losses.lost.len().saturating_sub(MOST_NAMED);
+    if more > 0 {
+        named.push(format!("and {more} more"));
+    }
+    named
+}
+
+/// The text of a route of ten thousand waypoints has less.
+const MOST_UNPACKED: u64 = 1 << 20;
+const MOST_NAMED: usize = 50;
 
 fn lost(loss: &Loss, of: &Losses) -> String {
     match loss.item {

@@ -2,8 +2,9 @@
 
 const dialog = document.getElementById("confirm");
 
-/** Whether a person says yes; `yes` names what is done then. */
+/** Whether a person says yes; `yes` names what is done then. While one question is open every other is answered by no: one Yes never does two things. */
 export function confirmed(question, yes) {
+  if (dialog.open) return Promise.resolve(false);
   document.getElementById("confirm-text").textContent = question;
   const button = document.getElementById("confirm-yes");
   button.textContent = yes;

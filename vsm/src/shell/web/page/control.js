@@ -9,6 +9,7 @@ import { altitudeIn, altitudeUnit, height, time } from "./units.js";
 
 const by = (id) => document.getElementById(id);
 const MAX_SHOWN = 30;
+const MAX_KEPT = 1000;
 // Why a command is refused comes as an alert beside the answer.
 const REASON_WITHIN_MS = 2000;
 
@@ -29,6 +30,8 @@ export class Control {
   #alerts = new Map();
   /** By vehicle: {cucs, levels} that asks for what this station holds. */
   #asked = new Map();
+  /** That of them which the page shows. */
+  #read = null;
   #parts = new Map();
   #routes = Promise.resolve();
   #routeDone = null;
@@ -93,6 +96,7 @@ export class Control {
     const asked = this.#asked.get(vehicle.id);
     by("asked").hidden = !asked || !held;
     if (asked) set(by("asked-text"), `${asked.cucs} asks for ${asked.levels.join(", ")}`);
+    this.#read = asked;
   }
 
   async #connect() {
@@ -113,7 +117,8 @@ export class Control {
     set(by("station-name"), id);
     this.#sayConnected();
     this.#beat = new Worker("page/beat.js");
-    this.#beat.onmessage = () => this.#routes.then(() => this.#socket?.send({ message: messages.heartbeat(this.#vsm) }));
+    // At once, whatever else is under way: who is silent loses control.
+    this.#beat.onmessage = () => this.#socket?.send({ message: messages.heartbeat(this.#vsm) });
     this.draw();
     by("take").focus();
   }
@@ -140,8 +145,7 @@ export class Control {
   }
 
   /** Frames go in the order of their stamps: while a route takes stamps of its own, what follows waits for its end. */
-  async #command(label, make) {
-    const vehicle = this.#chosen();
+  async #command(label, make, vehicle = this.#chosen()) {
     if (!vehicle || !this.#socket) return;
     await this.#routes;
     const message = make(vehicle);
@@ -149,10 +153,11 @@ export class Control {
     one.n = await this.#socket?.send({ message });
   }
 
+  /** What is asked of one vehicle is sent to that one, whichever is shown when the answer comes. */
   async #ask(what, yes, make) {
     const vehicle = this.#chosen();
     if (!vehicle || !(await confirmed(`${name(vehicle)}: ${what}?`, yes))) return;
-    await this.#command(what, make);
+    await this.#command(what, make, vehicle);
   }
 
   async #take() {
@@ -162,7 +167,7 @@ export class Control {
     if (override && holder && holder !== this.#own
       && !(await confirmed(`Take ${name(vehicle)} from ${holder}, which controls it?`, "Take it"))) return;
     const make = override ? messages.override : messages.request;
-    await this.#command(override ? "take from its holder" : "take", ({ id }) => make(id, this.#vsm, this.#loi));
+    await this.#command(override ? "take from its holder" : "take", ({ id }) => make(id, this.#vsm, this.#loi), vehicle);
   }
 
   #launch() {
@@ -247,11 +252,12 @@ export class Control {
   #answer(yes) {
     const vehicle = this.#chosen();
     const asked = this.#asked.get(vehicle?.id);
-    if (!asked) return;
+    // What came since the text was drawn was not read yet.
+    if (!asked || asked !== this.#read) return this.draw();
     this.#asked.delete(vehicle.id);
     const label = yes ? `hand over to ${asked.cucs}` : `refuse ${asked.cucs}`;
-    this.#command(label, ({ id }) => messages.handOver(id, this.#vsm, asked.cucs, yes ? asked.levels : []));
-    this.draw();
+    this.#command(label, ({ id }) => messages.handOver(id, this.#vsm, asked.cucs, yes ? asked.levels : []), vehicle);
+    return this.draw();
   }
 
   #taken(body) {
@@ -262,7 +268,9 @@ export class Control {
     if (id === 17000) this.#answered(fields);
     else if (id === 16000) this.#alerted(from, fields);
     else if (id === 4) {
-      this.#asked.set(from, { cucs: idText(fields["Requesting CUCS ID"]), levels: fields["Requested/Handover LOI"] ?? [] });
+      const asked = { cucs: idText(fields["Requesting CUCS ID"]), levels: fields["Requested/Handover LOI"] ?? [] };
+      // One that is repeated is the one that was read.
+      if (JSON.stringify(asked) !== JSON.stringify(this.#asked.get(from))) this.#asked.set(from, asked);
       this.draw();
     }
     return undefined;
@@ -295,7 +303,7 @@ export class Control {
 
   #alerted(from, fields) {
     const alert = Math.abs(fields["Alert (Warning) ID"] ?? 0);
-    this.#alerts.set(`${from} ${alert}`, { from, stamp: fields["Time Stamp"] });
+    remember(this.#alerts, `${from} ${alert}`, { from, stamp: fields["Time Stamp"] });
     const text = this.#whole(`${from} ${alert}`, fields);
     // A reason stands beside its refusal, before or behind it.
     if (text === null || fields.Priority === "nominal" || fields.Priority?.startsWith("cleared")) return;
@@ -313,7 +321,7 @@ export class Control {
     const [order, total, text] = [fields["Append Order"], fields["Append Total Number"] ?? 1, fields.Text ?? ""];
     if (total <= 1 || order === undefined) return text;
     const parts = this.#parts.get(key) ?? new Map();
-    this.#parts.set(key, parts.set(order, text));
+    remember(this.#parts, key, parts.set(order, text));
     if (parts.size < total) return null;
     this.#parts.delete(key);
     return [...parts].sort(([a], [b]) => a - b).map(([, part]) => part).join("");
@@ -353,6 +361,13 @@ export class Control {
     });
     while (list.children.length > this.#commands.length) list.lastChild.remove();
   }
+}
+
+/** Keeps an entry as the newest; the oldest make room, so that a page that is open for days stays small. */
+function remember(entries, key, value) {
+  entries.delete(key);
+  entries.set(key, value);
+  if (entries.size > MAX_KEPT) entries.delete(entries.keys().next().value);
 }
 
 const name = (vehicle) => vehicle.tail_number || vehicle.id;
