@@ -123,6 +123,11 @@ impl Run<'_> {
         self.bench
             .flight_released
             .store(released, std::sync::atomic::Ordering::SeqCst);
+        // Nothing else releases what may destroy a vehicle.
+        let simulated = self.options.hazards.contains(&Hazard::Destructive);
+        self.bench
+            .simulated
+            .store(simulated, std::sync::atomic::Ordering::SeqCst);
         let mut reports = Vec::new();
         match survey(&self.bench) {
             Ok(survey) => {
@@ -256,6 +261,8 @@ impl Run<'_> {
         let mut reports = Vec::new();
         let mut flying = false;
         let within = self.options.within.unwrap_or_else(|| self.budget(&order));
+        // From here: an operator may have taken his time to release the vehicle.
+        let begun = self.bench.net.now();
         // What only waits does so beside rules that do not touch it; these come first then.
         let mut beside = self.begin_beside(&order);
         if beside.is_some() {
@@ -286,7 +293,7 @@ impl Run<'_> {
                 (report.verdict, report.reason) = (Verdict::Inconclusive, "interrupted".into());
             } else if let Some(cause) = &dead {
                 (report.verdict, report.reason) = (Verdict::Inconclusive, cause.clone());
-            } else if self.bench.net.now() > within {
+            } else if self.bench.net.now().saturating_sub(begun) > within {
                 let reason = format!(
                     "not begun: the {:.0} s of the run are over (--within)",
                     within.as_secs_f64()

@@ -81,6 +81,8 @@ pub struct Bench {
     pub vsm: OnceLock<stanag_msgs::Id>,
     /// Whether the hazard of a flight is released.
     pub flight_released: AtomicBool,
+    /// Whether the vehicle is a simulated one, which nothing can hurt.
+    pub simulated: AtomicBool,
     /// Milliseconds for which a later message 2 may follow the first: a subject may send it twice, or late.
     pub settle_ms: AtomicU32,
     radius: AtomicU32,
@@ -99,6 +101,7 @@ impl Bench {
             home: OnceLock::new(),
             vsm: OnceLock::new(),
             flight_released: AtomicBool::new(false),
+            simulated: AtomicBool::new(false),
             settle_ms: AtomicU32::new(0),
             radius: AtomicU32::new(0),
         })

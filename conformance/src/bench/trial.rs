@@ -84,6 +84,13 @@ impl Trial {
             .load(std::sync::atomic::Ordering::SeqCst)
     }
 
+    /// Whether the vehicle is a simulated one, which nothing can hurt.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        let simulated = &self.bench.simulated;
+        simulated.load(std::sync::atomic::Ordering::SeqCst)
+    }
+
     /// Waits.
     ///
     /// # Errors

@@ -283,7 +283,7 @@ fn acknowledgements_are_not_acknowledged(view: &View<'_>, found: &mut Found) {
 }
 
 fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
-    let mut last: BTreeMap<(u32, usize), i64> = BTreeMap::new();
+    let mut last: BTreeMap<(u32, usize, Option<i64>), i64> = BTreeMap::new();
     let mut commands: Vec<(f64, usize)> = view
         .requests()
         .filter(|seen| seen.kind() == 13000)
@@ -291,7 +291,7 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
         .collect();
     commands.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut previous = 0.0;
-    let mut ends: BTreeMap<(u32, usize), i64> = BTreeMap::new();
+    let mut ends: BTreeMap<(u32, usize, Option<i64>), i64> = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 14000) {
         let at = seen.at.as_secs_f64();
         // A new transfer begins at 0 again.
@@ -303,7 +303,9 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
             ends.clear();
         }
         previous = at;
-        let key = (seen.piece.destination.0, seen.socket);
+        // What cancels a transfer has an end of its own beside that of the transfer.
+        let mode = seen.raw("Mission Plan Mode");
+        let key = (seen.piece.destination.0, seen.socket, mode);
         // The same end twice is a repetition; another one takes it back.
         if let Some(end) = seen.raw("Status").filter(|&status| status != 0) {
             let first = *ends.entry(key).or_insert(end);

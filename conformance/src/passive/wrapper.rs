@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use super::view::{Found, Judge, View};
 use crate::wire::{Direction, HEADER, checksum, trailer};
@@ -188,14 +189,20 @@ fn crc_32(view: &View<'_>, found: &mut Found) {
 
 fn version_number(view: &View<'_>, found: &mut Found) {
     let expected = view.profile.idd();
-    // Who has asked in another version may be answered in it.
-    let others: BTreeSet<(usize, u8)> = view
-        .requests()
-        .filter(|seen| seen.piece.idd() != expected)
-        .map(|seen| (seen.socket, seen.piece.idd()))
-        .collect();
+    // Who has asked in another version may be answered in it: for a while, and until it asks otherwise.
+    let mut asked: BTreeMap<usize, Vec<(Duration, u8)>> = BTreeMap::new();
+    for seen in view.requests() {
+        let of_socket = asked.entry(seen.socket).or_default();
+        of_socket.push((seen.at, seen.piece.idd()));
+    }
+    let may_answer = |socket: usize, at: Duration, idd: u8| {
+        let asked = asked.get(&socket).map_or(&[][..], Vec::as_slice);
+        let before = asked.iter().rev().filter(|(then, _)| *then <= at);
+        let mut before = before.enumerate();
+        before.any(|(k, (then, by))| *by == idd && (k == 0 || at - *then <= ANSWERED_WITHIN))
+    };
     for seen in view.messages() {
-        if others.contains(&(seen.socket, seen.piece.idd())) {
+        if seen.piece.idd() != expected && may_answer(seen.socket, seen.at, seen.piece.idd()) {
             continue;
         }
         found.check(seen, seen.piece.idd() == expected, || {
@@ -208,6 +215,9 @@ fn version_number(view: &View<'_>, found: &mut Found) {
         });
     }
 }
+
+/// How long after a request in another version an answer in it may come.
+const ANSWERED_WITHIN: Duration = Duration::from_secs(5);
 
 fn reserved_parts(view: &View<'_>, found: &mut Found) {
     let expected = if view.profile.idd() == 30 { 0xFFFF } else { 0 };

@@ -69,6 +69,11 @@ pub(super) fn put_in_force(
     new: &SigningKey,
 ) -> Result<(), KeyFileError> {
     match key_file::read(path) {
+        // Written before, and perhaps not on the disk yet: a step that is repeated must not take the new key for the old one.
+        Ok(old) if old.same_as(new) => {
+            let synced = system.sync(disk::folder_of(path));
+            return synced.map_err(|cause| io_fault(path, cause));
+        }
         Ok(old) => write(system, &previous(path), &old)?,
         Err(KeyFileError::Absent { .. }) => {}
         Err(fault) => return Err(fault),
@@ -160,6 +165,61 @@ mod tests {
         };
         let keys = read(path, now).unwrap();
         keys.iter().map(|(key, _)| key.id().to_string()).collect()
+    }
+
+    /// A disk that fails at the last moment, when the file bears its name already.
+    #[derive(Debug)]
+    struct NotSynced(std::sync::atomic::AtomicBool);
+
+    impl FileSystem for NotSynced {
+        fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+            NativeFileSystem.write(path, bytes)
+        }
+
+        fn sync(&self, path: &Path) -> io::Result<()> {
+            let fails = self.0.load(std::sync::atomic::Ordering::SeqCst);
+            match fails && path.is_dir() {
+                true => Err(io::Error::other("not synced")),
+                false => NativeFileSystem.sync(path),
+            }
+        }
+
+        fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+            NativeFileSystem.rename(from, to)
+        }
+
+        fn remove(&self, path: &Path) -> io::Result<()> {
+            NativeFileSystem.remove(path)
+        }
+
+        fn read(&self, path: &Path, most: u64) -> io::Result<Option<zeroize::Zeroizing<Vec<u8>>>> {
+            NativeFileSystem.read(path, most)
+        }
+    }
+
+    #[test]
+    fn a_key_that_is_put_in_force_again_leaves_the_one_before_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cucs.key");
+        key_file::generate(&path).unwrap();
+        let first = ids(&path);
+        let new = SigningKey::new([7; 32]).unwrap();
+        // The one before is on the disk; the new one has its name, and nobody knows whether it stays.
+        write(
+            &NativeFileSystem,
+            &previous(&path),
+            &key_file::read(&path).unwrap(),
+        )
+        .unwrap();
+        let system = NotSynced(true.into());
+        assert!(write(&system, &path, &new).is_err());
+        assert!(
+            put_in_force(&system, &path, &new).is_err(),
+            "still not synced"
+        );
+        system.0.store(false, std::sync::atomic::Ordering::SeqCst);
+        put_in_force(&system, &path, &new).unwrap();
+        assert_eq!(ids(&path), [new.id().to_string(), first[0].clone()]);
     }
 
     #[test]

@@ -532,22 +532,16 @@ fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
             .raw("Speed Type", kind)
     };
     let altitude = |kind: i64| {
-        let home = t
-            .bench
-            .home
-            .get()
-            .map_or(now.altitude, |home| home.altitude);
-        let above = if kind == 2 {
-            now.altitude - home
-        } else {
-            now.altitude
+        let of_type = |value: f64| {
+            Draft::new(2016)
+                .raw("Altitude Command Type", 1)
+                .set("Commanded Altitude", value)
+                .raw("Altitude Type", kind)
         };
-        Draft::new(2016)
-            .raw("Altitude Command Type", 1)
-            .set("Commanded Altitude", above)
-            .raw("Altitude Type", kind)
+        levels(t, &now, kind).into_iter().map(of_type).collect()
     };
-    type Make<'a> = &'a dyn Fn(i64) -> Draft;
+    let speed = |kind: i64| vec![speed(kind)];
+    type Make<'a> = &'a dyn Fn(i64) -> Vec<Draft>;
     let cases: [(&str, std::ops::RangeInclusive<i64>, Make<'_>); 2] = [
         ("Speed Type", 0..=3, &speed),
         ("Altitude Type", 0..=3, &altitude),
@@ -556,11 +550,21 @@ fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
     for (field, values, make) in cases {
         let listed = availability(&listed_by, 2016, number(field));
         for value in values {
-            let sent = a.send(make(value).acked());
-            let end = a.wait(sent.mark, t.timers().ack * 2, |seen| {
-                about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") != Some(1)
-            });
-            let Some(end) = end else { continue };
+            // Refused is a type that is refused whatever its value.
+            let mut last = None;
+            for draft in make(value) {
+                let sent = a.send(draft.acked());
+                last = a.wait(sent.mark, t.timers().ack * 2, |seen| {
+                    about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") != Some(1)
+                });
+                if last
+                    .as_ref()
+                    .is_none_or(|end| end.raw("Acknowledgement Type") != Some(3))
+                {
+                    break;
+                }
+            }
+            let Some(end) = last else { continue };
             let no = end.raw("Acknowledgement Type") == Some(3);
             if result.is_ok() {
                 result = t.expect_of(&end, no == listed.contains(&value), || {
@@ -575,6 +579,27 @@ fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
     }
     hold(t, &a)?;
     result
+}
+
+/// Where the vehicle is, as altitudes of this type to be tried in turn: one where its datum is known here. What the others are above is
+/// not, and two of them are up to 107 m apart (the geoid above the ellipsoid): they are tried on a simulated vehicle alone, about as high as
+/// the number of 4000, so that one of them is near the vehicle whatever lies between the two.
+fn levels(t: &Trial, now: &Fix, kind: i64) -> Vec<f64> {
+    let home = t.bench.home.get();
+    let above_home = home.map_or(0.0, |home| now.altitude - home.altitude);
+    let vehicle = t.bench.profile.vehicle.first();
+    match kind {
+        2 => vec![above_home],
+        _ if kind == now.altitude_type => vec![now.altitude],
+        1 if let Some(amsl) = vehicle.and_then(|vehicle| vehicle.amsl_m) => vec![amsl + above_home],
+        _ if t.is_simulated() => {
+            // Upwards first: away from the ground.
+            [0.0, 45.0, 90.0, -45.0, -90.0]
+                .map(|up| now.altitude + up)
+                .to_vec()
+        }
+        _ => vec![],
+    }
 }
 
 /// Nothing is judged here: a climb and two turns, for the judge who compares 3009 and 4000.

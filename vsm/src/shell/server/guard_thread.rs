@@ -6,7 +6,9 @@
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
@@ -62,7 +64,9 @@ pub(super) enum Done {
 /// The thread, as long as anybody may give it work.
 #[derive(Debug)]
 pub(super) struct GuardThread {
-    work: SyncSender<Work>,
+    work: Sender<Work>,
+    /// Steps that wait for it.
+    steps: Arc<AtomicUsize>,
 }
 
 impl GuardThread {
@@ -72,7 +76,9 @@ impl GuardThread {
         store: FileDisk,
         clock: Clock,
     ) -> io::Result<(GuardThread, UnboundedReceiver<Done>)> {
-        let (work, todo) = sync_channel(MAX_WORK);
+        let (work, todo) = channel();
+        let steps = Arc::new(AtomicUsize::new(0));
+        let taken = steps.clone();
         let (done, results) = unbounded_channel();
         let vsm = config.dli.vsm_id;
         let files = paths(config);
@@ -87,14 +93,25 @@ impl GuardThread {
                     files: Vec::new(),
                     done,
                 };
-                answers.run(&todo, files);
+                answers.run(&todo, &taken, files);
             })?;
-        Ok((GuardThread { work }, results))
+        Ok((GuardThread { work, steps }, results))
     }
 
-    /// Gives it work; false where it has too much, and what has arrived is lost as on any link.
-    pub(super) fn give(&self, work: Work) -> bool {
-        self.work.try_send(work).is_ok()
+    /// Gives it what has arrived; false where as much waits already, and it is lost as on any link.
+    pub(super) fn give_step(&self, from: SocketAddr, bytes: Box<[u8]>) -> bool {
+        if self.steps.fetch_add(1, Ordering::Relaxed) >= MAX_STEPS {
+            self.steps.fetch_sub(1, Ordering::Relaxed);
+            return false;
+        }
+        self.give(Work::Step(from, bytes));
+        true
+    }
+
+    /// Gives it work of this computer, which no flood of strangers keeps away.
+    pub(super) fn give(&self, work: Work) {
+        // A thread that has ended has panicked, which is found by who reads its results.
+        let _ = self.work.send(work);
     }
 }
 
@@ -123,13 +140,18 @@ struct Answers {
 }
 
 impl Answers {
-    fn run(mut self, todo: &Receiver<Work>, files: KeyPaths) {
+    fn run(mut self, todo: &Receiver<Work>, steps: &AtomicUsize, files: KeyPaths) {
         self.take_files(files);
         loop {
             let due = self.end.as_ref().and_then(VsmEnd::poll_timeout);
             let wait = due.map_or(IDLE, |at| at.saturating_sub(self.clock.mono()));
             match todo.recv_timeout(wait.max(SHORTEST)) {
-                Ok(work) => self.take(work),
+                Ok(work) => {
+                    if matches!(work, Work::Step(..)) {
+                        steps.fetch_sub(1, Ordering::Relaxed);
+                    }
+                    self.take(work);
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 // The bridge has ended.
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -296,6 +318,6 @@ impl Answers {
 }
 
 /// Steps that wait for the thread.
-const MAX_WORK: usize = 64;
+const MAX_STEPS: usize = 64;
 const IDLE: Duration = Duration::from_secs(60);
 const SHORTEST: Duration = Duration::from_millis(1);

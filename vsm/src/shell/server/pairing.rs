@@ -11,7 +11,7 @@ use mavlink_link::store::Record as _;
 use stanag_msgs::Id;
 use tokio::net::{UdpSocket, UnixListener, UnixStream};
 use tokio::sync::mpsc::UnboundedReceiver;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout, timeout_at};
 
 use super::guard_thread::{self, Done, Work};
 use super::shared::{Core, Shared};
@@ -28,6 +28,8 @@ struct Waiting {
     cucs: Id,
     what: Wish,
     key: Option<KeyId>,
+    /// Of a rotation: however much else arrives meanwhile.
+    until: Instant,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -60,11 +62,9 @@ pub(super) async fn serve(
             Next::Asked(Ok(stream)) => greet(&shared, &beat, stream, &mut waiting).await,
             Next::Asked(Err(cause)) => pause_after("the socket for pairing", &cause).await,
             Next::Gone => {
+                // Nobody is at the window any more.
                 if waiting.take().is_some_and(|one| one.what == Wish::Pair) {
-                    // However much strangers send: nobody is at the window any more.
-                    while !shared.with(|core, _| core.guard_thread.give(Work::Close)) {
-                        beat.during(tokio::time::sleep(AGAIN)).await;
-                    }
+                    shared.with(|core, _| core.guard_thread.give(Work::Close));
                 }
             }
         }
@@ -82,10 +82,11 @@ async fn gone(waiting: &mut Option<Waiting>) {
         Some(Waiting {
             what: Wish::Rotate,
             asker,
+            until,
             ..
         }) => {
             // A guard that is there answers in a moment.
-            let _ = timeout(ROTATE_WITHIN, asker.gone()).await;
+            let _ = timeout_at(*until, asker.gone()).await;
             asker
                 .send_line("not rotated: its guard has not answered; the key in force stays. Is it paired, running, and has it been received of late (`vsm guard status`)?")
                 .await;
@@ -133,17 +134,14 @@ async fn greet(shared: &Shared, beat: &Beat, stream: UnixStream, waiting: &mut O
                 .await;
         }
     };
-    if shared.with(|core, _| core.guard_thread.give(work)) {
-        *waiting = Some(Waiting {
-            asker,
-            cucs,
-            what,
-            key: None,
-        });
-    } else {
-        beat.during(asker.send_line("refused: too much at once, try again"))
-            .await;
-    }
+    shared.with(|core, _| core.guard_thread.give(work));
+    *waiting = Some(Waiting {
+        asker,
+        cucs,
+        what,
+        key: None,
+        until: Instant::now() + ROTATE_WITHIN,
+    });
 }
 
 async fn take(
@@ -282,6 +280,5 @@ fn put_in_force(
 
 const LISTED: &str = "refused: an access list is in force, whose entries name guard keys: the CUCS would have no rights under a key that nobody knows before. \
      Use `vsm guard rotate FILE`, grant the new key, then copy the file; or pair again on the ground";
-const AGAIN: Duration = Duration::from_millis(20);
 const GREETING_WITHIN: Duration = Duration::from_secs(1);
 const ROTATE_WITHIN: Duration = Duration::from_secs(15);

@@ -363,12 +363,8 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         report.applied.extend(changed);
         core.bridge.take_forwards(prepared);
         change_forwards(core, &numbers, new);
-        if !core
-            .guard_thread
-            .give(Work::Files(guard_thread::paths(&core.config)))
-        {
-            tracing::warn!("pairings of guards are not read again: reload once more");
-        }
+        let paths = guard_thread::paths(&core.config);
+        core.guard_thread.give(Work::Files(paths));
         Ok::<_, String>((report, receivers, readers))
     });
     match applied {

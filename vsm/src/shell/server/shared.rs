@@ -9,7 +9,7 @@ use mavlink_link::Now;
 use tokio::sync::Notify;
 
 use super::forward::OpenForward;
-use super::guard_thread::{GuardThread, Work};
+use super::guard_thread::GuardThread;
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};
@@ -202,7 +202,7 @@ impl Shared {
             }
         }
         while let Some((from, bytes)) = core.bridge.poll_guard_step() {
-            if !core.guard_thread.give(Work::Step(from, bytes)) {
+            if !core.guard_thread.give_step(from, bytes) {
                 core.bridge
                     .count_dropped("guard: too many steps of exchanges at once");
             }
