@@ -51,6 +51,9 @@ fn false_data_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
         assert!(holds(with), "{with}");
         assert!(with.contains(refused), "{with}");
     }
+    let [without, with] = flights(&printed, "in a web client's name");
+    assert!(without.contains("brought to the ground"), "{without}");
+    assert!(holds(with) && with.contains("web: "), "{with}");
     let [without, with] = flights(&printed, "a recorded landing");
     assert!(holds(without) && holds(with), "{without}\n{with}");
     assert!(with.contains("guard: "), "{with}");
@@ -67,7 +70,7 @@ fn false_data_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
     );
 
     let picture = std::fs::read_to_string(folder.path().join("out/attack.svg")).unwrap();
-    assert_eq!(picture.matches("without ").count(), 5, "each has its line");
+    assert_eq!(picture.matches("without ").count(), 6, "each has its line");
     // Two curves each, the last of which nothing was read for, and the dashed line of each attack.
-    assert_eq!(picture.matches("<polyline").count(), 5 * 2 + 4);
+    assert_eq!(picture.matches("<polyline").count(), 6 * 2 + 5);
 }

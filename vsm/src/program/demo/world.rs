@@ -44,6 +44,8 @@ pub(super) enum Stations {
     Anywhere,
     /// Who has its guard key.
     Guard,
+    /// The same key, by the WebSocket of the page alone.
+    Web,
 }
 
 /// What is between the bridge and its vehicle.
@@ -119,7 +121,7 @@ impl World {
             }
         };
         let config = Config::parse(&configuration(out, setup, agent.as_ref())?, private.path())?;
-        if setup.stations == Stations::Guard {
+        if matches!(setup.stations, Stations::Guard | Stations::Web) {
             key_file::generate(&private.path().join(GUARD_KEY))?;
         }
         let (tell, told) = mpsc::channel();
@@ -159,7 +161,7 @@ impl World {
                 cucs: CUCS,
                 vsm: VSM,
                 to,
-                key_file: self.private.path().join(GUARD_KEY),
+                key_file: self.guard_key(),
                 store: self.private.path().join("guard-state"),
             },
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
@@ -167,6 +169,11 @@ impl World {
             users: Vec::new(),
         };
         Ok(GuardProxy::open(config).await?)
+    }
+
+    /// The key of the CUCS, where it has one.
+    pub(super) fn guard_key(&self) -> std::path::PathBuf {
+        self.private.path().join(GUARD_KEY)
     }
 
     /// What is really so with the vehicle now.
@@ -222,6 +229,7 @@ fn configuration(
         Stations::Address => r#"address = "127.0.0.1""#.to_owned(),
         Stations::Anywhere => String::new(),
         Stations::Guard => format!("guard = {{ key_file = \"{GUARD_KEY}\" }}"),
+        Stations::Web => format!("guard = {{ key_file = \"{GUARD_KEY}\" }}\nweb = true"),
     };
     let (dli, operator) = if setup.vehicle.payloads > 0 {
         // The layouts of the payload messages are derived from Edition 2.

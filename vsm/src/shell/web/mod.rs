@@ -489,6 +489,46 @@ mod tests {
         assert_eq!(asked.get(), before + 1);
     }
 
+    /// Nobody keeps one of the few places by a header that never ends, however busily it is written.
+    #[test]
+    fn a_header_that_does_not_end_is_not_waited_for() {
+        run(async {
+            let address = page().await;
+            let begun = tokio::time::Instant::now();
+            let slow = async {
+                let mut stream = TcpStream::connect(address).await.expect("it accepts");
+                let (mut reads, mut writes) = stream.split();
+                let drip = async {
+                    for byte in b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: "
+                        .iter()
+                        .chain([b'x'; 99].iter())
+                    {
+                        if writes.write_all(&[*byte]).await.is_err() {
+                            break;
+                        }
+                        tokio::time::sleep(Duration::from_millis(100)).await;
+                    }
+                };
+                let mut answer = Vec::new();
+                tokio::select! {
+                    _ = reads.read_to_end(&mut answer) => {}
+                    () = drip => {}
+                }
+                assert!(!answer.starts_with(b"HTTP/1.1 200"), "it was no request");
+            };
+            let silent = async {
+                let mut stream = TcpStream::connect(address).await.expect("it accepts");
+                stream.write_all(b"GET / HT").await.expect("it reads");
+                let mut answer = Vec::new();
+                let _ = stream.read_to_end(&mut answer).await;
+            };
+            tokio::join!(slow, silent);
+            let took = begun.elapsed();
+            let least = HEADER_WITHIN.mul_f64(0.9);
+            assert!(took > least && took < 2 * HEADER_WITHIN, "{took:?}");
+        });
+    }
+
     #[test]
     fn who_asks_is_answered_beside_300_connections_that_say_nothing_or_little() {
         run(async {

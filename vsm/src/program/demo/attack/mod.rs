@@ -3,12 +3,14 @@
 //! stands against it and with it. At the end somebody listens on the radio, without encryption and with it.
 //!
 //! - [`attacker`]: what the attacks send;
+//! - [`web`]: the CUCS as a web client, and who comes in its name;
 //! - [`radio`]: what the listener reads.
 //!
 //! Without protection is only ever flown here: a simulated vehicle on loopback, in a world that the demo itself makes.
 
 mod attacker;
 mod radio;
+mod web;
 
 use std::cell::Cell;
 use std::fmt::Write as _;
@@ -24,6 +26,7 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
 
 use self::radio::Overheard;
+use self::web::WebClient;
 use super::altitudes::{Altitudes, Curve, Panel};
 use super::picture::{FLOWN, PLANNED};
 use super::story::{
@@ -50,16 +53,20 @@ enum Attack {
     SameAddress,
     /// From both, the landing that the CUCS itself has sent at the end of an earlier flight.
     Replay,
+    /// Landings in the name of a web client: by its WebSocket without its key, and by datagrams. Without a key there is no web client:
+    /// the CUCS is a native one there.
+    Web,
     /// Nothing is sent: somebody listens on the radio to the agent.
     Listening,
 }
 
 impl Attack {
-    const ALL: [Attack; 5] = [
+    const ALL: [Attack; 6] = [
         Attack::Link,
         Attack::Elsewhere,
         Attack::SameAddress,
         Attack::Replay,
+        Attack::Web,
         Attack::Listening,
     ];
 
@@ -71,6 +78,9 @@ impl Attack {
             Attack::Replay => {
                 "a recorded landing (2016) of the CUCS, from its own address and another"
             }
+            Attack::Web => {
+                "landings (2016) in a web client's name, by its WebSocket and from another address"
+            }
             Attack::Listening => {
                 "the radio between bridge and agent: altitudes that somebody reads on it"
             }
@@ -80,7 +90,7 @@ impl Attack {
     fn protection(self) -> &'static str {
         match self {
             Attack::Link => "signing",
-            Attack::Elsewhere | Attack::SameAddress | Attack::Replay => "guard",
+            Attack::Elsewhere | Attack::SameAddress | Attack::Replay | Attack::Web => "guard",
             Attack::Listening => "encryption",
         }
     }
@@ -95,6 +105,11 @@ impl Attack {
             (Attack::Link, signed) => Setup { signed, ..usual },
             (Attack::Listening, encrypt) => Setup {
                 radio: Radio::Agent { encrypt },
+                ..usual
+            },
+            (Attack::Web, true) => Setup {
+                stations: Stations::Web,
+                more: PAGE,
                 ..usual
             },
             (_, false) => Setup {
@@ -185,13 +200,20 @@ fn fly(out: &Path, speed: f64, attack: Attack, protected: bool) -> anyhow::Resul
         .build()?;
     let shot = runtime.block_on(async {
         let wire = Wire::to(world.vsm).await?;
-        let (guard, address) = if attack.setup(speed, protected).stations == Stations::Guard {
-            let guard = world.guard(wire.near).await?;
-            let address = guard.address()?;
-            (Some(guard), address)
-        } else {
-            (None, wire.near)
-        };
+        let (mut guard, mut web, mut address) = (None, None, wire.near);
+        match (attack.setup(speed, protected).stations, world.page) {
+            (Stations::Guard, _) => {
+                let beside = world.guard(wire.near).await?;
+                address = beside.address()?;
+                guard = Some(beside);
+            }
+            (Stations::Web, Some(page)) => {
+                let client = WebClient::open(page, CUCS, &world.guard_key())?;
+                address = client.near;
+                web = Some(client);
+            }
+            _ => {}
+        }
         let station = Station::bind(CUCS, "127.0.0.1:0".parse()?, address).await?;
         let serve = async {
             match guard {
@@ -199,11 +221,13 @@ fn fly(out: &Path, speed: f64, attack: Attack, protected: bool) -> anyhow::Resul
                 None => pending().await,
             }
         };
-        tokio::select! {
+        let shot = tokio::select! {
             shot = hover_and_attack(&world, &wire, attack, station) => shot,
             () = serve => Err(anyhow!("the guard has ended")),
             _ = tokio::signal::ctrl_c() => Err(anyhow!("interrupted")),
-        }
+        };
+        let ended = web.map_or(Ok(()), WebClient::end);
+        shot.and_then(|shot| ended.map(|()| shot))
     });
     // What runs is stopped also where the flight failed.
     let remains = world.stop()?;
@@ -253,6 +277,16 @@ async fn hover_and_attack(
             Attack::Elsewhere => attacker::impersonate(world.vsm, CUCS, vehicle, &sent).await,
             Attack::SameAddress => attacker::forge(wire, CUCS, vehicle, &sent).await,
             Attack::Replay => attacker::replay(wire, world.vsm, &recording, &sent).await,
+            Attack::Web => {
+                let elsewhere = attacker::impersonate(world.vsm, CUCS, vehicle, &sent);
+                let in_browser = async {
+                    match world.page {
+                        Some(page) => web::guess(page, CUCS, &sent).await,
+                        None => pending().await,
+                    }
+                };
+                tokio::try_join!(elsewhere, in_browser).map(|_| ())
+            }
             Attack::Listening => pending().await,
         }
     };
@@ -390,6 +424,8 @@ fn refusals(attack: Attack, remains: &Remains) -> String {
     }
 }
 
+/// Where a web client connects.
+const PAGE: &str = "[http]\nlisten = \"127.0.0.1:0\"\n[web]\ncontrol = true\n";
 /// As the paper's.
 const HOVER_M: f64 = 2.0;
 /// Reasons that are named.
