@@ -5,7 +5,8 @@
 //! | circular (or no type) | hovers: PX4 flies no circle within a mission there | circle of Loiter Radius, the vehicle's own where absent |
 //! | hover | hovers | refused |
 //! | racetrack, figure 8 | refused | refused |
-//! | direction | of no effect | sign of the radius: clockwise positive; into the wind is refused |
+//! | direction | of no effect; into the wind, or an unknown one, is refused | sign of the radius: clockwise positive; into the wind, or an unknown one, is refused |
+//! | speed | of no effect; an unknown Speed Type beside it is refused | DO_CHANGE_SPEED; an unknown Speed Type beside it is refused |
 //! | duration in seconds | NAV_LOITER_TIME | NAV_LOITER_TIME |
 //! | duration in turns | refused | the time that so many turns take at the loiter's speed, where radius and speed are given |
 //! | duration absent | NAV_LOITER_UNLIM | NAV_LOITER_UNLIM |
@@ -66,11 +67,7 @@ pub(super) fn loiter(
 ) -> Result<Loiter, Reason> {
     pattern(requested, hovers)?;
     let radius_m = radius(requested, hovers)?;
-    let speed_m_s = if hovers {
-        None
-    } else {
-        speed(requested, performance)?
-    };
+    let speed_m_s = speed(requested, hovers, performance)?;
     let seconds = match requested.loiter_duration {
         None => None,
         Some(duration) => match requested.loiter_duration_units {
@@ -119,6 +116,9 @@ fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     }
     match requested.loiter_direction {
         None | Some(LoiterDirection::VehicleDependent) => Ok(radius_m),
+        // What is no direction is refused of one that hovers there too: only 0 to 2 are declared.
+        Some(LoiterDirection::IntoWind) => Err(Reason::LoiterType("turn into the wind")),
+        Some(LoiterDirection::Unknown(value)) => Err(Reason::unknown("Loiter Direction", value)),
         _ if hovers => Ok(radius_m),
         // The sign of a radius of 0 has no meaning.
         Some(LoiterDirection::Clockwise | LoiterDirection::CounterClockwise) if radius_m == 0.0 => {
@@ -126,18 +126,24 @@ fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
         }
         Some(LoiterDirection::Clockwise) => Ok(radius_m),
         Some(LoiterDirection::CounterClockwise) => Ok(-radius_m),
-        Some(LoiterDirection::IntoWind) => Err(Reason::LoiterType("turn into the wind")),
-        Some(LoiterDirection::Unknown(value)) => Err(Reason::unknown("Loiter Direction", value)),
     }
 }
 
-fn speed(requested: &UaLoiterWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {
+/// m/s on the circle; none where it hovers.
+fn speed(
+    requested: &UaLoiterWaypoint,
+    hovers: bool,
+    performance: &Performance,
+) -> Result<Option<f64>, Reason> {
     let Some(speed_m_s) = requested.loiter_speed.map(|speed| speed.si()) else {
         return Ok(None);
     };
     match requested.speed_type {
         None | Some(SpeedType::Indicated | SpeedType::True | SpeedType::Ground) => {}
         Some(other) => return Err(Reason::unknown("Speed Type", other.raw())),
+    }
+    if hovers {
+        return Ok(None);
     }
     Ok(Some(performance.check(speed_m_s)?))
 }
@@ -206,6 +212,26 @@ mod tests {
             made(&requested, None, false),
             Err(Reason::Missing(_))
         ));
+    }
+
+    #[test]
+    fn an_unknown_value_is_refused_where_the_vehicle_hovers_too() {
+        for hovers in [true, false] {
+            for direction in [LoiterDirection::IntoWind, LoiterDirection::Unknown(9)] {
+                let mut requested = circle();
+                requested.loiter_direction = Some(direction);
+                assert!(made(&requested, None, hovers).is_err(), "{direction:?}");
+            }
+            let mut requested = circle();
+            requested.loiter_speed = Some(Scaled::saturating_from_si(15.0));
+            requested.speed_type = Some(SpeedType::Unknown(9));
+            assert!(made(&requested, None, hovers).is_err(), "{hovers}");
+        }
+        let mut requested = circle();
+        requested.loiter_direction = Some(LoiterDirection::CounterClockwise);
+        requested.loiter_speed = Some(Scaled::saturating_from_si(15.0));
+        let item = made(&requested, None, true).unwrap();
+        assert_eq!((item.params[2], item.speed_m_s), (60.0, None));
     }
 
     #[test]

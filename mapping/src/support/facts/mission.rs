@@ -62,7 +62,7 @@ facts! {
         "Waypoint Number": "1 to 65534";
         "Waypoint Loiter Type": "1 circle, 4 hover (a multicopter hovers at both); others are refused";
         "Loiter Radius": "of the circle of a fixed wing; above 1000 m it is refused";
-        "Loiter Direction": "of a fixed wing: 1 clockwise, 2 counter-clockwise; into the wind is refused";
+        "Loiter Direction": "of a fixed wing: 1 clockwise, 2 counter-clockwise; of any vehicle others but 0 are refused, into the wind too";
         "Loiter Speed": "within the circle of a fixed wing";
         "Speed Type": "0, 1 and 2 alike; others are refused";
         "Loiter Duration": "NAV_LOITER_TIME; 0: no loiter; absent: unlimited (NAV_LOITER_UNLIM)";

@@ -114,6 +114,23 @@ pub(super) fn routes() -> Vec<Trial> {
             ]
         ),
         trial!(
+            one,
+            control,
+            as_loiter,
+            UaLoiterWaypoint {
+                waypoint_number: Some(1),
+                loiter_direction: Some(LoiterDirection::Clockwise),
+                loiter_speed: Some(Scaled::saturating_from_si(5.0)),
+                speed_type: Some(SpeedType::Ground),
+                ..UaLoiterWaypoint::default()
+            },
+            [
+                "Loiter Direction" = "3" refused "of any vehicle others but 0 are refused",
+                "Loiter Direction" = "9" refused "of any vehicle others but 0 are refused",
+                "Speed Type" = "9" refused "others are refused",
+            ]
+        ),
+        trial!(
             two_payloads,
             control_of_payloads,
             as_payload_action,
