@@ -166,6 +166,8 @@ pub(super) enum Stage {
     Safe,
     /// Of the ground, or of an operator of this computer.
     ToStore { ground: bool },
+    /// A start has found it, and PX4 has not shown yet that it can be given another key.
+    Waiting { until: Duration },
     /// PX4 is being given another key.
     Replacing { until: Duration },
     /// What it came to is sent to whoever asks; then the agent ends.

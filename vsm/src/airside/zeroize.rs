@@ -6,6 +6,9 @@
 //!             +-> (not stored) safe
 //! ```
 //!
+//! A start that finds an order whose process has ended before PX4 had another key begins at `waiting`, the radio closed: it waits
+//! for PX4 to be there and disarmed, 30 s at most, and continues as above ([`Agent::resume_zeroize`]).
+//!
 //! The order is on the disk before it is acknowledged and before PX4's key is touched: from then on it is carried out whatever
 //! happens. The machine erases nothing itself: it is asked whether an order is to be stored ([`Agent::zeroize_to_store`]) and
 //! whether it is over ([`Agent::is_zeroized`]). While PX4 is not known to be disarmed an order is refused, unless it says
@@ -45,7 +48,9 @@ impl Agent {
             }
             // Answered once it is stored.
             Stage::ToStore { .. } => return,
-            Stage::Replacing { .. } => ZeroizeReport::Stored(AutopilotKey::Pending),
+            Stage::Waiting { .. } | Stage::Replacing { .. } => {
+                ZeroizeReport::Stored(AutopilotKey::Pending)
+            }
             Stage::Over { key, .. } => ZeroizeReport::Stored(key),
         };
         self.exchange.responder.report_zeroize(report);
@@ -109,11 +114,27 @@ impl Agent {
         let begun = self.replace_px4_key(now, random, keys);
         match begun {
             Ok(()) => {
-                let until = now.mono.saturating_add(REPLACE_WITHIN);
-                self.zeroize = Stage::Replacing { until };
+                self.zeroize = replacing(now);
                 let pending = ZeroizeReport::Stored(AutopilotKey::Pending);
                 self.exchange.responder.report_zeroize(pending);
             }
+            Err(key) => self.conclude_zeroize(now.mono, key),
+        }
+    }
+
+    /// A start has found an order, and the radio stays closed: gives PX4 another key, as soon as it is there and disarmed. To be
+    /// called after everything that is handled, until [`zeroized_key`](Self::zeroized_key) has an answer.
+    pub fn resume_zeroize(&mut self, now: Now, random: &mut dyn Random, keys: &mut dyn Keys) {
+        let until = match self.zeroize {
+            Stage::Safe => now.mono.saturating_add(WAIT_WITHIN),
+            Stage::Waiting { until } => until,
+            Stage::ToStore { .. } | Stage::Replacing { .. } | Stage::Over { .. } => return,
+        };
+        self.zeroize = Stage::Waiting { until };
+        match self.replace_px4_key(now, random, keys) {
+            Ok(()) => self.zeroize = replacing(now),
+            // It starts with this computer, and may be landed and disarmed in a moment.
+            Err(AutopilotKey::NotReached | AutopilotKey::Armed) if now.mono < until => {}
             Err(key) => self.conclude_zeroize(now.mono, key),
         }
     }
@@ -203,15 +224,22 @@ impl Agent {
     pub(super) fn zeroize_timeout(&self) -> Duration {
         match self.zeroize {
             Stage::Safe | Stage::ToStore { .. } => Duration::MAX,
-            Stage::Replacing { until } => until,
+            Stage::Waiting { until } | Stage::Replacing { until } => until,
             Stage::Over { since, .. } => since.saturating_add(LAST_WORDS),
         }
     }
+}
+
+fn replacing(now: Now) -> Stage {
+    let until = now.mono.saturating_add(REPLACE_WITHIN);
+    Stage::Replacing { until }
 }
 
 const FLIES: &str = "PX4 is not known to be disarmed, and would lose its link to the ground: land and disarm it, or add \
                      --in-flight";
 /// 10 s of them to see that only one autopilot is on the link, then three tries.
 const REPLACE_WITHIN: Duration = Duration::from_secs(20);
+/// PX4 starts with this computer after a power cut, in ten seconds or so.
+const WAIT_WITHIN: Duration = Duration::from_secs(30);
 /// The ground asks every half a second: it may have lost the answer before.
 const LAST_WORDS: Duration = Duration::from_millis(2_500);

@@ -67,7 +67,10 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
     let config = load(path)?;
     let _log = log(format)?;
     // Before any key is read, and before a link is open.
-    zeroize::finish(&config.store.dir)?;
+    zeroize::finish(
+        &config.store.dir,
+        Some(&|store, _, report| zeroize::beyond_agent(&config, store, report)),
+    )?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let server = AirsideServer::open(&config).map_err(|fault| match fault {
@@ -93,7 +96,7 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
         }
         server.serve(stop).await.map_err(failed)?;
         // As `vsm run`.
-        zeroize::finish(&config.store.dir)?;
+        zeroize::finish(&config.store.dir, None)?;
         service::stopping();
         tracing::info!("stopped");
         Ok(())

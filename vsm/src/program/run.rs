@@ -13,7 +13,12 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let _log = log(format)?;
     // Before any key is read, and before a socket is open.
-    zeroize::finish(&config.store.dir)?;
+    zeroize::finish(
+        &config.store.dir,
+        Some(&|store, in_flight, report| {
+            zeroize::beyond_bridge(&config, &store, in_flight, report);
+        }),
+    )?;
     let runtime = runtime()?;
     runtime.block_on(async {
         let mut server = Server::open(&config).map_err(|fault| match fault {
@@ -41,7 +46,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         server.serve(stop).await.map_err(failed)?;
         zeroize::discard_keys(&config, store).await;
         // Before it counts as stopping: to erase may take longer than a service manager waits then.
-        zeroize::finish(&config.store.dir)?;
+        zeroize::finish(&config.store.dir, None)?;
         service::stopping();
         tracing::info!("stopped");
         Ok(())

@@ -7,12 +7,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use clap::Args;
+use mavlink_link::exchange::AutopilotKey;
 
 use super::config_arg::ConfigArg;
 use super::process::{Failure, bad, failed, print_line, runtime, waiting};
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
 use crate::key_exchange::NOT_REACHED;
+use crate::shell::airside_key;
 use crate::shell::disk::{FileDisk, OpenError};
 use crate::shell::erase::{self, EraseError, Erased, Order};
 use crate::shell::key_link;
@@ -41,9 +43,12 @@ struct Target {
     id: String,
     store: PathBuf,
     order: Order,
-    /// A bridge's configuration: it may be paired with agents.
-    bridge: Option<Config>,
+    beyond: Box<Beyond<'static>>,
 }
+
+/// Does what an order orders beyond this computer, with the store that has the keys for that, perhaps in flight, too; and reports
+/// what has become of it. Never within a runtime: it makes its own.
+pub(super) type Beyond<'a> = dyn Fn(FileDisk, bool, &mut dyn FnMut(&str)) + 'a;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let path = arguments.config.path();
@@ -51,15 +56,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         id,
         store,
         order,
-        bridge,
-    } = load(path)?;
+        beyond,
+    } = load(path, arguments.in_flight)?;
     if arguments.clear {
         erase::clear(&store).map_err(failed)?;
         print_line("it may be served again");
         return Ok(());
     }
     // One that was cut off is finished first: it may name other files than this configuration.
-    if let Some(erased) = erase::finish_before_start(&store).map_err(failed)? {
+    let earlier = carry_out(&store, Some(&*beyond), &mut print_line);
+    if let Some(erased) = earlier.map_err(failed)? {
         print_line("finished an earlier zeroize:");
         report(&erased);
     }
@@ -79,8 +85,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             if let Some(doubt) = erase::begin(&mut disk, &order).map_err(failed)? {
                 print_line(&doubt);
             }
-            if let Some(config) = &bridge {
-                order_agents(config, &disk, arguments.in_flight)?;
+            if order.reaches_beyond() {
+                beyond(disk.shared(), arguments.in_flight, &mut print_line);
+                erase::claim(&mut disk);
             }
         }
         None => {
@@ -94,7 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "the program that ran there to erase, and to end",
         UNLOCKED_WITHIN,
     );
-    let erased = match once_unlocked(&store) {
+    let erased = match once_unlocked(&store, Some(&*beyond), &mut print_line) {
         Err(EraseError::Open(OpenError::Locked { .. })) => {
             return Err(failed(anyhow!(
                 "it is ordered, and the program that runs on {} still erases: start this again to see it finished",
@@ -118,15 +125,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// No bridge runs, and the order stands: the agents beside PX4 are ordered the same, and PX4 without one is given another key, as
+/// No bridge runs, and an order stands: the agents beside PX4 are ordered the same, and PX4 without one is given another key, as
 /// long as there are keys to do so.
-fn order_agents(config: &Config, disk: &FileDisk, in_flight: bool) -> Result<(), Failure> {
+pub(super) fn beyond_bridge(
+    config: &Config,
+    store: &FileDisk,
+    in_flight: bool,
+    report: &mut dyn FnMut(&str),
+) {
     let vehicles = u32::try_from(config.vehicles().count()).unwrap_or(u32::MAX);
     let _waiting = waiting(
         "the agents beside PX4, and PX4, to take the order",
         BEYOND_WITHIN.saturating_mul(vehicles),
     );
-    runtime()?.block_on(async {
+    let Ok(runtime) = runtime() else {
+        return report(NOT_REACHED);
+    };
+    runtime.block_on(async {
         for vehicle in config.vehicles() {
             let Signing::KeyFile(key_file, exchange) = &vehicle.signing else {
                 continue;
@@ -135,18 +150,30 @@ fn order_agents(config: &Config, disk: &FileDisk, in_flight: bool) -> Result<(),
                 continue;
             }
             let of = (key_file.as_path(), *exchange);
-            let outcome = match Pairing::with_agent(config, vehicle, of, disk.shared()) {
+            let outcome = match Pairing::with_agent(config, vehicle, of, store.shared()) {
                 Ok(Some(agent)) => agent.order_zeroize(in_flight).await,
                 Ok(None) => "no agent is paired, and none was ordered to erase itself".to_owned(),
                 Err(fault) => format!("{NOT_REACHED} ({fault})"),
             };
-            print_line(&format!("vehicle {}: {outcome}", vehicle.id));
+            report(&format!("vehicle {}: {outcome}", vehicle.id));
         }
-        for line in key_link::discard_keys(config, disk).await {
-            print_line(&line);
+        for line in key_link::discard_keys(config, store).await {
+            report(&line);
         }
     });
-    Ok(())
+}
+
+/// No agent runs, and an order stands: PX4 is given another key.
+pub(super) fn beyond_agent(config: &AirsideConfig, store: FileDisk, report: &mut dyn FnMut(&str)) {
+    let _waiting = waiting("PX4 to take another key", ANSWER_WITHIN);
+    let not_reached = AutopilotKey::NotReached;
+    let Ok(runtime) = runtime() else {
+        return report(&not_reached.to_string());
+    };
+    match runtime.block_on(airside_key::discard(config, store)) {
+        Ok(key) => report(&key.to_string()),
+        Err(fault) => report(&format!("{not_reached} ({fault})")),
+    }
 }
 
 /// Lets the bridge or the agent that has the store give up everything, and end. What it reports of what is not on this computer.
@@ -169,10 +196,14 @@ fn order_running(store: &Path, in_flight: bool) -> Result<Vec<String>, Failure> 
 }
 
 /// Finishes what is ordered, as soon as the process that was ordered lets go of the store.
-fn once_unlocked(store: &Path) -> Result<Option<Erased>, EraseError> {
+fn once_unlocked(
+    store: &Path,
+    beyond: Option<&Beyond<'_>>,
+    print: &mut dyn FnMut(&str),
+) -> Result<Option<Erased>, EraseError> {
     let end = Instant::now() + UNLOCKED_WITHIN;
     loop {
-        match erase::finish_before_start(store) {
+        match carry_out(store, beyond, print) {
             Err(EraseError::Open(OpenError::Locked { .. })) if Instant::now() < end => {
                 std::thread::sleep(LOOK_AGAIN);
             }
@@ -181,24 +212,41 @@ fn once_unlocked(store: &Path) -> Result<Option<Erased>, EraseError> {
     }
 }
 
-fn load(path: &Path) -> Result<Target, Failure> {
+/// Carries out an order that stands: first beyond this computer, where its process has ended before that and `beyond` does it, as
+/// long as there are keys to do so.
+fn carry_out(
+    store: &Path,
+    beyond: Option<&Beyond<'_>>,
+    print: &mut dyn FnMut(&str),
+) -> Result<Option<Erased>, EraseError> {
+    if let Some(beyond) = beyond
+        && let Some((disk, in_flight)) = erase::claim_at_start(store)?
+    {
+        beyond(disk, in_flight, print);
+    }
+    erase::finish_before_start(store)
+}
+
+fn load(path: &Path, in_flight: bool) -> Result<Target, Failure> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     if AirsideConfig::is_meant_by(&text) {
         let config = AirsideConfig::load(path).map_err(bad)?;
         return Ok(Target {
             id: config.agent.get_ref().vehicle_id.to_string(),
             order: Order::of_agent(&config),
-            store: config.store.dir,
-            bridge: None,
+            store: config.store.dir.clone(),
+            beyond: Box::new(move |store, _, report| beyond_agent(&config, store, report)),
         });
     }
     // Also where there is no such file: the error says how to make one.
     let config = Config::load(path).map_err(bad)?;
     Ok(Target {
         id: config.dli.vsm_id.to_string(),
-        order: Order::of_bridge(&config),
+        order: Order::of_bridge(&config, in_flight),
         store: config.store.dir.clone(),
-        bridge: Some(config),
+        beyond: Box::new(move |store, in_flight, report| {
+            beyond_bridge(&config, &store, in_flight, report);
+        }),
     })
 }
 
@@ -275,12 +323,16 @@ pub(super) async fn discard_keys(config: &Config, store: FileDisk) {
     for line in lines {
         tracing::warn!("zeroize: {line}");
     }
+    // Whoever has the store next only erases.
+    erase::claim(&mut store.shared());
 }
 
 /// A start that finds an order finishes it, and ends: what it would have served is gone. So does a bridge that has stored one. And
 /// so does each start after that, whoever has finished it, until a person says otherwise: a service would take up its credential.
-pub(super) fn finish(store: &Path) -> Result<(), Failure> {
-    let erased = service::while_busy(|| once_unlocked(store)).map_err(failed)?;
+/// `beyond` is for a start: a process that ends has done that.
+pub(super) fn finish(store: &Path, beyond: Option<&Beyond<'_>>) -> Result<(), Failure> {
+    let mut log = |line: &str| tracing::warn!("zeroize: {line}");
+    let erased = service::while_busy(|| once_unlocked(store, beyond, &mut log)).map_err(failed)?;
     for line in erased.iter().flat_map(lines) {
         tracing::warn!("{line}");
     }

@@ -41,7 +41,7 @@ use crate::airside::{
     Agent, AgentError, AirsideStatus, Held, Keys as _, PairingNews, Settings, Side, Trace,
     sent_text,
 };
-use crate::config::airside::AirsideConfig;
+use crate::config::airside::{AirsideConfig, Px4};
 use crate::key_exchange::{self, ExchangeRecord};
 use crate::session::{LogLevel, Peer};
 use mavlink_link::store::StoreError;
@@ -133,10 +133,7 @@ impl AirsideServer {
             config.radio.get_ref(),
             config.px4.get_ref(),
         );
-        if !px4.i_trust_this_link && !key_link::is_local(&px4.link) {
-            let link = px4.link.to_string();
-            return Err(AirsideError::OpenLink { link });
-        }
+        may_carry_keys(px4)?;
         let clock = Clock::default();
         let mut store = open(&config.store.dir)?;
         // Store and key are locked before a link is opened: a second agent stops before PX4 can see its port.
@@ -160,23 +157,7 @@ impl AirsideServer {
         let pairing = pairing_socket::listen(&config.store.dir).map_err(AirsideError::Status)?;
         let zeroize = status_socket::listen(&config.store.dir, status_socket::ZEROIZE)
             .map_err(AirsideError::Status)?;
-        // A serial line or udpout names its peer; a listening link learns it from the frames received.
-        let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);
-        let settings = Settings {
-            vehicle_system: px4.system_id,
-            own_system: own.system_id,
-            own_component: own.component_id,
-            own_link_id: own.link_id,
-            talkers: radio.talkers.iter().copied().map(Stream::from).collect(),
-            policy: config.relay.policy(),
-            radio: endpoint(ground),
-            px4: endpoint(autopilot),
-            restamp: px4.restamp,
-            replace_px4_key: config.zeroize.px4_key,
-            contingency: config.contingency.as_ref().map(|one| one.get_ref().clone()),
-            not_before: Stamp::from_unix(NOT_BEFORE),
-            ids: [own.vsm_id.0, own.vehicle_id.0],
-        };
+        let settings = settings(config, ground, autopilot);
         let identity = key_exchange::identity(&mut store, &mut system_random)?;
         let encryption = if radio.encrypt {
             let end = EncryptionEnd {
@@ -314,6 +295,8 @@ impl AirsideServer {
                 break;
             }
         }
+        // Whoever has the store next only erases: PX4 has been given another key, or this agent is ended before that.
+        erase::claim(&mut self.disk.store.files().shared());
         let end = Instant::now() + LAST_WRITES;
         self.disk.store.wait(LAST_WRITES);
         self.disk.ordered.files.wait(end);
@@ -464,7 +447,7 @@ impl AirsideServer {
                 // At once: it holds few packets, and a burst of PX4's frames makes many.
                 self.send_encrypted().await?;
             } else if let Some(Err(stranger)) = stranger {
-                tracing::error!("PX4's key is NOT sent: {stranger}");
+                tracing::error!("{NOT_SENT}: {stranger}");
                 self.agent.count_held_back(FOREIGN);
             } else if let Err(cause) = writer.send(frame, sent.to).await {
                 if cause.kind() == io::ErrorKind::BrokenPipe {
@@ -507,12 +490,51 @@ impl AirsideServer {
     }
 }
 
+/// Keys for PX4 are shown to whoever can listen on the link.
+pub(super) fn may_carry_keys(px4: &Px4) -> Result<(), AirsideError> {
+    if px4.i_trust_this_link || key_link::is_local(&px4.link) {
+        return Ok(());
+    }
+    let link = px4.link.to_string();
+    Err(AirsideError::OpenLink { link })
+}
+
+/// What the machine is configured with; `ground` and `autopilot` are where both are, where the links name that.
+pub(super) fn settings(
+    config: &AirsideConfig,
+    ground: Option<Peer>,
+    autopilot: Option<Peer>,
+) -> Settings {
+    let (own, radio, px4) = (
+        config.agent.get_ref(),
+        config.radio.get_ref(),
+        config.px4.get_ref(),
+    );
+    // A serial line or udpout names its peer; a listening link learns it from the frames received.
+    let endpoint = |peer: Option<Peer>| peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+    Settings {
+        vehicle_system: px4.system_id,
+        own_system: own.system_id,
+        own_component: own.component_id,
+        own_link_id: own.link_id,
+        talkers: radio.talkers.iter().copied().map(Stream::from).collect(),
+        policy: config.relay.policy(),
+        radio: endpoint(ground),
+        px4: endpoint(autopilot),
+        restamp: px4.restamp,
+        replace_px4_key: config.zeroize.px4_key,
+        contingency: config.contingency.as_ref().map(|one| one.get_ref().clone()),
+        not_before: Stamp::from_unix(NOT_BEFORE),
+        ids: [own.vsm_id.0, own.vehicle_id.0],
+    }
+}
+
 async fn answer_order(stream: UnixStream, refused: Option<String>, beyond: Vec<String>) {
     let answer = Ordered { refused, beyond };
     status_socket::answer(stream, &answer, STATUS_WITHIN).await;
 }
 
-fn write_log(level: LogLevel, text: &str) {
+pub(super) fn write_log(level: LogLevel, text: &str) {
     match level {
         LogLevel::Debug => tracing::debug!("{text}"),
         LogLevel::Info => tracing::info!("{text}"),
@@ -522,7 +544,7 @@ fn write_log(level: LogLevel, text: &str) {
 }
 
 /// The keys as they lie on disk, and whom the agent was paired with.
-fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
+pub(super) fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
     let record = ExchangeRecord::load(&disk.ordered.records, disk.vehicle)?;
     let peer = record.peer().map(|key| PinnedPeer {
         key,
@@ -574,16 +596,17 @@ async fn pause_after(what: &str, cause: &io::Error) {
 }
 
 /// What is left to write gets so long at the end: longer than a slow disk takes, shorter than a service manager waits.
-const LAST_WRITES: Duration = Duration::from_secs(10);
+pub(super) const LAST_WRITES: Duration = Duration::from_secs(10);
 
 /// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
-const FOREIGN: &str = "PX4's link: not a permitted user's socket";
+pub(super) const FOREIGN: &str = "PX4's link: not a permitted user's socket";
+pub(super) const NOT_SENT: &str = "PX4's key is NOT sent";
 const RADIO_WRITER: &str = "writer of the ground's serial port";
-const LARGEST: usize = 65_536;
+pub(super) const LARGEST: usize = 65_536;
 /// A socket takes a whole status at once: the links wait no longer for one who does not read.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
 const GREETING_WITHIN: Duration = Duration::from_secs(5);
-const PAUSE: Duration = Duration::from_millis(100);
+pub(super) const PAUSE: Duration = Duration::from_millis(100);
 
 #[cfg(test)]
 mod tests {

@@ -6,6 +6,10 @@
 //! done. The folders are synchronised, and only then the order goes; a mark stays ([`is_zeroized`]), so that nothing is served by
 //! a start that nobody has meant.
 //!
+//! What is ordered beyond this computer (agents beside PX4, and PX4's own key) is tried once more by a start that finds it not
+//! done ([`claim_at_start`]): once, and that is on the disk before it is tried, so that nobody keeps the keys by cutting the power
+//! again and again.
+//!
 //! Symbolic links are not followed: the link is deleted, and what it leads to is reported. A file of another user is refused by
 //! name. What could not be erased keeps the order standing, but for recordings: others may write where they lie.
 
@@ -20,7 +24,7 @@ use super::disk::{ERASE_ORDER, FileDisk, FileSystem, NativeFileSystem, OpenError
 use super::disk::{folder_of, is_to_be_erased, replace};
 use super::key_store;
 use crate::config::airside::AirsideConfig;
-use crate::config::{Config, Signing};
+use crate::config::{Config, ExchangeMode, Signing};
 
 /// What is to be erased beside the store.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,6 +39,30 @@ pub struct Order {
     recordings: Option<PathBuf>,
     /// The audit logs and their key stay.
     keep_audit: bool,
+    /// What it orders beyond this computer.
+    #[serde(default)]
+    beyond: Beyond,
+    /// It is meant in flight, too: agents are ordered the same.
+    #[serde(default)]
+    in_flight: bool,
+}
+
+/// How it stands with what an order orders beyond this computer.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+enum Beyond {
+    /// Nothing is, or nothing is left to do.
+    #[default]
+    None,
+    /// A start that finds it so tries it.
+    Due,
+    /// Tried: what is left is to erase.
+    Tried,
+}
+
+impl Beyond {
+    fn of(any: bool) -> Beyond {
+        if any { Beyond::Due } else { Beyond::None }
+    }
 }
 
 /// What has become of an order.
@@ -78,9 +106,17 @@ pub enum EraseError {
 }
 
 impl Order {
-    /// Everything of a bridge.
+    /// Everything of a bridge. `in_flight`: it is meant in flight, too.
     #[must_use]
-    pub fn of_bridge(config: &Config) -> Order {
+    pub fn of_bridge(config: &Config, in_flight: bool) -> Order {
+        let beyond = config.vehicles().any(|one| match &one.signing {
+            Signing::KeyFile(_, exchange) => match exchange.mode {
+                ExchangeMode::On => true,
+                ExchangeMode::Off => config.zeroize.px4_key,
+                ExchangeMode::Legacy => false,
+            },
+            Signing::Off => false,
+        });
         let vehicles = config.vehicles().filter_map(|one| match &one.signing {
             Signing::KeyFile(path, _) => Some(path.as_path()),
             Signing::Off => None,
@@ -95,6 +131,8 @@ impl Order {
             lists: config.access.iter().map(|one| real(&one.list)).collect(),
             recordings: config.record.as_ref().map(|record| absolute(&record.dir)),
             keep_audit: config.zeroize.keep_audit,
+            beyond: Beyond::of(beyond),
+            in_flight,
         }
     }
 
@@ -106,7 +144,16 @@ impl Order {
             lists: Vec::new(),
             recordings: None,
             keep_audit: false,
+            beyond: Beyond::of(config.zeroize.px4_key),
+            // PX4 takes no key while it is armed, whatever is ordered.
+            in_flight: false,
         }
+    }
+
+    /// Whether it orders anything beyond this computer.
+    #[must_use]
+    pub fn reaches_beyond(&self) -> bool {
+        self.beyond == Beyond::Due
     }
 
     /// What it would erase now, keys first: they are what makes everything else worth something. What is left, and what cannot
@@ -187,6 +234,34 @@ pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<Option<String>, Erase
     }
 }
 
+/// Claims what an order beyond this computer is still to do, for the process that has the store: whether it is meant in flight, too.
+/// `None` where nothing is, where it has been tried, and where the disk does not take that it has been: then it is not, since each
+/// start would try it again, and the keys would stay meanwhile.
+pub fn claim(disk: &mut FileDisk) -> Option<bool> {
+    let system = disk.system();
+    let mut order = read(disk.folder(), &*system).ok()??;
+    if order.beyond != Beyond::Due {
+        return None;
+    }
+    order.beyond = Beyond::Tried;
+    let text = serde_json::to_vec(&order).ok()?;
+    let stored = disk.replace(ERASE_ORDER, &text, Durability::Power);
+    stored.is_ok().then_some(order.in_flight)
+}
+
+/// As [`claim`], at a start; the store, which is locked until that is dropped, is for what is to be done, and for nothing else.
+///
+/// # Errors
+/// Another process has the store, or it cannot be used.
+pub fn claim_at_start(store: &Path) -> Result<Option<(FileDisk, bool)>, EraseError> {
+    if !is_to_be_erased(store) {
+        return Ok(None);
+    }
+    let mut disk = FileDisk::open_to_erase(store, Box::new(NativeFileSystem))?;
+    let claimed = claim(&mut disk);
+    Ok(claimed.map(|in_flight| (disk, in_flight)))
+}
+
 /// Whether a store has been zeroized, and no person has said since that it is to be used again. Also where that cannot be looked at.
 #[must_use]
 pub fn is_zeroized(store: &Path) -> bool {
@@ -236,17 +311,22 @@ pub fn finish_on(store: &Path, system: Box<dyn FileSystem>) -> Result<Option<Era
     Ok(Some(erased))
 }
 
+/// The order that stands in a store.
+fn read(store: &Path, system: &dyn FileSystem) -> Result<Option<Order>, EraseError> {
+    let path = store.join(ERASE_ORDER);
+    let order = system.read(&path, MAX_ORDER_BYTES).and_then(|text| {
+        let parsed = text.map(|text| serde_json::from_slice(&text));
+        Ok(parsed.transpose()?)
+    });
+    order.map_err(|cause| EraseError::Order { path, cause })
+}
+
 /// Carries out the order that stands in a store.
 fn finish(store: &Path, system: &dyn FileSystem) -> Result<Option<Erased>, EraseError> {
     let path = store.join(ERASE_ORDER);
-    let fault = |cause| EraseError::Order {
-        path: path.clone(),
-        cause,
-    };
-    let Some(text) = system.read(&path, MAX_ORDER_BYTES).map_err(fault)? else {
+    let Some(order) = read(store, system)? else {
         return Ok(None);
     };
-    let order: Order = serde_json::from_slice(&text).map_err(|cause| fault(cause.into()))?;
     let mut erased = Erased::default();
     // Also where nothing is left in them: the names may still be on the disk.
     let mut folders: Vec<PathBuf> = vec![store.to_owned()];

@@ -418,3 +418,53 @@ fn what_stands_on_the_ground_is_not_started_once_a_zeroize_is_ordered() {
     assert_eq!(ordered.world.held_back("a zeroize is ordered"), 1);
     assert!(command(&mut ordered, arm, 0.0), "disarming always does");
 }
+
+/// A start that has found an order, with the radio closed, for so long.
+fn resume(world: &mut World, seconds: f64) -> Option<AutopilotKey> {
+    let mut byte = 90;
+    for _ in 0..(seconds * 20.0) as usize {
+        world.tick();
+        let now = world.now;
+        world
+            .agent
+            .resume_zeroize(now, &mut random(&mut byte), &mut world.disk);
+        world.drain();
+    }
+    world.agent.zeroized_key()
+}
+
+#[test]
+fn a_start_that_finds_an_order_waits_for_px4_and_gives_it_a_key_that_nobody_keeps() {
+    let mut one = Ordered::new();
+    // A power cut: PX4 starts with this computer, and takes longer.
+    one.world.restart_agent();
+    one.world.px4_connected = false;
+    assert_eq!(resume(&mut one.world, 12.0), None);
+    one.world.px4_connected = true;
+    assert_eq!(resume(&mut one.world, 20.0), Some(AutopilotKey::Replaced));
+    assert!(one.world.px4.signing().key().is_some() && !one.world.px4_has(&key(5)));
+    // One that has such a key already is not reached, and nobody waits for it for ever.
+    one.world.restart_agent();
+    assert_eq!(resume(&mut one.world, 29.0), None);
+    let not_reached = Some(AutopilotKey::NotReached);
+    assert_eq!(resume(&mut one.world, 2.0), not_reached);
+}
+
+#[test]
+fn a_start_that_finds_an_order_in_flight_waits_for_the_landing_and_sends_px4_nothing_before() {
+    let mut one = Ordered::new();
+    one.world.take_off();
+    one.world.restart_agent();
+    assert_eq!(resume(&mut one.world, 29.0), None);
+    assert_eq!(resume(&mut one.world, 2.0), Some(AutopilotKey::Armed));
+    assert!(one.world.px4_has(&key(5)));
+    assert_eq!(one.world.secrets, 0);
+    // Landed and disarmed within the 30 s, it is given the other key.
+    one.world.restart_agent();
+    one.world.run(4.0);
+    one.world.command(MavCmd::MAV_CMD_NAV_LAND, [0.0; 3], 0.0);
+    one.world.run(12.0);
+    assert!(one.world.px4.vehicle().truth().armed);
+    one.world.restart_agent();
+    assert_eq!(resume(&mut one.world, 50.0), Some(AutopilotKey::Replaced));
+}

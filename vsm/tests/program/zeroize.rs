@@ -150,12 +150,13 @@ fn a_start_that_finds_an_order_finishes_it_and_serves_nothing() {
         let private = fs::Permissions::from_mode(0o700);
         fs::set_permissions(dir.join("state"), private).expect("its mode");
         fs::write(dir.join("state/exchange-identity"), "5a".repeat(32)).expect("a secret");
-        // As a power cut leaves it, just after the order was stored.
-        let order = serde_json::json!({
+        // As a power cut leaves it, just after the order was stored; an earlier version wrote no more.
+        let mut order = serde_json::json!({
             "keys": [dir.join(key)], "recordings": null, "keep_audit": false
         });
         fs::write(dir.join("state/zeroize.order"), order.to_string()).expect("an order");
         let ended = vsm(dir, &[command]);
+        assert!(!text(&ended).contains("NOT reached"), "{}", text(&ended));
         assert_eq!(ended.status.code(), Some(3), "{}", text(&ended));
         assert!(
             text(&ended).contains("nothing is served"),
@@ -169,7 +170,19 @@ fn a_start_that_finds_an_order_finishes_it_and_serves_nothing() {
         let ended = vsm(dir, &[command]);
         assert_eq!(ended.status.code(), Some(3), "{}", text(&ended));
         assert!(text(&ended).contains("--clear"), "{}", text(&ended));
-        // By the other way, too.
+        // By the other way, too, and after what is beyond this computer has been tried: once, so that nobody keeps the keys by
+        // cutting the power again and again.
+        for (beyond, tries) in [("Due", name == "airside.toml"), ("Tried", false)] {
+            fs::write(dir.join("state/exchange-identity"), "5a".repeat(32)).expect("a secret");
+            order["beyond"] = beyond.into();
+            fs::write(dir.join("state/zeroize.order"), order.to_string()).expect("an order");
+            let ended = vsm(dir, &[command]);
+            let printed = text(&ended);
+            assert_eq!(ended.status.code(), Some(3), "{printed}");
+            // The line to PX4 cannot be opened here.
+            assert_eq!(printed.contains("PX4 was NOT reached"), tries, "{printed}");
+            assert_eq!(names(&dir.join("state")), ["lock", "zeroized"]);
+        }
         fs::write(dir.join("state/exchange-identity"), "5a".repeat(32)).expect("a secret");
         fs::write(dir.join("state/zeroize.order"), order.to_string()).expect("an order");
         let ended = vsm(dir, &["zeroize", name]);

@@ -113,6 +113,8 @@ impl Scene {
                 lists: vec![folder.path().join("access.list")],
                 recordings: Some(folder.path().join("record")),
                 keep_audit: false,
+                beyond: Beyond::Due,
+                in_flight: true,
             },
             folder,
         };
@@ -138,6 +140,12 @@ impl Scene {
     fn begin(&self, system: Box<dyn FileSystem>) -> Result<Option<String>, EraseError> {
         let mut disk = FileDisk::open_on(&self.path("state"), system).unwrap();
         begin(&mut disk, &self.order)
+    }
+
+    /// Claims what is ordered beyond this computer.
+    fn claim(&self, system: Box<dyn FileSystem>) -> Option<bool> {
+        let mut disk = FileDisk::open_to_erase(&self.path("state"), system).unwrap();
+        claim(&mut disk)
     }
 
     fn finish(&self, system: Box<dyn FileSystem>) -> Result<Option<Erased>, EraseError> {
@@ -215,6 +223,24 @@ fn a_power_cut_at_any_step_leaves_all_or_an_order_that_the_next_start_finishes()
         let others = OTHERS.map(|name| fs::read(scene.path(name)).unwrap());
         assert_eq!(others, OTHERS.map(|_| b"not ours".to_vec()), "{step}");
     }
+    // What lies beyond this computer is tried by one start at the most, whatever step of claiming it is cut off.
+    let mut cut = 0;
+    for step in 1.. {
+        let scene = Scene::new();
+        scene.begin(Box::new(NativeFileSystem)).unwrap();
+        let first = scene.claim(Box::new(Power::fails_at(step)));
+        let second = scene.claim(Box::new(NativeFileSystem));
+        assert!(first.is_none() || second.is_none(), "{step}");
+        assert_eq!(scene.claim(Box::new(NativeFileSystem)), None, "{step}");
+        assert!(scene.start().unwrap().is_some() && scene.secrets().is_empty());
+        if first.is_some() {
+            // It is meant in flight as it was ordered.
+            assert_eq!(first, Some(true));
+            break;
+        }
+        cut += 1;
+    }
+    assert!(cut == 4, "{cut}");
     // Each secret is overwritten and deleted, three folders and the order follow.
     assert!(before == 8, "{before}");
     assert!(after >= 2 * SECRETS.len() + 4, "{after}");

@@ -49,7 +49,7 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
             if !core.bridge.zeroize_to_store() {
                 return None;
             }
-            let order = Order::of_bridge(&core.config);
+            let order = Order::of_bridge(&core.config, core.bridge.zeroizes_in_flight());
             // By this thread: whatever else waits for the disk is erased anyway.
             let mut disk = core.store.files().shared();
             let stored = erase::begin(&mut disk, &order).map_err(|fault| fault.to_string());

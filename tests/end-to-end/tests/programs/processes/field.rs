@@ -346,6 +346,15 @@ dir = "state"
         from.elapsed()
     }
 
+    /// Looks often: what follows must come before whoever made it continues.
+    pub(super) fn wait_for_file(&self, path: &Path) {
+        let end = Instant::now() + START;
+        while !path.exists() {
+            assert!(Instant::now() < end, "{}", path.display());
+            sleep(Duration::from_millis(1));
+        }
+    }
+
     pub(super) fn is_live(&self) -> bool {
         let vehicle = self.vehicle();
         vehicle["live"] == true && vehicle["link"]["state"] == "live"

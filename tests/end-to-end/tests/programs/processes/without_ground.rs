@@ -94,12 +94,48 @@ fn a_bridge_without_an_agent_replaces_px4s_key_where_that_is_configured() {
             .is_some_and(|one| one.success())
     );
     is_erased(&field, "ground", bridge);
+    px4_has_another_key(&field, &before);
+}
+
+/// PX4 signs still, with a key that neither side has had.
+fn px4_has_another_key(field: &Field, before: &[u8]) {
     let after = fs::read(field.path("px4.bin")).expect("PX4's key");
     assert_ne!(after[..32], before[..32]);
     assert_ne!(after[..32], [0; 32]);
 }
 
-/// What the agent has acknowledged is carried out by its next start, and the ground does not wait for it for ever.
+/// What the ground has stored is carried out by its next start, beyond its own computer too.
+#[test]
+fn a_ground_that_dies_after_it_has_stored_the_order_orders_its_agent_at_its_next_start() {
+    let field = Field::new(r#", exchange = "on""#);
+    let _aircraft = field.aircraft("1");
+    let agent = field.agent();
+    field.pair();
+    let mut bridge = field.bridge();
+    field.wait_until_signed();
+    let before = fs::read(field.path("px4.bin")).expect("PX4's key");
+    // The agent answers nothing while the bridge lives, which therefore cannot have ordered it.
+    agent.signal("STOP");
+    let mut ordered = field.vsm(&["zeroize", "--yes"]);
+    let order = field.path("ground/state/zeroize.order");
+    field.wait_for_file(&order);
+    bridge.kill();
+    agent.signal("CONT");
+    assert!(
+        ordered
+            .wait(Duration::from_secs(10))
+            .is_some_and(|one| !one.success())
+    );
+    assert!(order.exists() && field.path("air/uav1.key").exists());
+    // PX4 has reported that it is disarmed again.
+    std::thread::sleep(Duration::from_secs(3));
+    let again = field.vsm(&["run"]);
+    is_erased(&field, "air", agent);
+    is_erased(&field, "ground", again);
+    px4_has_another_key(&field, &before);
+}
+
+/// What the agent has acknowledged is carried out by its next start, PX4's key first, and the ground does not wait for it for ever.
 #[test]
 fn an_agent_that_dies_after_it_has_stored_the_order_is_erased_at_its_next_start() {
     let field = Field::new(r#", exchange = "on""#);
@@ -108,15 +144,17 @@ fn an_agent_that_dies_after_it_has_stored_the_order_is_erased_at_its_next_start(
     field.pair();
     let bridge = field.bridge();
     field.wait_until_signed();
+    let before = fs::read(field.path("px4.bin")).expect("PX4's key");
     let mut ordered = field.vsm(&["zeroize", "--yes"]);
     agent.wait_for(
         "ZEROIZE ORDERED by the paired ground",
         Duration::from_secs(20),
     );
-    // Dropped means killed: PX4 is not given another key any more.
+    // Dropped means killed, before PX4 is given another key.
     drop(agent);
     let again = field.vsm(&["airside"]);
     is_erased(&field, "air", again);
+    px4_has_another_key(&field, &before);
     let status = ordered.wait(Duration::from_secs(60));
     let printed = ordered.output();
     assert!(status.is_some_and(|one| one.success()), "{printed}");
