@@ -72,8 +72,15 @@ pub(super) fn action(action: &Action) -> Vec<Item> {
         Action::Photo => one(IMAGE_START_CAPTURE, [0.0, 0.0, 1.0, 0.0]),
         Action::PhotoEvery(seconds) => one(IMAGE_START_CAPTURE, [0.0, seconds, 0.0, 0.0]),
         Action::PhotoStop => one(IMAGE_STOP_CAPTURE, [0.0; 4]),
-        Action::Video(true) => one(VIDEO_START_CAPTURE, [0.0; 4]),
-        Action::Video(false) => one(VIDEO_STOP_CAPTURE, [0.0; 4]),
+        // A camera with modes records in its video mode alone, and photographs in its image mode alone.
+        Action::Video(true) => vec![
+            plain(SET_CAMERA_MODE, [0.0, CAMERA_MODE_VIDEO, 0.0, 0.0]),
+            plain(VIDEO_START_CAPTURE, [0.0; 4]),
+        ],
+        Action::Video(false) => vec![
+            plain(VIDEO_STOP_CAPTURE, [0.0; 4]),
+            plain(SET_CAMERA_MODE, [0.0, CAMERA_MODE_IMAGE, 0.0, 0.0]),
+        ],
         // The first picture at once.
         Action::TriggerMetres(metres) => one(DO_SET_CAM_TRIGG_DIST, [metres, 0.0, 1.0, 0.0]),
         // An interval does not switch the trigger on, as a distance does.
@@ -166,6 +173,9 @@ const NAV_DELAY: u16 = 93;
 const DO_SET_ROI_NONE: u16 = 197;
 const DO_SET_CAM_TRIGG_DIST: u16 = 206;
 const DO_SET_CAM_TRIGG_INTERVAL: u16 = 214;
+const SET_CAMERA_MODE: u16 = 530;
+const CAMERA_MODE_IMAGE: f64 = 0.0;
+const CAMERA_MODE_VIDEO: f64 = 1.0;
 const SET_CAMERA_SOURCE: u16 = 534;
 const DO_GIMBAL_MANAGER_PITCHYAW: u16 = 1000;
 const DO_GIMBAL_MANAGER_CONFIGURE: u16 = 1001;

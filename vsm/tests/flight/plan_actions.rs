@@ -2,6 +2,7 @@
 //! number of a waypoint.
 
 use kit::bridge::{Rig, Setup, orders};
+use mapping::payload::report::RECORDING;
 use px4_sim::Airframe;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, MissionPlanMode};
 use stanag_msgs::messages::{UaLoiterWaypoint, VehicleSpecificWaypoint};
@@ -129,6 +130,76 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
         downloaded,
         tags.map(|(number, tag)| (number, tag.to_owned()))
     );
+}
+
+/// What 21101 has shown last: whether the camera records.
+fn records(rig: &Rig) -> bool {
+    let mut received = rig.station().received.iter().rev();
+    let state = received.find_map(|(_, _, message)| match message {
+        Message::EoIrLaserOperatingState(state) => Some(state.system_operating_mode_state),
+        _ => None,
+    });
+    state.expect("21101") == Some(RECORDING)
+}
+
+#[test]
+fn a_camera_does_what_is_ordered_of_it_at_waypoints_and_shows_it() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            payloads: 1,
+            ..px4_sim::Config::default()
+        }],
+        dli_keys: "provisional = \"all\"",
+        ..Setup::default()
+    });
+    let mut plan = legs();
+    let tags = [
+        (7, "VIDEO START"),
+        (8, "VIDEO STOP;PHOTO"),
+        (9, "PHOTO EVERY 2"),
+        (10, "PHOTO STOP"),
+        (11, "TRIGGER 2 S"),
+    ];
+    plan.extend(tags.map(|(number, tag)| at(number, tag)));
+    rig.send_plan(plan);
+    let loaded = rig.carry_out(orders::load());
+    let alerts = rig.station().alerts();
+    assert_eq!(loaded, Some(AckType::CarriedOut), "{alerts:?}");
+    rig.take_off(20.0);
+    assert!(!records(&rig));
+    let flown = rig.carry_out(orders::mode(Mode::Waypoint));
+    assert_eq!(flown, Some(AckType::CarriedOut));
+    let images = |rig: &Rig| rig.vehicles[0].vehicle().payloads()[0].images;
+    assert!(rig.until(60.0, records), "the first waypoint");
+    assert!(rig.truth().position.n > 28.0 && images(&rig) == 0);
+    assert!(rig.until(60.0, |rig| !records(rig)), "the second");
+    assert!(rig.truth().position.n > 120.0);
+    // Back in its image mode it takes the one photograph of that waypoint.
+    assert_eq!(images(&rig), 1);
+    assert!(rig.until(60.0, |rig| images(rig) > 1), "the third");
+    let (before, since) = (images(&rig), rig.now().mono);
+    let off = |rig: &Rig| rig.vehicles[0].vehicle().actions().commands.contains(&2001);
+    assert!(rig.until(60.0, off), "the fourth");
+    let lasted_s = (rig.now().mono - since).as_secs_f64();
+    let (taken, expected) = (f64::from(images(&rig) - before), lasted_s / 2.0);
+    assert!(
+        (taken - expected).abs() <= 1.0,
+        "{taken} in {lasted_s:.1} s"
+    );
+    let stopped = images(&rig);
+    rig.run(3.0);
+    assert_eq!(images(&rig), stopped);
+    // The trigger counts by time, where the vehicle stays too: 12 s of pulses each 2 s.
+    let triggers = |rig: &Rig| rig.vehicles[0].vehicle().actions().triggers;
+    assert!(rig.until(60.0, |rig| triggers(rig) > 0), "the last one");
+    let before = (triggers(&rig), images(&rig));
+    rig.run(12.0);
+    let after = (triggers(&rig), images(&rig));
+    assert!(
+        (5..=7).contains(&(after.0 - before.0)),
+        "{before:?} {after:?}"
+    );
+    assert_eq!(after.1 - before.1, after.0 - before.0);
 }
 
 #[test]

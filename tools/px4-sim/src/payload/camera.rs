@@ -16,6 +16,15 @@ pub(crate) enum Kind {
     EoIr,
 }
 
+/// A picture each so many seconds.
+#[derive(Debug, Clone, Copy)]
+struct Series {
+    every_s: f64,
+    /// How many are left, where they are counted.
+    left: Option<u32>,
+    next: f64,
+}
+
 #[derive(Debug)]
 pub(crate) struct Camera {
     component: u8,
@@ -30,6 +39,7 @@ pub(crate) struct Camera {
     focus_rate: f64,
     recording_since: Option<f64>,
     images: u32,
+    series: Option<Series>,
     left_mib: f64,
     thermal: bool,
     next_heartbeat: f64,
@@ -49,6 +59,7 @@ impl Camera {
             focus_rate: 0.0,
             recording_since: None,
             images: 0,
+            series: None,
             left_mib: CAPACITY_MIB,
             thermal: false,
             next_heartbeat: 2.0,
@@ -91,6 +102,7 @@ impl Camera {
             self.zoom = (self.zoom + self.zoom_rate * dt).clamp(0.0, 100.0);
         }
         self.focus = (self.focus + self.focus_rate * dt).clamp(0.0, 100.0);
+        self.continue_series(carrier.now);
         if self.is_recording() {
             self.left_mib -= VIDEO_MIB_S * dt;
             if self.left_mib <= 0.0 {
@@ -130,8 +142,11 @@ impl Camera {
             531 => self.set_zoom(command.param(1), command.param(2)),
             532 => self.set_focus(command.param(1), command.param(2)),
             534 => self.set_source(command.param(2)),
-            2000 => self.photograph(command.param(3)),
-            2001 => Answer::Accepted,
+            2000 => self.photographs(command.param(2), command.param(3), carrier.now),
+            2001 => {
+                self.series = None;
+                Answer::Accepted
+            }
             2500 => self.record(carrier.now),
             2501 => {
                 self.recording_since = None;
@@ -148,8 +163,9 @@ impl Camera {
             1 => CameraMode::CAMERA_MODE_VIDEO,
             _ => return Answer::Denied,
         };
-        if self.mode == CameraMode::CAMERA_MODE_IMAGE {
-            self.recording_since = None;
+        match self.mode {
+            CameraMode::CAMERA_MODE_VIDEO => self.series = None,
+            _ => self.recording_since = None,
         }
         Answer::Accepted
     }
@@ -200,8 +216,43 @@ impl Camera {
         Answer::Accepted
     }
 
-    fn photograph(&mut self, count: f64) -> Answer {
-        if self.left_mib < IMAGE_MIB || count as i64 != 1 {
+    /// One, so many, or (0) one each `every_s` until they are stopped.
+    fn photographs(&mut self, every_s: f64, count: f64, now: f64) -> Answer {
+        let left = match count as i64 {
+            1 => return self.photograph(),
+            0 => None,
+            more => u32::try_from(more).ok().map(|more| more - 1),
+        };
+        if every_s.is_nan() || every_s <= 0.0 || count < 0.0 {
+            return Answer::Denied;
+        }
+        let first = self.photograph();
+        if first == Answer::Accepted {
+            let next = now + every_s;
+            self.series = Some(Series {
+                every_s,
+                left,
+                next,
+            });
+        }
+        first
+    }
+
+    fn continue_series(&mut self, now: f64) {
+        let Some(series) = &mut self.series else {
+            return;
+        };
+        if series.left == Some(0) {
+            self.series = None;
+        } else if now >= series.next {
+            series.next += series.every_s;
+            series.left = series.left.map(|left| left - 1);
+            self.photograph();
+        }
+    }
+
+    fn photograph(&mut self) -> Answer {
+        if self.left_mib < IMAGE_MIB {
             return Answer::Failed;
         }
         // It cannot take photographs in video mode, as its flags show.
@@ -260,6 +311,9 @@ impl Camera {
                     recording_time_ms: (recording * 1e3) as u32,
                     available_capacity: self.left_mib as f32,
                     video_status: u8::from(self.is_recording()),
+                    // Idle, or idle between two pictures of a series.
+                    image_status: if self.series.is_some() { 2 } else { 0 },
+                    image_interval: self.series.map_or(0.0, |one| one.every_s as f32),
                     image_count: self.images as i32,
                     ..Default::default()
                 })

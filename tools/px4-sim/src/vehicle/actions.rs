@@ -1,6 +1,6 @@
 //! What mission items make the payload do: a recorder of the camera, its trigger and the outputs, without their physics.
 //!
-//! As in PX4 v1.18: IMAGE_START_CAPTURE goes to the camera; the camera trigger fires by distance flown or by time, whichever was
+//! As in PX4 v1.18: what is for the camera goes to the camera, one picture by way of the camera trigger (execute.rs); the camera trigger fires by distance flown or by time, whichever was
 //! set last, once it is enabled (DO_SET_CAM_TRIGG_DIST enables it, DO_SET_CAM_TRIGG_INTERVAL does not, DO_TRIGGER_CONTROL
 //! does); DO_SET_ACTUATOR sets the outputs whose parameter is a number, and 5 and 6 always.
 
@@ -106,9 +106,9 @@ const DO_SET_ACTUATOR: u16 = 187;
 const LAND_START: u16 = 189;
 const DO_SET_CAM_TRIGG_DIST: u16 = 206;
 const DO_SET_CAM_TRIGG_INTERVAL: u16 = 214;
-const IMAGE_START_CAPTURE: u16 = 2000;
-const IMAGE_STOP_CAPTURE: u16 = 2001;
+pub(crate) const IMAGE_START_CAPTURE: u16 = 2000;
+pub(crate) const IMAGE_STOP_CAPTURE: u16 = 2001;
 const DO_TRIGGER_CONTROL: u16 = 2003;
-const VIDEO_START_CAPTURE: u16 = 2500;
-const VIDEO_STOP_CAPTURE: u16 = 2501;
+pub(crate) const VIDEO_START_CAPTURE: u16 = 2500;
+pub(crate) const VIDEO_STOP_CAPTURE: u16 = 2501;
 const TRANSITION: u16 = 3000;

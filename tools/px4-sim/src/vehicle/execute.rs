@@ -8,6 +8,7 @@ use mavlink::{MavlinkVersion, Message as _, MessageData as _};
 use mavlink_link::service::Node;
 use mavlink_link::service::mission::Item;
 
+use super::actions;
 use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL, is_for};
 use super::state::{Outgoing, Vehicle};
 use crate::config::{Airframe, Param};
@@ -90,7 +91,7 @@ impl Vehicle {
     /// A mission item for a gimbal or a camera, as PX4's navigator publishes it: a command of the autopilot to itself, or to the
     /// camera that param1 names, 0 being the first (mission_block.cpp, issue_command; navigator_main.cpp,
     /// publish_vehicle_command).
-    pub(crate) fn point_by_item(&mut self, item: &Item) {
+    pub(crate) fn order_by_item(&mut self, item: &Item) {
         let [p1, p2, p3, p4] = item.params.map(f64::from);
         let own = self.node();
         let mut command = Command {
@@ -113,16 +114,50 @@ impl Vehicle {
             gimbal::CONFIGURE | gimbal::PITCHYAW | gimbal::SET_ROI_NONE => {
                 self.payloads.execute_by_px4(&command);
             }
-            SET_CAMERA_SOURCE => {
+            // One picture has to have a number, which the camera trigger gives it.
+            actions::IMAGE_START_CAPTURE if p3 == 1.0 => self.trigger_camera(),
+            SET_CAMERA_MODE
+            | SET_CAMERA_SOURCE
+            | actions::IMAGE_START_CAPTURE
+            | actions::IMAGE_STOP_CAPTURE => {
                 let camera = if p1 > 0.0 { p1 as u8 } else { FIRST_CAMERA };
-                command.target = Node::new(own.system, camera);
-                let carrier = self.carrier();
-                // Its acknowledgement is for the autopilot, and goes no further.
-                if let Some((_, sent)) = self.payloads.execute(&command, &carrier) {
-                    self.send_of_components(sent);
-                }
+                self.command_camera(camera, command);
+            }
+            actions::VIDEO_START_CAPTURE | actions::VIDEO_STOP_CAPTURE => {
+                self.command_camera(FIRST_CAMERA, command);
             }
             _ => {}
+        }
+    }
+
+    /// The pulses of the camera trigger after so many.
+    pub(crate) fn trigger_cameras_since(&mut self, before: u32) {
+        for _ in before..self.actions.triggers {
+            self.trigger_camera();
+        }
+    }
+
+    /// A pulse of the camera trigger, whose interface is MAVLink (TRIG_INTERFACE 4) as it comes: one picture
+    /// (streams/CAMERA_TRIGGER.hpp).
+    fn trigger_camera(&mut self) {
+        let own = self.node();
+        let command = Command {
+            id: actions::IMAGE_START_CAPTURE,
+            params: [0.0, 0.0, 1.0, 0.0, f64::NAN, f64::NAN, f64::NAN],
+            target: own,
+            from: own,
+            garbled: false,
+        };
+        self.command_camera(FIRST_CAMERA, command);
+    }
+
+    /// A command of the autopilot itself to a camera. Its acknowledgement is for the autopilot, and goes no further.
+    fn command_camera(&mut self, camera: u8, command: Command) {
+        let target = Node::new(self.node().system, camera);
+        let carrier = self.carrier();
+        let command = Command { target, ..command };
+        if let Some((_, sent)) = self.payloads.execute(&command, &carrier) {
+            self.send_of_components(sent);
         }
     }
 
@@ -582,6 +617,7 @@ impl Vehicle {
     }
 }
 
+const SET_CAMERA_MODE: u16 = 530;
 const SET_CAMERA_SOURCE: u16 = 534;
 /// MAV_COMP_ID_CAMERA.
 const FIRST_CAMERA: u8 = 100;

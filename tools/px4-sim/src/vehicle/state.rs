@@ -423,8 +423,10 @@ impl Vehicle {
                 Note::ReturnHome => {}
                 Note::Action(item) => {
                     let (now, here) = (self.now(), self.body.motion().position);
+                    let before = self.actions.triggers;
                     self.actions.take(&item, now, here);
-                    self.point_by_item(&item);
+                    self.trigger_cameras_since(before);
+                    self.order_by_item(&item);
                 }
                 Note::Transition { to_wings } => self.body.turn(to_wings),
             }

@@ -48,7 +48,9 @@ impl Vehicle {
             let sent = self.payloads.step(DT * PAYLOADS_EVERY as f64, &carrier);
             self.send_of_components(sent);
         }
+        let before = self.actions.triggers;
         self.actions.step(now, self.body.motion().position);
+        self.trigger_cameras_since(before);
         self.serve();
         for message in self
             .ground
