@@ -7,11 +7,15 @@ use curve_paths::terrain::{Grid, Terrain};
 use kit::bridge::{Rig, Setup, orders};
 use px4_sim::Config;
 use stanag_msgs::Message;
-use stanag_msgs::enums::{AckType, AltitudeType, FlightPathControlMode as Mode};
-use stanag_msgs::messages::{
-    CurveSegment, GenericInformationRequestMessage, VehicleOperatingModeCommand,
+use stanag_msgs::enums::{
+    AckType, AltitudeType, EoirPointingMode, FlightPathControlMode as Mode, LoiBitmap,
+    StationBitmap1To16,
 };
-use stanag_msgs::{Bam32, Scaled};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, CurveSegment, EoIrLaserPayloadCommand,
+    GenericInformationRequestMessage, PayloadSteeringCommand, VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Bam16, Bam32, Scaled};
 
 /// A folder with one elevation file, and what is in it: a ridge of 40 m across, its crest 150 m north of home, its feet 50 m
 /// and 250 m north.
@@ -44,12 +48,16 @@ impl Ridge {
         }
     }
 
-    fn rig(&self) -> Rig {
+    fn setup(&self) -> Setup {
         let keys = format!("agl = \"terrain\"\nterrain = {:?}\n", self.folder.path());
-        Rig::ready_with(Setup {
+        Setup {
             vehicle_keys: keys.leak(),
             ..Setup::default()
-        })
+        }
+    }
+
+    fn rig(&self) -> Rig {
+        Rig::ready_with(self.setup())
     }
 
     /// How high the vehicle is above the ground below it, m.
@@ -233,6 +241,89 @@ fn the_height_above_the_ground_is_reported_as_it_is() {
         (reported_m - ridge.clearance_m(&rig)).abs() < 3.0,
         "{reported_m}"
     );
+}
+
+#[test]
+fn a_camera_that_looks_at_the_ridge_sees_its_slope_and_not_the_plain_behind_it() {
+    let ridge = Ridge::new();
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![Config {
+            payloads: 1,
+            ..Config::default()
+        }],
+        dli_keys: "provisional = \"all\"",
+        ..ridge.setup()
+    });
+    // LOI 3 of station 1 beside control.
+    let request = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0e)),
+        controlled_station_1_16: Some(StationBitmap1To16::STATION_1),
+        ..orders::request_control()
+    };
+    assert_eq!(rig.carry_out(request), Some(AckType::CarriedOut));
+    rig.take_off(60.0);
+    let station = Some(StationBitmap1To16::STATION_1);
+    let by_angles = EoIrLaserPayloadCommand {
+        station_number_1_16: station,
+        set_eo_ir_pointing_mode: Some(EoirPointingMode::AngleToUa),
+        ..EoIrLaserPayloadCommand::default()
+    };
+    assert_eq!(rig.carry_out(by_angles), Some(AckType::CarriedOut));
+    // Its crest is 20 m below and 150 m north, whichever way the vehicle points; straight on the plain would be 450 m away.
+    let heading = rig.truth().attitude[2].to_degrees();
+    let at_the_crest = PayloadSteeringCommand {
+        station_number_1_16: station,
+        set_centreline_azimuth_angle: Some(Bam16::from_degrees(-heading)),
+        set_centreline_elevation_angle: Some(Bam16::from_degrees(-9.0)),
+        ..PayloadSteeringCommand::default()
+    };
+    assert_eq!(rig.carry_out(at_the_crest), Some(AckType::CarriedOut));
+    rig.run(3.0);
+    let mut received = rig.station().received.iter().rev();
+    let seen = received.find_map(|(_, _, message)| match message {
+        Message::EoIrLaserOperatingState(state) => Some(state.clone()),
+        _ => None,
+    });
+    let seen = seen.expect("21101");
+    // Where the true line of sight meets the ground of the file, in steps of 0.1 m.
+    let frame = px4_sim::LocalFrame::new(Config::default().home);
+    let sight = rig.vehicles[0].vehicle().payloads()[0].sight;
+    let from = rig.truth().position;
+    let along = |range_m: f64| {
+        let [n, e, d] = sight.map(|part| part * range_m);
+        let at = px4_sim::Ned {
+            n: from.n + n,
+            e: from.e + e,
+            d: from.d + d,
+        };
+        (at, frame.to_global(at))
+    };
+    let ranges = (0..6_000).map(|tenth| f64::from(tenth) / 10.0);
+    let range_m = ranges
+        .map(|range_m| (range_m, along(range_m).1))
+        .find(|(_, at)| {
+            let ground = ridge.ground.height_m(at.latitude_deg, at.longitude_deg);
+            at.altitude_m < ground.expect("the file covers what it looks at")
+        });
+    let (range_m, _) = range_m.expect("it meets the ground");
+    assert!(
+        (110.0..170.0).contains(&range_m),
+        "on the near slope: {range_m}"
+    );
+    let reported_m = f64::from(seen.reported_range.expect("a range"));
+    // A degree of the line of sight, at this grazing angle to a slope of 22 degrees, is some metres.
+    assert!(
+        (reported_m - range_m).abs() < 8.0,
+        "{reported_m}, {range_m}"
+    );
+    let centre = frame.to_local(px4_sim::Geodetic {
+        latitude_deg: seen.latitude_of_image_centre.expect("a place").degrees(),
+        longitude_deg: seen.longitude_of_image_centre.expect("a place").degrees(),
+        altitude_m: Config::default().home.altitude_m,
+    });
+    let (truly, _) = along(range_m);
+    let off_m = (centre.n - truly.n).hypot(centre.e - truly.e);
+    assert!(off_m < 9.0, "{off_m} m");
 }
 
 #[test]
