@@ -38,8 +38,8 @@ pub enum In25 {
     FieldByField,
     /// It is refused by name; why.
     Refused(&'static str),
-    /// A VSM sends it, and this one never does.
-    Never,
+    /// A VSM sends it, and this one never does; why.
+    Never(&'static str),
 }
 
 /// What becomes of a message of Edition 2.5, by the rows of both editions.
@@ -53,16 +53,50 @@ pub fn in_edition_25(info: &MessageInfo) -> In25 {
     if info.ed4_messages.iter().any(uses) {
         In25::FieldByField
     } else if info.direction == Direction::ToCucs {
-        In25::Never
+        In25::Never(reason(NEVER, info.id))
     } else {
-        let mut reasons = REFUSED.iter();
-        let reason = reasons.find(|(ids, _)| ids.contains(&info.id));
-        In25::Refused(reason.map_or("", |(_, why)| why))
+        In25::Refused(reason(REFUSED, info.id))
     }
 }
 
+type Reasons = &'static [(&'static [u16], &'static str)];
+
+fn reason(of: Reasons, id: u16) -> &'static str {
+    let mut reasons = of.iter();
+    let found = reasons.find(|(ids, _)| ids.contains(&id));
+    found.map_or("", |(_, why)| why)
+}
+
+/// Why a message is never sent that a VSM may send.
+static NEVER: Reasons = &[
+    (
+        &[303],
+        "no radar is connected to this VSM: MAVLink has no message of one that makes images",
+    ),
+    (
+        &[304],
+        "MAVLink has no message of stores: what a gripper or a winch does is not reported as theirs",
+    ),
+    (
+        &[305],
+        "PX4 relays nothing but MAVLink, and reports no relay and no state of one",
+    ),
+    (
+        &[308],
+        "PX4 reports no doors of a bay: an output that moves them shows no position",
+    ),
+    (
+        &[503],
+        "an antenna on a pedestal is no part of a MAVLink link: PX4 reports none, and this VSM drives none",
+    ),
+    (
+        &[1600],
+        "PX4 drives transponders, and reports the state of none over MAVLink",
+    ),
+];
+
 /// Why a message is refused that a CUCS may send.
-static REFUSED: &[(&[u16], &str)] = &[
+static REFUSED: Reasons = &[
     (
         &[40],
         "the configuration of the vehicle is set in its parameters",
@@ -137,16 +171,21 @@ mod tests {
     use stanag_msgs::ed25;
 
     #[test]
-    fn every_message_that_is_refused_says_why_and_no_other() {
-        let mut refused = Vec::new();
+    fn every_message_that_is_refused_or_never_sent_says_why_and_no_other() {
+        let (mut refused, mut never) = (Vec::new(), Vec::new());
         for info in ed25::messages() {
-            if let In25::Refused(why) = in_edition_25(info) {
-                assert!(!why.is_empty(), "{}", info.id);
-                refused.push(info.id);
-            }
+            let (why, of) = match in_edition_25(info) {
+                In25::Refused(why) => (why, &mut refused),
+                In25::Never(why) => (why, &mut never),
+                In25::ByHand(_) | In25::FieldByField => continue,
+            };
+            assert!(!why.is_empty(), "{}", info.id);
+            of.push(info.id);
         }
-        let named: Vec<u16> = REFUSED.iter().flat_map(|(ids, _)| *ids).copied().collect();
-        assert_eq!(named, refused);
+        let named = |reasons: Reasons| -> Vec<u16> {
+            reasons.iter().flat_map(|(ids, _)| *ids).copied().collect()
+        };
+        assert_eq!((named(REFUSED), named(NEVER)), (refused, never));
     }
 
     #[test]

@@ -2,17 +2,19 @@
 //! answers of the configuration phase that report what is not supported, and of the tests that hold both to the truth.
 //!
 //! A message that is not listed is neither sent nor acted on: one for the VSM is refused, and 16000 gives the reason. One that
-//! has not even that is codec only, and [`why_codec_only`] says why.
+//! has not even that is codec only, and [`why_codec_only`] says why. What is known by its name alone is in [`NO_LAYOUT`].
 
 mod codec_only;
 mod edition_25;
 mod facts;
 mod lookup;
+mod no_layout;
 mod refusals;
 mod row;
 
 pub use codec_only::{is_codec_only, why_codec_only};
 pub use edition_25::{Edition25, In25, edition_25, edition_25_rows, in_edition_25};
 pub use lookup::{FieldSupport, Received, field, message, provisional, rows, values};
+pub use no_layout::{NO_LAYOUT, NoLayout, why_no_layout};
 pub use refusals::why_refused;
 pub use row::MessageSupport;

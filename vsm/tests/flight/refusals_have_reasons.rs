@@ -13,7 +13,7 @@ use stanag_msgs::messages::{
     LoiterConfiguration, ScheduleMessageUpdateCommand, SubsystemStatusAlert, UaPositionWaypoint,
     VehicleConfigurationCommand, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Id, Message, Scaled, frames};
+use stanag_msgs::{Envelope, Id, Message, Scaled, frames};
 
 fn schedule(message: u16, hertz: u16) -> ScheduleMessageUpdateCommand {
     ScheduleMessageUpdateCommand {
@@ -46,6 +46,30 @@ fn refused(rig: &mut Rig, message: impl Into<Message>, why: &str) {
         alerts.iter().any(|text| text.contains(why)),
         "{id}: {alerts:?}, expected {why}"
     );
+}
+
+#[test]
+fn a_message_that_is_known_by_its_name_alone_is_refused_with_what_there_is_in_its_place() {
+    let mut rig = Rig::ready();
+    let mark = rig.station().received.len();
+    let envelope = Envelope::new(cucs(0), vehicle_id(0)).requesting_ack();
+    let mut bytes = [0; 64];
+    let data = |out: &mut [u8]| {
+        // A presence vector, and what may be its stamp.
+        out[..6].copy_from_slice(&[1, 0, 0, 0, 0, 9]);
+        Ok(6)
+    };
+    let length = stanag_msgs::wrapper::encode(11_000, &envelope, &mut bytes, data).expect("fits");
+    rig.deliver_from_station(&bytes[..length]);
+    rig.run(0.3);
+    let texts: Vec<_> = reasons(&rig, 0, mark)
+        .iter()
+        .filter_map(|alert| Some(alert.text.as_ref()?.as_str().to_owned()))
+        .collect();
+    let text = texts.concat();
+    for part in ["11000", "refused: ", "has no known layout", "50011"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
 }
 
 #[test]

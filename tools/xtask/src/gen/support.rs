@@ -33,6 +33,7 @@ pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
         );
     }
     codec_only(&mut page);
+    no_layout(&mut page);
     edition_25(&mut page);
     mavlink(&mut page);
     page.push_str("\n## Fields\n");
@@ -72,6 +73,19 @@ fn codec_only(page: &mut String) {
         if let Some(why) = support::why_codec_only(message) {
             let _ = writeln!(page, "| {} | {} | {why} |", message.id, message.name);
         }
+    }
+}
+
+/// The messages that are known by their names alone.
+fn no_layout(page: &mut String) {
+    page.push_str(NO_LAYOUT);
+    for one in support::NO_LAYOUT {
+        let ids = one.ids.as_ref();
+        let ids = ids.map_or_else(
+            || "not known".to_owned(),
+            |ids| format!("{} to {}", ids.start(), ids.end()),
+        );
+        let _ = writeln!(page, "| {ids} | {} | {} |", one.name, one.why);
     }
 }
 
@@ -118,12 +132,12 @@ fn edition_25(page: &mut String) {
             In25::ByHand(row) => (row.does.to_owned(), row.honoured),
             In25::FieldByField => (format!("{}, field by field", numbers.join(", ")), &[][..]),
             In25::Refused(why) => (format!("refused: {why}"), &[][..]),
-            In25::Never => ("never".to_owned(), &[][..]),
+            In25::Never(why) => (format!("never: {why}"), &[][..]),
         };
         let left = info.fields.iter().skip(3).filter(|field| {
             field.ed4.is_none()
                 && !own.contains(&(field.bit + 1))
-                && !matches!(becomes, In25::Never | In25::Refused(_))
+                && !matches!(becomes, In25::Never(_) | In25::Refused(_))
         });
         let left: Vec<_> = left
             .map(|field| format!("{} ({})", field.bit + 1, field.name))
@@ -199,6 +213,16 @@ const CODEC_ONLY: &str = "
 
 Messages that are encoded and decoded, and that nothing else is done with: neither honoured, nor sent, nor refused with a reason of
 their own. A test counts them: at most 15.
+
+| id | name | why |
+|---|---|---|
+";
+
+const NO_LAYOUT: &str = "
+## No known layout
+
+What STANAG 4586 has and no public source describes: it is not decoded. A station that sends it and requests an answer is refused with this reason
+(17000 type 3, 16000).
 
 | id | name | why |
 |---|---|---|

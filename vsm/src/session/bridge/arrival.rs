@@ -8,6 +8,7 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
+use mapping::support::why_no_layout;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::enums::{AckType, LoiBitmap};
@@ -202,7 +203,7 @@ impl Bridge {
                 } else {
                     "unknown message type"
                 });
-                let why = fault.to_string();
+                let why = why_no_layout(header.message_type).unwrap_or_else(|| fault.to_string());
                 self.refuse(now, &origin, header.destination, why, disk);
                 return false;
             }

@@ -24,7 +24,7 @@ fn is_honoured(info: &MessageInfo, field: &FieldInfo) -> bool {
         return false;
     }
     match in_edition_25(info) {
-        In25::Refused(_) | In25::Never => return false,
+        In25::Refused(_) | In25::Never(_) => return false,
         In25::ByHand(row) if row.honoured.contains(&(field.bit + 1)) => return true,
         _ => {}
     }
