@@ -1,8 +1,13 @@
 //! What PX4 reports of its receivers, motors, buses and the air, and what the VSM knows of the data link: on request and by
 //! schedule, absent where it is unknown.
 
-use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use kit::bridge::{Rig, Setup, bridge_mav, orders, vehicle_address, vehicle_id};
 use kit::network::Faults;
+use mavlink_link::dialect::{MavMessage, RADIO_STATUS_DATA};
+use mavlink_link::frame::{Header, MAX_FRAME, encode};
 use px4_sim::Airframe;
 use stanag_msgs::enums::{AccessGranted, AckType, DlComsecState, DlState, EngineStatus};
 use stanag_msgs::messages::{
@@ -195,6 +200,56 @@ fn the_link_is_reported_with_its_loss_and_without_the_vehicle() {
             Some(AckType::Refused)
         );
     }
+}
+
+/// A RADIO_STATUS as a SiK radio puts it into the stream, from this address.
+fn radio_reports(rig: &mut Rig, from: SocketAddr, free: u8) {
+    let status = MavMessage::RADIO_STATUS(RADIO_STATUS_DATA {
+        rssi: 180,
+        remrssi: 180,
+        noise: 40,
+        remnoise: 40,
+        txbuf: free,
+        ..RADIO_STATUS_DATA::default()
+    });
+    let header = Header {
+        system_id: 51,
+        component_id: 68,
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let length = encode(&status, header, &mut out);
+    let now = rig.clock.elapsed();
+    let bytes = out[..length].to_vec();
+    rig.mav.send(now, from, bridge_mav(0), bytes);
+    rig.run(0.1);
+}
+
+#[test]
+fn a_radio_and_a_delay_degrade_the_link_and_a_stranger_does_not() {
+    let mut rig = ready(Airframe::Quad, Faults::NONE);
+    rig.run(5.0);
+    let health = |rig: &mut Rig| report!(rig, LinkHealthStatus).bit_mode_status;
+    assert_eq!(health(&mut rig), Some(0));
+    // A stranger's, with a full send buffer, and the radio's own with an empty one.
+    let stranger = SocketAddr::from(([10, 9, 9, 9], 14550));
+    radio_reports(&mut rig, stranger, 3);
+    assert_eq!(health(&mut rig), Some(0));
+    radio_reports(&mut rig, vehicle_address(0), 98);
+    assert_eq!(health(&mut rig), Some(0));
+    radio_reports(&mut rig, vehicle_address(0), 3);
+    assert_eq!(health(&mut rig), Some(1));
+    // What it has not repeated counts no more.
+    rig.run(10.0);
+    assert_eq!(health(&mut rig), Some(0));
+    // Signed, and over a second there and back.
+    let late = Faults {
+        delay: (Duration::from_millis(600), Duration::from_millis(600)),
+        ..Faults::NONE
+    };
+    let mut rig = ready(Airframe::Quad, late);
+    rig.run(15.0);
+    assert_eq!(health(&mut rig), Some(1));
 }
 
 #[test]

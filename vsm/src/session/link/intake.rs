@@ -103,10 +103,9 @@ impl VehicleLink {
             vehicle.payloads.update(now, node.component, message);
             self.events.push_back(VehicleEvent::PayloadReported);
         }
-        // A radio reports itself as a component of its own.
-        if let MavMessage::RADIO_STATUS(_) = message
-            && node.system == self.vehicle.system
-        {
+        // A radio puts this into the stream itself, unsigned and under a system id of its own (51 and component 68 of a SiK radio): the
+        // link has let it pass from the peer's address alone. Nothing but the grade of the data link is made of it.
+        if let MavMessage::RADIO_STATUS(_) = message {
             vehicle.telemetry.equipment.update(now, message);
         }
         if node.system == self.vehicle.system
