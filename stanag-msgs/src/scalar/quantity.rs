@@ -370,6 +370,16 @@ mod tests {
     }
 
     #[test]
+    fn leap_seconds_are_not_counted() {
+        // 2016-12-31T23:59:59Z, a leap second, 2017-01-01T00:00:00Z.
+        let before = TimeStamp::from_unix_ms(1_483_228_799_000);
+        let after = TimeStamp::from_unix_ms(1_483_228_800_000);
+        assert_eq!(after.0 - before.0, 1_000);
+        let days = 17 * 365 + 5;
+        assert_eq!(after, TimeStamp(days * 86_400_000));
+    }
+
+    #[test]
     fn the_count_rolls_over_in_2034() {
         let last = TimeStamp(TimeStamp::PERIOD_MS - 1);
         assert_eq!(last.unix_ms(), 2_046_196_427_775);

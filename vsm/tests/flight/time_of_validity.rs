@@ -137,6 +137,46 @@ fn a_position_is_stamped_with_the_moment_it_was_measured() {
 }
 
 #[test]
+fn what_is_reported_of_one_measurement_has_one_stamp() {
+    let mut rig = flying(Faults::NONE);
+    precise(&mut rig);
+    let first = rig.station().received.len();
+    rig.run(5.0);
+    let mut positions: BTreeMap<Duration, TimeStamp> = BTreeMap::new();
+    let mut pairs = 0;
+    for (at, _, message) in &rig.station().received[first..] {
+        match message {
+            Message::InertialStates(states) => {
+                positions.insert(*at, states.time_stamp.expect("a stamp"));
+            }
+            // Made with the 4000 that has just arrived, of what the vehicle had reported by then.
+            Message::FromToNextWaypointStates(states) => {
+                if let Some(stamp) = positions.get(at) {
+                    assert_eq!(states.time_stamp, Some(*stamp), "{at:?}");
+                    pairs += 1;
+                }
+            }
+            _ => {}
+        }
+    }
+    assert!(pairs >= 8, "{pairs}");
+}
+
+/// A computer that knows leap seconds by its clock alone shows the last second of the day twice.
+#[test]
+fn the_stamps_of_a_leap_second_do_not_fall() {
+    let mut rig = flying(Faults::NONE);
+    rig.clock.set_wall_step(-1.0);
+    let first = rig.station().received.len();
+    rig.run(6.0);
+    assert!(rig.station().received.len() > first + 40);
+    assert_stamps_rise(&rig);
+    // A command of that second is taken as any other.
+    let hold = orders::mode(stanag_msgs::enums::FlightPathControlMode::Loiter);
+    assert_eq!(rig.carry_out(hold), Some(AckType::CarriedOut));
+}
+
+#[test]
 fn a_queue_on_the_way_counts_no_more_than_the_shortest_round_trip_leaves_open() {
     let mut rig = flying(Faults::NONE.delayed_ms(30, 400));
     rig.run(30.0);

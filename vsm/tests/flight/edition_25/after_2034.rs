@@ -2,7 +2,8 @@
 //! through that moment, and one begins after it.
 
 use kit::clock::START;
-use stanag_msgs::TimeStamp;
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
+use stanag_msgs::{Message, TimeStamp};
 
 use super::*;
 
@@ -89,4 +90,33 @@ fn a_bridge_that_starts_after_it_serves_a_station_as_before() {
     let away_s = granted[0]["Time Stamp"].as_f64().unwrap() - wall_s(&rig);
     assert!(away_s.abs() < 2.0, "{away_s}");
     take_off(&mut rig, &mut station, 20.0);
+}
+
+#[test]
+fn a_station_of_edition_4_flies_through_it_though_its_count_begins_again() {
+    let mut rig = Rig::new(Setup::default());
+    rig.run(9.0);
+    set_clock(&mut rig, ROLL_OVER_S - 60.0);
+    let taken = rig.carry_out(orders::request_control());
+    assert_eq!(taken, Some(AckType::CarriedOut));
+    rig.take_off(20.0);
+    let left_s = ROLL_OVER_S - wall_s(&rig);
+    assert!(left_s > 2.0, "{left_s}");
+    rig.run(left_s + 2.0);
+    let stamps = rig.station().received.iter();
+    let stamps: Vec<TimeStamp> = stamps
+        .filter_map(|(_, _, message)| match message {
+            Message::InertialStates(states) => states.time_stamp,
+            _ => None,
+        })
+        .collect();
+    let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
+    assert!(first.0 > TimeStamp::PERIOD_MS - 60_000 && last.0 < 2_500);
+    let near_ms = (ROLL_OVER_S * 1e3) as u64;
+    let times = stamps.iter().map(|stamp| stamp.unix_ms_near(near_ms));
+    assert!(times.is_sorted_by(|one, next| one < next), "{stamps:?}");
+    // Its commands are newer than those of before.
+    let held = rig.carry_out(orders::mode(Mode::Loiter));
+    let alerts = rig.station().alerts();
+    assert_eq!(held, Some(AckType::CarriedOut), "{alerts:?}");
 }
