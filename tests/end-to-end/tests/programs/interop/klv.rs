@@ -1,6 +1,7 @@
 //! `vsm klv` beside a running bridge: its sets, read by a decoder in Python that shares no code with it and by klvdata, and its
 //! transport stream, taken apart by another demultiplexer.
 
+use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -92,6 +93,25 @@ fn the_metadata_of_a_vehicle_is_read_by_other_decoders_alone_and_beside_a_video(
         times.is_sorted() && times[0] > began.as_micros() - 1_000_000,
         "{times:?}"
     );
+
+    // By UDP a set is a datagram, and what other decoders read is the same.
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let port = socket.local_addr().expect("its address").port();
+    klv(&ground, &format!("--udp 127.0.0.1:{port} --seconds 5"));
+    let pause = Some(Duration::from_millis(200));
+    socket.set_read_timeout(pause).expect("a timeout");
+    let (mut bytes, mut datagram, mut count) = (vec![], [0; 2_048], 0);
+    while let Ok(length) = socket.recv(&mut datagram) {
+        bytes.extend_from_slice(&datagram[..length]);
+        count += 1;
+    }
+    std::fs::write(ground.path("udp.klv"), bytes).expect("written");
+    let report = read(&[&ground.path("udp.klv")]);
+    let sets = report["sets"].as_array().expect("sets");
+    assert!(count == sets.len() && count > 20, "{count}, {}", sets.len());
+    let last = sets.last().expect("a set");
+    assert!(last["agrees_with_klvdata"].as_u64() >= Some(12), "{last}");
+    assert!(number(&last["latitude"]) > 47.0, "{last}");
 
     let video = kit::workspace().join("tests/data/video/pattern.h264");
     let words = format!("--out both.ts --video {} --fps 25", video.display());
