@@ -1,6 +1,8 @@
 //! What does not work is raised as an alert to who listens, once, and cleared when it is gone; and this computer's clock.
 
-use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use std::net::SocketAddr;
+
+use kit::bridge::{Rig, Setup, Station, cucs, orders, vehicle_id};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority};
 use vsm::session::LogLevel;
@@ -93,6 +95,28 @@ fn a_station_that_begins_to_listen_is_sent_what_stands_of_the_vsm_itself() {
         alerts(&rig, "cleared: this computer's clock"),
         [AlertPriority::Cleared]
     );
+}
+
+/// A station that starts again is another program at another port, and has not seen what stands.
+#[test]
+fn a_station_that_comes_back_is_sent_what_stands_of_the_vsm_itself_again() {
+    let mut rig = Rig::new(Setup::default());
+    rig.stations[0].heartbeats = true;
+    rig.clock.set_wall_step(-86_400.0 * 400.0);
+    rig.run(9.0);
+    let end = rig.carry_out(orders::request_control());
+    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.run(3.0);
+    let words = "this computer's clock reads";
+    assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
+    let elsewhere = SocketAddr::from(([127, 0, 0, 1], 41_234));
+    rig.stations[0] = Station::new(cucs(0), elsewhere);
+    rig.stations[0].heartbeats = true;
+    rig.run(5.0);
+    assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
+    // Once, however long it stands.
+    rig.run(10.0);
+    assert_eq!(alerts(&rig, words).len(), 1);
 }
 
 #[test]

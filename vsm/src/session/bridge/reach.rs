@@ -217,6 +217,8 @@ impl Bridge {
 
     /// Sends a station what a new listener is sent: the vehicles, and the alerts that stand.
     pub(super) fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+        // What stands of the VSM itself follows with the next look at it: the program that was notified may be gone.
+        self.notified.retain(|station| *station != index);
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
             one.ask_authority(&mut dli, Input::Returned { station: index });
