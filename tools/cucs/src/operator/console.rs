@@ -71,7 +71,7 @@ impl<W: Write> Operator<W> {
     pub async fn idle(&mut self, span: Duration) -> Result<(), OperatorError> {
         self.alerts_in_full = true;
         self.station.idle(span).await?;
-        self.print_alerts("")
+        self.print_alerts(&[])
     }
 
     /// Discovers the vehicle that is commanded: the one requested, or the only one. By the discovery the VSM learns of
@@ -225,13 +225,13 @@ impl<W: Write> Operator<W> {
         self.print(&line, value)
     }
 
-    /// Prints alerts, and handovers that others request or offer. An alert whose text stands in `printed` already is
-    /// left out for people.
-    pub(super) fn print_alerts(&mut self, printed: &str) -> Done {
+    /// Prints alerts, and handovers that others request or offer. For people an alert is left out that an error has quoted as a
+    /// reason.
+    pub(super) fn print_alerts(&mut self, quoted: &[String]) -> Done {
         while let Some(event) = self.station.session.poll_event() {
             match event {
                 Event::Alert { alert, .. }
-                    if self.style == Style::People && printed.contains(&alert.text) => {}
+                    if self.style == Style::People && quoted.contains(&alert.text) => {}
                 Event::Alert { from, alert } => {
                     let priority = match alert.priority {
                         AlertPriority::Cleared => "cleared".to_owned(),

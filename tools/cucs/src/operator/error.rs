@@ -111,6 +111,17 @@ impl OperatorError {
             _ => 1,
         }
     }
+
+    /// The texts of the 16000s that it gives as reasons.
+    pub(super) fn reasons(&self) -> &[String] {
+        match self {
+            Self::Station(
+                StationError::Refused(Refused { reasons, .. })
+                | StationError::NotGranted { reasons, .. },
+            ) => reasons,
+            _ => &[],
+        }
+    }
 }
 
 /// Nobody reads the output any more, such as `head` that has seen enough: what a shell reports for programs that SIGPIPE ends.

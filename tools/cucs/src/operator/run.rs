@@ -43,13 +43,12 @@ impl<W: Write> Operator<W> {
 
     /// Prints the alerts that came with it.
     fn conclude(&mut self, done: Done) -> Done {
-        // An alert that the error quotes is not printed twice.
-        let error = done.as_ref().err().map(ToString::to_string);
-        self.print_alerts(error.as_deref().unwrap_or_default())?;
+        let error = done.as_ref().err();
+        self.print_alerts(error.map_or(&[], OperatorError::reasons))?;
         if self.style == Style::Json
             && let Some(error) = error
         {
-            writeln!(self.out, "{}", json!({"error": error}))?;
+            writeln!(self.out, "{}", json!({"error": error.to_string()}))?;
         }
         done
     }
@@ -281,7 +280,7 @@ impl<W: Write> Operator<W> {
             let pause = left.min(every);
             self.station.idle(pause).await?;
             self.print_state(vehicle)?;
-            self.print_alerts("")?;
+            self.print_alerts(&[])?;
             left -= pause;
             if left.is_zero() {
                 return Ok(());

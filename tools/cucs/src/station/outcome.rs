@@ -66,7 +66,13 @@ impl fmt::Display for Refused {
                 " (no reason given; this CUCS holds LOI {held}; a VSM may leave out a reason that it has just given: try again after 2 s)"
             )?;
         } else {
-            write!(f, ": {}", self.reasons.join("; "))?;
+            // A VSM's text names the message and that it is refused, as this one does already.
+            let why = |text: &String| match text.split_once("refused: ") {
+                Some((_, why)) => why.to_owned(),
+                None => text.clone(),
+            };
+            let reasons: Vec<String> = self.reasons.iter().map(why).collect();
+            write!(f, ": {}", reasons.join("; "))?;
         }
         // What commands needs LOI 3, 4 or 5: whoever has none is refused for that, as a rule.
         let commanding = LoiBitmap::LOI3 | LoiBitmap::LOI4 | LoiBitmap::LOI5;

@@ -145,3 +145,20 @@ fn a_refusal_is_status_1_with_its_reason_and_stops_a_script() {
         );
     });
 }
+
+#[test]
+fn a_refusal_says_once_that_it_is_one() {
+    let mut vsm = FakeVsm::new();
+    vsm.refuse_mode = Some("mode 21 (launch): home is not known yet".into());
+    with_vsm(vsm, |vsm| {
+        assert_eq!(result(&cucs(vsm, &["take"])).0, Some(0));
+        let (status, out, error) = result(&cucs(vsm, &["launch", "30"]));
+        assert_eq!(status, Some(1), "{error}");
+        let both = out + &error;
+        assert_eq!(both.matches("refused").count(), 1, "{both}");
+        assert_eq!(both.matches("home is not known yet").count(), 1, "{both}");
+        // For a program the alert is an object of its own.
+        let (_, out, _) = result(&cucs(vsm, &["--json", "launch", "30"]));
+        assert!(out.contains("\"alert\":\"2016 refused: mode 21"), "{out}");
+    });
+}
