@@ -386,7 +386,26 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
         commanded_vertical_speed: Some(Scaled::saturating_from_si(2.0)),
         ..hold.clone()
     };
-    refused(&mut rig, climb, "Altitude Command Type 2 is not flown");
+    refused(
+        &mut rig,
+        climb,
+        "Altitude Command Type 2 (vertical speed) is not flown",
+    );
+    // A value without a mode is for the mode that is flown.
+    assert_eq!(
+        rig.carry_out(orders::mode(Mode::AutolandEngage)),
+        Some(AckType::CarriedOut)
+    );
+    let value = VehicleOperatingModeCommand {
+        commanded_altitude: Some(Scaled::saturating_from_si(40.0)),
+        ..VehicleOperatingModeCommand::default()
+    };
+    refused(
+        &mut rig,
+        value,
+        "in the current one, 19 (land), nothing can be changed",
+    );
+    assert_eq!(rig.carry_out(hold.clone()), Some(AckType::CarriedOut));
     let fast = VehicleOperatingModeCommand {
         commanded_speed: Some(Scaled::saturating_from_si(30.0)),
         ..hold.clone()

@@ -284,6 +284,9 @@ fn every_subcommand_of_cucs_is_run_with_json() {
             continue;
         }
         for printed in String::from_utf8_lossy(&output.stdout).lines() {
+    // Numbers are shown by name.
+    let status = text(&scene.run("vsm", "status"));
+    assert!(status.contains("16002 Heartbeat: "), "{status}");
             let value = serde_json::from_str::<serde_json::Value>(printed);
             assert!(
                 value.is_ok_and(|value| value.is_object()),

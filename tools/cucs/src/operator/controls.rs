@@ -11,7 +11,7 @@ use stanag_msgs::{Message, Text};
 
 use super::console::{Done, Operator};
 use super::error::OperatorError;
-use super::services::shortest;
+use super::services::{as_written, shortest};
 
 /// The controls that a VSM has described, by the number of the field.
 #[derive(Debug, Default)]
@@ -145,9 +145,9 @@ impl<W: Write> Operator<W> {
             ),
             json!({
                 "control": control.name,
-                "value": control.value,
-                "minimum": control.low,
-                "maximum": control.high,
+                "value": control.value.map(as_written),
+                "minimum": control.low.map(as_written),
+                "maximum": control.high.map(as_written),
                 "help": control.help,
             }),
         )

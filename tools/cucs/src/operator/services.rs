@@ -3,7 +3,7 @@
 
 use std::io::Write;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use stanag_msgs::enums::{ConfigRequestType, ParameterKind, PingTarget};
 use stanag_msgs::messages::{
     FieldConfigurationRequest, GenericInformationRequestMessage, ParameterReport, ParameterRequest,
@@ -25,6 +25,14 @@ pub(super) fn shortest(value: f64) -> String {
     } else {
         value.to_string()
     }
+}
+
+/// The same as a number of JSON.
+pub(super) fn as_written(value: f64) -> Value {
+    // What JSON has no number for is null.
+    shortest(value)
+        .parse::<f64>()
+        .map_or(Value::Null, Value::from)
 }
 
 impl<W: Write> Operator<W> {
@@ -96,10 +104,10 @@ impl<W: Write> Operator<W> {
             &format!("{name} = {}{range}", number(report.value)),
             json!({
                 "parameter": name,
-                "value": report.value,
+                "value": report.value.map(as_written),
                 "kind": kind,
-                "minimum": report.minimum,
-                "maximum": report.maximum,
+                "minimum": report.minimum.map(as_written),
+                "maximum": report.maximum.map(as_written),
             }),
         )
     }
@@ -211,5 +219,22 @@ impl<W: Write> Operator<W> {
             }
         }
         Ok(self.out.flush()?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parameter_of_32_bits_is_shown_as_a_person_writes_it() {
+        for written in [0.1_f32, 6.283_185_5, -1.5, 7.0] {
+            assert_eq!(shortest(f64::from(written)), written.to_string());
+        }
+        assert_eq!(as_written(f64::from(0.1_f32)).to_string(), "0.1");
+        // Of 64 bits, as it is.
+        assert_eq!(shortest(0.1), "0.1");
+        assert_eq!(shortest(0.123_456_789_012), "0.123456789012");
+        assert_eq!(as_written(f64::NAN), Value::Null);
     }
 }

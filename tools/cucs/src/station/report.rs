@@ -87,3 +87,19 @@ pub(crate) fn vehicle_type(number: u16) -> String {
     };
     format!("{number} ({name} in MAVLink's list)")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::vehicle_type;
+
+    #[test]
+    fn a_type_of_vehicle_has_its_name() {
+        assert_eq!(vehicle_type(0), "not known");
+        assert_eq!(vehicle_type(2), "2 (quadrotor in MAVLink's list)");
+        assert_eq!(
+            vehicle_type(22),
+            "22 (VTOL, separate rotors in MAVLink's list)"
+        );
+        assert_eq!(vehicle_type(99), "99");
+    }
+}

@@ -87,7 +87,9 @@ fn each_subcommand_may_be_a_process_of_its_own() {
             assert_eq!(status, Some(0), "{arguments:?}: {error}");
             out
         };
-        assert!(done(&["discover"]).contains("1b:00:01:01 behind VSM 1b:00:00:01"));
+        let discovered = done(&["discover"]);
+        assert!(discovered.contains("1b:00:01:01 behind VSM 1b:00:00:01"));
+        assert!(discovered.contains("2 (quadrotor in MAVLink's list)"));
         assert!(done(&["take", "--loi", "4,5"]).contains("LOI 4, 5 (control, launch) granted"));
         let route = concat!(
             env!("CARGO_MANIFEST_DIR"),
@@ -161,4 +163,21 @@ fn a_refusal_says_once_that_it_is_one() {
         let (_, out, _) = result(&cucs(vsm, &["--json", "launch", "30"]));
         assert!(out.contains("\"alert\":\"2016 refused: mode 21"), "{out}");
     });
+}
+
+#[test]
+fn traffic_names_the_messages() {
+    let script = std::env::temp_dir().join(format!("traffic-{}.cucs", std::process::id()));
+    std::fs::write(&script, "discover\ntraffic\n").unwrap();
+    with_vsm(FakeVsm::new(), |vsm| {
+        let (status, out, error) = result(&cucs(vsm, &["script", &script.to_string_lossy()]));
+        assert_eq!(status, Some(0), "{error}");
+        let name = stanag_msgs::table::message(1).map(|message| message.name);
+        let line = format!("1 {}: ", name.expect("message 1"));
+        assert!(
+            out.lines().any(|shown| shown.trim().starts_with(&line)),
+            "{out}"
+        );
+    });
+    std::fs::remove_file(&script).unwrap();
 }

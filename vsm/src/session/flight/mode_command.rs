@@ -50,7 +50,7 @@ pub(crate) fn task(
         if !matches!(mode, Mode::Waypoint | Mode::Loiter | Mode::Autopilot) {
             return Err(format!(
                 "no mode is commanded, and in the current one, {}, nothing can be changed",
-                mode.raw()
+                mode.in_words()
             ));
         }
     }

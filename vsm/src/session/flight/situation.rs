@@ -179,7 +179,7 @@ pub(super) fn checked_level(
         None | Some(AltitudeCommandType::Altitude) => {}
         Some(other) => {
             return Err(format!(
-                "Altitude Command Type {} is not flown, only 1 (altitude)",
+                "Altitude Command Type {} ({other}) is not flown, only 1 (altitude)",
                 other.raw()
             ));
         }
@@ -248,7 +248,7 @@ pub(super) fn speed(
         None | Some(SpeedType::Ground | SpeedType::Indicated | SpeedType::True) => {
             Ok(Some(speed_m_s))
         }
-        Some(other) => Err(format!("Speed Type {} is not flown", other.raw())),
+        Some(other) => Err(format!("Speed Type {} ({other}) is not flown", other.raw())),
     }
 }
 

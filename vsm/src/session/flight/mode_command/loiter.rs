@@ -50,7 +50,7 @@ pub(super) fn loiter(
         )
     {
         return Err(format!(
-            "mode 12 (loiter): Altitude Command Type {} is not flown; a vertical speed needs mode 15 (autopilot)",
+            "mode 12 (loiter): Altitude Command Type {} ({kind}) is not flown; a vertical speed needs mode 15 (autopilot)",
             kind.raw()
         ));
     }
