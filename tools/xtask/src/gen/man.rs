@@ -48,17 +48,19 @@ fn commands() -> [Command; 4] {
 /// What the pages of a program have in common.
 struct More {
     program: &'static str,
-    statuses: [&'static str; 3],
+    /// From 0 on.
+    statuses: &'static [&'static str],
     files: &'static [(&'static str, &'static str)],
 }
 
 const PROGRAMS: &[More] = &[
     More {
         program: "vsm",
-        statuses: [
+        statuses: &[
             "Done",
             "Failed",
             "Wrong arguments or configuration; nothing was done",
+            "Zeroized: what it would serve is erased",
         ],
         files: &[
             (
@@ -81,7 +83,7 @@ const PROGRAMS: &[More] = &[
     },
     More {
         program: "cucs",
-        statuses: [
+        statuses: &[
             "Done",
             "Refused, with the reason, or not answered",
             "Wrong arguments, or a faulty file; nothing was sent",
@@ -94,7 +96,7 @@ const PROGRAMS: &[More] = &[
     },
     More {
         program: "px4-sim",
-        statuses: [
+        statuses: &[
             "Ended by SIGTERM or SIGINT",
             "Failed, as where its port is in use",
             "Wrong arguments, or a faulty key file",
@@ -109,7 +111,7 @@ const PROGRAMS: &[More] = &[
     },
     More {
         program: "curve-plan",
-        statuses: [
+        statuses: &[
             "Done",
             "The answer is no: the route cannot be flown, or not within the bounds",
             "Wrong arguments, or a faulty file",
@@ -334,16 +336,42 @@ mod tests {
     fn a_page_has_examples_exit_statuses_and_files() {
         let tree = std::env::temp_dir().join(format!("man-{}", std::process::id()));
         write(&tree).unwrap();
-        let page =
-            |name: &str| fs::read_to_string(tree.join("usr/share/man/man1").join(name)).unwrap();
+        let pages = tree.join("usr/share/man/man1");
+        let page = |name: &str| fs::read_to_string(pages.join(name)).unwrap();
+        let mut count = 0;
+        for command in commands() {
+            let more = more(command.get_name()).unwrap();
+            for name in page_names(&command) {
+                let text = page(&format!("{name}.1"));
+                let part = |title: &str| {
+                    let after = text.split(&format!(".SH {title}\n")).nth(1);
+                    let after = after.unwrap_or_else(|| panic!("{name} has no {title}"));
+                    after.split("\n.SH ").next().unwrap().to_owned()
+                };
+                let example = name.replace('-', "\\-");
+                let words = part("EXAMPLES").replace(' ', "\\-");
+                assert!(words.contains(&example), "{name}: {words}");
+                let statuses = part("\"EXIT STATUS\"");
+                assert_eq!(
+                    statuses.matches(".TP").count(),
+                    more.statuses.len(),
+                    "{name}"
+                );
+                assert_eq!(
+                    part("FILES").matches(".TP").count(),
+                    more.files.len(),
+                    "{name}"
+                );
+                count += 1;
+            }
+        }
+        assert_eq!(fs::read_dir(&pages).unwrap().count(), count);
         let (run, landed) = (page("vsm-run.1"), page("cucs-wait-landed.1"));
         fs::remove_dir_all(&tree).unwrap();
         for part in [
-            ".SH EXAMPLES",
             "vsm run /etc/vsm/vsm.toml",
-            ".SH \"EXIT STATUS\"",
-            ".SH FILES",
             "airside.toml",
+            ".TP\n3\nZeroized: what it would serve is erased.\n",
         ] {
             assert!(run.contains(part), "{part}: {run}");
         }
