@@ -1,5 +1,6 @@
 //! `vsm replay`: a recording on the operator's page, with a time line.
 
+use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use tokio::net::TcpListener;
 
 use super::process::{Failure, announce, bad, failed, runtime, stop_signal};
 use crate::config::Config;
-use crate::shell::replay;
+use crate::shell::replay::{self, ReplayError};
 use crate::shell::web::Tiles;
 
 /// Show a recording on the operator's page, with a time line: until Ctrl-C
@@ -33,7 +34,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         arguments.records.clone()
     };
-    let timeline = replay::read(&records).map_err(failed)?;
+    let timeline = replay::read(&records).map_err(|fault| advised(fault, arguments))?;
     let tiles = (arguments.tiles.as_deref().map(Tiles::open)).transpose();
     let tiles = tiles.map_err(bad)?;
     let runtime = runtime()?;
@@ -51,6 +52,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         replay::serve(listener, timeline, tiles, stop).await;
         Ok(())
     })
+}
+
+/// The fault, with the ways to name recordings where what was named is not there.
+fn advised(fault: ReplayError, arguments: &Arguments) -> Failure {
+    let is_missing = |cause: &io::Error| cause.kind() == io::ErrorKind::NotFound;
+    let advice = match &fault {
+        ReplayError::Io { cause, .. } if is_missing(cause) && arguments.records.is_empty() => {
+            "`vsm run` with this configuration makes the folder"
+        }
+        ReplayError::Io { cause, .. } if is_missing(cause) => {
+            "without a name it takes [record] dir of vsm.toml (--config)"
+        }
+        _ => return failed(fault),
+    };
+    failed(anyhow!("{fault}; {advice}"))
 }
 
 /// The folder that a bridge with this configuration records to.

@@ -458,7 +458,10 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("files rm /a", Refused("cannot be reached")),
         ("files mkdir /a", Refused("cannot be reached")),
         ("reload", Done),
-        ("replay nothing-there", Refused("nothing-there")),
+        (
+            "replay nothing-there",
+            Refused("without a name it takes [record] dir of vsm.toml (--config)"),
+        ),
         ("reload --json", Done),
         ("audit verify", Done),
         ("audit export", Done),
