@@ -20,4 +20,4 @@ pub mod scripted;
 pub mod verdict;
 pub mod wire;
 
-pub use program::run;
+pub use program::{command, run};

@@ -12,4 +12,4 @@ pub mod scene;
 pub mod station;
 pub mod wire;
 
-pub use program::run;
+pub use program::{command, run};

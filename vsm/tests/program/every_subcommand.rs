@@ -136,6 +136,19 @@ fn leaves(command: &clap::Command) -> BTreeSet<String> {
     found
 }
 
+/// The leaves that take `--json`.
+fn json_leaves(command: &clap::Command) -> Vec<String> {
+    let of = |leaf: &String| {
+        let words = leaf.split_whitespace();
+        let found = words.fold(Some(command), |at, word| at?.find_subcommand(word));
+        found.is_some_and(|sub| {
+            sub.get_arguments()
+                .any(|one| one.get_long() == Some("json"))
+        })
+    };
+    leaves(command).into_iter().filter(of).collect()
+}
+
 /// The leaves that no line begins with.
 fn missing<'a>(leaves: &BTreeSet<String>, lines: impl Iterator<Item = &'a str>) -> Vec<String> {
     let lines: Vec<String> = lines.map(|line| line.to_owned() + " ").collect();
@@ -271,6 +284,9 @@ fn every_subcommand_of_cucs_is_run_alone() {
     for (line, ends) in FLIGHT {
         check(line, &scene.cucs("", line), *ends);
     }
+    // Numbers are shown by name.
+    let status = text(&scene.run("vsm", "status"));
+    assert!(status.contains("16002 Heartbeat: "), "{status}");
 }
 
 #[test]
@@ -284,9 +300,6 @@ fn every_subcommand_of_cucs_is_run_with_json() {
             continue;
         }
         for printed in String::from_utf8_lossy(&output.stdout).lines() {
-    // Numbers are shown by name.
-    let status = text(&scene.run("vsm", "status"));
-    assert!(status.contains("16002 Heartbeat: "), "{status}");
             let value = serde_json::from_str::<serde_json::Value>(printed);
             assert!(
                 value.is_ok_and(|value| value.is_object()),
@@ -385,6 +398,9 @@ const ELSEWHERE: &[(&str, &str)] = &[
         "tests/end-to-end/tests/programs/processes/airside.rs",
     ),
 ];
+
+/// Run with `--json` in the files of [`ELSEWHERE`].
+const JSON_ELSEWHERE: [&str; 1] = ["doctor"];
 
 /// Before the bridge runs, while it runs, and while the agent runs.
 const GROUND: &[&[(&str, Ends)]] = &[
@@ -486,6 +502,19 @@ fn every_subcommand_of_vsm_is_run() {
     });
     let missing = missing(&all, here.chain(elsewhere));
     assert_eq!(missing, [""; 0], "without a line in GROUND or ELSEWHERE");
+    let with_json: Vec<&str> = (GROUND.iter().copied().flatten())
+        .filter_map(|(line, _)| line.strip_suffix(" --json"))
+        .chain(JSON_ELSEWHERE)
+        .collect();
+    let without: Vec<_> = json_leaves(&vsm::program::command())
+        .into_iter()
+        .filter(|leaf| {
+            !with_json
+                .iter()
+                .any(|line| format!("{line} ").starts_with(&format!("{leaf} ")))
+        })
+        .collect();
+    assert_eq!(without, [""; 0], "without a line with --json");
 
     let mut scene = Scene::new();
     let agent =

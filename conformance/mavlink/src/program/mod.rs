@@ -4,7 +4,7 @@ mod judge;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use conformance::outcome::print;
 use serde_json::json;
 
@@ -52,6 +52,12 @@ enum Command {
         /// Rule id, SIGN-003
         rule: String,
     },
+}
+
+/// The command line, for those who count its subcommands.
+#[must_use]
+pub fn command() -> clap::Command {
+    Cli::command()
 }
 
 /// Runs the program; its exit status.
@@ -132,7 +138,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_sound() {
-        use clap::CommandFactory;
         Cli::command().debug_assert();
     }
 }

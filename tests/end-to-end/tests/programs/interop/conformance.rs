@@ -401,3 +401,89 @@ fn a_lawful_router_passes_its_rules_and_its_faults_do_not() {
         }
     });
 }
+
+/// Subcommands of the two judges that need no subject, or find none here; the exit status, and what is printed.
+const WITHOUT_SUBJECT: &[(&str, i32, &str)] = &[
+    ("dli-check list", 0, "AUTH-002 "),
+    ("dli-check list --json", 0, "\"AUTH-002\""),
+    ("dli-check list --edition 2.5", 0, "not applicable"),
+    ("dli-check explain AUTH-002", 0, "Judged by"),
+    ("dli-check explain NONE-1", 2, "`dli-check list` shows all"),
+    ("dli-check schema", 0, "\"$schema\""),
+    ("dli-check capture nothing-there", 2, "nothing-there"),
+    ("dli-check compare a.json b.json", 2, "a.json"),
+    ("dli-check init 127.0.0.1:9", 3, "--cucs"),
+    (
+        "dli-check repeat AUTH-002 127.0.0.1:9 --times 1",
+        0,
+        "inconclusive",
+    ),
+    ("mavlink-check list", 0, "SIGN-003 "),
+    ("mavlink-check list --json", 0, "\"SIGN-003\""),
+    ("mavlink-check explain SIGN-003", 0, "Pitfall"),
+    (
+        "mavlink-check explain NONE-1",
+        2,
+        "`mavlink-check list` shows all",
+    ),
+    (
+        "mavlink-check repeat SIGN-003 udpin:127.0.0.1:0 --times 1",
+        0,
+        "inconclusive",
+    ),
+];
+
+/// What is judged in the tests above.
+const WITH_SUBJECT: [&str; 5] = [
+    "dli-check vsm",
+    "dli-check cucs",
+    "mavlink-check autopilot",
+    "mavlink-check station",
+    "mavlink-check router",
+];
+
+#[test]
+fn every_subcommand_of_the_judges_is_run() {
+    for command in [conformance::command(), mavlink_check::command()] {
+        for sub in command.get_subcommands() {
+            let line = format!("{} {}", command.get_name(), sub.get_name());
+            let here = WITHOUT_SUBJECT.iter();
+            let mut here =
+                here.filter(|(one, ..)| format!("{one} ").starts_with(&format!("{line} ")));
+            assert!(
+                here.clone().next().is_some() != WITH_SUBJECT.contains(&line.as_str()),
+                "{line}"
+            );
+            let json = (sub.get_arguments()).find(|one| one.get_long() == Some("json"));
+            // With a file behind it, it is a report.
+            if json.is_some_and(|json| !json.get_action().takes_values()) {
+                assert!(
+                    here.any(|(one, ..)| one.ends_with(" --json")),
+                    "{line} --json"
+                );
+            }
+        }
+    }
+    let folder = TempDir::new().expect("a folder");
+    std::thread::scope(|scope| {
+        for (line, status, shown) in WITHOUT_SUBJECT {
+            let folder = folder.path();
+            scope.spawn(move || {
+                let (name, rest) = line.split_once(' ').expect("words");
+                let mut command = Command::new(program(name));
+                let command = command.args(rest.split(' ')).current_dir(folder);
+                let output = command.output().expect(name);
+                let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+                let both = printed.clone() + &String::from_utf8_lossy(&output.stderr);
+                assert_eq!(output.status.code(), Some(*status), "{line}: {both}");
+                assert!(
+                    both.contains(shown) && !both.contains("panicked"),
+                    "{line}: {both}"
+                );
+                if line.ends_with("--json") {
+                    assert!(serde_json::from_str::<Value>(&printed).is_ok(), "{line}");
+                }
+            });
+        }
+    });
+}
