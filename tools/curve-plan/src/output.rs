@@ -61,6 +61,12 @@ pub(crate) fn progress() -> impl FnMut(f64) {
     }
 }
 
+/// Writes a line to standard error, which is no answer.
+pub(crate) fn note(line: &str) {
+    // Nobody is left to report to when it is gone.
+    let _ = writeln!(std::io::stderr(), "curve-plan: {line}");
+}
+
 /// Writes to standard output; a reader that has gone away ends the program quietly.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write;

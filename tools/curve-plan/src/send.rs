@@ -1,6 +1,5 @@
 //! `send`: uploads a route through a VSM, as a ground station (CUCS) does.
 
-use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -11,6 +10,7 @@ use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 
 use crate::failure::Failure;
+use crate::output::note;
 
 /// Arguments of `send`.
 #[derive(Debug, Args)]
@@ -61,12 +61,10 @@ impl Command {
         let mut station =
             Station::reach(SessionConfig::new(self.id), self.listen, &self.vsm).await?;
         station.on_wait = Some(|what, left| {
-            let line = format!(
-                "curve-plan: waiting for the {what}, {:.0} s at most",
+            note(&format!(
+                "waiting for the {what}, {:.0} s at most",
                 left.as_secs_f64()
-            );
-            // Nobody is left to report to when standard error is gone.
-            let _ = writeln!(std::io::stderr(), "{line}");
+            ));
         });
         let style = if self.json {
             Style::Json

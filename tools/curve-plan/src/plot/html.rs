@@ -11,21 +11,22 @@ pub(crate) fn page(scene: &Scene, theme: &Theme) -> String {
     let (samples, metre) = svg::hover(scene);
     let picture = svg::draw(scene, theme);
     format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title>\n<style>body{{background:{}}}{STYLE}</style></head>\n\
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title>\n<style>body{{background:{};color:{}}}{STYLE}</style></head>\n\
          <body><p>Drag to move, turn the wheel to zoom, double click for all of it.</p>\n{picture}\
          <div id=\"values\"></div><div id=\"scale\"><span></span></div>\n\
          <script>const samples = {samples}, metre = {metre};{SCRIPT}</script></body></html>\n",
         escaped(&scene.title),
         theme.paper,
+        theme.ink,
     )
 }
 
 // The picture takes what the line above it leaves: a page that scrolls would show two answers to the wheel.
 const STYLE: &str = "html,body{height:100%;overflow:hidden}body{margin:0;font-family:sans-serif;display:flex;flex-direction:column}\
-p{margin:.4em 1em;color:#888}body>svg{flex:1;min-height:0;width:100%;cursor:grab;touch-action:none}\
+p{margin:.4em 1em;opacity:.7}body>svg{flex:1;min-height:0;width:100%;cursor:grab;touch-action:none}\
 #values{position:fixed;display:none;padding:.3em .6em;background:#222e;color:#fff;font-size:13px;white-space:pre;pointer-events:none;border-radius:4px}\
-#scale{position:fixed;right:1em;top:1.6em;height:6px;border:2px solid #888;border-top:0;pointer-events:none}\
-#scale span{position:absolute;bottom:8px;right:0;font-size:13px;color:#888;white-space:nowrap}";
+#scale{position:fixed;right:1em;top:1.6em;height:6px;border:2px solid;border-top:0;opacity:.7;pointer-events:none}\
+#scale span{position:absolute;bottom:8px;right:0;font-size:13px;white-space:nowrap}";
 
 const SCRIPT: &str = r#"
 const svg = document.querySelector('svg'), all = svg.getAttribute('viewBox').split(' ').map(Number);
@@ -54,12 +55,12 @@ const hover = e => {
   values.style.display = best ? 'block' : 'none';
   dot.setAttribute('r', best ? 6 / zoom : 0);
   if (!best) return;
-  const [x, y, lat, lon, alt, along, off, radius] = best;
+  const [x, y, lat, lon, alt, along, off, radius, flown] = best;
   dot.setAttribute('cx', x); dot.setAttribute('cy', y); dot.setAttribute('stroke-width', 2 / zoom);
   values.textContent = `${lat.toFixed(7)}, ${lon.toFixed(7)}\naltitude ${alt} m\n${along} m along the route\n` +
-    `deviation ${off} m\n` + (radius ? `radius ${radius} m` : 'straight');
+    `deviation ${off} m\n` + (flown === null ? '' : `flown deviation ${flown} m\n`) + (radius ? `radius ${radius} m` : 'straight');
   values.style.left = Math.min(e.clientX + 16, innerWidth - 230) + 'px';
-  values.style.top = Math.min(e.clientY + 16, innerHeight - 110) + 'px';
+  values.style.top = Math.min(e.clientY + 16, innerHeight - 126) + 'px';
 };
 svg.addEventListener('wheel', e => {
   e.preventDefault();

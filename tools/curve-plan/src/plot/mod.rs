@@ -13,7 +13,7 @@ use curve_paths::Position;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
-use crate::output::{RequiredOutput, save};
+use crate::output::{RequiredOutput, note, save};
 use crate::tlog;
 use scene::{Beside, Scene};
 
@@ -81,6 +81,9 @@ impl Command {
             tolerance_m,
             &beside,
         );
+        if scene.home.is_none() {
+            note("no home is drawn: --home LAT,LON marks it, and so does --flown by its start");
+        }
         let theme = if self.dark { &svg::DARK } else { &svg::LIGHT };
         let bytes = match ending.as_str() {
             "html" => html::page(&scene, theme).into_bytes(),

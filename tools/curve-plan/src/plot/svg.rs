@@ -27,7 +27,7 @@ pub(crate) struct Theme {
     panel: &'static str,
     frame: &'static str,
     grid: &'static str,
-    ink: &'static str,
+    pub(super) ink: &'static str,
     faint: &'static str,
     /// Deviation as planned, and its limit.
     planned: &'static str,
@@ -115,7 +115,8 @@ pub(crate) fn draw(scene: &Scene, theme: &Theme) -> String {
 }
 
 /// What a page shows of the curve under the pointer: for samples along it x and y in the picture, latitude, longitude,
-/// altitude, length, deviation and radius (0 on a straight), and how many units of the picture a metre is.
+/// altitude, length, deviation, radius (0 on a straight) and the flown deviation (null where nothing was flown near), and how many units
+/// of the picture a metre is.
 pub(crate) fn hover(scene: &Scene) -> (serde_json::Value, f64) {
     let view = View::of(scene);
     let every = scene.curve.len().div_ceil(MAX_HOVERED).max(1);
@@ -132,10 +133,22 @@ pub(crate) fn hover(scene: &Scene) -> (serde_json::Value, f64) {
             round(s.along_m, 1),
             round(s.deviation_m, 2),
             round(radius, 1),
+            flown_beside(scene, s.along_m).map(|flown| round(flown, 2)),
         ])
     });
     (samples.collect(), view.scale)
 }
+
+/// How far from the route the flight was that passed nearest to this length of it, m.
+fn flown_beside(scene: &Scene, along_m: f64) -> Option<f64> {
+    let apart = |flown: &&[f64; 2]| (flown[0] - along_m).abs();
+    let flown = scene.flown.deviation.iter();
+    let nearest = flown.min_by(|a, b| apart(a).total_cmp(&apart(b)))?;
+    (apart(&nearest) <= FLOWN_NEAR_M).then_some(nearest[1])
+}
+
+/// A position of a flight stands for so much of the route to both sides: further away nothing was flown, or recorded.
+const FLOWN_NEAR_M: f64 = 20.0;
 
 /// Samples in a page: a route of any length stays light to search.
 const MAX_HOVERED: usize = 4_000;
@@ -242,8 +255,11 @@ fn map(out: &mut String, scene: &Scene, view: &View, theme: &Theme) {
         );
         if k % every == 0 {
             let [dx, dy] = clear_of_legs(scene, k);
-            let at = [x + 14.0 * dx, y - 14.0 * dy + 4.0];
-            label(out, at, "middle", &number.to_string(), theme);
+            let number = number.to_string();
+            // Beside the mark a longer number needs more room than above it.
+            let aside = 7.5 + 3.5 * number.len() as f64;
+            let at = [x + aside * dx, y - 14.0 * dy + 4.0];
+            label(out, at, "middle", &number, theme);
         }
     }
     if let Some(home) = scene.home {

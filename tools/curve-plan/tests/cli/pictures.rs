@@ -70,6 +70,21 @@ fn waypoints_have_their_numbers_and_home_is_marked() {
         assert_eq!(texts(&plain).into_iter().filter(label).count(), 1);
     }
     assert!(!plain.contains("id=\"home\""));
+    // A long number stands further from its mark, to the side of it.
+    let last = ROUTE
+        .replace("number = 30", "number = 30000")
+        .replace("to = 30", "to = 30000");
+    files.put("long.toml", &last.replace("next = 30", "next = 30000"));
+    files.done(&["plot", "long.toml", "-o", "long.svg"]);
+    let long = files.get("long.svg");
+    let at = |part: &str| -> f64 {
+        let after = part.split("x=\"").nth(1).unwrap();
+        after.split('"').next().unwrap().parse().unwrap()
+    };
+    let (before, _) = long.split_once(">30000</text>").unwrap();
+    let label = at(before.rsplit("<text").next().unwrap());
+    let mark = at(before.rsplit("<circle").next().unwrap());
+    assert!((label - mark).abs() > 14.0, "{label} {mark}");
     let home = ["--home", "47.3970,8.5455"];
     files.done(&[&["plot", "route.toml", "-o", "b.svg"], &home[..]].concat());
     assert!(texts(&files.get("b.svg")).contains(&"home"));
@@ -111,9 +126,8 @@ fn a_corner_of_straight_legs_is_no_tight_curve() {
     assert!(!text.contains("#c3243c\" stroke-width=\"4.5"));
 }
 
-#[test]
-fn the_deviation_of_a_flight_is_that_on_the_route() {
-    let files = Files::new();
+/// Writes the log of a flight of the route.
+fn fly(files: &Files, log: &str) {
     let fine = files.json(&["densify", "route.toml", "--tolerance", "0.1", "--json"]);
     let place = |v: &serde_json::Value| [&v["lat_deg"], &v["lon_deg"]].map(|x| x.as_f64().unwrap());
     let vertices: Vec<[f64; 2]> = fine["vertices"]
@@ -133,10 +147,16 @@ fn the_deviation_of_a_flight_is_that_on_the_route() {
     let on = vertices.windows(2).flat_map(|pair| way(pair[0], pair[1]));
     let on = on.map(|[lat, lon]| [lat + 0.5 / 111_180.0, lon]);
     let flown = way(home, first).chain(on).chain(way(last, home));
-    let log: Vec<u8> = flown
+    let bytes: Vec<u8> = flown
         .flat_map(|[lat, lon]| record(lat, lon, 500.0))
         .collect();
-    std::fs::write(files.path("flight.tlog"), log).unwrap();
+    std::fs::write(files.path(log), bytes).unwrap();
+}
+
+#[test]
+fn the_deviation_of_a_flight_is_that_on_the_route() {
+    let files = Files::new();
+    fly(&files, "flight.tlog");
     files.done(&[
         "plot",
         "route.toml",
@@ -188,10 +208,76 @@ fn a_fit_is_drawn_beside_its_track_and_a_page_has_values_and_a_scale() {
     assert!(page.contains("id=\"scale\"") && page.contains("along the route"));
     let samples = page.split("const samples = ").nth(1).unwrap();
     let samples = samples.split(", metre = ").next().unwrap();
-    let samples: Vec<[f64; 8]> = serde_json::from_str(samples).unwrap();
-    assert_eq!(samples[0][2..6], [47.3977434, 8.5455939, 500.0, 0.0]);
-    assert!(samples[0][7] == 0.0 && samples.iter().any(|s| s[7] > 20.0 && s[7] < 200.0));
+    let samples: Vec<[Option<f64>; 9]> = serde_json::from_str(samples).unwrap();
+    let first = [47.3977434, 8.5455939, 500.0, 0.0];
+    assert_eq!(samples[0][2..6], first.map(Some));
+    let curved = |s: &[Option<f64>; 9]| s[7] > Some(20.0) && s[7] < Some(200.0);
+    assert!(samples[0][7] == Some(0.0) && samples.iter().any(curved));
+    assert!(samples.iter().all(|s| s[8].is_none()), "nothing was flown");
     files.done(&["plot", "route.toml", "-o", "dark.svg", "--dark"]);
     let dark = files.get("dark.svg");
     assert!(dark.contains("fill=\"#14171c\"") && !dark.contains("#fff"));
+}
+
+#[test]
+fn a_dark_page_shows_how_far_off_the_flight_was() {
+    let files = Files::new();
+    fly(&files, "flight.tlog");
+    let dark = [
+        "plot",
+        "route.toml",
+        "-o",
+        "a.html",
+        "--flown",
+        "flight.tlog",
+        "--dark",
+    ];
+    files.done(&dark);
+    let page = files.get("a.html");
+    for part in [
+        "background:#14171c;color:#e6e6e6",
+        "fill=\"#14171c\"",
+        "stroke=\"#ff7ae5\"",
+        "flown deviation",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    // None of the colours that are for a light ground, but in the box of values, which is dark on both.
+    for part in ["#d100a8", "#f7f7f4", "\"#fff\"", "NaN"] {
+        assert!(!page.contains(part), "{part}");
+    }
+    let samples = page.split("const samples = ").nth(1).unwrap();
+    let samples = samples.split(", metre = ").next().unwrap();
+    let samples: Vec<[Option<f64>; 9]> = serde_json::from_str(samples).unwrap();
+    // Half a metre to the north of a route that winds.
+    let flown: Vec<f64> = samples.iter().filter_map(|s| s[8]).collect();
+    assert_eq!(flown.len(), samples.len());
+    assert!(
+        flown.iter().all(|off| *off < 0.7) && flown.iter().any(|off| *off > 0.4),
+        "{flown:?}"
+    );
+}
+
+#[test]
+fn a_picture_without_home_names_the_option_that_marks_it() {
+    let files = Files::new();
+    let printed = |arguments: &[&str]| {
+        let output = files.run(arguments);
+        assert!(output.status.success() && output.stdout.is_empty());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let plain = printed(&["plot", "route.toml", "-o", "a.svg"]);
+    assert!(
+        plain.contains("no home is drawn: --home LAT,LON"),
+        "{plain}"
+    );
+    let home = printed(&[
+        "plot",
+        "route.toml",
+        "-o",
+        "a.svg",
+        "--home",
+        "47.3970,8.5455",
+    ]);
+    assert!(!home.contains("home"), "{home}");
 }
