@@ -1,6 +1,7 @@
 //! The Python package of the codec: it agrees with the reference codecs of all editions, and the example that is written with
 //! it flies.
 
+use std::process::Command;
 use std::time::Duration;
 
 use kit::process::{Running, filter};
@@ -13,6 +14,28 @@ fn the_package_agrees_with_the_reference_codecs() {
     let seed = seed_from_clock().to_string();
     let output = filter(&peers_python(), [script.as_str(), &seed], String::new());
     assert!(output.ends_with("messages agree\n"), "{output}");
+}
+
+#[test]
+fn the_package_is_typed_throughout() {
+    let package = kit::workspace().join("bindings/python");
+    let mut check = Command::new(peers_python());
+    let check = check.args([
+        "-m",
+        "mypy",
+        "--strict",
+        "--cache-dir",
+        "/dev/null",
+        "stanag_msgs",
+    ]);
+    let output = check.current_dir(package).output().expect("mypy");
+    let found = String::from_utf8_lossy(&output.stdout).into_owned();
+    let failed = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{found}{failed}");
+    assert!(
+        found.contains("no issues found in 2 source files"),
+        "{found}"
+    );
 }
 
 #[test]
