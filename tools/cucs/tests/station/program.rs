@@ -181,3 +181,106 @@ fn traffic_names_the_messages() {
     });
     std::fs::remove_file(&script).unwrap();
 }
+
+#[test]
+fn a_route_is_sent_from_each_format_that_is_read() {
+    let folder = std::env::temp_dir().join(format!("formats-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../curve-plan/tests/data/");
+    let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/");
+    let geojson = folder.join("line.geojson");
+    let line = r#"{"type": "LineString", "coordinates": [[8.5, 47.4, 510], [8.51, 47.4, 510]]}"#;
+    std::fs::write(&geojson, line).unwrap();
+    let flat = examples.to_owned() + "square.kml";
+    let mut files = ["square.route.toml", "square.plan"]
+        .map(|file| examples.to_owned() + file)
+        .to_vec();
+    files.extend(
+        [
+            "mavproxy.waypoints",
+            "mavproxy-px4.txt",
+            "google-earth.kml",
+            "google-earth.kmz",
+            "garmin.gpx",
+            "spreadsheet.csv",
+        ]
+        .map(|file| data.to_owned() + file),
+    );
+    files.push(geojson.display().to_string());
+    let endings: std::collections::BTreeSet<&str> = files
+        .iter()
+        .filter_map(|file| file.rsplit('.').next())
+        .collect();
+    let read = [
+        "csv",
+        "geojson",
+        "gpx",
+        "kml",
+        "kmz",
+        "plan",
+        "toml",
+        "txt",
+        "waypoints",
+    ];
+    assert!(endings.into_iter().eq(read));
+    for file in &files {
+        with_vsm(FakeVsm::new(), |vsm| {
+            assert_eq!(result(&cucs(vsm, &["take"])).0, Some(0));
+            let (status, out, error) = result(&cucs(vsm, &["send", file]));
+            assert_eq!(status, Some(0), "{file}: {error}");
+            assert!(out.contains("is aboard"), "{file}: {out}");
+        });
+    }
+    with_vsm(FakeVsm::new(), |vsm| {
+        assert_eq!(result(&cucs(vsm, &["take"])).0, Some(0));
+        // No altitude is made up.
+        let (status, out, error) = result(&cucs(vsm, &["send", &flat]));
+        assert_eq!(status, Some(2), "{out}{error}");
+        assert!(
+            error.contains("--height") && !out.contains("aboard"),
+            "{out}{error}"
+        );
+        let (status, _, error) = result(&cucs(vsm, &["send", &flat, "--height", "30"]));
+        assert_eq!(status, Some(0), "{error}");
+    });
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_plan_of_two_routes_is_fetched_as_a_file_that_can_be_sent_again() {
+    let folder = std::env::temp_dir().join(format!("two-routes-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let at = |name: &str| folder.join(name).display().to_string();
+    let route = |id: &str, first: u16, north: f64| {
+        let waypoint = |number: u16, next: &str| {
+            format!(
+                "[[waypoint]]\nnumber = {number}\nlatitude = {}\nlongitude = 8.5\naltitude = 30\naltitude_type = \"agl\"\n{next}",
+                north + f64::from(number) * 1e-5
+            )
+        };
+        let last = waypoint(first + 1, "");
+        format!(
+            "id = \"{id}\"\ninitial = {first}\n{}{last}",
+            waypoint(first, &format!("next = {}\n", first + 1))
+        )
+    };
+    std::fs::write(at("a.route.toml"), route("a", 10, 47.3)).unwrap();
+    std::fs::write(at("b.route.toml"), route("b", 50, 47.4)).unwrap();
+    with_vsm(FakeVsm::new(), |vsm| {
+        let done = |arguments: &[&str]| {
+            let (status, out, error) = result(&cucs(vsm, arguments));
+            assert_eq!(status, Some(0), "{arguments:?}: {error}");
+            out
+        };
+        done(&["take"]);
+        done(&["send", &at("a.route.toml")]);
+        done(&["send", &at("b.route.toml")]);
+        done(&["download", "-o", &at("both.route.toml")]);
+        let both = std::fs::read_to_string(at("both.route.toml")).unwrap();
+        for number in [10, 11, 50, 51] {
+            assert!(both.contains(&format!("number = {number}\n")), "{both}");
+        }
+        assert!(done(&["send", &at("both.route.toml")]).contains("4 waypoints is aboard"));
+    });
+    std::fs::remove_dir_all(&folder).unwrap();
+}
