@@ -194,6 +194,26 @@ def in_a_flood(checks, browser, url):
     opened.close()
 
 
+def names_what_does_not_verify(checks, browser, url):
+    """A vehicle that signs with another key: live, and in no way good."""
+    checks.step("signed with another key")
+    opened = browser.open(url)
+    shows_the_vehicle(opened)
+
+    def status(route):
+        answer = route.fetch()
+        body = answer.json()
+        body["vehicles"][0]["link"].update(signed=True, verified_s=None, arrives="signed with another key")
+        route.fulfill(response=answer, json=body)
+
+    opened.page.route("**/status.json*", status)
+    opened.until("document.getElementById('vehicle').textContent.includes('NOT VERIFIED')")
+    shown = opened.page.evaluate("[...document.querySelectorAll('#vehicle dd')].filter((one) => one.textContent.includes('VERIFIED')).map((one) => [one.textContent, one.className])")
+    checks.check("it names what arrives, as bad", shown == [["NOT VERIFIED: no frame has verified; what arrives: signed with another key", "bad"]], shown)
+    checks.check("nothing says that it verified", "verified 0" not in opened.text("#vehicle"), opened.text("#vehicle"))
+    opened.close()
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("url")
@@ -205,6 +225,7 @@ def main():
         is_accessible(checks, browser, arguments.url, arguments.shots)
         by_keyboard(checks, browser, arguments.url)
         in_a_flood(checks, browser, arguments.url)
+        names_what_does_not_verify(checks, browser, arguments.url)
     checks.close()
     sys.exit(0 if checks.passed() else 1)
 
