@@ -7,6 +7,8 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use kit::process::{Running, free_udp_port, program};
+use resvg::tiny_skia::Rect;
+use resvg::usvg::{Group, Node, Options, Tree};
 use serde_json::Value;
 
 #[test]
@@ -256,6 +258,62 @@ impl Scratch {
     fn let_it_boot(&self, name: &str) {
         if name == "px4-sim" {
             std::thread::sleep(Duration::from_secs(10) / SPEED);
+        }
+    }
+}
+
+/// The pictures that are drawn by hand.
+#[test]
+fn no_text_of_a_drawing_crosses_an_edge() {
+    for name in ["ports.svg", "architecture.svg"] {
+        let svg = fs::read_to_string(root().join("docs/img").join(name)).expect(name);
+        assert_eq!(crossings(&svg), Vec::<String>::new(), "{name}");
+    }
+    let crossing = r##"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 200 100" font-family="DejaVu Sans">
+        <rect x="10" y="10" width="80" height="50"/><text x="20" y="40" font-size="14">far too long for it</text></svg>"##;
+    assert_eq!(crossings(crossing), ["far too long for it"]);
+}
+
+/// The texts of a picture that are neither within nor outside of one of its shapes.
+fn crossings(svg: &str) -> Vec<String> {
+    let mut options = Options::default();
+    // The letters of `curve-plan plot`, so that no computer's own decide.
+    let letters = root().join("tools/curve-plan/font/DejaVuSans-Latin.ttf");
+    let letters = fs::read(letters).expect("the letters");
+    options.fontdb_mut().load_font_data(letters);
+    options.font_family = "DejaVu Sans".to_owned();
+    let tree = Tree::from_str(svg, &options).expect("a picture");
+    let (mut shapes, mut texts) = (Vec::new(), Vec::new());
+    parts(tree.root(), &mut shapes, &mut texts);
+    assert!(!texts.is_empty(), "no text");
+    let crosses = |text: &Rect| {
+        shapes.iter().any(|shape: &Rect| {
+            let apart = text.right() <= shape.left()
+                || shape.right() <= text.left()
+                || text.bottom() <= shape.top()
+                || shape.bottom() <= text.top();
+            let within = shape.left() <= text.left()
+                && text.right() <= shape.right()
+                && shape.top() <= text.top()
+                && text.bottom() <= shape.bottom();
+            !apart && !within
+        })
+    };
+    let found = texts.iter().filter(|(_, place)| crosses(place));
+    found.map(|(text, _)| text.clone()).collect()
+}
+
+/// Where the shapes of a group are, and its texts.
+fn parts(group: &Group, shapes: &mut Vec<Rect>, texts: &mut Vec<(String, Rect)>) {
+    for node in group.children() {
+        match node {
+            Node::Group(group) => parts(group, shapes, texts),
+            Node::Path(path) => shapes.push(path.abs_bounding_box()),
+            Node::Text(text) => {
+                let words: Vec<&str> = text.chunks().iter().map(|one| one.text()).collect();
+                texts.push((words.concat(), text.abs_bounding_box()));
+            }
+            Node::Image(_) => {}
         }
     }
 }
