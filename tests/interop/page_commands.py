@@ -1,13 +1,20 @@
 """The operator's page as a ground station: a route is drawn, sent, flown and seen; what is not allowed leads to nothing and is named.
 
-    page_commands.py http://127.0.0.1:8586/ ID KEY_FILE [--shots DIR]
+    page_commands.py http://127.0.0.1:8586/ ID KEY_FILE --low-battery PID --second COMMAND [--shots DIR]
+
+PID is the simulated vehicle's process, which reports a low battery by a signal; COMMAND is a second ground station that asks for control.
 """
 
 import argparse
 import http.server
+import json
 import math
+import os
 import pathlib
 import re
+import shlex
+import signal
+import subprocess
 import sys
 import threading
 
@@ -116,7 +123,55 @@ def kept_out(checks, browser, url, station, key):
     server.shutdown()
 
 
-def flies(checks, browser, url, station, key, shots):
+def a_file_is_dropped(checks, opened):
+    checks.step("a file is dropped on the map")
+    page = opened.page
+    north, east, _ = state(page)["position"]
+    line = {"type": "LineString", "coordinates": [[east, north + 0.001], [east + 0.001, north + 0.001]]}
+    page.evaluate(
+        """(text) => {
+            const all = new DataTransfer();
+            all.items.add(new File([text], 'dropped.geojson'));
+            document.getElementById('map').dispatchEvent(new DragEvent('drop', { bubbles: true, cancelable: true, dataTransfer: all }));
+        }""",
+        json.dumps(line),
+    )
+    newest(opened, "dropped.geojson")
+    newest(opened, "carried out")
+    opened.until("document.querySelectorAll('.waypoint').length === 2")
+    route = page.evaluate("fetch('map.json').then((answer) => answer.json()).then((all) => all[0].route)")
+    above = [round(one["amsl_m"] - 488) for one in route["waypoints"]]
+    checks.check("the vehicle has it, at the height that is typed for files without altitudes", above == [25, 25], above)
+
+
+def an_alert_is_acknowledged(checks, opened, station, vehicle_process):
+    checks.step("an alert is acknowledged")
+    os.kill(vehicle_process, signal.SIGUSR1)
+    opened.until("document.querySelector('#alerts button')")
+    opened.page.locator("#alerts button").first.click()
+    opened.until(f"document.getElementById('alerts').textContent.includes('acknowledged by {station}')")
+    checks.check("who has is shown", True)
+    os.kill(vehicle_process, signal.SIGUSR2)
+
+
+def control_is_handed_over(checks, opened, second):
+    checks.step("another ground station asks for control")
+    page = opened.page
+    other = subprocess.Popen(shlex.split(second), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        opened.until("!document.getElementById('asked').hidden")
+        asked = opened.text("#asked-text")
+        checks.check("who asks, and for what, is shown", "1b:00:00:a0 asks for" in asked, asked)
+        page.locator("#hand-over").click()
+        said, _ = other.communicate(timeout=30)
+        checks.check("it has control", other.returncode == 0, said)
+    finally:
+        other.kill()
+    opened.until("document.getElementById('station-rights').textContent.startsWith('holds no level')")
+    checks.check("the page has none any more", "1b:00:00:a0 (controls)" in opened.text("#holders"), opened.text("#holders"))
+
+
+def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     checks.step("connected")
     opened = browser.open(url)
     page = opened.page
@@ -202,6 +257,11 @@ def flies(checks, browser, url, station, key, shots):
     checks.check("axe-core finds nothing", not found, [f"{one['id']}: {one['nodes'][0]['html']}" for one in found])
     page.locator("#release").click()
     opened.until("document.getElementById('station-rights').textContent.startsWith('holds no level')")
+    page.locator("#take").click()
+    opened.until("document.getElementById('station-rights').textContent.startsWith('holds LOI')")
+    a_file_is_dropped(checks, opened)
+    an_alert_is_acknowledged(checks, opened, station, vehicle_process)
+    control_is_handed_over(checks, opened, second)
     page.locator("#disconnect").click()
     opened.until("!document.getElementById('sign-in').hidden")
     complaints = [one for one in opened.complaints if not re.search("favicon", one)]
@@ -215,13 +275,15 @@ def main():
     parser.add_argument("url")
     parser.add_argument("station")
     parser.add_argument("key_file", type=pathlib.Path)
+    parser.add_argument("--low-battery", type=int, required=True)
+    parser.add_argument("--second", required=True)
     parser.add_argument("--shots")
     arguments = parser.parse_args()
     key = arguments.key_file.read_text().strip()
     checks = Checks()
     with Browser() as browser:
         kept_out(checks, browser, arguments.url, arguments.station, key)
-        flies(checks, browser, arguments.url, arguments.station, key, arguments.shots)
+        flies(checks, browser, arguments.url, arguments.station, key, arguments.low_battery, arguments.second, arguments.shots)
     checks.close()
     sys.exit(0 if checks.passed() else 1)
 

@@ -62,10 +62,22 @@ web = true
     .wait(LIMIT);
     assert!(made.is_some_and(|status| status.success()), "{made:?}");
     let mut bridge = ground.bridge();
-    let _aircraft = ground.aircraft_with(&["--speed", "3"]);
+    let aircraft = ground.aircraft_with(&["--speed", "3"]);
     bridge.wait_for("the link is live", LIMIT);
     let key = key.display().to_string();
-    drive("page_commands.py", &[&ground.page(), PILOT, &key], &bridge);
+    let vehicle = aircraft.id().to_string();
+    let cucs = program("cucs");
+    let second = format!("{} --vsm {} take", cucs.display(), ground.dli());
+    let arguments = [
+        &ground.page(),
+        PILOT,
+        &key,
+        "--low-battery",
+        &vehicle,
+        "--second",
+        &second,
+    ];
+    drive("page_commands.py", &arguments, &bridge);
 }
 
 /// Until the vehicle flies the route.
