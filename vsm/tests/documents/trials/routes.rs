@@ -125,9 +125,9 @@ pub(super) fn routes() -> Vec<Trial> {
                 ..UaLoiterWaypoint::default()
             },
             [
-                "Loiter Direction" = "3" refused "of any vehicle others but 0 are refused",
-                "Loiter Direction" = "9" refused "of any vehicle others but 0 are refused",
-                "Speed Type" = "9" refused "others are refused",
+                "Loiter Direction" = "3",
+                "Loiter Direction" = "9",
+                "Speed Type" = "9",
             ]
         ),
         trial!(
