@@ -223,6 +223,8 @@ fn carry_out(
         && let Some((disk, in_flight)) = erase::claim_at_start(store)?
     {
         beyond(disk, in_flight, print);
+        // Threads that wrote for that let go of the store in a moment.
+        return once_unlocked(store, None, print);
     }
     erase::finish_before_start(store)
 }

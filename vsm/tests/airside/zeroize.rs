@@ -462,7 +462,9 @@ fn a_start_that_finds_an_order_in_flight_waits_for_the_landing_and_sends_px4_not
     // Landed and disarmed within the 30 s, it is given the other key.
     one.world.restart_agent();
     one.world.run(4.0);
-    one.world.command(MavCmd::MAV_CMD_NAV_LAND, [0.0; 3], 0.0);
+    // Custom mode AUTO.LAND.
+    one.world
+        .command(MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 4.0, 6.0], 0.0);
     one.world.run(12.0);
     assert!(one.world.px4.vehicle().truth().armed);
     one.world.restart_agent();
