@@ -2,7 +2,7 @@
 //!
 //! - [`state`]: what gimbals and cameras have reported of themselves, and which stations that makes.
 //! - [`pointing`]: where a sensor looks: its direction in the frames of both standards, and its footprint on the ground.
-//! - [`report`]: messages 21000, 21100 and 21101 from that.
+//! - [`report`]: messages 21000, 21100, 21101 and 50025 from that.
 //! - [`waypoint`]: what a 13004 asks of a station at a waypoint.
 //!
 //! A station is a gimbal, a camera or both. Without a configuration a station has the number of its device among the component
@@ -15,4 +15,4 @@ pub mod state;
 pub mod waypoint;
 
 pub use pointing::{Direction, Footprint};
-pub use state::{Camera, Equipment, Gimbal, Payloads};
+pub use state::{Camera, Equipment, Gimbal, Payloads, StreamInformation};

@@ -7,15 +7,16 @@ use std::time::Duration;
 
 use mavlink_link::dialect::CameraCapFlags;
 use stanag_msgs::enums::{
-    AddressedSensor, EoirPointingMode, EoirSystemMode, ImageOutput, PayloadType, StationBitmap1To16,
+    AddressedSensor, EoirPointingMode, EoirSystemMode, ImageOutput, PayloadType,
+    StationBitmap1To16, VideoEncoding, VideoStreamType,
 };
 use stanag_msgs::messages::{
-    EoIrConfigurationState, EoIrLaserOperatingState, PayloadConfiguration,
+    EoIrConfigurationState, EoIrLaserOperatingState, PayloadConfiguration, VideoStreamReport,
 };
-use stanag_msgs::{Bam16, Bam32, Id, Scaled, TimeStamp};
+use stanag_msgs::{Bam16, Bam32, Id, Scaled, Text, TimeStamp};
 
 use super::pointing::{self, Footprint, GimbalAttitude, LineOfSight};
-use super::state::{Camera, Equipment, Gimbal, Payloads};
+use super::state::{Camera, Equipment, Gimbal, Payloads, StreamInformation};
 use crate::telemetry::{Place, Telemetry};
 
 /// System Operating Mode 10: active, and recording. A payload specific value, described by the guide.
@@ -142,6 +143,29 @@ pub fn configuration(
         payload_type: Some(payload_type(station)),
         number_of_payload_recording_devices: records.map(u8::from),
         ..PayloadConfiguration::default()
+    }
+}
+
+/// 50025: a video stream of a station's camera, by its number.
+#[must_use]
+pub fn video_stream(
+    bit: u16,
+    (number, stream): (u8, &StreamInformation),
+    stamp: TimeStamp,
+) -> VideoStreamReport {
+    let [columns, rows] = stream
+        .resolution
+        .map(|pixels| Some(pixels).filter(|pixels| *pixels > 0));
+    VideoStreamReport {
+        time_stamp: Some(stamp),
+        station_number_1_16: Some(StationBitmap1To16::from_raw(bit)),
+        stream_number: Some(number),
+        stream_count: Some(stream.count),
+        stream_type: Some(VideoStreamType::from_raw(stream.kind)),
+        video_encoding: Some(VideoEncoding::from_raw(stream.encoding)),
+        horizontal_resolution: columns,
+        vertical_resolution: rows,
+        uri: Some(Text::new(&stream.uri)),
     }
 }
 

@@ -84,6 +84,8 @@ pub struct Camera {
     pub field_of_view: Option<(Duration, [f64; 2])>,
     /// VIDEO_STREAM_STATUS or VIDEO_STREAM_INFORMATION of its first stream, and when it came: it runs, it is thermal.
     pub stream: Option<(Duration, Stream)>,
+    /// VIDEO_STREAM_INFORMATION of each, by their numbers from 1.
+    pub streams: BTreeMap<u8, StreamInformation>,
 }
 
 /// What a camera is (CAMERA_INFORMATION).
@@ -135,6 +137,21 @@ pub struct Stream {
     pub running: bool,
     /// It is of a thermal sensor.
     pub thermal: bool,
+}
+
+/// What a video stream is, and where (VIDEO_STREAM_INFORMATION).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StreamInformation {
+    /// How many the camera has.
+    pub count: u8,
+    /// VIDEO_STREAM_TYPE.
+    pub kind: u8,
+    /// VIDEO_STREAM_ENCODING.
+    pub encoding: u8,
+    /// Pixels, columns and rows; 0 where it reports none.
+    pub resolution: [u16; 2],
+    /// As the camera gives it.
+    pub uri: String,
 }
 
 /// What makes a payload station: `vehicle.payload`, or what the vehicle shows.
@@ -267,10 +284,23 @@ impl Payloads {
             MavMessage::VIDEO_STREAM_STATUS(m) if m.stream_id == 1 && m.camera_device_id == 0 => {
                 self.note_stream(now, component, m.flags);
             }
-            MavMessage::VIDEO_STREAM_INFORMATION(m)
-                if m.stream_id == 1 && m.camera_device_id == 0 =>
-            {
-                self.note_stream(now, component, m.flags);
+            MavMessage::VIDEO_STREAM_INFORMATION(m) if m.camera_device_id == 0 => {
+                if m.stream_id == 1 {
+                    self.note_stream(now, component, m.flags);
+                }
+                if let Some(camera) = self.cameras.get_mut(&component)
+                    && (1..=MAX_STREAMS).contains(&m.stream_id)
+                {
+                    let information = StreamInformation {
+                        count: m.count,
+                        kind: m.mavtype as u8,
+                        encoding: m.encoding as u8,
+                        resolution: [m.resolution_h, m.resolution_v],
+                        // What is no text is none.
+                        uri: m.uri.to_str().unwrap_or_default().to_owned(),
+                    };
+                    camera.streams.insert(m.stream_id, information);
+                }
             }
             _ => {}
         }
@@ -399,6 +429,8 @@ fn level(percent: f32) -> Option<f64> {
 
 /// Half a degree, rad: a step of the wire, and what a gimbal rounds.
 const SLACK: f64 = 0.009;
+/// Streams of each camera that are kept.
+const MAX_STREAMS: u8 = 8;
 /// Devices of each kind that are kept.
 const MAX_DEVICES: usize = 32;
 

@@ -32,7 +32,7 @@ static REASONS: &[(&[u16], &str)] = &[
     ),
     (
         &[32_301],
-        "no source establishes the length of its Uniform Resource Identifier, nor the values of its Stream N Type; `vsm klv` sends what it would announce",
+        "no source establishes the length of its Uniform Resource Identifier, nor the values of its Stream N Type; the private message 50025 announces the same",
     ),
     (
         &[42_003, 43_002],

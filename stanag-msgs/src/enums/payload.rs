@@ -45,6 +45,22 @@ enumerations! {
         WhiteHot = 1 "white hot";
     }
 
+    VideoStreamType(u8) = "video_stream_type", A, source "this project, as MAVLink's VIDEO_STREAM_TYPE",
+        description "how a video stream is received" {
+        Rtsp = 0 "RTSP";
+        RtpUdp = 1 "RTP over UDP";
+        TcpMpeg = 2 "MPEG over TCP";
+        MpegTs = 3 "MPEG transport stream over UDP";
+        Whep = 4 "WHEP";
+    }
+
+    VideoEncoding(u8) = "video_encoding", A, source "this project, as MAVLink's VIDEO_STREAM_ENCODING",
+        description "how the pictures of a video stream are encoded" {
+        NotReported = 0 "not reported";
+        H264 = 1 "H.264";
+        H265 = 2 "H.265";
+    }
+
     ImageOutput(u8) = "image_output", B, source "E2 + F" {
         None = 0 "none";
         Eo = 1 "EO";

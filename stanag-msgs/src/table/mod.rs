@@ -21,6 +21,7 @@ mod payload;
 mod private;
 mod stamp;
 mod system_id;
+mod video;
 mod zeroize;
 
 pub use crate::field::{Confidence, FieldInfo, Wire};
@@ -150,6 +151,7 @@ gather! {
         SoftwareVersionReport, PingRequest, PingResponse, AreaVertex, AreaTransferCommand, AreaTransferStatus;
     held: HoldCommand, HeldCommandCancel, HeldCommandState, Contingency;
     zeroize: ZeroizeCommand;
+    video: VideoStreamReport;
 }
 
 impl Message {

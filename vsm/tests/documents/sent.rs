@@ -328,7 +328,7 @@ fn payload() -> Rig {
     });
     rig.take_off(20.0);
     rig.run(4.0);
-    for message in [21000, 21100, 21101] {
+    for message in [21000, 21100, 21101, 50025] {
         done(&mut rig, request(message));
     }
     rig

@@ -193,6 +193,51 @@ fn stations_are_those_that_the_vehicle_shows_and_each_has_one_holder() {
 }
 
 #[test]
+fn the_video_streams_of_cameras_are_announced_when_they_appear_and_on_request() {
+    let mut rig = rig(2);
+    // LOI 2 alone is granted to who only listens.
+    let request = CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::LOI2),
+        requested_handover_access: Some(RequestedAccess::Request),
+        ..CucsAuthorisationRequest::default()
+    };
+    let ticket = rig.send_as(OPERATOR, 0, request);
+    assert_eq!(rig.end_as(OPERATOR, ticket), DONE);
+    rig.run(8.0);
+    let streams = |rig: &Rig, from: usize| -> Vec<(u16, String)> {
+        let received = rig.stations[OPERATOR].received[from..].iter();
+        let streams = received.filter_map(|(_, _, message)| match message {
+            Message::VideoStreamReport(one) => Some((
+                one.station_number_1_16?.raw(),
+                one.uri.as_ref()?.as_str().to_owned(),
+            )),
+            _ => None,
+        });
+        streams.collect()
+    };
+    let expected = [(1, 100), (2, 101)]
+        .map(|(bit, camera)| (bit, format!("rtsp://192.168.144.25:8554/camera{camera}")));
+    let mut announced = streams(&rig, 0);
+    announced.sort();
+    assert_eq!(announced, expected, "once each");
+    let before = rig.stations[OPERATOR].received.len();
+    let request = GenericInformationRequestMessage {
+        message_type: Some(50025),
+        station_number_1_16: Some(StationBitmap1To16::from_raw(2)),
+        ..GenericInformationRequestMessage::default()
+    };
+    assert_eq!(order(&mut rig, OPERATOR, request), DONE);
+    rig.run(0.3);
+    assert_eq!(streams(&rig, before), expected[1..]);
+    // Who begins to listen later is sent them with the grant.
+    let before = rig.stations[SECOND].received.len();
+    assert_eq!(take(&mut rig, SECOND, 0x01, 0), DONE);
+    let late = rig.stations[SECOND].received[before..].iter();
+    let late = late.filter(|(_, _, message)| message.id() == 50025);
+    assert_eq!(late.count(), 2);
+}
+
+#[test]
 fn an_operator_points_zooms_and_records_while_another_flies() {
     let mut rig = rig(1);
     assert_eq!(take(&mut rig, PILOT, 0x0c, 0), DONE);

@@ -65,6 +65,7 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("payload focus closer", Done),
     ("payload image ir", Done),
     ("payload photo", Done),
+    ("payload streams", Done),
     ("payload record on", Done),
     ("payload record off", Done),
     ("payload cage", Done),

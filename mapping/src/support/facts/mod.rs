@@ -9,6 +9,7 @@ mod mission;
 mod payload;
 mod private;
 mod services;
+mod video;
 mod zeroize;
 
 use super::row::MessageSupport;
@@ -25,4 +26,5 @@ pub(super) static SUPPORT: &[&[MessageSupport]] = &[
     private::ROWS,
     held::ROWS,
     zeroize::ROWS,
+    video::ROWS,
 ];

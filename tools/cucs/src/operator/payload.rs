@@ -11,7 +11,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::{
     EoIrLaserOperatingState, EoIrLaserPayloadCommand, GenericInformationRequestMessage,
-    PayloadSteeringCommand,
+    PayloadSteeringCommand, VideoStreamReport,
 };
 use stanag_msgs::{Bam16, Bam32, Id, Message, Scaled};
 
@@ -42,6 +42,8 @@ enum PayloadVerb {
     Command(PayloadAction),
     /// Show what the station does and where it really looks (21101).
     State,
+    /// Show the video streams of the stations: what they are, and their addresses (50025).
+    Streams,
 }
 
 /// A command to a payload station.
@@ -363,6 +365,7 @@ impl<W: Write> Operator<W> {
                 self.finish(vehicle, &what, outcome)
             }
             PayloadVerb::State => self.payload_state(vehicle, arguments.station).await,
+            PayloadVerb::Streams => self.payload_streams(vehicle, arguments.station).await,
         }
     }
 
@@ -411,6 +414,56 @@ impl<W: Write> Operator<W> {
         }
         Ok(())
     }
+}
+
+impl<W: Write> Operator<W> {
+    /// 17002 for 50025.
+    async fn payload_streams(&mut self, vehicle: Id, number: Option<u8>) -> Done {
+        let request = GenericInformationRequestMessage {
+            message_type: Some(VideoStreamReport::ID),
+            station_number_1_16: number.map(bit),
+            ..GenericInformationRequestMessage::default()
+        };
+        let what = "video streams (17002 for 50025)";
+        let answers = self.query(vehicle, request, what).await?;
+        let mut any = false;
+        for answer in &answers {
+            let Message::VideoStreamReport(stream) = answer else {
+                continue;
+            };
+            any = true;
+            let (line, value) = described_stream(stream);
+            self.print(&format!("{vehicle}: {line}"), value)?;
+        }
+        if !any {
+            let line = format!("{vehicle}: no video stream is reported");
+            self.print(&line, json!({"video_streams": []}))?;
+        }
+        Ok(())
+    }
+}
+
+/// A video stream, as a line and for programs; what is unknown is null there.
+fn described_stream(stream: &VideoStreamReport) -> (String, Value) {
+    let bits = stream
+        .station_number_1_16
+        .map_or(0, StationBitmap1To16::raw);
+    let station = bits.is_power_of_two().then(|| bits.trailing_zeros() + 1);
+    let number = stream.stream_number.unwrap_or_default();
+    let kind = stream.stream_type.map(|kind| kind.to_string());
+    let encoding = stream.video_encoding.map(|encoding| encoding.to_string());
+    let size = stream.horizontal_resolution.zip(stream.vertical_resolution);
+    let uri = stream.uri.as_ref().map(|uri| uri.as_str().to_owned());
+    let shown = size.map(|(columns, rows)| format!("{columns} x {rows}"));
+    let parts = [uri.clone(), kind.clone(), encoding.clone(), shown];
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    let of = station.map_or_else(String::new, |station| format!("payload station {station} "));
+    let line = format!("{of}stream {number}: {}", parts.join(", "));
+    let value = json!({
+        "payload_station": station, "stream": number, "uri": uri, "type": kind, "encoding": encoding,
+        "resolution": size.map(|(columns, rows)| [columns, rows]),
+    });
+    (line, value)
 }
 
 /// The bitmap of one station.

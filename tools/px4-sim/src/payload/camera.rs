@@ -361,8 +361,29 @@ impl Camera {
                     ..Default::default()
                 })
             }
+            mav::VIDEO_STREAM_INFORMATION_DATA::ID => {
+                MavMessage::VIDEO_STREAM_INFORMATION(mav::VIDEO_STREAM_INFORMATION_DATA {
+                    framerate: 30.0,
+                    bitrate: 4_000_000,
+                    flags: VideoStreamStatusFlags::VIDEO_STREAM_STATUS_FLAGS_RUNNING,
+                    resolution_h: COLUMNS as u16,
+                    resolution_v: ROWS as u16,
+                    hfov: hfov.to_degrees().round() as u16,
+                    stream_id: 1,
+                    count: 1,
+                    mavtype: mav::VideoStreamType::VIDEO_STREAM_TYPE_RTSP,
+                    encoding: mav::VideoStreamEncoding::VIDEO_STREAM_ENCODING_H264,
+                    uri: self.stream_uri().as_str().into(),
+                    ..Default::default()
+                })
+            }
             _ => return None,
         })
+    }
+
+    /// Where its pictures would be.
+    fn stream_uri(&self) -> String {
+        format!("rtsp://192.168.144.25:8554/camera{}", self.component)
     }
 
     fn flags(&self) -> CameraCapFlags {

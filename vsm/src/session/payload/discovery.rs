@@ -11,7 +11,8 @@ use mavlink_link::service::command::{Outcome, Ticket};
 
 use super::step::{
     CAMERA_CAPTURE_STATUS, CAMERA_FOV_STATUS, CAMERA_INFORMATION, CAMERA_SETTINGS,
-    GIMBAL_MANAGER_INFORMATION, STORAGE_INFORMATION, VIDEO_STREAM_STATUS, request,
+    GIMBAL_MANAGER_INFORMATION, STORAGE_INFORMATION, VIDEO_STREAM_INFORMATION, VIDEO_STREAM_STATUS,
+    request,
 };
 use crate::session::context::Context;
 use crate::session::effects::Effects;
@@ -59,9 +60,15 @@ impl Discovery {
                 continue;
             }
             let turn = self.turn.get(&component).copied().unwrap_or(0);
-            let due = STATUS[turn % STATUS.len()];
-            let streams = CameraCapFlags::CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM;
-            let skipped = due == VIDEO_STREAM_STATUS && !known.can.contains(streams);
+            let has_streams =
+                (known.can).contains(CameraCapFlags::CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM);
+            let asks = has_streams && camera.streams.is_empty() && turn / STATUS.len() % 2 == 1;
+            let due = match STATUS[turn % STATUS.len()] {
+                // Until it is known, every other time: a clock of its own would meet the camera busy with these again and again.
+                STORAGE_INFORMATION if asks => VIDEO_STREAM_INFORMATION,
+                due => due,
+            };
+            let skipped = due == VIDEO_STREAM_STATUS && !has_streams;
             if skipped || self.request(component, due, STATUS_EVERY, context, effects) {
                 self.turn.insert(component, turn + 1);
             }
@@ -128,7 +135,7 @@ impl Discovery {
 
 /// Status messages of a camera have one clock together.
 fn key(message: u16) -> u16 {
-    if STATUS.contains(&message) {
+    if STATUS.contains(&message) || message == VIDEO_STREAM_INFORMATION {
         CAMERA_SETTINGS
     } else {
         message

@@ -21,8 +21,8 @@ use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::altitude::{Altimeter, Datum};
-use mapping::payload::Equipment;
 use mapping::payload::report::{self, Ground, Station};
+use mapping::payload::{Equipment, StreamInformation};
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavResult;
 use mavlink_link::service::command::{Event, Outcome, Ticket};
@@ -47,6 +47,8 @@ pub(crate) struct Payload {
     discovery: Discovery,
     /// The stations that listeners were sent last.
     announced: Vec<Equipment>,
+    /// The same of the video streams: of which station, and which.
+    announced_streams: BTreeMap<(u8, u8), StreamInformation>,
 }
 
 /// What was commanded of one station.
@@ -188,6 +190,9 @@ impl Payload {
                 if effects.listeners.contains(&station) {
                     let all = context.equipment();
                     announce(context, &[station], &all, effects);
+                    for one in &streams(context) {
+                        announce_stream(&[station], one, effects);
+                    }
                 }
                 return;
             }
@@ -587,12 +592,27 @@ impl Payload {
     /// 21000 to all who listen, where the stations are others than before.
     fn watch_stations(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let all = context.equipment();
-        if all == self.announced {
+        if all != self.announced {
+            let listeners = effects.listeners.clone();
+            announce(context, &listeners, &all, effects);
+            self.announced = all;
+        }
+        let streams = streams(context);
+        if self
+            .announced_streams
+            .iter()
+            .eq(streams.iter().map(|(bit, one)| (bit, *one)))
+        {
             return;
         }
         let listeners = effects.listeners.clone();
-        announce(context, &listeners, &all, effects);
-        self.announced = all;
+        for one in &streams {
+            if self.announced_streams.get(&one.0) != Some(one.1) {
+                announce_stream(&listeners, one, effects);
+            }
+        }
+        let of_now = streams.into_iter().map(|(of, one)| (of, one.clone()));
+        self.announced_streams = of_now.collect();
     }
 }
 
@@ -748,6 +768,31 @@ pub(crate) fn ground<'a>(bounds: &'a Bounds, telemetry: &Telemetry) -> Option<Gr
             let home = telemetry.home?;
             Some(Ground::Flat(home.amsl_m))
         }
+    }
+}
+
+/// The video streams of all stations: of which station and which, and what it is.
+fn streams<'a>(context: &Context<'a>) -> Vec<((u8, u8), &'a StreamInformation)> {
+    let payloads = &context.common.vehicle.payloads;
+    let cameras = context.equipment().into_iter().filter(|one| one.bit() != 0);
+    let cameras = cameras.filter_map(|one| Some((one.number, payloads.camera(one.camera)?)));
+    let each = cameras.flat_map(|(station, camera)| {
+        let streams = camera.streams.iter();
+        streams.map(move |(number, stream)| ((station, *number), stream))
+    });
+    each.collect()
+}
+
+/// 50025 of a stream to these CUCSs.
+fn announce_stream(
+    to: &[usize],
+    ((station, number), stream): &((u8, u8), &StreamInformation),
+    effects: &mut Effects<'_>,
+) {
+    let bit = 1 << (station - 1);
+    for listener in to {
+        let message = report::video_stream(bit, (*number, stream), effects.stamp());
+        effects.send(*listener, &message.into());
     }
 }
 

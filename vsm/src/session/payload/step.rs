@@ -476,7 +476,7 @@ impl Motion {
 
 /// REQUEST_MESSAGE.
 pub(super) fn request(message: u16) -> Command {
-    // Of storages all, of streams the first.
+    // Of storages all, and what all streams are; what the first one does.
     let which = if message == VIDEO_STREAM_STATUS {
         1.0
     } else {
@@ -538,6 +538,7 @@ pub(super) const CAMERA_INFORMATION: u16 = 259;
 pub(super) const CAMERA_SETTINGS: u16 = 260;
 pub(super) const STORAGE_INFORMATION: u16 = 261;
 pub(super) const CAMERA_CAPTURE_STATUS: u16 = 262;
+pub(super) const VIDEO_STREAM_INFORMATION: u16 = 269;
 pub(super) const VIDEO_STREAM_STATUS: u16 = 270;
 pub(super) const CAMERA_FOV_STATUS: u16 = 271;
 pub(super) const GIMBAL_MANAGER_INFORMATION: u16 = 280;

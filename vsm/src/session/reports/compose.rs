@@ -1,5 +1,5 @@
 //! The reports, composed from what the vehicle shows: 3, 3001, 3002, 4000, 4001 and 16002, which are pushed; and status in
-//! detail, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 3016, 12001, 12101, 16001, 18300, 18500, 28001 to 32400.
+//! detail, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 3016, 12001, 12101, 16001, 18300, 18500, 28001 to 32400, 50025.
 //!
 //! What the vehicle must stream for the latter is requested of the vehicle then, not before: a radio has no room for it.
 
@@ -23,7 +23,7 @@ use crate::session::payload::{PayloadView, ground};
 pub(super) const REPORTS: &[u16] = &[3, 3001, 3002, 4000, 4001, 16002];
 pub(super) const DETAILS: &[u16] = &[
     3000, 3004, 3005, 3006, 3007, 3009, 3010, 3011, 3016, 12001, 12101, 16001, 18300, 18500, 21000,
-    21100, 21101, 28001, 32000, 32003, 32005, 32006, 32200, 32302, 32400,
+    21100, 21101, 28001, 32000, 32003, 32005, 32006, 32200, 32302, 32400, 50025,
 ];
 /// Of these, those about payload stations.
 pub(super) const PAYLOAD: &[u16] = &[21000, 21100, 21101];
@@ -181,7 +181,7 @@ fn details(
                 .into_iter()
                 .collect()
         }
-        21000 | 21100 | 21101 => payload_reports(sources, report, effects),
+        21000 | 21100 | 21101 | 50025 => payload_reports(sources, report, effects),
         3016 => {
             let route = sources
                 .mission
@@ -224,7 +224,7 @@ fn details(
     }
 }
 
-/// 21000, 21100 or 21101 of every payload station.
+/// 21000, 21100 or 21101 of every payload station, or 50025 of every video stream.
 fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_>) -> Vec<Message> {
     let context = &sources.common;
     let (vehicle, live) = (context.vehicle, context.vehicle.live());
@@ -238,6 +238,14 @@ fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_
             21000 => {
                 let report = payload::configuration(&station, &all, context.vsm, stamp);
                 reports.push(report.into());
+            }
+            50025 => {
+                let camera = vehicle.payloads.camera(equipment.camera);
+                for (number, stream) in camera.into_iter().flat_map(|camera| &camera.streams) {
+                    let of = (*number, stream);
+                    let report = payload::video_stream(equipment.bit(), of, effects.stamp());
+                    reports.push(report.into());
+                }
             }
             21100 => reports.push(payload::sensor(&station, context.vsm, stamp).into()),
             _ if live => {
@@ -256,6 +264,7 @@ fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_
 pub(super) fn station_bits(report: &Message) -> Option<u16> {
     match report {
         Message::PayloadConfiguration(report) => report.station_number_1_16.map(|bits| bits.raw()),
+        Message::VideoStreamReport(report) => report.station_number_1_16.map(|bits| bits.raw()),
         Message::EoIrConfigurationState(report) => report.station_number_1_16,
         Message::EoIrLaserOperatingState(report) => report.station_number_1_16,
         _ => None,
