@@ -44,5 +44,11 @@ fn an_operator_works_while_another_flies_and_the_picture_shows_where_the_sensor_
         centers as f64 == drawn && drawn >= slaved,
         "{centers}: {line}"
     );
-    assert!(svg.matches("class=\"sight\"").count() >= 5, "{svg}");
+    // Of each line of sight that is drawn the width of the view, too: its field of view has been reported by then.
+    let sights = svg.matches("class=\"sight\"").count();
+    let widths = svg.matches("class=\"width\"").count();
+    assert!(
+        sights >= 5 && widths + 1 >= sights && widths <= sights,
+        "{sights} {widths}: {svg}"
+    );
 }

@@ -328,7 +328,7 @@ fn sights(
                 let (across_x, across_y) = (-along_y * half, along_x * half);
                 let _ = writeln!(
                     svg,
-                    "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{SEEN}\"/>",
+                    "<path class=\"width\" d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{SEEN}\"/>",
                     x - across_x,
                     y - across_y,
                     x + across_x,
