@@ -32,11 +32,11 @@ fn key(term: Term) -> Key {
     value(term).try_into().unwrap()
 }
 
-fn identity(name: Name) -> Identity {
+pub(super) fn identity(name: Name) -> Identity {
     Identity::new(secret_bytes(name).try_into().unwrap())
 }
 
-fn public(name: Name) -> PublicKey {
+pub(super) fn public(name: Name) -> PublicKey {
     PublicKey::new(*key_pair(name).1.as_bytes())
 }
 
@@ -58,7 +58,7 @@ fn initiator(disk: &GroundDisk, now: Duration) -> Initiator {
     Initiator::new(config, disk.memory(), now)
 }
 
-fn responder(disk: &AirDisk, now: Duration) -> Responder<u8> {
+pub(super) fn responder(disk: &AirDisk, now: Duration) -> Responder<u8> {
     let identity = identity(Name::Air);
     let config = ResponderConfig {
         parties: parties(),

@@ -10,6 +10,7 @@
 //! message must have the bytes of its term, each disk the keys of the model, and what the model refuses must change
 //! no disk. So a field, a label, an order or a check that changes in the code alone fails there.
 //! **That it can fail**: each [`Flaw`] is found.
+//! **The order to zeroize**, steps 6 and 7, has a model of its own (`orders`): it shares nothing with these but the static keys.
 //!
 //! **Not shown**: anything of real cryptography. A secret cannot be guessed, a seal cannot be bent, there are no points of low order,
 //! and what is wiped is gone. No time: an attempt may be given up at any moment, and only where the design leans on time (a ground that pairs
@@ -20,6 +21,7 @@
 mod code;
 mod ends;
 mod messages;
+mod orders;
 mod search;
 mod terms;
 

@@ -25,6 +25,8 @@ pub(crate) enum Name {
     AirOnce(u8),
     Code,
     FirstKey,
+    /// The agent's secrets that challenges for orders are made with, one for each time that it draws one.
+    Challenges(u8),
 }
 
 /// A term by its number: equal terms have the same.
