@@ -25,9 +25,9 @@ facts! {
         "System Operating Mode": "0 retracts the gimbal, 2 centres it, 5 ends recording, 10 records video, 11 takes a photograph; others are refused";
         "Image Output": "1 and 2: SET_CAMERA_SOURCE, shown by VIDEO_STREAM_STATUS; others are refused";
         "Set EO/IR Pointing Mode": "which fields of 19001 count: 0 none, 1 angles, 2 and 3 rates, 4 a place, at once the one in view; others are refused";
-        "Fire Laser Pointer": "0; others are refused";
-        "Fire Laser Rangefinder": "0; others are refused";
-        "Initiate Laser Designator": "0; others are refused";
+        "Fire Laser Pointer": "0; others are refused: MAVLink has no command for a laser";
+        "Fire Laser Rangefinder": "0; others are refused: MAVLink has no command for a laser";
+        "Initiate Laser Designator": "0; others are refused: MAVLink has no command for a laser";
     }
     21000 sends "at the grant of LOI 2, when a payload station appears, by 17001 and on 17002, one a station, unless dli.provisional is off" {
         "Time Stamp": STAMP;
