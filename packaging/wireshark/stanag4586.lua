@@ -92,6 +92,8 @@ local ENUMS = {
   subsystem_id = { values = { [0] = "engine", [1] = "mechanical", [2] = "electrical", [3] = "comms", [4] = "propulsion energy", [5] = "navigation", [6] = "payload", [7] = "recovery system", [8] = "environmental control", [9] = "VSM status", [10] = "ADT", [11] = "GDT (CDT)", [19] = "not assigned (in field configuration messages)" }, ranges = { { 12, 18, "reserved" }, { 20, 31, "VSM specific" } } },
   turn_type = { values = { [0] = "short turn (cut the corner)", [1] = "fly over" } },
   ua_state = { values = { [0] = "unknown", [1] = "power up", [2] = "pre-start", [3] = "pre-launch", [4] = "launch abort" }, ranges = { { 5, 9, "reserved in E3" }, { 10, 255, "VSM specific in E3" } } },
+  video_encoding = { values = { [0] = "not reported", [1] = "H.264", [2] = "H.265" } },
+  video_stream_type = { values = { [0] = "RTSP", [1] = "RTP over UDP", [2] = "MPEG over TCP", [3] = "MPEG transport stream over UDP", [4] = "WHEP" } },
   wait_transition = { values = { [0] = "do not wait", [1] = "wait for the message" } },
   waypoint_speed_type = { values = { [0] = "indicated airspeed", [1] = "true airspeed", [2] = "ground speed", [3] = "arrival time (use Arrival Time field)" } },
   waypoint_type = { values = { [0] = "normal", [1] = "end of a loop" } },
@@ -1297,6 +1299,17 @@ local MESSAGES = {
   [50024] = { name = "Zeroize Command", short = "zeroize_command", presence = 1, fields = {
     { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
     { short = "commanded_zeroize_state", name = "Commanded Zeroize State", wire = "u8", enum = "ft_state" },
+  } },
+  [50025] = { name = "Video Stream Report", short = "video_stream_report", presence = 2, fields = {
+    { short = "time_stamp", name = "Time Stamp", wire = "u40", time = true },
+    { short = "station_number_1_16", name = "Station Number 1-16", wire = "u16", enum = "station_bitmap_1_16" },
+    { short = "stream_number", name = "Stream Number", wire = "u8" },
+    { short = "stream_count", name = "Stream Count", wire = "u8" },
+    { short = "stream_type", name = "Stream Type", wire = "u8", enum = "video_stream_type" },
+    { short = "video_encoding", name = "Video Encoding", wire = "u8", enum = "video_encoding" },
+    { short = "horizontal_resolution", name = "Horizontal Resolution", wire = "u16", unit = "pixel" },
+    { short = "vertical_resolution", name = "Vertical Resolution", wire = "u16", unit = "pixel" },
+    { short = "uri", name = "Uniform Resource Identifier", chars = 160 },
   } },
 }
 
