@@ -1,6 +1,7 @@
 //! The documents: the commands of the README and of the quick start do what is written, in their order; every link leads
 //! somewhere; every `cargo xtask` task, source file and test that is named is there.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -29,6 +30,66 @@ fn the_commands_of_the_first_tasks_fly_the_vehicle() {
 #[test]
 fn the_five_commands_of_the_officers_page_switch_everything_on() {
     run_all("docs/guide/officer.md");
+}
+
+/// The demo is what a newcomer builds first, and waits for. Cargo builds a crate again for other features, and which it has depends on the
+/// packages that are selected.
+#[test]
+fn what_the_demo_has_built_is_not_built_again() {
+    let text = fs::read_to_string(root().join("README.md")).expect("the page");
+    let commands = commands(&text);
+    let at = |line: &str| commands.iter().position(|one| one == line);
+    let (demo, rest) = (
+        at("cargo run --release -- demo"),
+        at("cargo build --release"),
+    );
+    assert!(demo.is_some() && demo < rest, "{commands:?}");
+    // `cargo run` builds one program of the same packages: `default-run`.
+    let (demo, rest) = (planned(&["--bin", "vsm"]), planned(&[]));
+    let again: Vec<_> = demo.iter().filter(|unit| !rest.contains(*unit)).collect();
+    assert!(
+        again.is_empty() && demo.len() > 100,
+        "built twice: {again:#?}"
+    );
+    let programs = [
+        "cucs",
+        "curve-plan",
+        "dli-check",
+        "mavlink-check",
+        "px4-sim",
+        "vsm",
+    ];
+    for program in programs {
+        let is_built = |unit: &String| unit.contains(&format!("\"name\":\"{program}\""));
+        assert!(rest.iter().any(is_built), "{program} is not built");
+    }
+}
+
+/// What `cargo build --release` would compile, each unit with its features and profile.
+fn planned(selection: &[&str]) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "build",
+            "--release",
+            "--offline",
+            "--unit-graph",
+            "-Zunstable-options",
+        ])
+        .args(selection)
+        // The plan is not shown by a stable Cargo otherwise; nothing is compiled.
+        .env("RUSTC_BOOTSTRAP", "1")
+        .current_dir(root())
+        .output()
+        .expect("cargo");
+    let why = String::from_utf8_lossy(&output.stderr);
+    let graph: Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {why}"));
+    let units = graph["units"].as_array().expect("units");
+    let parts = [
+        "pkg_id", "target", "mode", "features", "platform", "profile",
+    ];
+    let unit = |unit: &Value| parts.map(|part| unit[part].to_string()).join(" ");
+    units.iter().map(unit).collect()
 }
 
 /// How many times faster than real time the vehicle of a page flies.
