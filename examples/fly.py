@@ -1,9 +1,9 @@
 """A ground station in Python: takes control of the quick start's vehicle, flies a triangle and lands.
 
-    pip install ./bindings/python
-    python examples/fly.py [HOST:PORT]    # `vsm run` and `px4-sim` run, as in docs/guide/quick-start.md
+    python3 -m venv .venv                           # the Python of a distribution takes no packages beside its own
+    .venv/bin/pip install ./bindings/python
+    .venv/bin/python examples/fly.py [HOST:PORT]    # `vsm run` and `px4-sim` run, as in docs/guide/quick-start.md
 """
-import itertools
 import math
 import socket
 import sys
@@ -16,13 +16,19 @@ host, port = (sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1:4586").rsplit(":"
 udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 udp.connect((host, int(port)))
 udp.settimeout(0.2)
-# A stamp is used once: they count on from now, in milliseconds since 2000.
-stamps = itertools.count(int((time.time() - 946_684_800) * 1000))
+last_stamp = 0
 
 
-def send(id, fields, ack=False):
-    stamp = next(stamps)
-    message = {"id": id, "source": CUCS, "destination": VEHICLE, "ack": ack, "fields": {"Time Stamp": stamp, **fields}}
+def new_stamp():
+    """The clock, in milliseconds since 2000; none is used twice."""
+    global last_stamp
+    last_stamp = max(last_stamp + 1, int((time.time() - 946_684_800) * 1000))
+    return last_stamp
+
+
+def send(id, fields, ack=False, to=VEHICLE):
+    stamp = new_stamp()
+    message = {"id": id, "source": CUCS, "destination": to, "ack": ack, "fields": {"Time Stamp": stamp, **fields}}
     udp.send(dli.encode(message))
     return stamp
 
@@ -39,6 +45,10 @@ def wait(what, accept, seconds=60):
         except (TimeoutError, ConnectionRefusedError):
             continue
         for message in received:
+            # What asks for it is acknowledged: by that the VSM knows that this CUCS is at this address.
+            if message.get("ack"):
+                send(17000, {"Original Message Time Stamp": message["fields"].get("Time Stamp"),
+                             "Original Message Type": message["id"], "Acknowledgement Type": 1}, to=message["source"])
             if message["id"] == 16000 and message["fields"].get("Text"):
                 print("alert:", message["fields"]["Text"])
             if accept(message["id"], message["fields"]):
@@ -75,7 +85,9 @@ command("route begun", 2016, {"Select Flight Path Control Mode": "waypoint"})
 wait("the last waypoint", lambda id, f: id == 4001 and f.get("To Waypoint Number") == 3)
 wait("the route's end", lambda id, f: id == 3001 and f.get("Select Flight Path Control Mode") == "loiter", 120)
 command("landing begun", 2016, {"Select Flight Path Control Mode": "autoland engage"})
-wait("the ground", lambda id, f: id == 3002 and f.get("UA State") in ("power up", "pre-start", "pre-launch"), 120)
-send(1, {"Requested/Handover LOI": levels, "Requested/Handover Access": "relinquish / hand off control"})
+# On the ground it is "pre-launch" until it has disarmed, some seconds later.
+wait("the ground", lambda id, f: id == 3002 and f.get("UA State") in ("power up", "pre-start"), 120)
+# Everything, what an earlier program took with this id too: whoever keeps some has to keep sending heartbeats.
+send(1, {"Requested/Handover LOI": ["LOI 2", "LOI 3", *levels], "Requested/Handover Access": "relinquish / hand off control"})
 wait("the release", lambda id, f: id == 2 and not f.get("LOI Granted"))
 print("landed and released")

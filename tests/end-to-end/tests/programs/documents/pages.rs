@@ -1,16 +1,19 @@
-//! The documents: the commands of the README and of the quick start do what is written, in their order; every link leads
-//! somewhere; every `cargo xtask` task, source file and test that is named is there.
+//! The documents: the commands of the README, of the quick start and of the first tasks do what is written, in their order;
+//! every link leads somewhere; every `cargo xtask` task, source file and test that is named is there.
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use kit::process::{Running, free_udp_port, program};
 use resvg::tiny_skia::Rect;
 use resvg::usvg::{Group, Node, Options, Tree};
 use serde_json::Value;
+use vsm_tests::here;
 
 #[test]
 fn the_commands_of_the_readme_fly_the_vehicle() {
@@ -22,9 +25,89 @@ fn the_commands_of_the_quick_start_fly_the_vehicle() {
     run_all("docs/guide/quick-start.md");
 }
 
+/// A task as a stranger does it who has just read how the tasks begin.
 #[test]
-fn the_commands_of_the_first_tasks_fly_the_vehicle() {
-    run_all("docs/guide/tasks.md");
+fn each_first_task_typed_to_the_letter() {
+    let (start, tasks) = first_tasks();
+    thread::scope(|scope| {
+        for (title, lines) in &tasks {
+            let lines = [start.clone(), lines.clone()].concat();
+            scope.spawn(move || type_all(title, &lines));
+        }
+    });
+}
+
+/// The whole page in one shell: a task leaves the vehicle so that the next can launch it.
+#[test]
+fn the_first_tasks_in_their_order_typed_to_the_letter() {
+    let (start, tasks) = first_tasks();
+    let lines = tasks.into_iter().flat_map(|(_, lines)| lines);
+    type_all(
+        "the whole page",
+        &start.into_iter().chain(lines).collect::<Vec<_>>(),
+    );
+}
+
+/// The lines before the first task, and those of each task with its title, but of the one that needs PX4's source.
+fn first_tasks() -> (Vec<String>, Vec<(String, Vec<String>)>) {
+    let text = fs::read_to_string(root().join("docs/guide/tasks.md")).expect("the page");
+    let mut parts = text.split("\n## ");
+    let start = lines_of_blocks(parts.next().expect("the beginning"));
+    let tasks = parts.filter(|part| part.starts_with(|c: char| c.is_ascii_digit()));
+    let tasks = tasks.map(|part| {
+        assert!(
+            !part.contains("\n    "),
+            "a command outside of a block: {part}"
+        );
+        let title = part.lines().next().unwrap_or_default().to_owned();
+        (title, lines_of_blocks(part))
+    });
+    let mut tasks: Vec<_> = tasks.collect();
+    assert_eq!(tasks.len(), 10);
+    tasks.retain(|(title, _)| title != "2. Your own PX4 SITL");
+    assert_eq!(tasks.len(), 9, "task 2 has another title");
+    (start, tasks)
+}
+
+/// Types lines at a shell with job control, and judges the status of each.
+fn type_all(title: &str, lines: &[String]) {
+    if lines.iter().any(|line| line.starts_with("tshark ")) && !kit::tools::is_installed("tshark") {
+        return;
+    }
+    let scratch = Scratch::new();
+    let folder = scratch.folder.path();
+    let mut script = String::from("exec >transcript 2>&1\ntrap 'kill $(jobs -p)' EXIT\n");
+    for line in lines {
+        script += &scratch.typed(line);
+        script += "\necho $? >>statuses\n";
+    }
+    let mut shell = Command::new("bash");
+    let shell = shell.args(["-m", "-c", &script]).current_dir(folder);
+    shell.status().expect("bash");
+    let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap_or_default();
+    let transcript = read("transcript");
+    let statuses = read("statuses");
+    assert_eq!(
+        statuses.lines().count(),
+        lines.len(),
+        "{title}: {transcript}"
+    );
+    let mut unlisted = false;
+    for (line, status) in lines.iter().zip(statuses.lines()) {
+        // What the page says of an id that is not listed.
+        unlisted |= line.contains("1b:00:00:ff");
+        let expected = match line {
+            _ if line.contains("1b:00:00:ff") => "1",
+            _ if unlisted && line.ends_with("vsm doctor") => "1",
+            _ => "0",
+        };
+        assert_eq!(status, expected, "{title}: `{line}`\n{transcript}");
+    }
+    let named = "CUCS 1b:00:00:ff sends from 127.0.0.1, but is not listed";
+    assert!(
+        !unlisted || transcript.contains(named),
+        "{title}: {transcript}"
+    );
 }
 
 #[test]
@@ -95,6 +178,9 @@ fn planned(selection: &[&str]) -> BTreeSet<String> {
 /// How many times faster than real time the vehicle of a page flies.
 const SPEED: u32 = 5;
 
+/// For what a page waits 10 s: the vehicle has booted, and the link is live.
+const BOOT: Duration = Duration::from_secs(3);
+
 /// For what takes its time: keys are agreed on, and the vehicle is given them.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -110,6 +196,7 @@ fn run_all(page: &str) {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
             ["cargo", "build", ..] => {}
+            ["sleep", _] => thread::sleep(BOOT),
             ["cargo", "xtask", task, ..] => assert!(tasks().contains(&task.to_owned()), "{line}"),
             ["cargo", "run", "--release", "--", "demo"] => {
                 let printed = scratch.run("vsm", &["demo"]);
@@ -127,7 +214,6 @@ fn run_all(page: &str) {
                             code = pairing_code(&started.output());
                         }
                         running.push(started);
-                        scratch.let_it_boot(name);
                     }
                     ("vsm", Some(&"pair")) => {
                         let rest = rest.iter().map(|word| word.replace("CODE", &code));
@@ -158,21 +244,24 @@ fn pairing_code(printed: &str) -> String {
     line.expect("a code").trim().to_owned()
 }
 
-/// The lines of a page's `sh` blocks, without remarks.
+/// The lines of a page's `sh` blocks, without remarks and the `&` of what runs beside.
 fn commands(text: &str) -> Vec<String> {
+    let lines = lines_of_blocks(text).into_iter().map(|line| {
+        let command = line.split(" #").next().unwrap_or_default().trim();
+        command.trim_end_matches('&').trim().to_owned()
+    });
+    lines.filter(|line| !line.is_empty()).collect()
+}
+
+/// The lines of a page's `sh` blocks.
+fn lines_of_blocks(text: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut within = false;
     for line in text.lines() {
         match line.trim() {
             "```sh" => within = true,
             "```" => within = false,
-            line if within => {
-                let command = line.split(" #").next().unwrap_or_default().trim();
-                let command = command.trim_end_matches('&').trim();
-                if !command.is_empty() && !command.starts_with('#') {
-                    found.push(command.to_owned());
-                }
-            }
+            line if within && !line.is_empty() => found.push(line.to_owned()),
             _ => {}
         }
     }
@@ -202,7 +291,7 @@ impl Scratch {
         fs::create_dir(&to).expect("the folder");
         for entry in fs::read_dir(root().join("examples")).expect("the examples") {
             let path = entry.expect("an entry").path();
-            let text_of = ["toml", "cucs", "plan", "kml"];
+            let text_of = ["toml", "cucs", "plan", "kml", "py"];
             if path
                 .extension()
                 .is_some_and(|e| text_of.iter().any(|kind| e == *kind))
@@ -212,6 +301,12 @@ impl Scratch {
                 fs::write(to.join(name), scratch.here(&text)).expect("its copy");
             }
         }
+        // What else a clone has that the commands name.
+        let at = |name: &str| scratch.folder.path().join(name);
+        symlink(root().join("packaging"), at("packaging")).expect("the packaging");
+        fs::create_dir(at("target")).expect("the folder");
+        let built = program("vsm").parent().map(Path::to_owned);
+        symlink(built.expect("a folder"), at("target/release")).expect("the programs");
         scratch
     }
 
@@ -222,24 +317,40 @@ impl Scratch {
             .replace("127.0.0.1:14550", &self.mavlink)
     }
 
-    fn arguments(&self, name: &str, rest: &[&str]) -> Vec<String> {
-        let mut arguments: Vec<String> = rest.iter().map(|word| self.here(word)).collect();
-        match (name, rest.first()) {
-            ("cucs", Some(&"--vsm")) => {}
-            ("cucs", _) => arguments.extend(["--vsm".to_owned(), self.dli.clone()]),
-            // The reader waits for a whole flight; here only its commands are tried.
-            ("px4-sim", _) => arguments.extend(["--speed".to_owned(), SPEED.to_string()]),
-            ("vsm", Some(&"init")) => {
-                let link = match rest.contains(&"--protect") {
+    /// A line as it is typed here: at ports of its own, with programs that are built, and a vehicle that is quicker.
+    fn typed(&self, line: &str) -> String {
+        let line = self.here(line);
+        let tool = line.trim_start().split(' ').next().unwrap_or_default();
+        let tool = tool.strip_prefix("./target/release/");
+        let add = |words: String| line.replacen(' ', &format!(" {words} "), 1);
+        match (tool, line.as_str()) {
+            (Some("cucs"), _) if !line.contains("--vsm") => add(format!("--vsm {}", self.dli)),
+            (Some("px4-sim"), _) => add(format!("--speed {SPEED}")),
+            (Some("vsm"), _) if line.contains("vsm init") => {
+                let link = match line.contains("--protect") {
                     true => format!("udpout:{}", self.radio),
                     false => format!("udpin:{}", self.mavlink),
                 };
-                arguments.extend(["--listen".to_owned(), self.dli.clone()]);
-                arguments.extend(["--link".to_owned(), link]);
+                let init = format!("vsm init --listen {} --link {link}", self.dli);
+                line.replacen("vsm init", &init, 1)
             }
-            _ => {}
+            (None, line) if line.starts_with("cargo build") => "true".to_owned(),
+            (None, line) if line.starts_with("sleep ") => format!("sleep {}", BOOT.as_secs()),
+            // `cargo xtask peers` has installed the package from the same folder.
+            (None, line) if line.starts_with("python3 -m venv .venv") => {
+                let peers = here().join("interop/.venv");
+                format!("ln -s '{}' .venv", peers.display())
+            }
+            (None, ".venv/bin/pip install ./bindings/python") => {
+                ".venv/bin/python -c 'import stanag_msgs'".to_owned()
+            }
+            _ => line.clone(),
         }
-        arguments
+    }
+
+    fn arguments(&self, name: &str, rest: &[&str]) -> Vec<String> {
+        let line = self.typed(&format!("./target/release/{name} {}", rest.join(" ")));
+        line.split_whitespace().skip(1).map(str::to_owned).collect()
     }
 
     fn run(&self, name: &str, rest: &[&str]) -> String {
@@ -276,7 +387,7 @@ impl Scratch {
             }
             let why = String::from_utf8_lossy(&output.stderr);
             assert!(Instant::now() < end, "{rest:?}: {why}");
-            std::thread::sleep(Duration::from_millis(500));
+            thread::sleep(Duration::from_millis(500));
         }
     }
 
@@ -298,7 +409,7 @@ impl Scratch {
                 return;
             }
             assert!(Instant::now() < end, "{status:#}");
-            std::thread::sleep(Duration::from_millis(500));
+            thread::sleep(Duration::from_millis(500));
         }
     }
 
@@ -313,13 +424,6 @@ impl Scratch {
             line += &format!(" '{word}'");
         }
         Running::start(Path::new("sh"), ["-c", &line])
-    }
-
-    /// A person who types the next command takes longer than a vehicle to boot.
-    fn let_it_boot(&self, name: &str) {
-        if name == "px4-sim" {
-            std::thread::sleep(Duration::from_secs(10) / SPEED);
-        }
     }
 }
 
