@@ -207,10 +207,10 @@ def names_what_does_not_verify(checks, browser, url):
         route.fulfill(response=answer, json=body)
 
     opened.page.route("**/status.json*", status)
-    opened.until("document.getElementById('vehicle').textContent.includes('NOT VERIFIED')")
-    shown = opened.page.evaluate("[...document.querySelectorAll('#vehicle dd')].filter((one) => one.textContent.includes('VERIFIED')).map((one) => [one.textContent, one.className])")
+    opened.until("document.getElementById('link').textContent.includes('NOT VERIFIED')")
+    shown = opened.page.evaluate("[...document.querySelectorAll('#link dd')].filter((one) => one.textContent.includes('VERIFIED')).map((one) => [one.textContent, one.className])")
     checks.check("it names what arrives, as bad", shown == [["NOT VERIFIED: no frame has verified; what arrives: signed with another key", "bad"]], shown)
-    checks.check("nothing says that it verified", "verified 0" not in opened.text("#vehicle"), opened.text("#vehicle"))
+    checks.check("nothing says that it verified", "verified 0" not in opened.text("#link"), opened.text("#link"))
     opened.close()
 
 
