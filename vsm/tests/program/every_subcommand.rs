@@ -140,8 +140,8 @@ fn leaves(command: &clap::Command) -> BTreeSet<String> {
 /// The leaves that take `--json`.
 fn json_leaves(command: &clap::Command) -> Vec<String> {
     let of = |leaf: &String| {
-        let words = leaf.split_whitespace();
-        let found = words.fold(Some(command), |at, word| at?.find_subcommand(word));
+        let mut words = leaf.split_whitespace();
+        let found = words.try_fold(command, |at, word| at.find_subcommand(word));
         found.is_some_and(|sub| {
             sub.get_arguments()
                 .any(|one| one.get_long() == Some("json"))
