@@ -122,7 +122,7 @@ fn nothing_takes_off_between_the_order_and_the_end() {
     store(&mut rig, Ok(None));
     assert_eq!(rig.carry_out(orders::launch(20.0)), NO);
     rig.run(10.0);
-    assert_eq!(rig.vehicles[0].vehicle().truth().armed, false);
+    assert!(!rig.vehicles[0].vehicle().truth().armed);
 }
 
 #[test]
