@@ -173,7 +173,7 @@ async fn a_refusal_names_the_waypoint_and_the_reason() {
     assert!(
         refused
             .to_string()
-            .contains("for waypoint 2: 13000 refused"),
+            .contains("for waypoint 2: waypoint 2: 6123 m above home"),
         "{refused}"
     );
 
