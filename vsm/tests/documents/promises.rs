@@ -5,10 +5,11 @@ use std::fs;
 use std::path::Path;
 
 /// Where the tests of promises about keys and links are.
-const PLACES: [&str; 9] = [
+const PLACES: [&str; 10] = [
     "mapping/src",
     "mavlink-link/src",
     "mavlink-link/tests",
+    "route-files/src",
     "stanag-msgs/tests",
     "vsm/src",
     "vsm/tests",

@@ -65,7 +65,6 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("payload focus closer", Done),
     ("payload image ir", Done),
     ("payload photo", Done),
-    ("payload streams", Done),
     ("payload record on", Done),
     ("payload record off", Done),
     ("payload cage", Done),
@@ -83,6 +82,8 @@ const FLIGHT: &[(&str, Ends)] = &[
     ("speed 8", Done),
     ("wait route-end --within 100", Done),
     ("watch --seconds 0.3 --every 0.1", Done),
+    // Cameras are asked for theirs some seconds after the first station listens.
+    ("payload streams", Done),
     ("sleep 0.1", Done),
     (
         "wait asked --within 0.5",
