@@ -260,6 +260,7 @@ const EXAMPLES: &[&str] = &[
     "cucs payload record on",
     "cucs payload image ir",
     "cucs payload state",
+    "cucs payload streams",
     "cucs zeroize arm",
     "cucs zeroize execute",
     "cucs zeroize cancel",
