@@ -167,8 +167,8 @@ def control_is_handed_over(checks, opened, second):
         checks.check("it has control", other.returncode == 0, said)
     finally:
         other.kill()
-    opened.until("document.getElementById('station-rights').textContent.startsWith('holds no level')")
-    checks.check("the page has none any more", "1b:00:00:a0 (controls)" in opened.text("#holders"), opened.text("#holders"))
+    opened.until("document.getElementById('holders').textContent.includes('1b:00:00:a0 (controls)')")
+    checks.check("the page shows who controls now", "1b:00:00:a0 (controls)" in opened.text("#holders"), opened.text("#holders"))
 
 
 def flies(checks, browser, url, station, key, vehicle_process, second, shots):

@@ -67,7 +67,7 @@ web = true
     let key = key.display().to_string();
     let vehicle = aircraft.id().to_string();
     let cucs = program("cucs");
-    let second = format!("{} --vsm {} take", cucs.display(), ground.dli());
+    let second = format!("{} --vsm {} ask", cucs.display(), ground.dli());
     let arguments = [
         &ground.page(),
         PILOT,
