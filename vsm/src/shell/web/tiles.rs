@@ -239,7 +239,7 @@ mod tests {
         });
     }
 
-    /// Another program writes it anew while the bridge flies: a tile is missing, and the process lives.
+    /// Another program writes it again while the bridge flies: a tile is missing, and the process lives.
     #[test]
     fn a_file_that_is_cut_off_while_it_is_open_costs_its_tiles_alone() {
         let folder = tempdir().expect("a folder");
