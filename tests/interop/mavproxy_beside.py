@@ -5,38 +5,18 @@
 
 `--link` is that of the `[[forward]]`, whose key is SHA-256 of the passphrase. Ends with 0 where every check held. THE AIRCRAFT WILL ARM.
 """
-import argparse
 import sys
 import time
 
 import cucs as dli
-from checks import Checks
-from cucs import Cucs, Failure
-from fly import address
-from mavproxy_shares import SYSTEM, Mavproxy
+from cucs import Failure
+from mavproxy_shares import BesideCucs
 
 
-class Beside:
-    """The steps in their order."""
+class Beside(BesideCucs):
+    """Behind the bridge."""
 
-    def __init__(self, options):
-        self.options, self.checks = options, Checks()
-        self.cucs = Cucs(options.vsm, 0x1B0000A0, bind=("127.0.0.1", 0))
-        self.proxy = Mavproxy(options.link, options.folder)
-
-    def run(self):
-        try:
-            for step in (self.reads, self.is_refused_beside_a_controller, self.arms):
-                self.checks.step(step.__name__.replace("_", " "))
-                step()
-        except Failure as failure:
-            self.checks.check(str(failure), False)
-        finally:
-            self.proxy.close()
-            self.cucs.close()
-            for line in [] if self.checks.passed() else self.proxy.lines:
-                self.checks.say(f"MAVProxy: {line}")
-        return self.checks.passed()
+    steps = ("reads", "is_refused_beside_a_controller", "arms")
 
     def reads(self):
         self.proxy.tell(f"signing key {self.options.passphrase}")
@@ -66,29 +46,6 @@ class Beside:
             self.pump_until(lambda: self.proxy.said(sign, at), 3)
         self.checks.check(what, True)
 
-    def until(self, so, timeout, what):
-        self.pump_until(so, timeout)
-        self.checks.check(what, so())
-        if not so():
-            raise Failure(f"not within {timeout} s: {what}")
-
-    def pump_until(self, so, timeout):
-        end = time.monotonic() + timeout
-        while not so() and time.monotonic() < end:
-            self.cucs.pump(0.1)
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vsm", required=True, type=address, metavar="HOST:PORT")
-    parser.add_argument("--link", required=True, type=address, metavar="HOST:PORT")
-    parser.add_argument("--passphrase", required=True)
-    parser.add_argument("--folder", required=True)
-    beside = Beside(parser.parse_args())
-    held = beside.run()
-    beside.checks.close()
-    return 0 if held else 1
-
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(Beside.main(__doc__))

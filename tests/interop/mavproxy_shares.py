@@ -57,19 +57,33 @@ class Mavproxy:
         self._process.wait()
 
 
-class Sharing:
-    """The steps in their order."""
+class BesideCucs:
+    """MAVProxy and a CUCS at one vehicle, and the steps of a test in their order."""
+
+    steps = ()
 
     def __init__(self, options):
         self.options, self.checks = options, Checks()
         self.cucs = Cucs(options.vsm, 0x1B0000A0, bind=("127.0.0.1", 0))
         self.proxy = Mavproxy(options.link, options.folder)
 
+    @classmethod
+    def main(cls, description):
+        parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+        parser.add_argument("--vsm", required=True, type=address, metavar="HOST:PORT")
+        parser.add_argument("--link", required=True, type=address, metavar="HOST:PORT")
+        parser.add_argument("--passphrase", required=True)
+        parser.add_argument("--folder", required=True)
+        test = cls(parser.parse_args())
+        held = test.run()
+        test.checks.close()
+        return 0 if held else 1
+
     def run(self):
         try:
-            for step in (self.both_see_it, self.mavproxy_reads, self.mavproxy_commands, self.the_bridge_commands):
-                self.checks.step(step.__name__.replace("_", " "))
-                step()
+            for step in self.steps:
+                self.checks.step(step.replace("_", " "))
+                getattr(self, step)()
         except Failure as failure:
             self.check(str(failure), False)
         finally:
@@ -78,6 +92,26 @@ class Sharing:
             for line in [] if self.checks.passed() else self.proxy.lines:
                 self.checks.say(f"MAVProxy: {line}")
         return self.checks.passed()
+
+    def until(self, so, timeout, what):
+        self.pump_until(so, timeout)
+        self.check(what, so())
+        if not so():
+            raise Failure(f"not within {timeout} s: {what}")
+
+    def pump_until(self, so, timeout):
+        end = time.monotonic() + timeout
+        while not so() and time.monotonic() < end:
+            self.cucs.pump(0.1)
+
+    def check(self, what, held, found=""):
+        self.checks.check(what, held, found)
+
+
+class Sharing(BesideCucs):
+    """Over a second link of the vehicle."""
+
+    steps = ("both_see_it", "mavproxy_reads", "mavproxy_commands", "the_bridge_commands")
 
     def both_see_it(self):
         c = self.cucs
@@ -143,17 +177,6 @@ class Sharing:
         """Texts of 16000; a long one comes in parts, and the next part follows at once."""
         return ["".join(m.fields.get("Text") or "" for m in self.cucs.inbox[since:] if m.id == 16000)]
 
-    def until(self, so, timeout, what):
-        end = time.monotonic() + timeout
-        while not so() and time.monotonic() < end:
-            self.cucs.pump(0.1)
-        self.check(what, so())
-        if not so():
-            raise Failure(f"not within {timeout} s: {what}")
-
-    def check(self, what, held, found=""):
-        self.checks.check(what, held, found)
-
 
 def waypoints(lines):
     """Latitude and longitude of the waypoints in what MAVProxy lists."""
@@ -161,17 +184,5 @@ def waypoints(lines):
     return [(float(row[2]), float(row[3])) for row in rows if row[:1] == [str(NAV_WAYPOINT)] and len(row) > 4]
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vsm", required=True, type=address, metavar="HOST:PORT")
-    parser.add_argument("--link", required=True, type=address, metavar="HOST:PORT")
-    parser.add_argument("--passphrase", required=True)
-    parser.add_argument("--folder", required=True)
-    sharing = Sharing(parser.parse_args())
-    held = sharing.run()
-    sharing.checks.close()
-    return 0 if held else 1
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(Sharing.main(__doc__))
