@@ -92,6 +92,13 @@ def kept_out(checks, browser, url, station, key):
     opened.until("document.getElementById('control-state').textContent.includes('64 hexadecimal')")
     checks.check("what is no key is named", True)
     opened.close()
+    # With the right key: nothing else keeps it from connecting.
+    opened = browser.open(f"{url}#{station}={key}")
+    opened.until("document.getElementById('control-state').textContent.includes('press Connect')")
+    opened.page.wait_for_timeout(1_000)
+    signed_in = opened.page.locator("#station").is_visible()
+    checks.check("a link with a key connects nobody by itself", not signed_in and "#" not in opened.page.url, opened.page.url)
+    opened.close()
 
     class Page(http.server.BaseHTTPRequestHandler):
         def do_GET(self):

@@ -67,3 +67,10 @@ pub fn workspace() -> &'static Path {
         .nth(2)
         .expect("tests/kit lies two folders below")
 }
+
+/// Of cases that can be counted out, tests take every `nth`; all with `VSM_ALL_CASES` set (`cargo xtask test --all-cases`).
+#[must_use]
+pub fn every(nth: usize) -> usize {
+    let all = std::env::var_os("VSM_ALL_CASES").is_some();
+    if all { 1 } else { nth }
+}

@@ -74,7 +74,8 @@ fn manual(steps: &mut Steps) -> anyhow::Result<()> {
 const USAGE: &str = "\
 usage: cargo xtask TASK
 
-  test    install the Python peers, build every program, run all tests
+  test    install the Python peers, build every program, run all tests; --all-cases: with every counted case, not the share
+          that CI takes
   ci      check formatting, lints, documentation, generated files, dependencies and licences, then `test` and `fuzz`
   gen     write the dissector, the support table and the reference; --check: only list what is stale
   bench   run every bench, the C library and pymavlink for comparison; print the figures as Markdown

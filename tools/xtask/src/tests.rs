@@ -27,18 +27,22 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     for what in cannot_be_tried(is_there) {
         steps.missing(what)?;
     }
+    let all_cases = std::env::args().any(|argument| argument == "--all-cases");
+    let tests = |arguments: &[&str]| {
+        let mut command = cargo(arguments.iter().copied());
+        if all_cases {
+            command.env("VSM_ALL_CASES", "1");
+        }
+        command
+    };
     if is_there(&mut cargo(["nextest", "--version"])) {
-        steps.run(&mut cargo(["nextest", "run", "--workspace", "--locked"]))?;
+        steps.run(&mut tests(&["nextest", "run", "--workspace", "--locked"]))?;
     } else {
         steps.leave_out(
             "cargo-nextest is not installed: `cargo test` runs the tests, without time limits",
         );
-        steps.run(&mut cargo([
-            "test",
-            "--workspace",
-            "--locked",
-            "--all-targets",
-        ]))?;
+        let all = ["test", "--workspace", "--locked", "--all-targets"];
+        steps.run(&mut tests(&all))?;
     }
     steps.run(&mut cargo(["test", "--workspace", "--locked", "--doc"]))
 }

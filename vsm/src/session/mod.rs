@@ -81,6 +81,7 @@ mod editions;
 mod effects;
 mod files;
 pub mod findings;
+mod fleet;
 mod flight;
 mod forward;
 mod guard;

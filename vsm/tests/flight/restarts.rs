@@ -1,7 +1,7 @@
 //! The bridge is killed, or the vehicle restarts, at any moment of a flight; `docs/guide/reliability.md` holds the tables.
 //!
 //! `VSM_BLESS=1 cargo nextest run -p vsm --test flight restarts` writes them again;
-//! `VSM_EVERY_MS=700 cargo test -p vsm --test flight restarts` takes more moments.
+//! `VSM_EVERY_MS=700 cargo test -p vsm --test flight restarts` takes more moments, `VSM_ALL_CASES=1` twice as many as CI.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -34,10 +34,12 @@ fn sweep(
     judge: impl Fn(&mut Rig, &mut Outcome) -> Result<(), String>,
 ) -> BTreeMap<&'static str, Outcome> {
     let every_ms = std::env::var("VSM_EVERY_MS").ok();
-    let every_ms = every_ms.map_or(EVERY_MS, |text| text.parse().expect("milliseconds"));
+    let every = kit::every(2);
+    let usual = EVERY_MS * every as u64;
+    let every_ms = every_ms.map_or(usual, |text| text.parse().expect("milliseconds"));
     let mut outcomes = BTreeMap::<_, Outcome>::new();
     // The upload is over soon: there every third of a second.
-    let fine = (from_ms.max(10_600)..16_000).step_by(350);
+    let fine = (from_ms.max(10_600)..16_000).step_by(350 * every);
     let coarse = (0..).map(|step| from_ms + step * every_ms);
     for at in fine.chain(coarse).map(Duration::from_millis) {
         let mut rig = rig(restart, at);

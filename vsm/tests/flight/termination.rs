@@ -402,8 +402,8 @@ fn it_takes_over_from_sticks_and_nothing_is_polled_in_vain() {
         let mut overdue = 0;
         for _ in 0..100 {
             rig.run(0.01);
-            let bridge = rig.bridge.as_ref().expect("it runs");
             let now = rig.now().mono;
+            let bridge = rig.bridge.as_mut().expect("it runs");
             overdue += u32::from(bridge.poll_timeout(now) <= now);
         }
         overdue

@@ -125,13 +125,15 @@ fn no_single_fault_leaves_a_link_that_needs_a_person() {
     }
 }
 
-/// Every pair of faults, from no key or from another one.
+/// Pairs of faults, from no key or from another one: each with `VSM_ALL_CASES`, else every seventh.
 fn no_pair_of_faults(current: Option<&SigningKey>) {
     let faults = single_faults(current);
     let mut pairs = 0;
     for (n, first) in faults.iter().enumerate() {
         for second in &faults[n + 1..] {
-            must_come_back(current, &[*first, *second]);
+            if pairs % kit::every(7) == 0 {
+                must_come_back(current, &[*first, *second]);
+            }
             pairs += 1;
         }
     }

@@ -23,6 +23,7 @@ use super::{Bridge, destination_as_source};
 use crate::config::Edition;
 use crate::session::aircraft::Aircraft;
 use crate::session::allowance::Rate;
+use crate::session::authority::rules::Silence;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
 use crate::session::duplicates::{Seen, Verdict, is_command, stamps_apart_ms};
@@ -226,8 +227,7 @@ impl Bridge {
             self.acknowledge_alert(now, index, answer, disk);
             return false;
         }
-        let station = &mut self.stations[index];
-        station.received = Some(now.mono);
+        self.note_received(index, now.mono);
         let commands = authority::commands(&message);
         let Some(stamp) = origin.stamp else {
             if commands {
@@ -296,6 +296,17 @@ impl Bridge {
         }
     }
 
+    /// Something of this station was accepted: its silence is over.
+    pub(super) fn note_received(&mut self, index: usize, now: Duration) {
+        let station = &mut self.stations[index];
+        // What its silence has led to ends at once, not when it would have gone further.
+        let was_silent = station.silence(now, &self.settings.authority) != Silence::None;
+        if was_silent || station.received.replace(now).is_none() {
+            self.aircraft.ask_all();
+        }
+        self.stations[index].received = Some(now);
+    }
+
     /// The index of the station that a frame is from, where it may speak and speaks to us.
     pub(super) fn admit(
         &self,
@@ -303,7 +314,7 @@ impl Bridge {
         header: &Header,
         edition: Edition,
     ) -> Result<usize, Barred> {
-        let ours = |id| self.aircraft.iter().any(|aircraft| aircraft.id() == id);
+        let ours = |id| self.aircraft.has(id);
         let to_us =
             [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination);
         let is_logical = |id| self.logical.iter().any(|(_, logical)| *logical == id);
@@ -352,7 +363,7 @@ impl Bridge {
         let destination = frame.header.destination;
         let (mut dli, aircraft) = self.effects(now, disk);
         let to_all = destination == Id::BROADCAST || destination == dli.vsm;
-        for one in aircraft.iter_mut() {
+        for one in aircraft.meant_mut(destination, to_all) {
             let station = origin.station;
             let input = match message {
                 Message::CucsAuthorisationRequest(request) if to_all || one.id() == destination => {
@@ -398,7 +409,7 @@ impl Bridge {
             }
         }
         let (mut dli, aircraft) = self.effects(now, disk);
-        match aircraft.iter_mut().find(|one| one.id() == destination) {
+        match aircraft.find_mut(destination) {
             Some(one) => one.effects(&mut dli).refuse_unprivileged(origin, &why),
             None => dli.refuse(origin, &why),
         }
@@ -417,7 +428,7 @@ impl Bridge {
         if !origin.ack_requested {
             return dli.counters.count("refused");
         }
-        match aircraft.iter_mut().find(|one| one.id() == destination) {
+        match aircraft.find_mut(destination) {
             Some(one) => one.effects(&mut dli).refuse_unprivileged(origin, &why),
             None => dli.refuse(origin, &why),
         }

@@ -50,8 +50,7 @@ impl Bridge {
         let station = &mut self.stations[index];
         let name = file(vehicle, station.id());
         let cucs = station.id();
-        let mut aircraft = self.aircraft.iter();
-        let of_it = aircraft.find(|one| one.id() == vehicle);
+        let of_it = self.aircraft.find(vehicle);
         let holds = |number| of_it.is_some_and(|one| one.mission.holds(cucs, number));
         let written = match station.translator.stored(vehicle, waypoint, holds) {
             None => return,

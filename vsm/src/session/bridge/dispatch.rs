@@ -17,6 +17,7 @@ use crate::session::alerts::Cause;
 use crate::session::authority::{self, rules::Rights, rules::Stations};
 use crate::session::context::Origin;
 use crate::session::effects::DliEffects;
+use crate::session::fleet::Fleet;
 use crate::session::{held, reports};
 
 impl Bridge {
@@ -35,13 +36,16 @@ impl Bridge {
             let station = &self.stations[origin.station];
             let id = station.id();
             let holds = |one: &Aircraft| !one.authority.rights().held(id).is_empty();
-            let counts = station.proven && self.aircraft.iter().any(holds);
-            self.stations[origin.station].sends_heartbeats |= counts;
+            if !station.sends_heartbeats && station.proven && self.aircraft.iter().any(holds) {
+                self.stations[origin.station].sends_heartbeats = true;
+                // Its silence counts from now on.
+                self.aircraft.ask_all();
+            }
         }
         let cucs = self.stations[origin.station].id();
         let (mut dli, aircraft) = self.effects(now, disk);
         let to_all = destination == Id::BROADCAST || destination == dli.vsm;
-        let meant = aircraft.iter_mut().find(|one| one.id() == destination);
+        let meant = aircraft.find_mut(destination);
         match message {
             Message::Heartbeat(_) => {
                 let source = destination_as_source(destination, dli.vsm);
@@ -99,12 +103,10 @@ impl Bridge {
             }
             // No right is checked: configuration comes before a grant.
             Message::FieldConfigurationRequest(request) => {
-                for one in aircraft.iter_mut() {
-                    if to_all || one.id() == destination {
-                        // Its answers are its own.
-                        let _ = one
-                            .ask_reports(&mut dli, reports::Input::Configure { origin, request });
-                    }
+                for one in aircraft.meant_mut(destination, to_all) {
+                    // Its answers are its own.
+                    let _ =
+                        one.ask_reports(&mut dli, reports::Input::Configure { origin, request });
                 }
             }
             Message::ZeroizeCommand(order) => match meant {
@@ -132,7 +134,7 @@ impl Bridge {
 
 /// Message 1: to one vehicle, or to all of this VSM.
 fn authorise(
-    aircraft: &mut [Aircraft],
+    aircraft: &mut Fleet,
     dli: &mut DliEffects<'_>,
     origin: &Origin,
     destination: Id,
@@ -146,12 +148,7 @@ fn authorise(
     }
     let to_all = destination == Id::BROADCAST || destination == dli.vsm;
     let mut answer = AckType::CarriedOut;
-    for one in aircraft.iter_mut() {
-        let to_all = match one.id() == destination {
-            true => false,
-            false if to_all => true,
-            false => continue,
-        };
+    for one in aircraft.meant_mut(destination, to_all) {
         // A request is authorised where it is granted. A release of nothing, and a request to listen, use up no Time
         // Stamp: anybody may make as many as he likes.
         let gives_up = authority::releases(request) && one.authority.has_rights(cucs);
@@ -172,18 +169,14 @@ fn authorise(
             answer = of_one;
         }
     }
-    let vehicle = aircraft
-        .iter()
-        .map(Aircraft::id)
-        .find(|id| *id == destination);
     // Answers come from whom the question was sent to; for a question to everybody that is the VSM.
-    let source = vehicle.unwrap_or(dli.vsm);
-    dli.acknowledge(source, origin, answer);
+    let source = Some(destination).filter(|id| aircraft.has(*id));
+    dli.acknowledge(source.unwrap_or(dli.vsm), origin, answer);
 }
 
 /// 17001 and 17002: of stations that hold LOI 2, to one vehicle or all. To all it is carried out where any vehicle does.
 fn inform<'m>(
-    aircraft: &mut [Aircraft],
+    aircraft: &mut Fleet,
     dli: &mut DliEffects<'_>,
     origin: Origin,
     destination: Id,
@@ -192,7 +185,7 @@ fn inform<'m>(
 ) {
     let listens = |one: &Aircraft| one.authority.rights().holds(cucs, LoiBitmap::LOI2);
     let listed = |one: &Aircraft, dli: &DliEffects<'_>| one.permitted(dli, &origin, Group::Monitor);
-    if let Some(one) = aircraft.iter_mut().find(|one| one.id() == destination) {
+    if let Some(one) = aircraft.find_mut(destination) {
         if !listens(one) {
             return refuse_without_right(one, dli, &origin, cucs, LoiBitmap::LOI2);
         }

@@ -142,8 +142,7 @@ impl Bridge {
         let answered = (standing.named, standing.stamp);
         let translator = &mut self.stations[index].translator;
         translator.keep_time(self.outbox.last_stamp_ms());
-        let mut aircraft = self.aircraft.iter();
-        let vehicle = aircraft.find(|one| one.id() == at.vehicle);
+        let vehicle = self.aircraft.find(at.vehicle);
         let live = vehicle.filter(|one| one.vehicle.live());
         if let Some(mode) = live.and_then(|one| one.vehicle.telemetry.mode) {
             translator.shows(at.vehicle, mode.reported());
@@ -169,7 +168,7 @@ impl Bridge {
                 return;
             }
         };
-        self.stations[index].received = Some(now.mono);
+        self.note_received(index, now.mono);
         let stamp = editions::stamp(frame);
         self.carry_out(now, index, (&at, stamp), taken, answered, disk);
     }
@@ -197,7 +196,7 @@ impl Bridge {
             for reply in &replies {
                 dli.send_translated(index, reply);
             }
-            if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+            if let Some(one) = aircraft.find_mut(vehicle) {
                 for notice in notices {
                     one.effects(&mut dli).answer_sometimes(&[index], notice);
                 }
@@ -238,11 +237,7 @@ impl Bridge {
 
     /// Whether a station may change its plan for a vehicle now.
     fn may_plan(&self, index: usize, vehicle: Id) -> bool {
-        let mut aircraft = self.aircraft.iter();
-        let (station, of) = (
-            &self.stations[index],
-            aircraft.find(|one| one.id() == vehicle),
-        );
+        let (station, of) = (&self.stations[index], self.aircraft.find(vehicle));
         of.is_some_and(|one| {
             let flies = one.vehicle.may_fly();
             let listed = station.permitted(vehicle, Group::Plan, flies, false);
@@ -253,7 +248,7 @@ impl Bridge {
 
     /// Whether a waypoint is in the upload of its station.
     fn holds(&self, vehicle: Id, station: Id, waypoint: &Contingencies) -> bool {
-        let of = self.aircraft.iter().find(|one| one.id() == vehicle);
+        let of = self.aircraft.find(vehicle);
         let sent = of.and_then(|one| one.mission.upload_of(station).1);
         let held = sent.and_then(|sent| sent.waypoint(waypoint.number));
         held.is_some_and(|held| held.time_stamp == Some(waypoint.stamp))
@@ -284,7 +279,7 @@ impl Bridge {
 
     /// What a station holds of a vehicle.
     fn levels(&self, station: Id, vehicle: Id) -> LoiBitmap {
-        let of = self.aircraft.iter().find(|one| one.id() == vehicle);
+        let of = self.aircraft.find(vehicle);
         of.map_or(LoiBitmap::NONE, |one| {
             one.authority.rights().held(station).levels()
         })
@@ -311,7 +306,7 @@ impl Bridge {
     ) {
         let (vsm, stamp) = (self.vsm, self.outbox.stamp(now));
         let named = self.shown_as(vehicle);
-        let of = self.aircraft.iter().find(|one| one.id() == vehicle);
+        let of = self.aircraft.find(vehicle);
         let kind = of.map_or(0, |one| one.vehicle.vehicle_type());
         let translator = &mut self.stations[index].translator;
         translator.keep_time(self.outbox.last_stamp_ms());
@@ -403,8 +398,7 @@ impl Bridge {
             let real = logical.find(|(_, logical)| *logical == envelope.source);
             let of = real.map_or(envelope.source, |(real, _)| *real);
             if let Message::VehicleOperatingStates(states) = &mut message {
-                let mut aircraft = self.aircraft.iter();
-                let live = aircraft.find(|one| one.id() == of && one.vehicle.live());
+                let live = self.aircraft.find(of).filter(|one| one.vehicle.live());
                 if let Some(one) = live {
                     let (telemetry, last) = (&one.vehicle.telemetry, one.flight.last_commanded());
                     mapping::report::fill_commanded(states, telemetry, last);

@@ -19,10 +19,10 @@ impl Bridge {
             .iter()
             .map(|one| one.id().to_string())
             .collect();
-        match (id, self.aircraft.as_slice()) {
-            (None, [only]) => Ok(only.id()),
+        match (id, self.aircraft.get(0)) {
+            (None, Some(only)) if all.len() == 1 => Ok(only.id()),
             (None, _) => Err(FileRefusal::WhichVehicle(all.join(", "))),
-            (Some(id), vehicles) if vehicles.iter().any(|one| one.id() == id) => Ok(id),
+            (Some(id), _) if self.aircraft.has(id) => Ok(id),
             (Some(id), _) => Err(FileRefusal::NoVehicle(id.to_string(), all.join(", "))),
         }
     }
@@ -39,27 +39,27 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Result<(), FileRefusal> {
         let (mut dli, aircraft) = self.effects(now, disk);
-        let one = aircraft.iter_mut().find(|one| one.id() == vehicle);
+        let one = aircraft.find_mut(vehicle);
         one.ok_or(FileRefusal::Silent)?
             .start_file(&mut dli, operation)
     }
 
     /// What has become of it.
     pub fn poll_file(&mut self, vehicle: Id) -> Option<FileEvent> {
-        let one = self.aircraft.iter_mut().find(|one| one.id() == vehicle);
+        let one = self.aircraft.find_mut(vehicle);
         one?.poll_file()
     }
 
     /// Whether a vehicle of this id is still there: a reload may have removed it.
     #[must_use]
     pub fn has_vehicle(&self, vehicle: Id) -> bool {
-        self.aircraft.iter().any(|one| one.id() == vehicle)
+        self.aircraft.has(vehicle)
     }
 
     /// Withdraws the operation that is under way.
     pub fn withdraw_file(&mut self, now: Now, vehicle: Id, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
-        if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+        if let Some(one) = aircraft.find_mut(vehicle) {
             one.withdraw_file(&mut dli);
         }
     }

@@ -134,7 +134,7 @@ impl Bridge {
 
     /// Lets each vehicle know under which system ids others may command it through this VSM.
     pub(super) fn name_commanders(&mut self) {
-        for one in &mut self.aircraft {
+        for one in self.aircraft.iter_mut() {
             let (id, forwards) = (one.id(), self.forwards.iter());
             let commanders = forwards.filter(|forward| forward.covers(id));
             one.link.commanders = commanders.filter_map(Forward::commander).collect();
@@ -175,7 +175,7 @@ impl Bridge {
             return;
         };
         let mut found = false;
-        for one in &mut self.aircraft {
+        for one in self.aircraft.iter_mut() {
             let system = one.system();
             if !forward.covers(one.id()) || !Forward::is_for(request, system) {
                 continue;

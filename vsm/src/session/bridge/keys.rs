@@ -147,7 +147,6 @@ impl Bridge {
 
     /// The next change that the key files need, and of which vehicle.
     pub fn poll_key_change(&mut self) -> Option<(usize, KeyChange)> {
-        let mut aircraft = self.aircraft.iter_mut().enumerate();
-        aircraft.find_map(|(index, one)| Some((index, one.link.key_recovery.change.take()?)))
+        self.aircraft.poll_key_change()
     }
 }

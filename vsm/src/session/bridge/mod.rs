@@ -54,6 +54,7 @@ use super::duplicates::Remembered;
 use super::effects::DliEffects;
 use super::findings::Finding;
 use super::findings::dli::DliEvidence;
+use super::fleet::Fleet;
 use super::forward::Forward;
 use super::guard::GroupSender;
 use super::link::frame::{OutFrame, Peer};
@@ -80,7 +81,7 @@ pub struct Bridge {
     stations: Vec<GroundStation>,
     /// What each of the stations has sent lately.
     remembered: Vec<Remembered>,
-    aircraft: Vec<Aircraft>,
+    aircraft: Fleet,
     /// The links of the vehicles.
     ports: Vec<Port>,
     /// Other ground stations.
@@ -195,7 +196,7 @@ impl Bridge {
             multicast: config.dli.multicast.is_some(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             stations,
-            aircraft: Vec::new(),
+            aircraft: Fleet::default(),
             ports: Vec::new(),
             forwards: Vec::new(),
             believed: Vec::new(),
@@ -239,8 +240,8 @@ impl Bridge {
         }
         // Who holds a vehicle knows it by its id already: after a restart in flight it is not another for a moment.
         let unheld = |real: Id| {
-            let mut all = bridge.aircraft.iter();
-            all.any(|one| one.id() == real && one.authority.rights().holders().next().is_none())
+            let one = bridge.aircraft.find(real);
+            one.is_some_and(|one| one.authority.rights().holders().next().is_none())
         };
         bridge.waiting = (bridge.logical.iter().copied())
             .filter(|(real, _)| unheld(*real))
@@ -300,7 +301,7 @@ impl Bridge {
             let open = self.remembered[index].restore(id, now.mono, disk)?;
             for seen in open {
                 let (mut dli, aircraft) = self.effects(now, disk);
-                let of = aircraft.iter_mut().find(|one| one.id() == seen.destination);
+                let of = aircraft.find_mut(seen.destination);
                 let answered =
                     of.is_some_and(|aircraft| aircraft.resume_command(&mut dli, index, &seen));
                 // It leads to the same when it comes again, and must not be answered as a duplicate then.
@@ -319,9 +320,12 @@ impl Bridge {
 
     /// Does what is due.
     pub fn handle_timeout(&mut self, now: Now, disk: &mut dyn Disk) {
+        let due = self.aircraft.find_due(now.mono, &self.stations);
         let (mut dli, aircraft) = self.effects(now, disk);
-        for aircraft in aircraft.iter_mut() {
-            aircraft.handle_timeout(&mut dli);
+        for at in 0..due {
+            if let Some(one) = aircraft.due_mut(at) {
+                one.handle_timeout(&mut dli);
+            }
         }
         dli.clear_answers();
         self.watch_zeroize(now, disk);
@@ -341,8 +345,8 @@ impl Bridge {
     /// while its link is silent, too: to whoever flies it, it must not become another.
     fn introduce(&mut self, now: Now, disk: &mut dyn Disk) {
         let is_there = |real: Id| {
-            let mut all = self.aircraft.iter();
-            all.any(|one| one.id() == real && one.vehicle.live())
+            let one = self.aircraft.find(real);
+            one.is_some_and(|one| one.vehicle.live())
         };
         let there: Vec<Id> = (self.waiting.iter().map(|(real, _)| *real))
             .filter(|real| is_there(*real))
@@ -351,7 +355,7 @@ impl Bridge {
             // First in the name of the logical id, then in its own.
             for _ in 0..2 {
                 let (mut dli, aircraft) = self.effects(now, disk);
-                if let Some(one) = aircraft.iter_mut().find(|one| one.id() == real) {
+                if let Some(one) = aircraft.find_mut(real) {
                     for station in 0..dli.stations.len() {
                         one.ask_authority(&mut dli, Input::Returned { station });
                     }
@@ -405,9 +409,9 @@ impl Bridge {
 
     /// When [`Bridge::handle_timeout`] is next needed.
     #[must_use]
-    pub fn poll_timeout(&self, now: Duration) -> Duration {
-        let each = self.aircraft.iter();
-        each.filter_map(|aircraft| aircraft.poll_timeout(now, &self.stations))
+    pub fn poll_timeout(&mut self, now: Duration) -> Duration {
+        let of_vehicles = self.aircraft.poll_timeout(now, &self.stations);
+        (of_vehicles.into_iter())
             .chain(self.alerts.poll_timeout())
             .chain(self.zeroize.poll_timeout())
             .chain(self.paths.poll_timeout(now))
@@ -429,8 +433,7 @@ impl Bridge {
 
     /// The next frame for a vehicle: (index of the vehicle, frame).
     pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
-        let mut aircraft = self.aircraft.iter_mut().enumerate();
-        aircraft.find_map(|(index, one)| Some((index, one.link.poll_transmit()?)))
+        self.aircraft.poll_transmit()
     }
 
     /// The line of a log that traces datagrams, for one that is sent to a station.
@@ -472,7 +475,7 @@ impl Bridge {
         &'a mut self,
         now: Now,
         disk: &'a mut dyn Disk,
-    ) -> (DliEffects<'a>, &'a mut Vec<Aircraft>) {
+    ) -> (DliEffects<'a>, &'a mut Fleet) {
         self.outbox.answer_after = Changes::NONE;
         let effects = DliEffects {
             mark: disk.queued(),

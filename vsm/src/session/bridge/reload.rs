@@ -64,7 +64,7 @@ impl Bridge {
             disk,
         );
         let added = added.map_err(BridgeError::from).and_then(|()| {
-            let is_new = |id: Id| self.aircraft.iter().all(|one| one.id() != id);
+            let is_new = |id: Id| !self.aircraft.has(id);
             let new: Vec<_> = config.vehicles().filter(|one| is_new(one.id)).collect();
             let mut each = new.into_iter().zip(ends);
             each.try_for_each(|(vehicle, end)| {
@@ -102,6 +102,7 @@ impl Bridge {
             }
             one.ask_authority(&mut dli, Input::Reconfigured);
         }
+        aircraft.number();
         self.forget_heartbeats(now.mono);
         Ok(())
     }

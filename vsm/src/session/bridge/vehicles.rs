@@ -81,8 +81,7 @@ impl Bridge {
         disk: &mut dyn Disk,
         tap: Tap<'_>,
     ) {
-        let here = |one: &&Aircraft| one.port == port;
-        let shared = self.aircraft.iter().filter(here).count() > 1;
+        let shared = self.aircraft.on_port(port).len() > 1;
         let forwards = !self.forwards.is_empty();
         let mut rest = bytes;
         loop {
@@ -93,15 +92,19 @@ impl Bridge {
             let piece;
             (piece, rest) = rest.split_at(length);
             // A system that nobody here has: each counts its frames, and names it.
-            let mut known = self.aircraft.iter().filter(here).map(Aircraft::system);
-            system = system.filter(|system| known.any(|known| known == *system));
+            let here = self.aircraft.on_port(port);
+            system = system.filter(|system| here.iter().any(|(known, _)| known == system));
             let trace = self.trace;
             let mut believed = std::mem::take(&mut self.believed);
             let (mut dli, aircraft) = self.effects(now, disk);
-            for (index, one) in aircraft.iter_mut().enumerate() {
-                if one.port != port || system.is_some_and(|system| system != one.system()) {
+            for at in 0..aircraft.on_port(port).len() {
+                let (known, index) = aircraft.on_port(port)[at];
+                if system.is_some_and(|system| system != known) {
                     continue;
                 }
+                let Some(one) = aircraft.get_mut(index) else {
+                    continue;
+                };
                 let from_here = (one.id(), one.config.signing != config::Signing::Off);
                 let before = trace.then(|| LinkTrace::begin(one.link.stats()));
                 one.handle_datagram(&mut dli, from, piece, &mut |frame| {
@@ -132,10 +135,8 @@ impl Bridge {
         &'a self,
         of: &'a Aircraft,
     ) -> impl Iterator<Item = (u8, u32)> + 'a {
-        let ours = |system| {
-            let mut here = self.aircraft.iter().filter(|one| one.port == of.port);
-            here.any(|one| one.system() == system)
-        };
+        let here = self.aircraft.on_port(of.port);
+        let ours = move |system| here.iter().any(|(known, _)| *known == system);
         let others = of.link.other_systems();
         others.filter(move |(system, _)| !ours(*system))
     }
@@ -144,7 +145,9 @@ impl Bridge {
     /// vehicle is what nobody looks for. Again once in a while, as long as it sends.
     pub(super) fn name_others(&mut self, now: Now, disk: &mut dyn Disk) {
         for index in 0..self.aircraft.len() {
-            let one = &self.aircraft[index];
+            let Some(one) = self.aircraft.get(index) else {
+                continue;
+            };
             let port = one.port;
             let named = &self.ports[port].named;
             let is_due = |(system, frames): &(u8, u32)| {
@@ -158,8 +161,8 @@ impl Bridge {
             let Some((system, frames)) = found else {
                 continue;
             };
-            let configured = self.aircraft.iter().filter(|other| other.port == port);
-            let configured: Vec<_> = configured.map(|one| one.system().to_string()).collect();
+            let configured = self.aircraft.on_port(port).iter();
+            let configured: Vec<_> = configured.map(|(system, _)| system.to_string()).collect();
             let mut text = format!(
                 "MAVLink system {system} sends on {}, where the configuration has system {}: its frames are ignored",
                 self.ports[port].link,

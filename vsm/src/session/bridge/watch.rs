@@ -70,8 +70,8 @@ impl Bridge {
         // Who stands in for the vehicle sends the most; the others are what it passes on.
         let others = self.others_on_link(one);
         let other = others.max_by_key(|(_, frames)| *frames);
-        let shared = self.aircraft.iter().filter(|other| other.port == one.port);
-        let beside = (other.map(|(system, _)| system), shared.count() > 1);
+        let shares = self.aircraft.on_port(one.port).len() > 1;
+        let beside = (other.map(|(system, _)| system), shares);
         one.link.evidence(mono, &one.config, beside)
     }
 
@@ -114,7 +114,7 @@ impl Bridge {
     /// Every station that listens to a vehicle, each with the first of these.
     pub(super) fn all_listeners(&self) -> Vec<(usize, Id)> {
         let mut listeners: Vec<(usize, Id)> = Vec::new();
-        for one in &self.aircraft {
+        for one in self.aircraft.iter() {
             for station in one.listeners() {
                 if !listeners.iter().any(|(known, _)| known == station) {
                     listeners.push((*station, one.id()));

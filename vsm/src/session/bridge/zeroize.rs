@@ -47,7 +47,7 @@ impl Bridge {
         let (mut dli, aircraft) = self.effects(now, disk);
         match done {
             Err(why) => {
-                if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+                if let Some(one) = aircraft.find_mut(vehicle) {
                     one.effects(&mut dli).refuse(Some(origin), why);
                 }
             }
@@ -123,7 +123,7 @@ impl Bridge {
             // Neither promise of 17000 would hold: the alert says what does.
             Ok(Some(_)) => {}
             Err(why) => {
-                if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+                if let Some(one) = aircraft.find_mut(vehicle) {
                     one.effects(&mut dli).refuse(Some(origin), why);
                 }
             }
@@ -140,7 +140,7 @@ impl Bridge {
     pub fn zeroized_beyond(&mut self, now: Now, vehicle: Id, what: &str, disk: &mut dyn Disk) {
         let why = &format!("ZEROIZE of vehicle {vehicle}: {what}");
         let (mut dli, aircraft) = self.effects(now, disk);
-        if let Some(one) = aircraft.iter_mut().find(|one| one.id() == vehicle) {
+        if let Some(one) = aircraft.find_mut(vehicle) {
             let (what, by) = ("zeroize beyond this computer", None);
             one.ask_authority(&mut dli, authority::Input::Audit { what, by, why });
         }
@@ -155,8 +155,7 @@ impl Bridge {
 
     pub(super) fn watch_zeroize(&mut self, now: Now, disk: &mut dyn Disk) {
         let vehicle = self.zeroize.vehicle;
-        let mut all = self.aircraft.iter();
-        let armed_by = all.find(|one| Some(one.id()) == vehicle);
+        let armed_by = vehicle.and_then(|id| self.aircraft.find(id));
         let controller = armed_by.and_then(|one| one.authority.controller());
         let controls = |by| controller == Some(by);
         if let Some(outcome) = self.zeroize.rules.watch(now.mono, controls) {
@@ -166,7 +165,7 @@ impl Bridge {
 
     fn mark_zeroizing(&mut self) {
         let ordered = self.zeroize.rules.stage() == Stage::Ordered;
-        for one in &mut self.aircraft {
+        for one in self.aircraft.iter_mut() {
             one.zeroizing = ordered;
         }
     }
@@ -217,7 +216,7 @@ impl Bridge {
 
     fn circumstances(&self, now: Now, origin: &Origin, vehicle: Id) -> Option<Circumstances> {
         let station = self.stations.get(origin.station)?;
-        let one = self.aircraft.iter().find(|one| one.id() == vehicle)?;
+        let one = self.aircraft.find(vehicle)?;
         Some(Circumstances {
             now: now.mono,
             by: station.id(),

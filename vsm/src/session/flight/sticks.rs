@@ -1,4 +1,5 @@
-//! Manual flight: sticks (2010) become MANUAL_CONTROL, 25 times a second, for as long as they come.
+//! Manual flight: sticks (2010) become MANUAL_CONTROL: each as it comes, and the last one again 25 times a second for as long as they
+//! come. What waits for a beat of its own is flown late: a pilot feels 40 ms.
 //!
 //! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused
 //! without sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then sees the loss as it is and does what
@@ -19,6 +20,8 @@ pub(crate) struct Sticks {
     latest: Option<(Duration, UaStickCommand)>,
     stream: Stream,
     due: Duration,
+    /// When one was sent last.
+    sent: Duration,
 }
 
 /// The state of manual flight.
@@ -70,6 +73,7 @@ impl Sticks {
         });
         if !overtaken {
             self.latest = Some((now, sticks.clone()));
+            self.due = self.due.min(self.sent + SHORTEST);
         }
         Ok(())
     }
@@ -147,6 +151,7 @@ impl Sticks {
         } else {
             now + PERIOD
         };
+        self.sent = now;
         match &self.latest {
             Some((_, sticks)) => Due::Send(manual_control(sticks, system)),
             None => Due::None,
@@ -186,8 +191,10 @@ const FRESH: Duration = Duration::from_millis(300);
 pub(super) const SEEN_WITHIN: Duration = Duration::from_millis(500);
 /// PX4 has left POSCTL by then for the failsafe of lost sticks (COM_RC_LOSS_T, 0.5 s as it is delivered), and reported that.
 const LEFT_WITHIN: Duration = Duration::from_secs(3);
-/// Of MANUAL_CONTROL.
+/// Of MANUAL_CONTROL where no new sticks come.
 const PERIOD: Duration = Duration::from_millis(40);
+/// Between two of them. Under the 20 ms of a CUCS that sends 50 a second: one that is early by some of that is not held back.
+const SHORTEST: Duration = Duration::from_millis(15);
 const HALF_THROTTLE: i16 = 500;
 /// A stamp so far back is that of a clock that was set.
 const CLOCK_SET_MS: u64 = 10_000;
@@ -214,6 +221,36 @@ mod tests {
     }
 
     #[test]
+    fn each_is_sent_as_it_comes_and_no_more_often_than_the_link_bears() {
+        let ms = Duration::from_millis;
+        let mut sticks = Sticks::default();
+        sticks.take(ms(0), &forward(1, 1)).unwrap();
+        sticks.engage(ms(0));
+        let mut sent = Vec::new();
+        for now in 0..1_000 {
+            // 50 a second, each up to 4 ms early or late; then 500 a second.
+            let jitter = [0, 4, 1, 3][now as usize / 20 % 4];
+            if now < 500 && now % 20 == jitter || now >= 500 && now % 2 == 0 {
+                sticks
+                    .take(ms(now), &forward(now + 2, (now % 100) as i8))
+                    .unwrap();
+                if now < 500 {
+                    let due = sticks.advance(ms(now), (Some(Px4Mode::POSCTL), true), 1);
+                    assert_eq!(x(due), Some((now % 100) as i16 * 10), "at {now} ms");
+                    sent.push(now);
+                }
+            }
+            let due = sticks.advance(ms(now), (Some(Px4Mode::POSCTL), true), 1);
+            sent.extend(x(due).map(|_| now));
+        }
+        assert!(
+            sent.windows(2).all(|pair| pair[1] - pair[0] >= 15),
+            "{sent:?}"
+        );
+        assert!(sent.len() <= 25 + 34, "{}", sent.len());
+    }
+
+    #[test]
     fn the_stream_is_at_least_20_hertz_while_sticks_come_and_ends_with_them() {
         let ms = Duration::from_millis;
         let mut sticks = Sticks::default();
@@ -233,8 +270,8 @@ mod tests {
                 due => sent += u32::from(x(due) == Some(500)),
             }
         }
-        // 0.9 s of sticks and 0.3 s of grace.
-        assert!((29..=31).contains(&sent), "{sent}");
+        // Each of the ten, and after each another one every 40 ms, for 0.3 s after the last.
+        assert!((36..=38).contains(&sent), "{sent}");
         assert_eq!(stopped, 1);
     }
 

@@ -143,12 +143,11 @@ impl Core {
     }
 
     /// When anything is next needed.
-    pub(super) fn poll_timeout(&self, now: Duration) -> Duration {
+    pub(super) fn poll_timeout(&mut self, now: Duration) -> Duration {
+        let of_bridge = self.bridge.poll_timeout(now);
         let exchanges = self.exchanges.iter().map(|(_, one)| one.poll_timeout());
         let encryptions = self.encryptions.iter().map(|(_, one)| one.poll_timeout());
-        exchanges
-            .chain(encryptions)
-            .fold(self.bridge.poll_timeout(now), Duration::min)
+        exchanges.chain(encryptions).fold(of_bridge, Duration::min)
     }
 
     /// Writes what the recordings hold back.

@@ -322,7 +322,7 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
     loop {
         // The borrow must end before the await below.
         let due = {
-            let core = shared.core.borrow();
+            let mut core = shared.core.borrow_mut();
             core.poll_timeout(shared.clock.mono())
         };
         if due <= shared.clock.mono() {

@@ -1,0 +1,430 @@
+//! `vsm run` with many vehicles: processor time, memory, how long a mode change takes to its 3001 meanwhile, and what was lost.
+//! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 10` for one row of another size.
+//!
+//! Each vehicle signs with a key of its own, and sends HEARTBEAT at 1 Hz and ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and
+//! ATTITUDE_QUATERNION at 10 Hz each; 200 share a link. Three CUCSs listen to all of them with the schedules that a bridge has
+//! by itself. The vehicles answer nothing: what the bridge asks, it asks again.
+
+#![allow(missing_docs, reason = "a bench has no callers")]
+#![allow(clippy::print_stdout, reason = "figures are printed")]
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::net::{SocketAddr, UdpSocket};
+use std::os::unix::fs::PermissionsExt as _;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use mavlink_link::dialect::{
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
+    MavAutopilot, MavMessage, MavModeFlag, MavType, VFR_HUD_DATA,
+};
+use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::signing::{SigningKey, Stamp, sign};
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+
+fn main() {
+    // `cargo test --benches` asks for nothing to be measured.
+    if !std::env::args().any(|argument| argument == "--bench") {
+        return;
+    }
+    println!(
+        "| `vsm run`, three CUCSs | frames/s | of a core | CPU a frame | memory | mode change p50 | p99 | reports/s | lost |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let seconds = number("--seconds").unwrap_or(10);
+    let sizes = number("--vehicles").map_or(vec![1, 200, 1_000, 2_000], |only| vec![only]);
+    for vehicles in sizes {
+        World::start(vehicles).measure(seconds);
+    }
+}
+
+fn number(option: &str) -> Option<u32> {
+    let mut arguments = std::env::args().skip_while(|argument| argument != option);
+    arguments.nth(1)?.parse().ok()
+}
+
+/// The bridge, its vehicles, and threads that read what its CUCSs are sent.
+struct World {
+    vsm: Child,
+    vehicles: Vec<Vehicle>,
+    links: Vec<(UdpSocket, SocketAddr)>,
+    stations: Vec<Arc<Station>>,
+    folder: tempfile::TempDir,
+    sent: u64,
+    stamp: u64,
+}
+
+struct Vehicle {
+    id: Id,
+    system: u8,
+    link: usize,
+    key: SigningKey,
+    seq: u8,
+    changed: bool,
+}
+
+struct Station {
+    id: Id,
+    socket: UdpSocket,
+    reports: AtomicU64,
+    ended: AtomicBool,
+    /// Mode changes whose 3001 is waited for, and how long others took.
+    waits: Mutex<HashMap<Id, Instant>>,
+    took: Mutex<Vec<Duration>>,
+}
+
+impl World {
+    fn start(count: u32) -> World {
+        let folder = tempfile::tempdir().expect("a folder");
+        let dli = free();
+        let links: Vec<_> = (0..count.div_ceil(ON_A_LINK))
+            .map(|_| (socket(), free()))
+            .collect();
+        let mut text =
+            format!("[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\nlease_s = 3600\n");
+        let stations: Vec<_> = (0..3)
+            .map(|at| Station::new(Id(0x1b00_00a0 + at)))
+            .collect();
+        for station in &stations {
+            let id = station.id;
+            let _ = writeln!(
+                text,
+                "[[cucs]]\nid = \"{id}\"\nloi = [2]\naddress = \"127.0.0.1\""
+            );
+        }
+        let mut vehicles = Vec::new();
+        for at in 0..count {
+            let (id, system) = (Id(0x1b01_0000 + at), (at % ON_A_LINK + 1) as u8);
+            let link = (at / ON_A_LINK) as usize;
+            let mut key = [0x5a; 32];
+            key[..4].copy_from_slice(&at.to_be_bytes());
+            let file = folder.path().join(format!("{at}.key"));
+            let hex: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+            fs::write(&file, hex).expect("the key");
+            fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("its mode");
+            let _ = writeln!(
+                text,
+                "[[vehicle]]\nid = \"{id}\"\nlink = \"udpin:{}\"\nsystem_id = {system}\nsigning = {{ key_file = \"{at}.key\" }}",
+                links[link].1
+            );
+            vehicles.push(Vehicle {
+                id,
+                system,
+                link,
+                key: SigningKey::new(key).expect("a key"),
+                seq: 0,
+                changed: false,
+            });
+        }
+        text += "[store]\ndir = \"state\"\n";
+        let config = folder.path().join("vsm.toml");
+        fs::write(&config, text).expect("the configuration");
+        let vsm = Command::new(VSM)
+            .args(["run", "--config"])
+            .arg(&config)
+            .env("RUST_LOG", "off")
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("vsm run");
+        let mut world = World {
+            vsm,
+            vehicles,
+            links,
+            stations,
+            folder,
+            sent: 0,
+            stamp: 0,
+        };
+        std::thread::sleep(Duration::from_millis(500 + u64::from(count)));
+        // What a vehicle that appears leads to is no steady state.
+        world.fly(2, false);
+        for station in &world.stations {
+            station.listen(dli, &world.vehicles);
+        }
+        world.fly(3, false);
+        world
+    }
+
+    /// Sends what the vehicles send in this time; `changes`: with a hundred mode changes a second among it.
+    fn fly(&mut self, seconds: u32, changes: bool) {
+        let rounds = 10 * seconds;
+        let steps = rounds * self.vehicles.len() as u32;
+        let begun = Instant::now();
+        let every = (self.vehicles.len() / 10).max(1);
+        let mut done = 0;
+        for round in 0..rounds {
+            for at in 0..self.vehicles.len() {
+                let due = begun
+                    + Duration::from_secs_f64(
+                        f64::from(seconds) * f64::from(done) / f64::from(steps),
+                    );
+                if let Some(wait) = due.checked_duration_since(Instant::now()) {
+                    std::thread::sleep(wait);
+                }
+                done += 1;
+                if (round as usize + at).is_multiple_of(10) {
+                    self.send(at, &heartbeat(self.vehicles[at].changed));
+                }
+                for message in telemetry(round) {
+                    self.send(at, &message);
+                }
+                if changes && (at + 7 * round as usize).is_multiple_of(every) {
+                    self.change_mode(at);
+                }
+            }
+            for (socket, _) in &self.links {
+                drain(socket);
+            }
+        }
+    }
+
+    fn change_mode(&mut self, at: usize) {
+        let vehicle = &mut self.vehicles[at];
+        vehicle.changed = !vehicle.changed;
+        let (id, message) = (vehicle.id, heartbeat(vehicle.changed));
+        for station in &self.stations {
+            let mut waits = station.waits.lock().expect("no panic");
+            waits.insert(id, Instant::now());
+        }
+        self.send(at, &message);
+    }
+
+    fn send(&mut self, at: usize, message: &MavMessage) {
+        let vehicle = &mut self.vehicles[at];
+        vehicle.seq = vehicle.seq.wrapping_add(1);
+        let header = Header {
+            system_id: vehicle.system,
+            component_id: 1,
+            seq: vehicle.seq,
+            incompat: INCOMPAT_SIGNED,
+            ..Header::default()
+        };
+        let mut out = [0; MAX_FRAME];
+        let length = encode(message, header, &mut out);
+        // As every signer must: two frames within 10 us do not share a stamp.
+        self.stamp = Stamp::from_unix(wall()).get().max(self.stamp + 1);
+        let stamp = Stamp::new(self.stamp);
+        let length = sign(&vehicle.key, 0, stamp, &mut out, length).expect("it fits");
+        let (socket, to) = &self.links[vehicle.link];
+        socket.send_to(&out[..length], to).expect("it is sent");
+        self.sent += 1;
+    }
+
+    fn measure(mut self, seconds: u32) {
+        let (cpu, taken, sent) = (cpu_time(self.vsm.id()), self.taken(), self.sent);
+        let reports = self.reports();
+        let begun = Instant::now();
+        self.fly(seconds, true);
+        let took = begun.elapsed();
+        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
+        let reports = self.reports() - reports;
+        std::thread::sleep(Duration::from_millis(500));
+        let (taken, sent) = (self.taken() - taken, self.sent - sent);
+        let mut times = Vec::new();
+        let mut unanswered = 0;
+        for station in &self.stations {
+            times.append(&mut station.took.lock().expect("no panic"));
+            unanswered += station.waits.lock().expect("no panic").len();
+        }
+        times.sort();
+        let micros = |part: f64| {
+            let at = (times.len() as f64 * part) as usize;
+            times
+                .get(at)
+                .map_or(f64::NAN, |took| took.as_secs_f64() * 1e6)
+        };
+        let per_second = sent as f64 / took.as_secs_f64();
+        println!(
+            "| {} vehicles | {per_second:.0} | {:.1} % | {:.1} us | {:.1} MB | {:.0} us | {:.0} us | {:.0} | {} frames, {unanswered} mode changes |",
+            self.vehicles.len(),
+            cpu.as_secs_f64() / took.as_secs_f64() * 100.0,
+            cpu.as_secs_f64() * 1e6 / sent as f64,
+            memory_kb(self.vsm.id()) / 1_000.0,
+            micros(0.5),
+            micros(0.99),
+            reports as f64 / took.as_secs_f64(),
+            sent.saturating_sub(taken),
+        );
+    }
+
+    fn reports(&self) -> u64 {
+        let each = self.stations.iter();
+        each.map(|one| one.reports.load(Ordering::Relaxed)).sum()
+    }
+
+    /// How many messages the bridge has believed of all vehicles.
+    fn taken(&self) -> u64 {
+        let status = Command::new(VSM)
+            .args(["status", "--json", "--config"])
+            .arg(self.folder.path().join("vsm.toml"))
+            .output()
+            .expect("vsm status");
+        let status: serde_json::Value = serde_json::from_slice(&status.stdout).expect("JSON");
+        let vehicles = status["vehicles"].as_array().expect("vehicles");
+        let counts = vehicles
+            .iter()
+            .filter_map(|one| one["link"]["received"].as_object());
+        counts
+            .flat_map(|counts| counts.values())
+            .filter_map(serde_json::Value::as_u64)
+            .sum()
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        for station in &self.stations {
+            station.ended.store(true, Ordering::Relaxed);
+        }
+        let _ = self.vsm.kill();
+        let _ = self.vsm.wait();
+    }
+}
+
+impl Station {
+    fn new(id: Id) -> Arc<Station> {
+        Arc::new(Station {
+            id,
+            socket: socket(),
+            reports: AtomicU64::new(0),
+            ended: AtomicBool::new(false),
+            waits: Mutex::default(),
+            took: Mutex::default(),
+        })
+    }
+
+    /// Requests LOI 2 of every vehicle, and counts what comes from then on.
+    fn listen(self: &Arc<Station>, dli: SocketAddr, vehicles: &[Vehicle]) {
+        let station = Arc::clone(self);
+        std::thread::spawn(move || station.count());
+        for vehicle in vehicles {
+            let request = Message::from(CucsAuthorisationRequest {
+                time_stamp: Some(TimeStamp::from_unix_ms(wall().as_millis() as u64)),
+                requested_handover_loi: Some(LoiBitmap::LOI2),
+                requested_handover_access: Some(RequestedAccess::Request),
+                ..CucsAuthorisationRequest::default()
+            });
+            let mut out = [0; MAX_DATAGRAM];
+            let envelope = Envelope::new(self.id, vehicle.id);
+            let length = request.encode(&envelope, &mut out).expect("it fits");
+            let sent = self.socket.send_to(&out[..length], dli);
+            sent.expect("it is sent");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn count(&self) {
+        let mut bytes = [0; 2_048];
+        while !self.ended.load(Ordering::Relaxed) {
+            let Ok((length, _)) = self.socket.recv_from(&mut bytes) else {
+                continue;
+            };
+            let now = Instant::now();
+            for frame in frames(&bytes[..length]).flatten() {
+                self.reports.fetch_add(1, Ordering::Relaxed);
+                if frame.header.message_type == 3001 {
+                    let begun = self
+                        .waits
+                        .lock()
+                        .expect("no panic")
+                        .remove(&frame.header.source);
+                    if let Some(begun) = begun {
+                        self.took.lock().expect("no panic").push(now - begun);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn heartbeat(changed: bool) -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: [0x0304_0000, 0x0404_0000][usize::from(changed)],
+        mavtype: MavType::MAV_TYPE_QUADROTOR,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
+        base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+        mavlink_version: 3,
+        ..HEARTBEAT_DATA::default()
+    })
+}
+
+fn telemetry(round: u32) -> [MavMessage; 4] {
+    let time_boot_ms = 1_000 + 100 * round;
+    let part = f32::from((round % 100) as u8) / 100.0;
+    [
+        MavMessage::ATTITUDE(ATTITUDE_DATA {
+            time_boot_ms,
+            roll: part,
+            yaw: part * 3.0,
+            ..ATTITUDE_DATA::default()
+        }),
+        MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+            time_boot_ms,
+            lat: 473_977_419 + round as i32,
+            lon: 85_455_938,
+            alt: 500_000,
+            relative_alt: 12_000,
+            ..GLOBAL_POSITION_INT_DATA::default()
+        }),
+        MavMessage::VFR_HUD(VFR_HUD_DATA {
+            groundspeed: 5.0 + part,
+            alt: 500.0,
+            ..VFR_HUD_DATA::default()
+        }),
+        MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+            time_boot_ms,
+            q1: 1.0,
+            ..ATTITUDE_QUATERNION_DATA::default()
+        }),
+    ]
+}
+
+fn drain(socket: &UdpSocket) {
+    socket.set_nonblocking(true).expect("a socket");
+    while socket.recv_from(&mut [0; 2_048]).is_ok() {}
+    socket.set_nonblocking(false).expect("a socket");
+}
+
+fn free() -> SocketAddr {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    socket.local_addr().expect("its address")
+}
+
+fn socket() -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let wait = Some(Duration::from_millis(200));
+    socket.set_read_timeout(wait).expect("a time-out");
+    socket
+}
+
+fn wall() -> Duration {
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
+    wall.expect("after 1970")
+}
+
+/// Processor time that a process has used, from /proc, in ticks of 10 ms.
+fn cpu_time(process: u32) -> Duration {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    let after_name = stat.rsplit(')').next().unwrap_or_default();
+    let fields = after_name.split_whitespace().skip(11).take(2);
+    let ticks: u64 = fields.filter_map(|field| field.parse::<u64>().ok()).sum();
+    Duration::from_millis(ticks * 10)
+}
+
+/// Resident memory of a process, from /proc, in kB.
+fn memory_kb(process: u32) -> f64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let number = resident.and_then(|rest| rest.split_whitespace().next());
+    number.and_then(|kb| kb.parse().ok()).unwrap_or(f64::NAN)
+}
+
+/// Vehicles that share a link: each has a system id of its own there.
+const ON_A_LINK: u32 = 200;
+const VSM: &str = env!("CARGO_BIN_EXE_vsm");
