@@ -86,8 +86,9 @@ impl World {
         let links: Vec<_> = (0..count.div_ceil(ON_A_LINK))
             .map(|_| (socket(), free()))
             .collect();
-        let mut text =
-            format!("[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\nlease_s = 3600\n");
+        let mut text = format!(
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\nlease_s = 3600\nmax_bytes_s = 10000000\nmax_messages_s = 100000\n"
+        );
         let stations: Vec<_> = (0..3)
             .map(|at| Station::new(Id(0x1b00_00a0 + at)))
             .collect();

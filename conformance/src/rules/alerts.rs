@@ -46,16 +46,23 @@ fn cut_and_restored<T>(t: &Trial, play: impl FnOnce() -> Judged<T>) -> Judged<T>
 }
 
 fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
+    let before = t.bench.net.mark();
     let station = t.monitor()?;
     let other = t.b().ok();
     if let Some(other) = &other {
         t.grant(other, loi::LOI2)?;
     }
+    // What stands is sent to who has just connected, at the subject's next look at it: that is not about this link.
+    t.pause(Duration::from_millis(1_200))?;
+    let id_of = |seen: &Seen| seen.raw("Alert (Warning) ID").unwrap_or_default().abs();
+    let stood = station.received(before, |seen| seen.kind() == 16000);
+    let stood: Vec<i64> = stood.iter().map(|seen| id_of(seen)).collect();
     let mark = t.bench.net.mark();
     let raised = cut_and_restored(t, || {
         let raised = super::link::loss_alert(t, &station, mark, |seen| {
             seen.raw("Priority").is_some_and(|priority| priority >= 2)
                 && seen.raw("Type") == Some(1)
+                && !stood.contains(&id_of(seen))
         })?;
         let raised = raised.ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")

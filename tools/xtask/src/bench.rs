@@ -151,7 +151,7 @@ fn machine() -> String {
     )
 }
 
-const BENCHES: [(&str, &str); 7] = [
+const BENCHES: [(&str, &str); 8] = [
     ("stanag-msgs", "codec"),
     ("comparison-benches", "signing"),
     ("comparison-benches", "per_message"),
@@ -159,6 +159,7 @@ const BENCHES: [(&str, &str); 7] = [
     ("vsm", "bridge"),
     ("vsm", "sockets"),
     ("vsm", "protected"),
+    ("vsm", "fleet"),
 ];
 
 #[cfg(test)]

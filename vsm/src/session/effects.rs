@@ -26,7 +26,7 @@ use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::link::services::Services;
 use super::log::{LogEntry, LogLevel};
-use super::outbox::{Datagram, Destination, Outbox, Waiting};
+use super::outbox::{Datagram, Destination, Instance, Outbox, Waiting};
 use super::paths::{Kind, Paths, Verdict};
 use super::station::GroundStation;
 
@@ -427,18 +427,37 @@ impl<'a> DliEffects<'a> {
     /// Sends an alert (16000) to these stations, by the group too.
     pub(crate) fn show(&mut self, source: Id, to: &[usize], raised: &Raised) {
         let Raised { alert, first } = raised;
-        let (outbox, now) = (&mut *self.outbox, self.now);
-        let stamp = || {
-            let stamp = outbox.stamp(now);
-            outbox.note_alert(stamp, alert.id);
-            stamp
-        };
-        let messages: Vec<Message> = alert::messages(alert, *first, stamp)
-            .map(Message::SubsystemStatusAlert)
-            .collect();
-        for message in &messages {
-            for station in to {
-                self.publish(*station, source, message);
+        let over = alert.priority == AlertPriority::Cleared;
+        let mut of_each = [Vec::new(), Vec::new()];
+        for station in to {
+            let instance = match (alert.lasting, first) {
+                (true, _) => self.outbox.show(*station, alert.id, *first, over),
+                (false, true) => Instance::First,
+                (false, false) => Instance::Later,
+            };
+            match instance {
+                Instance::First => of_each[0].push(*station),
+                Instance::Later => of_each[1].push(*station),
+                Instance::Never => {}
+            }
+        }
+        for (first, to) in [true, false].into_iter().zip(of_each) {
+            if to.is_empty() {
+                continue;
+            }
+            let (outbox, now) = (&mut *self.outbox, self.now);
+            let stamp = || {
+                let stamp = outbox.stamp(now);
+                outbox.note_alert(stamp, alert.id);
+                stamp
+            };
+            let messages: Vec<Message> = alert::messages(alert, first, stamp)
+                .map(Message::SubsystemStatusAlert)
+                .collect();
+            for message in &messages {
+                for station in &to {
+                    self.publish(*station, source, message);
+                }
             }
         }
     }

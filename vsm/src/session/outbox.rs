@@ -153,7 +153,20 @@ pub(crate) struct Outbox {
     measured_ms: BTreeMap<Series, u64>,
     /// The latest alerts (16000), by their stamps: an acknowledgement (17000) names no more than that.
     alerts: VecDeque<(TimeStamp, i32)>,
+    /// Which stations have been sent which lasting alert, the latest alerts alone.
+    shown: VecDeque<(i32, Vec<usize>)>,
     pub(crate) sent: ByType,
+}
+
+/// How a station is sent an alert.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Instance {
+    /// With a negative id: it has not seen it.
+    First,
+    /// Of an alert that it has.
+    Later,
+    /// It is over, and the station never had it.
+    Never,
 }
 
 impl Outbox {
@@ -171,6 +184,30 @@ impl Outbox {
             self.alerts.pop_front();
         }
         self.alerts.push_back((stamp, id));
+    }
+
+    /// How a station is sent a lasting alert now. It may have begun to listen by a restart of the bridge, or between two
+    /// looks: an update, or an end, of what it was never sent would be of an alert that it does not know.
+    pub(crate) fn show(&mut self, station: usize, id: i32, first: bool, over: bool) -> Instance {
+        let known = self.shown.iter().position(|(known, _)| *known == id);
+        let at = known.unwrap_or_else(|| {
+            if self.shown.len() == MAX_ALERTS {
+                self.shown.pop_front();
+            }
+            self.shown.push_back((id, Vec::new()));
+            self.shown.len() - 1
+        });
+        let to = &mut self.shown[at].1;
+        let seen = to.contains(&station);
+        to.retain(|one| *one != station);
+        if !over {
+            to.push(station);
+        }
+        match (first, seen, over) {
+            (true, _, _) | (false, false, false) => Instance::First,
+            (false, true, _) => Instance::Later,
+            (false, false, true) => Instance::Never,
+        }
     }
 
     /// The id of the alert with this stamp, where it is one of the latest.
@@ -364,6 +401,25 @@ mod tests {
             (outbox.stamp(now).0.saturating_sub(start)) / 1_000
         });
         stamps.collect()
+    }
+
+    #[test]
+    fn an_alert_is_the_first_to_whoever_was_never_sent_it_and_its_end_goes_to_nobody_else() {
+        let mut outbox = Outbox::default();
+        assert_eq!(outbox.show(0, 7, true, false), Instance::First);
+        assert_eq!(outbox.show(0, 7, false, false), Instance::Later);
+        assert_eq!(
+            outbox.show(1, 7, false, false),
+            Instance::First,
+            "an update"
+        );
+        assert_eq!(outbox.show(0, 7, false, true), Instance::Later, "its end");
+        assert_eq!(outbox.show(2, 7, false, true), Instance::Never);
+        assert_eq!(outbox.show(0, 7, false, true), Instance::Never, "once");
+        for id in 0..3_000 {
+            outbox.show(0, id, true, false);
+        }
+        assert!(outbox.shown.len() <= MAX_ALERTS);
     }
 
     #[test]

@@ -174,6 +174,19 @@ impl VehicleReader {
     }
 }
 
+impl VehicleReader {
+    /// A datagram that is there already; `None` where there is none, and on what is no socket of datagrams.
+    pub fn try_receive(&mut self, bytes: &mut [u8]) -> Option<(usize, Peer)> {
+        let VehicleReader::Udp(socket) = self else {
+            return None;
+        };
+        let room = bytes.len().min(MAX_AT_ONCE + 1);
+        // A fault is reported by the next `receive`.
+        let (length, from) = socket.try_recv_from(&mut bytes[..room]).ok()?;
+        (length <= MAX_AT_ONCE).then_some((length, Peer::Udp(from)))
+    }
+}
+
 impl VehicleWriter {
     /// Where the other end reaches it; `None` for what has no address.
     #[must_use]

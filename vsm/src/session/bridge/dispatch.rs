@@ -42,7 +42,8 @@ impl Bridge {
                 self.aircraft.ask_all();
             }
         }
-        let cucs = self.stations[origin.station].id();
+        let asker = origin.station;
+        let cucs = self.stations[asker].id();
         let (mut dli, aircraft) = self.effects(now, disk);
         let to_all = destination == Id::BROADCAST || destination == dli.vsm;
         let meant = aircraft.find_mut(destination);
@@ -126,6 +127,13 @@ impl Bridge {
                     dli.refuse(&origin, TO_ONE);
                 }
             },
+        }
+        if let Message::CucsAuthorisationRequest(_) = message {
+            // Who listens to nothing any more is a newcomer when it returns, however soon that is.
+            let listens = |one: &Aircraft| one.listeners().contains(&asker);
+            if self.notified.contains(&asker) && !self.aircraft.iter().any(listens) {
+                self.notified.retain(|station| *station != asker);
+            }
         }
         // Whoever has armed it may have lost control by this message.
         self.watch_zeroize(now, disk);

@@ -330,7 +330,6 @@ impl Bridge {
         dli.clear_answers();
         self.watch_zeroize(now, disk);
         self.forget_heartbeats(now.mono);
-        self.name_others(now, disk);
         self.introduce(now, disk);
         self.watch_forwards(now, disk);
         self.watch_paths(now, disk);

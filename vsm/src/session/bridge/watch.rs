@@ -80,6 +80,7 @@ impl Bridge {
             return;
         }
         self.look_at = now.mono + LOOK_EVERY;
+        self.name_others(now, disk);
         let mut found = self.own_findings(now.mono, now.wall);
         self.report_own(now, &found, disk);
         for index in 0..self.aircraft.len() {
@@ -134,16 +135,16 @@ impl Bridge {
         let listeners = self.all_listeners();
         let before = std::mem::take(&mut self.notified);
         let (mut dli, _) = self.effects(now, disk);
+        let standing: Vec<_> = found.iter().map(|one| (one.code, one.key)).collect();
+        while let Some((cause, text)) = dli.alerts.ended_finding(&standing) {
+            let raised = dli.alerts.clear(cause, &cleared(&text));
+            dli.alert_each(&listeners, raised);
+        }
         for (station, vehicle) in listeners.iter().filter(|(one, _)| !before.contains(one)) {
             for alert in dli.alerts.standing().cloned().collect::<Vec<_>>() {
                 // For this station it is the first instance, however long the alert has stood.
                 dli.show(*vehicle, &[*station], &Raised { alert, first: true });
             }
-        }
-        let standing: Vec<_> = found.iter().map(|one| (one.code, one.key)).collect();
-        while let Some((cause, text)) = dli.alerts.ended_finding(&standing) {
-            let raised = dli.alerts.clear(cause, &cleared(&text));
-            dli.alert_each(&listeners, raised);
         }
         for finding in found {
             let text = finding.to_string();
