@@ -170,6 +170,12 @@ pub(crate) enum Instance {
 }
 
 impl Outbox {
+    /// Looks at the clocks though nothing is sent: a wall clock that was set right while nobody listened is followed before
+    /// somebody does.
+    pub(crate) fn watch_time(&mut self, now: Now) {
+        self.time.read(now);
+    }
+
     /// The stamp of a message made now: later than every one before.
     pub(crate) fn stamp(&mut self, now: Now) -> TimeStamp {
         let now_ms = stamp_ms(self.time.read(now));

@@ -320,6 +320,7 @@ impl Bridge {
 
     /// Does what is due.
     pub fn handle_timeout(&mut self, now: Now, disk: &mut dyn Disk) {
+        self.outbox.watch_time(now);
         let due = self.aircraft.find_due(now.mono, &self.stations);
         let (mut dli, aircraft) = self.effects(now, disk);
         for at in 0..due {
