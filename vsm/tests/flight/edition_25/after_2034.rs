@@ -112,7 +112,10 @@ fn a_station_of_edition_4_flies_through_it_though_its_count_begins_again() {
         .collect();
     let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
     let begun_ms = TimeStamp::PERIOD_MS - 60_000;
-    assert!(first.0 > begun_ms && last.0 < 2_500, "{first:?} {last:?} {begun_ms}");
+    assert!(
+        first.0 > begun_ms && last.0 < 2_500,
+        "{first:?} {last:?} {begun_ms}"
+    );
     let near_ms = (ROLL_OVER_S * 1e3) as u64;
     let times = stamps.iter().map(|stamp| stamp.unix_ms_near(near_ms));
     assert!(times.is_sorted_by(|one, next| one < next), "{stamps:?}");
