@@ -1,10 +1,11 @@
 //! Warnings, cautions, advisories: ALERT.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::flight::{Plan, home, load, mode_command};
-use crate::bench::station::loi;
+use crate::bench::station::{Station, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
 use crate::wire::{Draft, Seen};
@@ -45,6 +46,25 @@ fn cut_and_restored<T>(t: &Trial, play: impl FnOnce() -> Judged<T>) -> Judged<T>
     result
 }
 
+fn id_of(seen: &Seen) -> i64 {
+    seen.raw("Alert (Warning) ID").unwrap_or_default().abs()
+}
+
+/// The alerts that stand now, of those that came since `before`: none of them is about a link that is cut later. What stands is
+/// sent to who has just connected, by some subjects a moment later.
+fn standing(t: &Trial, station: &Station, before: usize) -> Judged<BTreeSet<i64>> {
+    t.pause(Duration::from_millis(1_200))?;
+    let mut standing = BTreeSet::new();
+    for seen in station.received(before, |seen| seen.kind() == 16000) {
+        if seen.raw("Priority") == Some(0) {
+            standing.remove(&id_of(&seen));
+        } else {
+            standing.insert(id_of(&seen));
+        }
+    }
+    Ok(standing)
+}
+
 fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     let before = t.bench.net.mark();
     let station = t.monitor()?;
@@ -52,11 +72,7 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     if let Some(other) = &other {
         t.grant(other, loi::LOI2)?;
     }
-    // What stands is sent to who has just connected, at the subject's next look at it: that is not about this link.
-    t.pause(Duration::from_millis(1_200))?;
-    let id_of = |seen: &Seen| seen.raw("Alert (Warning) ID").unwrap_or_default().abs();
-    let stood = station.received(before, |seen| seen.kind() == 16000);
-    let stood: Vec<i64> = stood.iter().map(|seen| id_of(seen)).collect();
+    let stood = standing(t, &station, before)?;
     let mark = t.bench.net.mark();
     let raised = cut_and_restored(t, || {
         let raised = super::link::loss_alert(t, &station, mark, |seen| {
@@ -232,10 +248,14 @@ fn no_storms(t: &Trial) -> Judged {
 }
 
 fn standing_alerts_reach_the_newcomer(t: &Trial) -> Judged {
+    let before = t.bench.net.mark();
     let a = t.monitor()?;
+    let stood = standing(t, &a, before)?;
     let mark = t.bench.net.mark();
     cut_and_restored(t, || {
-        let raised = super::link::loss_alert(t, &a, mark, |seen| seen.raw("Type") == Some(1))?;
+        let raised = super::link::loss_alert(t, &a, mark, |seen| {
+            seen.raw("Type") == Some(1) && !stood.contains(&id_of(seen))
+        })?;
         let raised = raised.ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")
         })?;

@@ -427,11 +427,10 @@ impl<'a> DliEffects<'a> {
     /// Sends an alert (16000) to these stations, by the group too.
     pub(crate) fn show(&mut self, source: Id, to: &[usize], raised: &Raised) {
         let Raised { alert, first } = raised;
-        let over = alert.priority == AlertPriority::Cleared;
         let mut of_each = [Vec::new(), Vec::new()];
         for station in to {
             let instance = match (alert.lasting, first) {
-                (true, _) => self.outbox.show(*station, alert.id, *first, over),
+                (true, _) => self.outbox.show(*station, alert.id, *first, alert.priority),
                 (false, true) => Instance::First,
                 (false, false) => Instance::Later,
             };

@@ -1,11 +1,14 @@
 //! The vehicles of a bridge, and which of them has something to do next.
 //!
 //! With a thousand vehicles, asking each after every datagram when it is next due and whether it has a frame to send costs
-//! far more than the datagram. What a vehicle answers only changes while somebody has it mutably: whoever is lent one is
-//! noted here, and only those are asked again. Nobody has to report a change, so none can be forgotten.
+//! far more than the datagram. What a vehicle answers changes only while somebody has it by `&mut`: every way to that leads through
+//! here, so that the fleet knows which vehicles to ask again, and nobody has to report a change.
 //!
-//! Due times depend on the stations as well: their silence. That ends later with whatever is received of them, which a vehicle
-//! finds out when it is asked at the earlier time; where it may end or begin *earlier*, the bridge calls [`Fleet::ask_all`].
+//! One thing outside a vehicle moves its due time: the silence of the stations. Whatever is received of a station moves it to later, which
+//! a vehicle finds out when it is asked at the earlier time; where it may be *earlier*, the bridge calls [`Fleet::ask_all`].
+//!
+//! Some steps of `Aircraft::handle_timeout` have no due time of their own (a disk that does not answer, a held command whose owner is
+//! gone). They are at most a second late, since each link is due for its heartbeat once a second.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::store::{Changes, Progress};
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, AlertPriority};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
 
 use super::context::Origin;
@@ -153,15 +153,15 @@ pub(crate) struct Outbox {
     measured_ms: BTreeMap<Series, u64>,
     /// The latest alerts (16000), by their stamps: an acknowledgement (17000) names no more than that.
     alerts: VecDeque<(TimeStamp, i32)>,
-    /// Which stations have been sent which lasting alert, the latest alerts alone.
-    shown: VecDeque<(i32, Vec<usize>)>,
+    /// Which stations show which lasting alert, by its id: until its end was sent to each.
+    shown: BTreeMap<i32, Vec<usize>>,
     pub(crate) sent: ByType,
 }
 
 /// How a station is sent an alert.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Instance {
-    /// With a negative id: it has not seen it.
+    /// With a negative id, as of a new alert.
     First,
     /// Of an alert that it has.
     Later,
@@ -173,6 +173,10 @@ impl Outbox {
     /// Looks at the clocks though nothing is sent: a wall clock that was set right while nobody listened is followed before
     /// somebody does.
     pub(crate) fn watch_time(&mut self, now: Now) {
+        // Before anything was stamped nothing can go back: the wall clock is believed as it stands, also one that was set back.
+        if self.last_stamp_ms == 0 && self.measured_ms.is_empty() {
+            self.time = WallTime::default();
+        }
         self.time.read(now);
     }
 
@@ -192,26 +196,37 @@ impl Outbox {
         self.alerts.push_back((stamp, id));
     }
 
-    /// How a station is sent a lasting alert now. It may have begun to listen by a restart of the bridge, or between two
-    /// looks: an update, or an end, of what it was never sent would be of an alert that it does not know.
-    pub(crate) fn show(&mut self, station: usize, id: i32, first: bool, over: bool) -> Instance {
-        let known = self.shown.iter().position(|(known, _)| *known == id);
-        let at = known.unwrap_or_else(|| {
-            if self.shown.len() == MAX_ALERTS {
-                self.shown.pop_front();
-            }
-            self.shown.push_back((id, Vec::new()));
-            self.shown.len() - 1
-        });
-        let to = &mut self.shown[at].1;
+    /// How a station is sent a lasting alert now: its beginning, an update, or its end where it is cleared. A station may have begun
+    /// to listen by a restart of the bridge, or just before the alert changed: an update, or an end, of what it was never
+    /// sent would be of an alert that it does not know.
+    ///
+    /// `begins`: the station is told of it as of a new one, whatever it has seen.
+    pub(crate) fn show(
+        &mut self,
+        station: usize,
+        id: i32,
+        begins: bool,
+        priority: AlertPriority,
+    ) -> Instance {
+        let over = priority == AlertPriority::Cleared;
+        let known = self.shown.contains_key(&id);
+        let to = self.shown.entry(id).or_default();
         let seen = to.contains(&station);
         to.retain(|one| *one != station);
         if !over {
             to.push(station);
         }
-        match (first, seen, over) {
+        if to.is_empty() {
+            self.shown.remove(&id);
+        }
+        if self.shown.len() > MAX_SHOWN {
+            self.shown.pop_first();
+        }
+        match (begins, seen, over) {
             (true, _, _) | (false, false, false) => Instance::First,
             (false, true, _) => Instance::Later,
+            // An end too many does no harm, one too few leaves a lamp on: nobody is left out where nothing is known.
+            (false, false, true) if !known => Instance::Later,
             (false, false, true) => Instance::Never,
         }
     }
@@ -379,6 +394,8 @@ fn stamp_ms(wall: Duration) -> u64 {
 const MAX_QUEUED: usize = 65_536;
 /// Messages that wait for the disk at most, of what one station has led to.
 const MAX_HELD: usize = 256;
+/// Lasting alerts of which it is known who shows them: more than a bridge with thousands of vehicles has.
+const MAX_SHOWN: usize = 65_536;
 /// Alerts whose acknowledgement is still understood.
 const MAX_ALERTS: usize = 1_024;
 /// A change of the wall clock against monotonic time that is no step.
@@ -411,21 +428,31 @@ mod tests {
 
     #[test]
     fn an_alert_is_the_first_to_whoever_was_never_sent_it_and_its_end_goes_to_nobody_else() {
+        use AlertPriority::{Cleared, Warning};
         let mut outbox = Outbox::default();
-        assert_eq!(outbox.show(0, 7, true, false), Instance::First);
-        assert_eq!(outbox.show(0, 7, false, false), Instance::Later);
+        assert_eq!(outbox.show(0, 7, true, Warning), Instance::First);
+        assert_eq!(outbox.show(0, 7, false, Warning), Instance::Later);
         assert_eq!(
-            outbox.show(1, 7, false, false),
+            outbox.show(1, 7, false, Warning),
             Instance::First,
             "an update"
         );
-        assert_eq!(outbox.show(0, 7, false, true), Instance::Later, "its end");
-        assert_eq!(outbox.show(2, 7, false, true), Instance::Never);
-        assert_eq!(outbox.show(0, 7, false, true), Instance::Never, "once");
+        assert_eq!(outbox.show(2, 7, false, Cleared), Instance::Never);
+        assert_eq!(
+            outbox.show(0, 7, false, Cleared),
+            Instance::Later,
+            "its end"
+        );
+        assert_eq!(outbox.show(0, 7, false, Cleared), Instance::Never, "once");
+        assert_eq!(outbox.show(1, 7, false, Cleared), Instance::Later);
+        assert!(outbox.shown.is_empty(), "what is over takes no room");
+        // Thousands of vehicles that fall silent at once, and return.
         for id in 0..3_000 {
-            outbox.show(0, id, true, false);
+            outbox.show(0, id, true, Warning);
         }
-        assert!(outbox.shown.len() <= MAX_ALERTS);
+        for id in 0..3_000 {
+            assert_eq!(outbox.show(0, id, false, Cleared), Instance::Later, "{id}");
+        }
     }
 
     #[test]
@@ -492,6 +519,24 @@ mod tests {
         for wrong in [7_200, 10 * YEAR, -7_200, -10 * YEAR] {
             let walls = [0, 0, wrong, wrong, wrong, wrong, wrong, 0, 0, 0];
             assert_eq!(stamps(walls), (0..10).collect::<Vec<_>>(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn before_anything_is_stamped_the_wall_clock_is_believed_as_it_stands() {
+        let at = |mono: u64, wall: Duration| Now {
+            mono: Duration::from_secs(mono),
+            wall,
+        };
+        for wrong in [
+            WALL - Duration::from_secs(7_200),
+            WALL + Duration::from_secs(120),
+        ] {
+            let mut outbox = Outbox::default();
+            outbox.watch_time(at(1, wrong));
+            outbox.watch_time(at(2, WALL));
+            let ms = u64::try_from(WALL.as_millis()).unwrap();
+            assert_eq!(outbox.stamp(at(2, WALL)).unix_ms(), ms);
         }
     }
 

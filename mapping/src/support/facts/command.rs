@@ -85,7 +85,7 @@ facts! {
         "Ignition Switch Power": "1 is refused";
         "Ignition Switch Activation": "1 is refused";
     }
-    2010 taken "sticks for mode 2, sent on as MANUAL_CONTROL, each as it comes (at most 66 a second) and the last one again 25 times a second, while that mode is entered or flown" {
+    2010 taken "sticks for mode 2, sent on as MANUAL_CONTROL, each as it comes (at most 66 a second, 25 on a serial line) and the last one again 25 times a second, while that mode is entered or flown" {
         "Time Stamp": "one that has been overtaken changes nothing";
         "Lateral Stick": "y";
         "Longitudinal Stick": "x";

@@ -99,6 +99,12 @@ impl Aircraft {
                 "MAVLink signing is off: anyone in range of the link can command this vehicle",
             );
         }
+        // They may show these alerts from before the restart: their ends are theirs too.
+        for alert in self.alerts.standing() {
+            for station in &listeners {
+                dli.outbox.show(*station, alert.id, true, alert.priority);
+            }
+        }
         self.listeners = listeners;
         Ok(known)
     }

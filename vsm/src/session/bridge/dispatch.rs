@@ -42,8 +42,7 @@ impl Bridge {
                 self.aircraft.ask_all();
             }
         }
-        let asker = origin.station;
-        let cucs = self.stations[asker].id();
+        let cucs = self.stations[origin.station].id();
         let (mut dli, aircraft) = self.effects(now, disk);
         let to_all = destination == Id::BROADCAST || destination == dli.vsm;
         let meant = aircraft.find_mut(destination);
@@ -129,11 +128,7 @@ impl Bridge {
             },
         }
         if let Message::CucsAuthorisationRequest(_) = message {
-            // Who listens to nothing any more is a newcomer when it returns, however soon that is.
-            let listens = |one: &Aircraft| one.listeners().contains(&asker);
-            if self.notified.contains(&asker) && !self.aircraft.iter().any(listens) {
-                self.notified.retain(|station| *station != asker);
-            }
+            self.forget_who_left();
         }
         // Whoever has armed it may have lost control by this message.
         self.watch_zeroize(now, disk);

@@ -390,6 +390,8 @@ impl Bridge {
             aircraft.handle_durable(&mut dli);
         }
         dli.release();
+        // A release takes effect when it is durable.
+        self.forget_who_left();
         self.show_holders(now, disk);
     }
 

@@ -125,6 +125,17 @@ impl Bridge {
         listeners
     }
 
+    /// Who listens to nothing any more is a newcomer when it returns, however soon that is.
+    pub(super) fn forget_who_left(&mut self) {
+        let listens = |station: &usize| {
+            let mut all = self.aircraft.iter();
+            all.any(|one| one.listeners().contains(station))
+        };
+        let mut notified = std::mem::take(&mut self.notified);
+        notified.retain(listens);
+        self.notified = notified;
+    }
+
     /// What is about no vehicle goes to everybody who listens to one, in the name of the first: every message of the DLI comes
     /// from a vehicle, and a CUCS may drop what does not.
     fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {

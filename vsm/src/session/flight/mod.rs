@@ -60,7 +60,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;
 use super::maneuver::{self, Maneuver, Progress, Step};
-use crate::config::OnLoss;
+use crate::config::{LinkAddress, OnLoss};
 
 /// The machine.
 #[derive(Debug, Default)]
@@ -665,7 +665,8 @@ impl Flight {
         let maneuver = Maneuver::new(steps, Commanded::default());
         self.begin(context, origin, maneuver, effects);
         // After `begin`: what it superseded has released the sticks.
-        self.sticks.engage(now);
+        let slow = matches!(context.common.config.link, LinkAddress::Serial { .. });
+        self.sticks.engage(now, slow);
         self.stream_sticks(context, effects);
     }
 

@@ -1,5 +1,6 @@
 //! Manual flight: sticks (2010) become MANUAL_CONTROL: each as it comes, and the last one again 25 times a second for as long as they
-//! come. What waits for a beat of its own is flown late: a pilot feels 40 ms.
+//! come. Sent by a clock of its own it would be flown up to 40 ms late, which a pilot feels. No two are less than 15 ms apart: the newest
+//! waits for that.
 //!
 //! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused
 //! without sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then sees the loss as it is and does what
@@ -20,8 +21,9 @@ pub(crate) struct Sticks {
     latest: Option<(Duration, UaStickCommand)>,
     stream: Stream,
     due: Duration,
-    /// When one was sent last.
+    /// When one was sent last, and what passes at least before the next.
     sent: Duration,
+    apart: Duration,
 }
 
 /// The state of manual flight.
@@ -73,7 +75,7 @@ impl Sticks {
         });
         if !overtaken {
             self.latest = Some((now, sticks.clone()));
-            self.due = self.due.min(self.sent + SHORTEST);
+            self.due = self.due.min(self.sent + self.apart);
         }
         Ok(())
     }
@@ -101,7 +103,9 @@ impl Sticks {
         }
     }
 
-    pub(super) fn engage(&mut self, now: Duration) {
+    /// `slow`: on a serial line, of which 66 a second would be most, packed and encrypted.
+    pub(super) fn engage(&mut self, now: Duration, slow: bool) {
+        self.apart = if slow { PERIOD } else { SHORTEST };
         self.stream = Stream::Entering;
         self.due = now;
     }
@@ -147,7 +151,7 @@ impl Sticks {
         }
         // Counted from the time due, so that late calls keep the rate; a longer gap is not made up for.
         self.due = if self.due + PERIOD > now {
-            self.due + PERIOD
+            (self.due + PERIOD).max(now + self.apart)
         } else {
             now + PERIOD
         };
@@ -193,7 +197,7 @@ pub(super) const SEEN_WITHIN: Duration = Duration::from_millis(500);
 const LEFT_WITHIN: Duration = Duration::from_secs(3);
 /// Of MANUAL_CONTROL where no new sticks come.
 const PERIOD: Duration = Duration::from_millis(40);
-/// Between two of them. Under the 20 ms of a CUCS that sends 50 a second: one that is early by some of that is not held back.
+/// Between two of them. Less than the 20 ms of a CUCS that sends 50 a second, so that one that comes a little early is not held back.
 const SHORTEST: Duration = Duration::from_millis(15);
 const HALF_THROTTLE: i16 = 500;
 /// A stamp so far back is that of a clock that was set.
@@ -225,7 +229,7 @@ mod tests {
         let ms = Duration::from_millis;
         let mut sticks = Sticks::default();
         sticks.take(ms(0), &forward(1, 1)).unwrap();
-        sticks.engage(ms(0));
+        sticks.engage(ms(0), false);
         let mut sent = Vec::new();
         for now in 0..1_000 {
             // 50 a second, each up to 4 ms early or late; then 500 a second.
@@ -259,7 +263,7 @@ mod tests {
             Due::None
         );
         sticks.take(ms(0), &forward(1, 50)).unwrap();
-        sticks.engage(ms(0));
+        sticks.engage(ms(0), false);
         let (mut sent, mut stopped) = (0, 0);
         for now in 0..2_000 {
             if now < 1_000 && now % 100 == 0 {
@@ -280,7 +284,7 @@ mod tests {
         let mut sticks = Sticks::default();
         sticks.take(Duration::ZERO, &forward(500, 20)).unwrap();
         sticks.take(Duration::ZERO, &forward(400, -80)).unwrap();
-        sticks.engage(Duration::ZERO);
+        sticks.engage(Duration::ZERO, false);
         assert_eq!(
             x(sticks.advance(Duration::ZERO, (None, true), 1)),
             Some(200)
@@ -293,7 +297,7 @@ mod tests {
         let ms = Duration::from_millis;
         let mut sticks = Sticks::default();
         sticks.take(ms(0), &forward(5_000, 20)).unwrap();
-        sticks.engage(ms(0));
+        sticks.engage(ms(0), false);
         assert_eq!(
             x(sticks.advance(ms(0), (Some(Px4Mode::POSCTL), true), 1)),
             Some(200)

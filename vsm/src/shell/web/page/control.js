@@ -70,7 +70,6 @@ export class Control {
       by("station-id").value = id;
       by("key").value = key;
       this.#say(`filled in by the link: press Connect to be ${id}`, "");
-      by("connect").focus();
     }
   }
 
