@@ -8,6 +8,8 @@
 #![allow(missing_docs, reason = "a bench has no callers")]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
+mod common;
+
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -16,7 +18,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use mavlink_link::dialect::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
@@ -27,6 +29,8 @@ use mavlink_link::signing::{SigningKey, Stamp, sign};
 use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+
+use common::{cpu_time, free, memory_kb, socket, wall};
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
@@ -390,40 +394,6 @@ fn drain(socket: &UdpSocket) {
     socket.set_nonblocking(true).expect("a socket");
     while socket.recv_from(&mut [0; 2_048]).is_ok() {}
     socket.set_nonblocking(false).expect("a socket");
-}
-
-fn free() -> SocketAddr {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    socket.local_addr().expect("its address")
-}
-
-fn socket() -> UdpSocket {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let wait = Some(Duration::from_millis(200));
-    socket.set_read_timeout(wait).expect("a time-out");
-    socket
-}
-
-fn wall() -> Duration {
-    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
-    wall.expect("after 1970")
-}
-
-/// Processor time that a process has used, from /proc, in ticks of 10 ms.
-fn cpu_time(process: u32) -> Duration {
-    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
-    let after_name = stat.rsplit(')').next().unwrap_or_default();
-    let fields = after_name.split_whitespace().skip(11).take(2);
-    let ticks: u64 = fields.filter_map(|field| field.parse::<u64>().ok()).sum();
-    Duration::from_millis(ticks * 10)
-}
-
-/// Resident memory of a process, from /proc, in kB.
-fn memory_kb(process: u32) -> f64 {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
-    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let number = resident.and_then(|rest| rest.split_whitespace().next());
-    number.and_then(|kb| kb.parse().ok()).unwrap_or(f64::NAN)
 }
 
 /// Vehicles that share a link: each has a system id of its own there.

@@ -10,13 +10,15 @@
 #![allow(missing_docs, reason = "a bench has no callers")]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
+mod common;
+
 use std::cell::Cell;
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use mavlink_link::dialect::{
     ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
@@ -26,6 +28,8 @@ use mavlink_link::signing::{SigningKey, Stamp, sign};
 use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+
+use common::{cpu_time, free, memory_kb, socket, wall};
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
@@ -393,42 +397,8 @@ impl Percentiles {
     }
 }
 
-fn free() -> SocketAddr {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    socket.local_addr().expect("its address")
-}
-
-fn socket() -> UdpSocket {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let wait = Some(Duration::from_millis(200));
-    socket.set_read_timeout(wait).expect("a time-out");
-    socket
-}
-
-fn wall() -> Duration {
-    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
-    wall.expect("after 1970")
-}
-
 fn stamp() -> TimeStamp {
     TimeStamp::from_unix_ms(wall().as_millis() as u64)
-}
-
-/// Processor time that a process has used, from /proc, in ticks of 10 ms.
-fn cpu_time(process: u32) -> Duration {
-    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
-    let after_name = stat.rsplit(')').next().unwrap_or_default();
-    let fields = after_name.split_whitespace().skip(11).take(2);
-    let ticks: u64 = fields.filter_map(|field| field.parse::<u64>().ok()).sum();
-    Duration::from_millis(ticks * 10)
-}
-
-/// Resident memory of a process, from /proc, in kB.
-fn memory_kb(process: u32) -> f64 {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
-    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let number = resident.and_then(|rest| rest.split_whitespace().next());
-    number.and_then(|kb| kb.parse().ok()).unwrap_or(f64::NAN)
 }
 
 /// Message ids, as the status has them.

@@ -200,7 +200,7 @@ impl Outbox {
     /// to listen by a restart of the bridge, or just before the alert changed: an update, or an end, of what it was never
     /// sent would be of an alert that it does not know.
     ///
-    /// `begins`: the station is told of it as of a new one, whatever it has seen.
+    /// `begins`: the station is sent it as a new one, whatever it has seen.
     pub(crate) fn show(
         &mut self,
         station: usize,

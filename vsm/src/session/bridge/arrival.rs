@@ -301,10 +301,9 @@ impl Bridge {
         let station = &mut self.stations[index];
         // What its silence has led to ends at once, not when it would have gone further.
         let was_silent = station.silence(now, &self.settings.authority) != Silence::None;
-        if was_silent || station.received.replace(now).is_none() {
+        if station.received.replace(now).is_none() || was_silent {
             self.aircraft.ask_all();
         }
-        self.stations[index].received = Some(now);
     }
 
     /// The index of the station that a frame is from, where it may speak and speaks to us.
