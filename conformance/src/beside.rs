@@ -14,8 +14,9 @@ use crate::wire::{Direction, Seen};
 /// The rule that waits longest, and rules that need no control and play one id: they run beside it.
 pub(crate) const PATIENT: &str = "AUTH-004";
 pub(crate) const COMPANIONS: &[&str] = &[
-    "ACK-005", "CONF-002", "CONF-003", "CONF-006", "CONF-007", "PV-005", "STAT-001", "STAT-003",
-    "STAT-004", "STAT-006", "STAT-009", "STAT-016", "WRAP-003", "WRAP-004", "WRAP-007", "WRAP-008",
+    "ACK-005", "CONF-002", "CONF-003", "CONF-006", "CONF-007", "HB-001", "PV-005", "STAT-001",
+    "STAT-003", "STAT-004", "STAT-006", "STAT-009", "STAT-016", "WRAP-003", "WRAP-004", "WRAP-007",
+    "WRAP-008",
 ];
 
 /// A rule that is played beside others.

@@ -570,13 +570,20 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
             "the energy level is below its declared caution limit already, or absent",
         ));
     }
+    // The VSM (subsystem 9) may have something else to say meanwhile.
+    let own_alert = |seen: &Seen| {
+        seen.kind() == 16000
+            && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+            && seen.raw("Subsystem ID") != Some(9)
+    };
     let mark = t.bench.net.mark();
     crate::means::shell(lower).map_err(Stop::Inconclusive)?;
     let result = (|| {
         let low = station.wait(mark, t.timers().status, |seen| {
             seen.kind() == 3002 && level(seen).is_some_and(|level| level < limit)
         });
-        t.pause(t.timers().quiet)?;
+        // Whoever watches a level lets a dip pass: an alert about it may come seconds after the first report below the limit.
+        station.wait(mark, t.timers().status.max(t.timers().quiet), own_alert);
         Ok((low.is_some(), level(&*station.query(3002)?)))
     })();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
@@ -589,12 +596,7 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
             "means.lower_energy did not bring the energy level in 3002 below its declared caution limit",
         ));
     }
-    let own = station.received(mark, |seen| {
-        // The VSM (subsystem 9) may have something else to say meanwhile.
-        seen.kind() == 16000
-            && seen.raw("Priority").is_some_and(|priority| priority >= 2)
-            && seen.raw("Subsystem ID") != Some(9)
-    });
+    let own = station.received(mark, own_alert);
     if let Some(own) = own.first() {
         t.expect_of(own, false, || {
             format!(

@@ -44,6 +44,8 @@ pub mod bridge;
 pub mod captures;
 pub mod clock;
 pub mod curves;
+#[cfg(feature = "bridge")]
+pub mod etcd;
 pub mod heap;
 pub mod network;
 pub mod process;

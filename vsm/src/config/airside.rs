@@ -8,7 +8,6 @@ use stanag_msgs::Id;
 use toml::Spanned;
 
 use super::agent_contingency::AgentContingency;
-use super::bridge::Store;
 use super::error::{ConfigError, Fault, fault};
 use super::explain;
 use super::forward::Relay;
@@ -36,7 +35,17 @@ table! {
         /// What it flies while nothing is received of the ground.
         pub contingency: Option<Spanned<AgentContingency>> => Table(AgentContingency::KEYS),
         /// Where state lives that must survive a restart.
-        pub store: Store => Table(Store::KEYS),
+        pub store: AgentStore => Table(AgentStore::KEYS),
+    }
+}
+
+table! {
+    /// `[store]` of an agent
+    #[derive(Debug, Clone, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct AgentStore {
+        /// Folder of signing clocks and keys; made with mode 0700, refused when open to others
+        pub dir: PathBuf => Required,
     }
 }
 

@@ -19,8 +19,8 @@ use super::key::table;
 use super::station::{Cucs, Edition};
 use super::terrain::{self, TerrainFault};
 use super::value::{
-    LinkAddress, OnLoss, Provisional, Signing, bytes_a_second, group, hops, id, interface, lease,
-    messages_a_second, silence,
+    ExchangeMode, LinkAddress, OnLoss, Provisional, Signing, StoreKind, bytes_a_second, group,
+    hops, id, interface, lease, messages_a_second, silence, store_lease,
 };
 use super::vehicle::Vehicle;
 use super::web::{Http, Web};
@@ -169,6 +169,103 @@ table! {
     pub struct Store {
         /// Folder of signing clocks, plans and authority; made with mode 0700, refused when open to others
         pub dir: PathBuf => Required,
+        /// `"files"`: in this folder alone. `"etcd"`: each change is stored in etcd, too, so that another computer can continue
+        /// ([fleet.md](../guide/fleet.md)); needs a `vsm` that was built with the feature `etcd`
+        #[serde(default)]
+        pub kind: StoreKind => Value("\"files\""),
+        /// With `"etcd"`: members of the cluster, such as `["http://10.0.0.1:2379"]`
+        #[serde(default)]
+        pub endpoints: Vec<String> => Value("[]"),
+        /// With `"etcd"`: this computer's name, which no other has: 1 to 32 letters, digits, `-` and `_`
+        pub node: Option<String> => Nothing("none"),
+        /// With `"etcd"`: file of the key that seals what etcd is given: 32 bytes in hex, mode 0600, written by `vsm keygen`, the same
+        /// on each computer
+        pub key_file: Option<PathBuf> => Nothing("none"),
+        /// With `"etcd"`: another computer takes over when this one has been silent for so long, whole s, 2 to 60
+        #[serde(default = "store_lease_s", deserialize_with = "store_lease")]
+        pub lease_s: u64 => Value("3"),
+    }
+}
+
+fn store_lease_s() -> u64 {
+    3
+}
+
+/// A store that several computers share: `[store]` with `kind = "etcd"`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SharedStore {
+    /// Members of the cluster.
+    pub endpoints: Vec<String>,
+    /// This computer's name.
+    pub node: String,
+    /// The key that seals what etcd is given.
+    pub key_file: PathBuf,
+    /// The time of a lease, s.
+    pub lease_s: u64,
+}
+
+impl Store {
+    /// How it is shared; `None` where one computer has it.
+    #[must_use]
+    pub fn shared(&self) -> Option<SharedStore> {
+        let (StoreKind::Etcd, Some(node), Some(key_file)) = (self.kind, &self.node, &self.key_file)
+        else {
+            return None;
+        };
+        Some(SharedStore {
+            endpoints: self.endpoints.clone(),
+            node: node.clone(),
+            key_file: key_file.clone(),
+            lease_s: self.lease_s,
+        })
+    }
+
+    /// What a single value of `[store]` cannot show.
+    fn check(&self) -> Result<(), Fault> {
+        if self.kind == StoreKind::Files {
+            let given = [
+                ("store.endpoints", !self.endpoints.is_empty()),
+                ("store.node", self.node.is_some()),
+                ("store.key_file", self.key_file.is_some()),
+            ];
+            if let Some((key, _)) = given.iter().find(|(_, given)| *given) {
+                let expected = "nothing with kind = \"files\"; with it set kind = \"etcd\"";
+                return fault(0, key, "given", expected);
+            }
+            return Ok(());
+        }
+        if !cfg!(feature = "etcd") {
+            let expected = "\"files\": this vsm was built without etcd (cargo build --release --features etcd)";
+            return fault(0, "store.kind", "\"etcd\"", expected);
+        }
+        let good = |one: &&String| {
+            let rest = one.strip_prefix("http://").unwrap_or_default();
+            rest.rsplit_once(':').is_some_and(|(host, port)| {
+                !host.is_empty() && !host.contains('/') && port.parse::<u16>().is_ok()
+            })
+        };
+        let expected =
+            "members of the cluster as http://HOST:PORT, such as [\"http://10.0.0.1:2379\"]";
+        match self.endpoints.iter().find(|one| !good(one)) {
+            Some(bad) => return fault(0, "store.endpoints", bad, expected),
+            None if self.endpoints.is_empty() => {
+                return fault(0, "store.endpoints", "[]", expected);
+            }
+            None => {}
+        }
+        let node = self.node.as_deref().unwrap_or_default();
+        let letter = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if !(1..=32).contains(&node.len()) || !node.chars().all(letter) {
+            let expected =
+                "this computer's name with kind = \"etcd\": 1 to 32 letters, digits, - and _";
+            return fault(0, "store.node", format!("{node:?}"), expected);
+        }
+        if self.key_file.is_none() {
+            let expected =
+                "a key file with kind = \"etcd\": `vsm keygen fleet.key`, copied to each computer";
+            return fault(0, "store.key_file", "absent", expected);
+        }
+        Ok(())
     }
 }
 
@@ -405,6 +502,8 @@ impl Config {
             let has_group = self.dli.multicast.is_some();
             station.get_ref().check(station.span().start, has_group)?;
         }
+        self.store.check()?;
+        self.check_fleet()?;
         self.check_guards()?;
         self.web.check(self.http.as_ref(), &self.cucs)?;
         let mut links: Vec<(&LinkAddress, u8)> = Vec::new();
@@ -533,6 +632,30 @@ impl Config {
         Ok(())
     }
 
+    /// What a VSM cannot do that several computers can serve: what is kept elsewhere than in the store, or needs what is.
+    fn check_fleet(&self) -> Result<(), Fault> {
+        if self.store.kind == StoreKind::Files {
+            return Ok(());
+        }
+        for spanned in &self.vehicle {
+            let (vehicle, at) = (spanned.get_ref(), spanned.span().start);
+            match &vehicle.signing {
+                // A node that was cut off is kept from the vehicle by stamps that rise.
+                Signing::Off => {
+                    let expected = "a key with store.kind = \"etcd\": without signatures the vehicle would obey two nodes at once";
+                    return fault(at, "vehicle.signing", "\"off\"", expected);
+                }
+                Signing::KeyFile(_, exchange) if exchange.mode != ExchangeMode::Off => {
+                    let expected = "\"off\" with store.kind = \"etcd\": keys that are agreed over the air lie beside their key file, \
+                                    on one computer";
+                    return fault(at, "vehicle.signing.exchange", "on", expected);
+                }
+                Signing::KeyFile(..) => {}
+            }
+        }
+        Ok(())
+    }
+
     /// Reads the elevation files of its vehicles, which can take minutes; files that another configuration has read and that
     /// are unchanged are not read again.
     ///
@@ -566,6 +689,9 @@ impl Config {
             *tiles = folder.join(&*tiles);
         }
         self.store.dir = folder.join(&self.store.dir);
+        if let Some(file) = &mut self.store.key_file {
+            *file = folder.join(&*file);
+        }
         if let Some(record) = &mut self.record {
             record.dir = folder.join(&record.dir);
         }

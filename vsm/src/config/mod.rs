@@ -50,7 +50,7 @@ mod zeroize;
 
 pub use access::Access;
 pub use agent_contingency::AgentContingency;
-pub use bridge::{Authority, Config, Dli, Mavlink, Record, Store};
+pub use bridge::{Authority, Config, Dli, Mavlink, Record, SharedStore, Store};
 pub use changes::{Changes, Report};
 pub use contingency::{Contingency, ContingencyAction};
 pub use controls::Controls;
@@ -63,7 +63,8 @@ pub use station::{Checksum, Cucs, Delivery, Edition, Guard, Presence};
 pub use termination::{Termination, TerminationAction};
 pub use terrain::{TerrainFault, TerrainFolder};
 pub use value::{
-    Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing, owner_name,
+    Exchange, ExchangeMode, LinkAddress, LoiSet, OnLoss, Provisional, Signing, StoreKind,
+    owner_name,
 };
 pub use vehicle::{
     Agl, Area, Curve, CurvePolicy, CurveVertices, Keep, Landing, Limits, Outside, Vehicle,

@@ -251,6 +251,17 @@ pub enum Provisional {
     All,
 }
 
+/// `store.kind`: where state is kept.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StoreKind {
+    /// In a folder of this computer.
+    #[default]
+    Files,
+    /// In a folder, and in etcd, for other computers to continue with.
+    Etcd,
+}
+
 /// `authority.on_loss`: what the vehicle is commanded when its controller has been silent for `act_s`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -387,6 +398,11 @@ pub(super) fn lease<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D
     seconds(deserializer, "10 to 3600 (seconds)", |s| {
         (10.0..=3600.0).contains(&s)
     })
+}
+
+/// `store.lease_s`. etcd ends no lease sooner than after 2 s.
+pub(super) fn store_lease<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    within(deserializer, 2..=60, "2 to 60 (whole seconds)").map(u64::from)
 }
 
 /// `dli.max_bytes_s`. Below it not even the status of one vehicle would fit.

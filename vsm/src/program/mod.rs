@@ -12,6 +12,8 @@ mod demo;
 mod dli_lines;
 mod doctor;
 mod files;
+#[cfg(feature = "etcd")]
+mod fleet;
 mod guard;
 mod init;
 mod key;
@@ -93,6 +95,8 @@ enum Command {
     },
     /// List, read, write and remove files of a vehicle, over the link that the running bridge holds
     Files(files::Files),
+    #[cfg(feature = "etcd")]
+    Fleet(fleet::Arguments),
     /// Send a vehicle's state as video metadata (MISB ST 0601 KLV), alone or in an MPEG transport stream with a video
     #[cfg(feature = "klv")]
     Klv(klv::Klv),
@@ -196,6 +200,8 @@ pub fn main() -> ExitCode {
         } => check_vehicle::run(config.path(), json, wait_s),
         Command::Status { config, json } => status::show(config.path(), json),
         Command::Files(arguments) => files::run(&arguments),
+        #[cfg(feature = "etcd")]
+        Command::Fleet(arguments) => fleet::run(&arguments),
         #[cfg(feature = "klv")]
         Command::Klv(arguments) => klv::run(arguments),
         Command::Doctor { config, json } => doctor::run(config.path(), json),

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::config::Config;
+use crate::shell::disk::FileDisk;
 use crate::shell::server::{Server, StartError};
 use crate::shell::service;
 
@@ -21,7 +22,15 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     )?;
     let runtime = runtime()?;
     runtime.block_on(async {
-        let mut server = Server::open(&config).map_err(|fault| match fault {
+        // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
+        let disk =
+            FileDisk::open(&config.store.dir).map_err(|cause| failed(StartError::from(cause)))?;
+        let mut stop = Box::pin(stop_signal()?);
+        let Some((disk, mut owned)) = owned::own(&config, disk, &mut stop).await? else {
+            tracing::info!("stopped");
+            return Ok(());
+        };
+        let mut server = Server::open_on(&config, disk).map_err(|fault| match fault {
             StartError::Key(_)
             | StartError::Keys(_)
             | StartError::SameKey { .. }
@@ -30,7 +39,6 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
             other => failed(other),
         })?;
         server.reload_from(path).map_err(failed)?;
-        let stop = stop_signal()?;
         for warning in config.warnings() {
             tracing::warn!("{warning}");
         }
@@ -43,12 +51,106 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         service::ready();
         // Whoever waits for its lock would erase the keys first.
         let store = server.store();
-        server.serve(stop).await.map_err(failed)?;
+        let mut lost = None;
+        let end = async {
+            tokio::select! {
+                () = stop => {}
+                why = &mut owned.ended => lost = Some(why),
+            }
+        };
+        server.serve(end).await.map_err(failed)?;
         zeroize::discard_keys(&config, store).await;
         // Before it counts as stopping: to erase may take longer than a service manager waits then.
         zeroize::finish(&config.store.dir, None)?;
         service::stopping();
+        // All that was promised is stored: the next node need not wait.
+        drop(owned);
+        if let Some(why) = lost {
+            return Err(failed(anyhow::anyhow!(
+                "this node must not serve any more: {why}"
+            )));
+        }
         tracing::info!("stopped");
         Ok(())
     })
+}
+
+/// Whose store it is: of this computer alone.
+#[cfg(not(feature = "etcd"))]
+mod owned {
+    use std::future::Pending;
+    use std::pin::Pin;
+
+    use super::{Config, Failure, FileDisk};
+
+    pub(super) struct Owned {
+        pub(super) ended: Pending<String>,
+    }
+
+    #[expect(clippy::unused_async, reason = "as where a node stands by")]
+    pub(super) async fn own(
+        _: &Config,
+        disk: FileDisk,
+        _: &mut Pin<Box<impl Future<Output = ()>>>,
+    ) -> Result<Option<(FileDisk, Owned)>, Failure> {
+        let ended = std::future::pending();
+        Ok(Some((disk, Owned { ended })))
+    }
+}
+
+/// Whose store it is: of this computer alone, or of the node that owns the VSM.
+#[cfg(feature = "etcd")]
+mod owned {
+    use std::pin::Pin;
+
+    use super::super::process::{announce, bad, failed};
+    use super::{Config, Failure, FileDisk, service};
+    use crate::shell::fleet::{Held, Stop, stand_by};
+    use crate::shell::key_file;
+
+    pub(super) struct Owned {
+        /// Done, with the reason, when this node must not serve any more.
+        pub(super) ended: Pin<Box<dyn Future<Output = String>>>,
+        /// Released when this is dropped.
+        _held: Option<Held>,
+    }
+
+    /// Waits until this node owns the VSM; `None` where it was stopped before.
+    pub(super) async fn own(
+        config: &Config,
+        disk: FileDisk,
+        stop: &mut Pin<Box<impl Future<Output = ()>>>,
+    ) -> Result<Option<(FileDisk, Owned)>, Failure> {
+        let Some(store) = config.store.shared() else {
+            let ended = Box::pin(std::future::pending());
+            return Ok(Some((disk, Owned { ended, _held: None })));
+        };
+        let key = key_file::read(&store.key_file).map_err(bad)?;
+        let (vsm, stopped) = (config.dli.vsm_id, Stop::default());
+        let of_thread = stopped.clone();
+        // It waits for etcd, which no task here may.
+        let mut standing = tokio::task::spawn_blocking(move || {
+            let mut report = |line: &str| announce("INFO", line);
+            // It counts as started: what it waits for may be months away.
+            service::ready();
+            service::while_busy(|| stand_by((&store, vsm), &key, disk, &of_thread, &mut report))
+        });
+        let held = tokio::select! {
+            () = stop => {
+                stopped.set();
+                standing.await
+            }
+            held = &mut standing => held,
+        };
+        let held = held.map_err(failed)?.map_err(failed)?;
+        Ok(held.map(|(disk, mut held)| {
+            let mut ended = held.ended();
+            let ended = Box::pin(async move {
+                let why = ended.recv().await;
+                why.unwrap_or_else(|| "its lease is not kept any more".to_owned())
+            });
+            let _held = Some(held);
+            (disk, Owned { ended, _held })
+        }))
+    }
 }

@@ -1,10 +1,12 @@
 //! `vsm status`.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::config::Config;
+use crate::shell::guard_agreed::AgreedFiles;
 use crate::shell::status_socket;
 use anyhow::Context as _;
 use serde_json::{Value, json};
@@ -22,7 +24,7 @@ pub(super) fn report(
     who: &str,
     store: &Path,
     json: bool,
-    readable: fn(&Value) -> String,
+    readable: impl Fn(&Value) -> String,
 ) -> Result<(), Failure> {
     let asked = {
         let _waiting = waiting(&format!("the answer of the {who}"), ANSWER_WITHIN);
@@ -174,18 +176,31 @@ fn readable(status: &Value) -> String {
 pub(super) fn show_guards(path: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let shown = if json { guards_json } else { guards };
-    report("vsm", &config.store.dir, false, shown)
+    report("vsm", &config.store.dir, false, |status| {
+        shown(status, &pairings(&config))
+    })
 }
 
-fn guards_json(status: &Value) -> String {
-    let of =
-        |one: &Value| json!({ "id": one["id"], "address": one["address"], "guard": one["guard"] });
+/// The fingerprints of the guards that stations are paired with, by the ids of these. A key that was copied by hand has none.
+fn pairings(config: &Config) -> BTreeMap<String, String> {
+    let paired = config.stations().filter_map(|station| {
+        let peer = AgreedFiles::new(&station.guard.as_ref()?.key_file).peer()?;
+        Some((station.id.to_string(), peer.fingerprint().to_string()))
+    });
+    paired.collect()
+}
+
+fn guards_json(status: &Value, paired: &BTreeMap<String, String>) -> String {
+    let of = |one: &Value| {
+        let with = paired.get(one["id"].as_str().unwrap_or_default());
+        json!({ "id": one["id"], "address": one["address"], "guard": one["guard"], "paired_with": with })
+    };
     let stations: Vec<Value> = list(&status["stations"]).map(of).collect();
     let refused = refused_by_guards(&status["refused"]);
     json!({ "stations": stations, "refused": refused }).to_string() + "\n"
 }
 
-fn guards(status: &Value) -> String {
+fn guards(status: &Value, paired: &BTreeMap<String, String>) -> String {
     let mut text = String::new();
     for station in list(&status["stations"]) {
         let address = station["address"].as_str();
@@ -193,7 +208,14 @@ fn guards(status: &Value) -> String {
         text += &format!("CUCS {} at {address}\n", plain(&station["id"]));
         let one = &station["guard"];
         text += &match one["verified"].as_u64() {
-            Some(count) => guard(one) + &format!("  verified datagrams: {count}\n"),
+            Some(count) => {
+                let with = paired.get(station["id"].as_str().unwrap_or_default());
+                let with = with.map_or_else(
+                    || "not paired: its key was copied by hand".to_owned(),
+                    |print| format!("paired with the guard of fingerprint {print}"),
+                );
+                guard(one) + &format!("  {with}\n  verified datagrams: {count}\n")
+            }
             None => "  NO GUARD: it is whoever writes its id\n".to_owned(),
         };
     }

@@ -234,7 +234,8 @@ impl Disk for FileDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let (path, power) = (self.folder.join(name), durability == Durability::Power);
+        let power = self.system.durability(durability) == Durability::Power;
+        let path = self.folder.join(name);
         replace(&*self.system, &path, bytes, power).map_err(|cause| StoreError::new(name, cause))
     }
 
@@ -246,7 +247,7 @@ impl Disk for FileDisk {
     ) -> Result<(), StoreError> {
         let added = self.add(name, bytes).and_then(|added| {
             let Added { file, start, new } = added;
-            if durability == Durability::Power
+            if self.system.durability(durability) == Durability::Power
                 && let Err(cause) = self.system.sync_open(&file)
             {
                 // It is refused, and must not be in the log then. What is added next is written by its own
@@ -410,6 +411,11 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// # Errors
     /// The system's.
     fn remove(&self, path: &Path) -> io::Result<()>;
+
+    /// What a change has to survive here that has to survive `wanted`.
+    fn durability(&self, wanted: Durability) -> Durability {
+        wanted
+    }
 
     /// The number of the last step that was taken and is done later.
     fn queued(&self) -> u64 {

@@ -7,7 +7,7 @@
 //! `web` and `service` show the state to people and to systemd; `tasks` ends a program of which a part has ended. On
 //! these stand the programs: `server` (`vsm run`), `replay` (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm airside`), `guard_proxy` and `guard_link` (`vsm guard`), `pairing` (`vsm pair`),
 //! `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`). `self_check` is what `vsm doctor` looks at
-//! without a bridge, `erase` what `vsm zeroize` and an order to zeroize do with what these have written.
+//! without a bridge, `fleet` a store that several computers share, `erase` what `vsm zeroize` and an order to zeroize do with what these have written.
 
 pub mod airside;
 pub mod airside_disk;
@@ -18,6 +18,8 @@ pub mod dli_recording;
 mod encryption;
 pub mod erase;
 pub mod files_socket;
+#[cfg(feature = "etcd")]
+pub mod fleet;
 pub mod guard_agreed;
 pub mod guard_file;
 pub mod guard_link;

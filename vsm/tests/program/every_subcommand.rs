@@ -402,7 +402,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
 ];
 
 /// Run with `--json` in the files of [`ELSEWHERE`].
-const JSON_ELSEWHERE: [&str; 1] = ["doctor"];
+const JSON_ELSEWHERE: [&str; 2] = ["doctor", "fleet list"];
 
 /// Before the bridge runs, while it runs, and while the agent runs.
 const GROUND: &[&[(&str, Ends)]] = &[
@@ -453,6 +453,17 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("key provision --sitl-file px4.bin", Done),
         ("key list", Done),
         ("key clock", Done),
+        // With nodes, and an etcd between them: tests/end-to-end, processes/fleet.rs.
+        ("fleet list", Refused("store.kind is \"files\"")),
+        (
+            "fleet drain --node beta",
+            Refused("store.kind is \"files\""),
+        ),
+        (
+            "fleet resume --node beta",
+            Refused("store.kind is \"files\""),
+        ),
+        ("fleet move", Refused("store.kind is \"files\"")),
         ("status", Refused("is it running?")),
         ("decode", Done),
         ("encode", Done),

@@ -82,8 +82,7 @@ impl Aircraft {
         if self.held.restore(effects!(self, dli))? {
             self.flight.cut_off_launch();
         }
-        // Raised for whoever begins to listen: what a restart finds standing is no news to who listened before.
-        let listeners = std::mem::take(&mut self.listeners);
+        // Who listened before the restart is sent these, too: until the vehicle has spoken to this process its state is unknown.
         let effects = effects!(self, dli);
         effects.raise(
             Cause::VehicleSilent,
@@ -99,13 +98,6 @@ impl Aircraft {
                 "MAVLink signing is off: anyone in range of the link can command this vehicle",
             );
         }
-        // They may show these alerts from before the restart: their ends are theirs too.
-        for alert in self.alerts.standing() {
-            for station in &listeners {
-                dli.outbox.show(*station, alert.id, true, alert.priority);
-            }
-        }
-        self.listeners = listeners;
         Ok(known)
     }
 

@@ -345,6 +345,7 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
+        let durability = self.disk.system().durability(durability);
         // One that follows a record on its way goes the same way: it would be overwritten otherwise.
         if durability == Durability::Process && !self.waiting.contains_key(name) {
             self.ceilings.get_mut().remove(name);
@@ -363,7 +364,7 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let power = durability == Durability::Power;
+        let power = self.disk.system().durability(durability) == Durability::Power;
         if power {
             self.check(name)?;
         }

@@ -91,6 +91,11 @@ fn a_guard_is_paired_by_a_code_and_its_key_replaced_in_flight_without_a_copy() {
     let reloaded = text(&vsm(&ground, "reload", ""));
     assert!(reloaded.contains("guard key"), "{reloaded}");
 
+    // The VSM's status shows with whom.
+    let status = text(&vsm(&ground, "guard status", ""));
+    let with = named(&paired, "this guard");
+    assert!(status.contains(&format!("fingerprint {with}")), "{status}");
+
     let near = format!("127.0.0.1:{}", free_udp_port());
     let run = format!(
         "guard run --vsm {dli} --vsm-id 1b:00:00:01 --cucs {CUCS} --key-file copy.key --listen {near} --multicast {group} \

@@ -4,6 +4,7 @@
 mod airside;
 mod encrypted;
 mod field;
+mod fleet;
 mod guard;
 mod guard_pairing;
 mod handover;

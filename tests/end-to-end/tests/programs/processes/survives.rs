@@ -35,7 +35,7 @@ fn an_aircraft_that_restarts_is_missed_and_its_link_restored() {
 }
 
 /// Runs one part of the story as a ground station; its verdict is the test's.
-fn station(ground: &Ground, part: &str, others: &[&Running]) {
+pub(super) fn station(ground: &Ground, part: &str, others: &[&Running]) {
     let script = here().join("interop/survive.py").display().to_string();
     let dli = ground.dli();
     let arguments = [

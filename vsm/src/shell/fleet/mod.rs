@@ -1,0 +1,33 @@
+//! A VSM that several computers can serve: one at a time, the others stand by (`[store] kind = "etcd"`).
+//!
+//! Each computer runs `vsm run` with the same configuration but for `store.node`. One of them owns the VSM: a key in etcd that lives
+//! as long as the owner's lease. It serves as any other bridge does, from the files of `store.dir`, and each change of these is stored
+//! in etcd (`files`, `remote`) before it counts as durable, that is before what depends on it is answered or commanded. When the owner
+//! ends, or its computer does, its lease ends, and the next node takes the files from etcd and continues as a bridge does that was
+//! started again: rights, plans, duplicates and ceilings of clocks are as they were, and each stamp is above every one before.
+//!
+//! **Fencing.** Every change compares who owns the VSM. A node that is cut off from etcd can store nothing: it goes on receiving, and
+//! sending heartbeats and status, but takes no command that has to be stored first. Nor does the vehicle obey it
+//! any more once the next owner has sent a frame: frames are signed with rising stamps, and those of the next owner begin above the
+//! ceiling that the one before cannot raise. That is why each vehicle of such a VSM has a signing key.
+//!
+//! The unit is the VSM with all its vehicles, since a CUCS reaches the vehicles of a VSM at one address. To spread a fleet over
+//! computers, give it several VSMs.
+//!
+//! - `etcd`: the requests;
+//! - `seal`: what is stored is sealed by a key that etcd does not have;
+//! - `remote`: files as keys, and the comparison of the owner;
+//! - `files`: the folder, stored as it changes;
+//! - `node`: stands by, takes over, keeps the lease; `operator`: what `vsm fleet` shows and orders.
+
+mod etcd;
+mod files;
+mod node;
+pub mod operator;
+mod remote;
+mod seal;
+
+pub use self::node::{FleetError, Held, Stop, stand_by};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,118 @@
+//! What `vsm fleet` shows and orders: who takes part, who serves, who is not to.
+
+use std::io;
+use std::time::Duration;
+
+use serde::Serialize;
+use stanag_msgs::Id;
+
+use super::etcd::{Change, Etcd};
+use super::node::{Present, parse};
+use super::remote::Names;
+use crate::config::SharedStore;
+
+/// The nodes of a VSM, as etcd has them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Fleet {
+    /// Who serves; absent where nobody does.
+    pub owner: Option<String>,
+    /// How often the VSM has changed its owner.
+    pub epoch: u64,
+    /// Since when the owner serves, s since 1970 by its clock.
+    pub since: Option<u64>,
+    /// All that take part, by name.
+    pub nodes: Vec<FleetNode>,
+}
+
+/// A node of a fleet.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FleetNode {
+    /// `store.node` of its configuration.
+    pub name: String,
+    /// It has a lease: its program runs and reaches etcd.
+    pub present: bool,
+    /// It is not to serve.
+    pub drained: bool,
+}
+
+/// Looks at a fleet and gives its nodes orders.
+#[derive(Debug)]
+pub struct Operator {
+    etcd: Etcd,
+    names: Names,
+}
+
+impl Operator {
+    /// Of the VSM of a configuration.
+    #[must_use]
+    pub fn new(store: &SharedStore, vsm: Id) -> Operator {
+        Operator {
+            etcd: Etcd::new(&store.endpoints, WITHIN),
+            names: Names::new(vsm),
+        }
+    }
+
+    /// Who takes part.
+    ///
+    /// # Errors
+    /// etcd does not answer, or what it has is of another version.
+    pub fn fleet(&self) -> io::Result<Fleet> {
+        let owner = self.etcd.get(&self.names.owner())?;
+        let owner = owner
+            .map(|entry| parse::<Present>(&entry.value))
+            .transpose()?;
+        let epoch = match self.etcd.get(&self.names.epoch())? {
+            Some(entry) => parse(&entry.value)?,
+            None => 0,
+        };
+        let (present, drained) = (
+            self.named(&self.names.node(""))?,
+            self.named(&self.names.drained(""))?,
+        );
+        let mut names: Vec<&String> = present.iter().chain(&drained).collect();
+        names.sort();
+        names.dedup();
+        let nodes = names.into_iter().map(|name| FleetNode {
+            name: name.clone(),
+            present: present.contains(name),
+            drained: drained.contains(name),
+        });
+        Ok(Fleet {
+            since: owner.as_ref().map(|owner| owner.since),
+            owner: owner.map(|owner| owner.node),
+            epoch,
+            nodes: nodes.collect(),
+        })
+    }
+
+    /// Orders that a node serves nothing, until [`Operator::resume`]: one that does ends, and another takes over.
+    ///
+    /// # Errors
+    /// etcd does not answer.
+    pub fn drain(&self, node: &str) -> io::Result<()> {
+        let put = Change::Put(self.names.drained(node), b"1".to_vec(), None);
+        self.etcd.transact(&[], &[put]).map(drop)
+    }
+
+    /// Lets a node serve again.
+    ///
+    /// # Errors
+    /// etcd does not answer.
+    pub fn resume(&self, node: &str) -> io::Result<()> {
+        let remove = Change::Remove(self.names.drained(node));
+        self.etcd.transact(&[], &[remove]).map(drop)
+    }
+
+    /// What follows the prefix in each key that begins so.
+    fn named(&self, prefix: &str) -> io::Result<Vec<String>> {
+        let page = self.etcd.list(prefix, prefix, MAX_NODES, 0)?;
+        let keys = page.entries.into_iter();
+        Ok(keys
+            .map(|entry| entry.key[prefix.len()..].to_owned())
+            .collect())
+    }
+}
+
+/// A person waits for the answer.
+const WITHIN: Duration = Duration::from_secs(3);
+const MAX_NODES: u32 = 1_000;

@@ -1,0 +1,157 @@
+//! Against an etcd of its own: what one node has stored is what the next continues with, and a node that is not the owner any more
+//! stores nothing.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use kit::Random;
+use kit::etcd::Etcd;
+use mavlink_link::signing::SigningKey;
+use mavlink_link::store::{Changes, Disk as _, Durability, Progress};
+use stanag_msgs::Id;
+use tokio::sync::Notify;
+
+use super::files::is_stored;
+use super::{FleetError, Held, Stop, stand_by};
+use crate::config::SharedStore;
+use crate::shell::disk::FileDisk;
+use crate::shell::queued_disk::QueuedDisk;
+
+const VSM: Id = Id(0x1b00_0001);
+
+fn store(etcd: &Etcd, node: &str) -> SharedStore {
+    SharedStore {
+        endpoints: etcd.urls(),
+        node: node.to_owned(),
+        key_file: "unused".into(),
+        // Long enough for alpha not to look between the end of its lease and the next owner's beginning.
+        lease_s: 9,
+    }
+}
+
+fn own(etcd: &Etcd, node: &str, folder: &Path, key: u8) -> Result<(FileDisk, Held), FleetError> {
+    let disk = FileDisk::open(&folder.join(node)).unwrap();
+    let key = SigningKey::new([key; 32]).unwrap();
+    let held = stand_by(
+        (&store(etcd, node), VSM),
+        &key,
+        disk,
+        &Stop::default(),
+        &mut |_| {},
+    )?;
+    Ok(held.expect("nobody stops it"))
+}
+
+/// The files of a folder that belong into etcd.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
+    let name = |entry: &fs::DirEntry| entry.file_name().into_string().unwrap();
+    let stored = entries.filter(|entry| is_stored(&name(entry)));
+    stored
+        .map(|entry| (name(&entry), fs::read(entry.path()).unwrap()))
+        .collect()
+}
+
+fn durable(disk: &mut QueuedDisk) {
+    let until = disk.queued();
+    assert!(disk.wait(Duration::from_secs(20)), "{:?}", disk.failing());
+    assert_eq!(
+        disk.progress(Changes { after: 0, until }),
+        Progress::Durable
+    );
+}
+
+#[test]
+fn what_is_durable_at_one_node_is_what_the_next_begins_with() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    // What lies in the folder of the first owner is taken over.
+    fs::create_dir(folder.path().join("n0")).unwrap();
+    fs::write(folder.path().join("n0/old.json"), b"from before").unwrap();
+    let modes = |name: &str, mode| {
+        let to = std::os::unix::fs::PermissionsExt::from_mode(mode);
+        fs::set_permissions(folder.path().join(name), to).unwrap();
+    };
+    modes("n0", 0o700);
+    modes("n0/old.json", 0o600);
+    let mut random = Random::with_seed(4_586);
+    let mut last = BTreeMap::new();
+    for turn in 0..6 {
+        let node = ["n0", "n1", "n2"][turn % 3];
+        let (store, mut held) = own(&etcd, node, folder.path(), 7).unwrap();
+        assert_eq!(held.epoch, turn as u64 + 1);
+        let now = files(&folder.path().join(node));
+        if turn > 0 {
+            assert_eq!(now, last, "turn {turn}");
+        } else {
+            assert_eq!(now["old.json"], b"from before");
+        }
+        let mut disk = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
+        for _ in 0..60 {
+            let name = [
+                "a.json",
+                "b.log",
+                "c.log",
+                "clock-0011223344556677.ceiling",
+                "plan",
+            ][random.usize(0..5)];
+            // Some are longer than a piece.
+            let bytes: Vec<u8> = (0..random.usize(0..6_000)).map(|_| random.u8(..)).collect();
+            let how = [Durability::Process, Durability::Power][random.usize(0..2)];
+            // A rename right behind a record that is on its way is refused: nothing has changed then.
+            let _ = match random.u8(0..10) {
+                0..4 => disk.append(name, &bytes, how),
+                4..7 => disk.replace(name, &bytes, how),
+                7 => disk.remove(name),
+                8 => disk.rename(name, "put-aside"),
+                _ => disk.rotate(name, 2),
+            };
+            if random.bool() {
+                disk.poll();
+            }
+        }
+        durable(&mut disk);
+        last = files(&folder.path().join(node));
+        assert!(held.ended().try_recv().is_err());
+    }
+    // Nobody without the key can continue, and etcd was not changed by the attempt.
+    let fault = own(&etcd, "n3", folder.path(), 8).unwrap_err();
+    assert!(fault.to_string().contains("store.key_file"), "{fault}");
+    drop(own(&etcd, "n0", folder.path(), 7).unwrap());
+    assert_eq!(files(&folder.path().join("n0")), last);
+}
+
+#[test]
+fn a_node_that_lost_its_vsm_stores_nothing_and_is_told() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let (store, mut alpha) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    let mut ended = alpha.ended();
+    let mut disk = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
+    disk.replace("plan", b"of alpha", Durability::Process)
+        .unwrap();
+    durable(&mut disk);
+    // As if it had stood still for longer than its lease: etcd ends it, and another node comes first.
+    etcd.end_leases();
+    let (store, mut beta) = own(&etcd, "beta", folder.path(), 7).unwrap();
+    let lost = disk.replace("plan", b"of alpha, too late", Durability::Process);
+    let refused = lost.is_err() || !disk.wait(Duration::from_millis(500));
+    assert!(refused, "it is not the owner any more");
+    let why = ended.blocking_recv().expect("it is told");
+    assert!(why.contains("beta has taken over"), "{why}");
+    let mut other = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
+    let plan = other.read("plan", 100).unwrap().unwrap();
+    assert_eq!(&**plan, b"of alpha");
+    other
+        .replace("plan", b"of beta", Durability::Process)
+        .unwrap();
+    durable(&mut other);
+    assert!(beta.ended().try_recv().is_err());
+}
