@@ -1,5 +1,6 @@
 //! `vsm run` with many vehicles: processor time, memory, how long a mode change takes to its 3001 meanwhile, and what was lost.
-//! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 10` for one row of another size.
+//! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 10` for one row of another size, `--pack` with
+//! what is due together for a CUCS in one datagram.
 //!
 //! Each vehicle signs with a key of its own, and sends HEARTBEAT at 1 Hz and ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and
 //! ATTITUDE_QUATERNION at 10 Hz each; 200 share a link. Three CUCSs listen to all of them with the schedules that a bridge has
@@ -46,6 +47,10 @@ fn main() {
     for vehicles in sizes {
         World::start(vehicles).measure(seconds);
     }
+}
+
+fn packs() -> bool {
+    std::env::args().any(|argument| argument == "--pack")
 }
 
 fn number(option: &str) -> Option<u32> {
@@ -96,11 +101,12 @@ impl World {
         let stations: Vec<_> = (0..3)
             .map(|at| Station::new(Id(0x1b00_00a0 + at)))
             .collect();
+        let packs = packs();
         for station in &stations {
             let id = station.id;
             let _ = writeln!(
                 text,
-                "[[cucs]]\nid = \"{id}\"\nloi = [2]\naddress = \"127.0.0.1\""
+                "[[cucs]]\nid = \"{id}\"\nloi = [2]\naddress = \"127.0.0.1\"\npack = {packs}"
             );
         }
         let mut vehicles = Vec::new();

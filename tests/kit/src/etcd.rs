@@ -59,6 +59,12 @@ impl Etcd {
         }
     }
 
+    /// Deletes a key. Its name is ASCII.
+    pub fn delete(&self, key: &str) {
+        let key = base64(key.as_bytes());
+        self.ask("kv/deleterange", &format!("{{\"key\":\"{key}\"}}"));
+    }
+
     /// The answer of the first member to a request of its gateway.
     fn ask(&self, path: &str, body: &str) -> String {
         let length = body.len();
@@ -122,6 +128,23 @@ impl Etcd {
         let healthy = |port| ask(port).is_ok_and(|text| text.contains("\"health\":\"true\""));
         self.clients.iter().all(healthy)
     }
+}
+
+/// As the gateway takes keys. The kit has no crate for it, and needs it here alone.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for three in bytes.chunks(3) {
+        let value = three
+            .iter()
+            .fold(0_u32, |value, byte| value << 8 | u32::from(*byte))
+            << (8 * (3 - three.len()));
+        for at in 0..4 {
+            let digit = DIGITS[(value >> (18 - 6 * at)) as usize & 63];
+            text.push(if at <= three.len() { digit.into() } else { '=' });
+        }
+    }
+    text
 }
 
 const START: Duration = Duration::from_secs(30);

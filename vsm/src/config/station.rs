@@ -58,6 +58,10 @@ table! {
         /// unicast alone where there is no group. For a CUCS with a guard the group's copy is sealed under the group's key
         #[serde(default)]
         pub delivery: Delivery => Value("\"both\""),
+        /// Whether messages that are due for it together come in one datagram, one behind the other, up to 548 bytes: less work for
+        /// both ends. A CUCS has to read all of them (some read the first alone). Edition 2.5 has one in each
+        #[serde(default)]
+        pub pack: bool => Value("false"),
         /// As `dli.provisional`, for this station: `"off"`, `"status"`, `"all"`
         pub provisional: Option<Provisional> => Nothing("`dli.provisional`"),
         /// As `dli.disputed`, for this station: what it reads in another way than `[dli.disputed]` says

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::config::Config;
-use crate::shell::disk::FileDisk;
+use crate::shell::disk::{FileDisk, NativeFileSystem};
 use crate::shell::server::{Server, StartError};
 use crate::shell::service;
 
@@ -11,7 +11,7 @@ use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, st
 use super::zeroize;
 
 pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let mut config = Config::load(path).map_err(bad)?;
     let _log = log(format)?;
     // Before any key is read, and before a socket is open.
     zeroize::finish(
@@ -20,17 +20,23 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
             zeroize::beyond_bridge(&config, &store, in_flight, report);
         }),
     )?;
+    // Minutes, at times: not while a vehicle waits for a node that has taken over.
+    service::while_busy(|| config.read_terrain(None)).map_err(bad)?;
     let runtime = runtime()?;
     runtime.block_on(async {
         // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
-        let disk =
-            FileDisk::open(&config.store.dir).map_err(|cause| failed(StartError::from(cause)))?;
+        let opened = match config.store.shared() {
+            None => FileDisk::open(&config.store.dir),
+            Some(_) => FileDisk::open_on(&config.store.dir, Box::new(NativeFileSystem)),
+        };
+        let disk = opened.map_err(|cause| failed(StartError::from(cause)))?;
         let mut stop = Box::pin(stop_signal()?);
         let Some((disk, mut owned)) = owned::own(&config, disk, &mut stop).await? else {
             tracing::info!("stopped");
             return Ok(());
         };
-        let mut server = Server::open_on(&config, disk).map_err(|fault| match fault {
+        let opened = service::while_busy(|| Server::open_on(&config, disk));
+        let mut server = opened.map_err(|fault| match fault {
             StartError::Key(_)
             | StartError::Keys(_)
             | StartError::SameKey { .. }
@@ -138,7 +144,10 @@ mod owned {
         let held = tokio::select! {
             () = stop => {
                 stopped.set();
-                standing.await
+                // Where it owned the VSM just then, it gives that up.
+                let held = standing.await.map_err(failed)?.map_err(failed)?;
+                drop(held);
+                return Ok(None);
             }
             held = &mut standing => held,
         };

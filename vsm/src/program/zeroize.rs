@@ -15,7 +15,7 @@ use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
 use crate::key_exchange::NOT_REACHED;
 use crate::shell::airside_key;
-use crate::shell::disk::{FileDisk, OpenError};
+use crate::shell::disk::{FileDisk, NativeFileSystem, OpenError};
 use crate::shell::erase::{self, EraseError, Erased, Order};
 use crate::shell::key_link;
 use crate::shell::pairing::Pairing;
@@ -69,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         print_line("finished an earlier zeroize:");
         report(&erased);
     }
-    let disk = match FileDisk::open(&store) {
+    let disk = match FileDisk::open_on(&store, Box::new(NativeFileSystem)) {
         // A bridge, or an agent, runs: it is to erase itself.
         Err(OpenError::Locked { .. }) => None,
         opened => Some(opened.map_err(bad)?),

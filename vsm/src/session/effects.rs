@@ -254,10 +254,16 @@ impl<'a> DliEffects<'a> {
         self.admit(station, datagram, kind);
     }
 
+    fn packs(&self, station: usize) -> bool {
+        let station = self.stations.get(station);
+        station.is_some_and(|one| one.profile.packs() && !one.speaks_ed25())
+    }
+
     /// Queues a datagram for the address of a station, lets it wait for its credit, or drops it.
     fn admit(&mut self, station: usize, datagram: Datagram, kind: Kind) {
         let (now, bytes) = (self.now.mono, self.paths.bytes_of(station, &datagram));
         match self.paths.admit(now, station, bytes, kind) {
+            Verdict::Send if self.packs(station) => self.outbox.pack(datagram),
             Verdict::Send => self.outbox.push(datagram),
             Verdict::Wait => self.paths.wait(now, station, datagram),
             Verdict::Drop(why) => self.counters.count(why),

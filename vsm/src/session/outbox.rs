@@ -69,6 +69,18 @@ impl Datagram {
         empty.translated(bytes)
     }
 
+    /// Takes the message of another behind its own; false where there is no room.
+    fn take_in(&mut self, other: &Datagram) -> bool {
+        let end = self.length + other.length;
+        let Some(room) = self.bytes.get_mut(self.length..end) else {
+            return false;
+        };
+        room.copy_from_slice(other.bytes());
+        self.length = end;
+        true
+    }
+
+    /// Of the first message in it.
     pub(crate) fn message_type(&self) -> u16 {
         self.message_type
     }
@@ -375,6 +387,21 @@ impl Outbox {
         }
     }
 
+    /// Queues a message for the socket: in the last datagram for the same station, where there is room in it.
+    ///
+    /// Its own order is kept, since nothing of that station lies behind that datagram. A queue is as long as what one wake-up leads
+    /// to, for a handful of stations in turn: the search is short.
+    pub(crate) fn pack(&mut self, datagram: Datagram) {
+        let mut latest = self.queue.iter_mut().rev().take(MAX_STATIONS_IN_TURN);
+        let for_it =
+            |one: &&mut Datagram| one.to == datagram.to && one.destination == datagram.destination;
+        let last = latest.find(for_it);
+        if last.is_none_or(|last| !last.take_in(&datagram)) {
+            return self.push(datagram);
+        }
+        self.sent.count(datagram.message_type.into());
+    }
+
     pub(crate) fn pop(&mut self) -> Option<Datagram> {
         self.queue.pop_front()
     }
@@ -392,6 +419,8 @@ fn stamp_ms(wall: Duration) -> u64 {
 
 /// Datagrams that wait for the socket at most: a download of a full plan to several stations.
 const MAX_QUEUED: usize = 65_536;
+/// Datagrams that are looked at for one to the same station.
+const MAX_STATIONS_IN_TURN: usize = 16;
 /// Messages that wait for the disk at most, of what one station has led to.
 const MAX_HELD: usize = 256;
 /// Lasting alerts of which it is known who shows them: more than a bridge with thousands of vehicles has.

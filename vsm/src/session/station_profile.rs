@@ -30,6 +30,8 @@ pub(crate) struct StationProfile {
     /// How it reads what the sources leave open.
     pub(crate) readings: Profile,
     pub(crate) delivery: Delivery,
+    /// It reads several messages of one datagram.
+    packs: bool,
     /// Which messages with a derived layout are used with it.
     pub(crate) provisional: Provisional,
 }
@@ -58,6 +60,7 @@ impl StationProfile {
                 vectors: Vectors::Nothing,
                 readings: Profile::default(),
                 delivery: Delivery::Unicast,
+                packs: false,
                 provisional: cucs.provisional.unwrap_or(dli.provisional),
             };
         }
@@ -69,6 +72,7 @@ impl StationProfile {
             vectors: Vectors::Nothing,
             readings: dli.disputed.with(&cucs.disputed).profile,
             delivery: cucs.delivery,
+            packs: cucs.pack,
             provisional: cucs.provisional.unwrap_or(dli.provisional),
         }
     }
@@ -91,6 +95,11 @@ impl StationProfile {
     pub(crate) fn edition(&self) -> Edition {
         let spoken = || self.spoken.map(|(idd, _)| Edition::of_idd(idd));
         self.edition.or_else(spoken).unwrap_or(Edition::Ed4)
+    }
+
+    /// Whether messages for it may share a datagram.
+    pub(crate) fn packs(&self) -> bool {
+        self.packs && self.edition() != Edition::Ed25
     }
 
     /// Nothing has been received of it yet that shows how it speaks.

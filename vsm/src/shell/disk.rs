@@ -70,6 +70,12 @@ pub enum OpenError {
         /// The folder.
         folder: PathBuf,
     },
+    /// Other computers may have served from a later state of it.
+    #[error("[store] dir {folder} belongs to a fleet (it has a file fleet-epoch): only `vsm run` with store.kind = \"etcd\" may use it, since another node may have gone on from there. To take it out of the fleet for good, stop the other nodes and remove that file", folder = folder.display())]
+    OfFleet {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// Another process has it.
     #[error("[store] dir {folder} is in use by another vsm, such as `vsm run`: two must not share one signing clock. Stop that one first (a service: `systemctl stop vsm`), and start it again afterwards", folder = folder.display())]
     Locked {
@@ -84,7 +90,12 @@ impl FileDisk {
     /// # Errors
     /// It cannot be made or written, others may use it, or another process has it.
     pub fn open(folder: &Path) -> Result<FileDisk, OpenError> {
-        FileDisk::open_on(folder, Box::new(NativeFileSystem))
+        let disk = FileDisk::open_on(folder, Box::new(NativeFileSystem))?;
+        if disk.has(FLEET_EPOCH) {
+            let folder = folder.to_owned();
+            return Err(OpenError::OfFleet { folder });
+        }
+        Ok(disk)
     }
 
     /// As [`FileDisk::open`], with all writing by `system`.
@@ -234,8 +245,7 @@ impl Disk for FileDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let power = self.system.durability(durability) == Durability::Power;
-        let path = self.folder.join(name);
+        let (path, power) = (self.folder.join(name), durability == Durability::Power);
         replace(&*self.system, &path, bytes, power).map_err(|cause| StoreError::new(name, cause))
     }
 
@@ -247,7 +257,7 @@ impl Disk for FileDisk {
     ) -> Result<(), StoreError> {
         let added = self.add(name, bytes).and_then(|added| {
             let Added { file, start, new } = added;
-            if self.system.durability(durability) == Durability::Power
+            if durability == Durability::Power
                 && let Err(cause) = self.system.sync_open(&file)
             {
                 // It is refused, and must not be in the log then. What is added next is written by its own
@@ -412,9 +422,9 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// The system's.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
-    /// What a change has to survive here that has to survive `wanted`.
-    fn durability(&self, wanted: Durability) -> Durability {
-        wanted
+    /// Whether the end of this computer is to be survived as the end of the process is: by another that continues.
+    fn is_shared(&self) -> bool {
+        false
     }
 
     /// The number of the last step that was taken and is done later.
@@ -554,6 +564,9 @@ fn overwrite(path: &Path) -> io::Result<()> {
 
 /// The order to erase what belongs to a store, in its folder: nothing is served from a store that has one.
 pub(super) const ERASE_ORDER: &str = "zeroize.order";
+
+/// The mark of a store that a fleet shares: in which epoch this folder was served last, and what etcd had seen by then.
+pub(super) const FLEET_EPOCH: &str = "fleet-epoch";
 
 /// `uav1.key` while it is being written: `uav1.key.new`.
 fn beside(path: &Path) -> PathBuf {

@@ -125,7 +125,8 @@ impl Order {
         let guards = config.stations().filter_map(|one| one.guard.as_ref());
         let guards = guards.map(|guard| guard.key_file.as_path());
         let access = config.access.iter().map(|access| access.key_file.as_path());
-        let others = forwards.chain(guards).chain(access);
+        let fleet = config.store.key_file.iter().map(PathBuf::as_path);
+        let others = forwards.chain(guards).chain(access).chain(fleet);
         Order {
             keys: vehicles.chain(others).map(real).collect(),
             lists: config.access.iter().map(|one| real(&one.list)).collect(),
@@ -274,7 +275,7 @@ pub fn is_zeroized(store: &Path) -> bool {
 /// # Errors
 /// Another process has it, an order stands in it, or it cannot be written.
 pub fn clear(store: &Path) -> anyhow::Result<()> {
-    let disk = FileDisk::open(store)?;
+    let disk = FileDisk::open_on(store, Box::new(NativeFileSystem))?;
     let system = disk.system();
     system.remove(&store.join(MARK))?;
     Ok(system.sync(store)?)

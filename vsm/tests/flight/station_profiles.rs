@@ -324,6 +324,53 @@ fn another_edition_than_the_configured_one_is_dropped_by_name() {
 }
 
 #[test]
+fn a_station_that_reads_several_messages_of_a_datagram_is_sent_the_same_in_fewer() {
+    const TRUSTED: &str = "address = \"127.0.0.1\"\nchecksum = \"crc32\"\ndelivery = \"unicast\"";
+    let mut scene = Scene::new("", &format!("{TRUSTED}\npack = true"), TRUSTED);
+    let ours = Profile::default();
+    for station in [FIRST, SECOND] {
+        scene.listen(station, &ours, 32, ChecksumStyle::None);
+    }
+    let sent = scene.wait(4);
+    let of = |station: Id| {
+        let to = Destination::Unicast(address(station));
+        let datagrams = sent.iter().filter(move |(one, _)| *one == to);
+        let each: Vec<Vec<(u16, Option<TimeStamp>)>> = datagrams
+            .map(|(_, bytes)| {
+                assert!(bytes.len() <= MAX_DATAGRAM);
+                let messages = frames(bytes).map(|frame| {
+                    let frame = frame.expect("a message");
+                    assert_eq!(frame.header.destination, station);
+                    let message = ours.decode(frame.header.message_type, frame.data);
+                    let stamp = match message.expect("a message") {
+                        Message::VehicleOperatingModeReport(report) => report.time_stamp,
+                        _ => None,
+                    };
+                    (frame.header.message_type, stamp)
+                });
+                messages.collect()
+            })
+            .collect();
+        each
+    };
+    let (packed, single) = (of(FIRST), of(SECOND));
+    assert!(single.iter().all(|messages| messages.len() == 1));
+    let types = |datagrams: &[Vec<(u16, Option<TimeStamp>)>]| {
+        let all = datagrams.iter().flatten();
+        all.map(|(id, _)| *id).collect::<Vec<_>>()
+    };
+    // The same, in the same order.
+    assert_eq!(types(&packed), types(&single));
+    assert!(packed.len() * 2 <= single.len(), "{packed:?}");
+    let stamps: Vec<_> = packed
+        .iter()
+        .flatten()
+        .filter(|(id, _)| *id == 3_001)
+        .collect();
+    assert!(stamps.len() > 4 && stamps.is_sorted_by_key(|(_, stamp)| stamp.map(|it| it.0)));
+}
+
+#[test]
 fn a_reload_changes_how_a_station_is_spoken_to() {
     const TRUSTED: &str = "address = \"127.0.0.1\"";
     let mut scene = Scene::new("", TRUSTED, "");

@@ -9,7 +9,7 @@ use stanag_msgs::messages::HoldCommand;
 
 use super::{Aircraft, Context, Effects};
 use crate::config;
-use crate::session::alerts::{Alerts, Cause};
+use crate::session::alerts::{Alerts, Cause, Raised};
 use crate::session::authority::AuthorityMachine;
 use crate::session::authority::record::KnownStation;
 use crate::session::context::{Bounds, Settings};
@@ -82,7 +82,8 @@ impl Aircraft {
         if self.held.restore(effects!(self, dli))? {
             self.flight.cut_off_launch();
         }
-        // Who listened before the restart is sent these, too: until the vehicle has spoken to this process its state is unknown.
+        // Where listeners are is not known yet: `show_standing` follows.
+        let listeners = std::mem::take(&mut self.listeners);
         let effects = effects!(self, dli);
         effects.raise(
             Cause::VehicleSilent,
@@ -98,7 +99,16 @@ impl Aircraft {
                 "MAVLink signing is off: anyone in range of the link can command this vehicle",
             );
         }
+        self.listeners = listeners;
         Ok(known)
+    }
+
+    /// Sends who listened before a restart what stands since: until the vehicle has spoken to this process its state is unknown.
+    pub(crate) fn show_standing(&mut self, dli: &mut DliEffects<'_>) {
+        for alert in self.alerts.standing().cloned() {
+            let raised = Raised { alert, first: true };
+            dli.show(self.config.id, &self.listeners, &raised);
+        }
     }
 
     /// A command that had no final answer when the VSM ended. False where it is forgotten: what only stores, and what

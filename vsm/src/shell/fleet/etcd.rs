@@ -1,10 +1,12 @@
 //! The few requests of etcd that a shared store needs, by its JSON gateway (`/v3/...` over HTTP, etcd 3.4 and later).
 //!
-//! Not by its gRPC interface: the crates for that need a compiler of protocol buffers on each computer that builds them. A
-//! request names all that it depends on, so that it may be repeated where its answer is lost.
+//! Not by its gRPC interface: the crates for that need a compiler of protocol buffers on each computer that builds them.
+//!
+//! A request of which no answer came may have been applied, or be applied later, and is repeated at the next member: whoever
+//! asks gives each a condition that holds once only.
 
 use std::io;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use base64::Engine as _;
@@ -19,6 +21,8 @@ pub(super) struct Etcd {
     endpoints: Vec<String>,
     /// The member that answered last is asked first.
     first: AtomicUsize,
+    /// That of the latest answer.
+    revision: AtomicI64,
 }
 
 /// What has to hold for a transaction to be applied.
@@ -37,8 +41,8 @@ pub(super) enum Change {
     Put(String, Vec<u8>, Option<i64>),
     /// Deletes a key.
     Remove(String),
-    /// Deletes all keys that begin so.
-    RemoveAll(String),
+    /// Deletes all keys from this one on that come before the other.
+    RemoveRange(String, Vec<u8>),
 }
 
 /// A key with its value.
@@ -73,7 +77,17 @@ impl Etcd {
             agent: config.into(),
             endpoints: endpoints.to_vec(),
             first: AtomicUsize::new(0),
+            revision: AtomicI64::new(0),
         }
+    }
+
+    /// The revision of the latest answer: an etcd that was set back has a lower one than before.
+    pub(super) fn revision(&self) -> i64 {
+        self.revision.load(Ordering::Relaxed)
+    }
+
+    fn note(&self, header: &Header) {
+        self.revision.store(header.revision.0, Ordering::Relaxed);
     }
 
     /// Applies all changes, at once, where all conditions hold: the revision that they have then. `None` where one does not hold.
@@ -86,12 +100,14 @@ impl Etcd {
         let success: Vec<Value> = changes.iter().map(Change::to_json).collect();
         let answer: Transacted =
             self.ask("kv/txn", &json!({ "compare": compare, "success": success }))?;
+        self.note(&answer.header);
         Ok(answer.succeeded.then_some(answer.header.revision.0))
     }
 
     /// The key, where there is one.
     pub(super) fn get(&self, key: &str) -> io::Result<Option<Entry>> {
         let answer: Ranged = self.ask("kv/range", &json!({ "key": STANDARD.encode(key) }))?;
+        self.note(&answer.header);
         Ok(answer.page()?.entries.pop())
     }
 
@@ -204,11 +220,19 @@ impl Change {
             Change::Remove(key) => json!({ "request_delete_range": {
                 "key": STANDARD.encode(key),
             }}),
-            Change::RemoveAll(prefix) => json!({ "request_delete_range": {
-                "key": STANDARD.encode(prefix),
-                "range_end": STANDARD.encode(end_of(prefix)),
+            Change::RemoveRange(from, end) => json!({ "request_delete_range": {
+                "key": STANDARD.encode(from),
+                "range_end": STANDARD.encode(end),
             }}),
         }
+    }
+}
+
+impl Change {
+    /// Deletes all keys that begin so.
+    pub(super) fn remove_all(prefix: String) -> Change {
+        let end = end_of(&prefix);
+        Change::RemoveRange(prefix, end)
     }
 }
 

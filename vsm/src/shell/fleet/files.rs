@@ -11,12 +11,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use mavlink_link::clock::CEILING;
-use mavlink_link::store::Durability;
 use sha2::{Digest as _, Sha256};
 use zeroize::Zeroizing;
 
-use super::remote::{Head, Remote};
-use crate::shell::disk::{FileSystem, NativeFileSystem};
+use super::remote::{Head, Last, Remote};
+use crate::shell::disk::{ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem};
 
 /// The file system of a node that owns its VSM.
 ///
@@ -26,6 +25,8 @@ use crate::shell::disk::{FileSystem, NativeFileSystem};
 #[derive(Debug)]
 pub(super) struct SharedFiles {
     folder: PathBuf,
+    /// The same without links and relative parts, as the system names open files.
+    real: PathBuf,
     remote: Arc<Remote>,
     /// The ceilings of clocks, and everything else: a link must not wait for a plan that somebody stores.
     lanes: [Lane; 2],
@@ -33,10 +34,16 @@ pub(super) struct SharedFiles {
 
 #[derive(Debug, Default)]
 struct Lane {
-    /// Files that were renamed or deleted since they were stored. The last to be locked of the two.
+    /// Files that were written, renamed or deleted since they were stored. The last to be locked of the two.
     changed: Mutex<BTreeSet<String>>,
-    /// What etcd has. Locked as long as it is changed.
-    stored: Mutex<BTreeMap<String, Stored>>,
+    /// What etcd has. Locked as long as that is changed: who finds nothing changed under this lock knows that all is stored.
+    stored: Mutex<StoredLane>,
+}
+
+#[derive(Debug, Default)]
+struct StoredLane {
+    files: BTreeMap<String, Stored>,
+    last: Last,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -47,8 +54,11 @@ struct Stored {
 }
 
 thread_local! {
-    /// The lanes in which this thread has changed a file since it synchronised the folder. Only those are its concern.
+    /// The lanes in which this thread has changed a file since it synchronised the folder: its concern alone. A thread that has changed
+    /// none synchronises what others have.
     static TOUCHED: Cell<[bool; 2]> = const { Cell::new([false; 2]) };
+    /// This thread has written an order to erase, which must not wait for etcd.
+    static ORDERED: Cell<bool> = const { Cell::new(false) };
 }
 
 impl SharedFiles {
@@ -57,19 +67,21 @@ impl SharedFiles {
         folder: &Path,
         remote: Arc<Remote>,
         heads: BTreeMap<String, Head>,
-    ) -> SharedFiles {
+    ) -> io::Result<SharedFiles> {
         let lanes: [Lane; 2] = Default::default();
         for (name, head) in heads {
             let digest = fs::read(folder.join(&name))
                 .ok()
                 .map(|bytes| digest(&bytes));
-            locked(&lanes[lane_of(&name)].stored).insert(name, Stored { head, digest });
+            let mut stored = locked(&lanes[lane_of(&name)].stored);
+            stored.files.insert(name, Stored { head, digest });
         }
-        SharedFiles {
+        Ok(SharedFiles {
             folder: folder.to_owned(),
+            real: fs::canonicalize(folder)?,
             remote,
             lanes,
-        }
+        })
     }
 
     /// The name of a file that is in etcd, too.
@@ -79,6 +91,9 @@ impl SharedFiles {
     }
 
     fn note(&self, path: &Path) {
+        if path == self.folder.join(ERASE_ORDER) {
+            ORDERED.set(true);
+        }
         if let Some(name) = self.name_of(path) {
             let lane = lane_of(&name);
             let mut touched = TOUCHED.get();
@@ -92,42 +107,42 @@ impl SharedFiles {
     fn store(&self) -> io::Result<()> {
         let touched = TOUCHED.get();
         let none = touched == [false; 2];
-        for (lane, _) in self
-            .lanes
-            .iter()
-            .zip(touched)
-            .filter(|(_, mine)| *mine || none)
-        {
+        for lane in (0..LANES).filter(|lane| touched[*lane] || none) {
             self.store_lane(lane)?;
         }
         TOUCHED.set([false; 2]);
         Ok(())
     }
 
-    fn store_lane(&self, lane: &Lane) -> io::Result<()> {
-        if locked(&lane.changed).is_empty() {
-            return Ok(());
-        }
-        let mut stored = locked(&lane.stored);
-        loop {
-            let Some(name) = locked(&lane.changed).pop_first() else {
-                return Ok(());
-            };
-            if let Err(cause) = self.store_file(&name, &mut stored) {
-                locked(&lane.changed).insert(name);
-                return Err(cause);
+    fn store_lane(&self, lane: usize) -> io::Result<()> {
+        let Lane { changed, stored } = &self.lanes[lane];
+        // Before it looks what has changed: another thread may be storing just that, and fail.
+        let mut stored = locked(stored);
+        let mut left = std::mem::take(&mut *locked(changed));
+        let mut done = Ok(());
+        // A log that is put aside has its new name in etcd before the old one goes, and the oldest first; a record is there before the
+        // lines that it takes the place of are not. A change that comes meanwhile is one of the next time.
+        let is_there = |name: &String| self.folder.join(name).exists();
+        let (puts, removals): (Vec<String>, Vec<String>) = left.iter().cloned().partition(is_there);
+        for name in puts.into_iter().rev().chain(removals) {
+            done = self.store_file(lane, &name, &mut stored);
+            if done.is_err() {
+                break;
             }
+            left.remove(&name);
         }
+        locked(changed).append(&mut left);
+        done
     }
 
     /// Stores a file as it is by now.
-    fn store_file(&self, name: &str, stored: &mut BTreeMap<String, Stored>) -> io::Result<()> {
-        let before = stored.get(name).copied();
+    fn store_file(&self, lane: usize, name: &str, stored: &mut StoredLane) -> io::Result<()> {
+        let before = stored.files.get(name).copied();
         let bytes = NativeFileSystem.read(&self.folder.join(name), u64::MAX)?;
         let Some(bytes) = bytes else {
-            if let Some(before) = before {
-                self.remote.remove(name, before.head)?;
-                stored.remove(name);
+            if before.is_some() {
+                self.remote.remove((lane, &mut stored.last), name)?;
+                stored.files.remove(name);
             }
             return Ok(());
         };
@@ -137,26 +152,28 @@ impl SharedFiles {
         }
         let head = self
             .remote
-            .replace(name, before.map(|it| it.head), &bytes)?;
-        stored.insert(name.to_owned(), Stored { head, digest });
+            .replace((lane, &mut stored.last), name, &bytes)?;
+        stored
+            .files
+            .insert(name.to_owned(), Stored { head, digest });
         Ok(())
     }
 
     /// Stores what a log has grown by.
     fn store_end(&self, name: &str, file: &File) -> io::Result<()> {
-        let lane = &self.lanes[lane_of(name)];
-        let mut stored = locked(&lane.stored);
+        let lane = lane_of(name);
+        let Lane { changed, stored } = &self.lanes[lane];
+        let mut stored = locked(stored);
         let length = file.metadata()?.len();
-        let known = stored.get(name).copied();
-        // Renamed, deleted or written anew meanwhile: what lies under its name is another file than etcd has.
-        let anew = locked(&lane.changed).remove(name);
-        let Some(known) = known.filter(|known| !anew && known.head.length <= length) else {
-            let done = self.store_file(name, &mut stored);
-            if done.is_err() {
-                locked(&lane.changed).insert(name.to_owned());
-            }
-            return done;
-        };
+        let known = stored.files.get(name).copied();
+        // Renamed, deleted or written anew meanwhile: what lies under its name is another file than etcd has, and is stored with
+        // the others that changed, in their order.
+        if locked(changed).contains(name) || known.is_none_or(|it| it.head.length > length) {
+            locked(changed).insert(name.to_owned());
+            drop(stored);
+            return self.store_lane(lane);
+        }
+        let Some(known) = known else { return Ok(()) };
         let path = self.folder.join(name);
         let read = |from| {
             let mut file = File::open(&path)?;
@@ -165,15 +182,19 @@ impl SharedFiles {
             file.take(length - from).read_to_end(&mut bytes)?;
             Ok(bytes)
         };
-        match self.remote.append(name, known.head, length, read) {
+        let grown = (known.head, length);
+        match self
+            .remote
+            .append((lane, &mut stored.last), name, grown, read)
+        {
             Ok(head) => {
                 let now = Stored { head, digest: None };
-                stored.insert(name.to_owned(), now);
+                stored.files.insert(name.to_owned(), now);
                 Ok(())
             }
             Err(cause) => {
                 // Part of it may be there: next time it is stored whole.
-                locked(&lane.changed).insert(name.to_owned());
+                locked(changed).insert(name.to_owned());
                 Err(cause)
             }
         }
@@ -181,11 +202,16 @@ impl SharedFiles {
 
     /// Stores the folder as the first owner has it.
     pub(super) fn store_all(&self, names: &[String]) -> io::Result<()> {
+        {
+            let mut stored = locked(&self.lanes[1].stored);
+            self.remote.remove_all(1, &mut stored.last)?;
+        }
         for name in names.iter().filter(|name| is_stored(name)) {
             self.note(&self.folder.join(name));
         }
         self.store()?;
-        self.remote.complete()
+        let mut stored = locked(&self.lanes[1].stored);
+        self.remote.complete(1, &mut stored.last)
     }
 }
 
@@ -198,7 +224,7 @@ impl FileSystem for SharedFiles {
 
     fn sync(&self, path: &Path) -> io::Result<()> {
         NativeFileSystem.sync(path)?;
-        if path == self.folder {
+        if path == self.folder && !ORDERED.take() {
             self.store()?;
         }
         Ok(())
@@ -209,9 +235,15 @@ impl FileSystem for SharedFiles {
         // It may have been put aside under another name since it was opened: the system knows which.
         let path = rustix::fs::readlink(format!("/proc/self/fd/{}", file.as_raw_fd()), Vec::new())?;
         let path = PathBuf::from(OsString::from_vec(path.into_bytes()));
-        match self.name_of(&path) {
-            Some(name) => self.store_end(&name, file),
-            None => Ok(()),
+        let name = path.strip_prefix(&self.real).ok().and_then(Path::to_str);
+        match name.map(|name| (name, name.strip_suffix(DELETED))) {
+            Some((_, Some(_))) => Ok(()),
+            Some((name, None)) => self.store_end(name, file),
+            None => Err(io::Error::other(format!(
+                "{} is not in {}: was the folder moved?",
+                path.display(),
+                self.real.display()
+            ))),
         }
     }
 
@@ -232,16 +264,18 @@ impl FileSystem for SharedFiles {
         NativeFileSystem.read(path, most)
     }
 
-    /// What need survive the end of the process only has to survive that of the computer here: another continues.
-    fn durability(&self, _: Durability) -> Durability {
-        Durability::Power
+    fn is_shared(&self) -> bool {
+        true
     }
 }
 
 /// Whether a file of the folder belongs into etcd: not a lock, a socket, this node's own mark, nor what is still being written.
 pub(super) fn is_stored(name: &str) -> bool {
-    let own = ["lock", EPOCH].contains(&name) || name.ends_with(".sock") || name.ends_with(".lock");
-    !own && !name.contains(".new") && !name.contains('/')
+    let of_this_node = ["lock", FLEET_EPOCH, ERASE_ORDER, "zeroized"].contains(&name)
+        // The keys of guards that are paired here are written by who pairs, not through this.
+        || (name.starts_with("guard-") && name.contains(".key"))
+        || [".sock", ".lock"].iter().any(|end| name.ends_with(end));
+    !of_this_node && !name.contains(".new") && !name.contains('/')
 }
 
 fn lane_of(name: &str) -> usize {
@@ -256,5 +290,6 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Which epoch the folder was served in last.
-pub(super) const EPOCH: &str = "fleet-epoch";
+const LANES: usize = 2;
+/// What the system adds to the name of an open file that has none any more.
+const DELETED: &str = " (deleted)";

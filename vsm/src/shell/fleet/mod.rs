@@ -6,10 +6,11 @@
 //! ends, or its computer does, its lease ends, and the next node takes the files from etcd and continues as a bridge does that was
 //! started again: rights, plans, duplicates and ceilings of clocks are as they were, and each stamp is above every one before.
 //!
-//! **Fencing.** Every change compares who owns the VSM. A node that is cut off from etcd can store nothing: it goes on receiving, and
-//! sending heartbeats and status, but takes no command that has to be stored first. Nor does the vehicle obey it
-//! any more once the next owner has sent a frame: frames are signed with rising stamps, and those of the next owner begin above the
-//! ceiling that the one before cannot raise. That is why each vehicle of such a VSM has a signing key.
+//! **Fencing.** Every change compares who owns the VSM, and which change was the last: a request that the network held back is applied
+//! behind the one that it follows, or never. A node that is cut off from etcd can store nothing: it takes no command that has to be
+//! stored first, and signs up to the stored ceiling of its clock, some seconds. Nor does the vehicle obey it any more once the next
+//! owner has sent a frame: frames are signed with rising stamps, and those of the next owner begin above that ceiling. That is why each
+//! vehicle of such a VSM has a signing key.
 //!
 //! The unit is the VSM with all its vehicles, since a CUCS reaches the vehicles of a VSM at one address. To spread a fleet over
 //! computers, give it several VSMs.
@@ -18,6 +19,7 @@
 //! - `seal`: what is stored is sealed by a key that etcd does not have;
 //! - `remote`: files as keys, and the comparison of the owner;
 //! - `files`: the folder, stored as it changes;
+//! - `model` (of the tests): lease, requests and crashes in every order;
 //! - `node`: stands by, takes over, keeps the lease; `operator`: what `vsm fleet` shows and orders.
 
 mod etcd;
@@ -29,5 +31,7 @@ mod seal;
 
 pub use self::node::{FleetError, Held, Stop, stand_by};
 
+#[cfg(test)]
+mod model;
 #[cfg(test)]
 mod tests;

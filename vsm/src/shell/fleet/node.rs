@@ -1,7 +1,8 @@
 //! One node: it stands by, takes over, and keeps its lease.
 
+use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
@@ -11,12 +12,12 @@ use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use tokio::sync::mpsc;
 
-use super::etcd::{Change, Condition, Etcd};
-use super::files::{EPOCH, SharedFiles, is_stored};
+use super::etcd::{Change, Condition, Entry, Etcd};
+use super::files::{SharedFiles, is_stored};
 use super::remote::{Names, Remote, Right};
 use super::seal::Seal;
 use crate::config::SharedStore;
-use crate::shell::disk::{self, FileDisk, FileSystem as _, NativeFileSystem};
+use crate::shell::disk::{self, FLEET_EPOCH, FileDisk, FileSystem as _, NativeFileSystem};
 
 /// The node cannot take part.
 #[derive(Debug, thiserror::Error)]
@@ -32,14 +33,24 @@ pub enum FleetError {
         lease_s: u64,
     },
     /// What etcd has is older than what this node served from.
-    #[error("etcd holds the VSM as of epoch {remote}, and {folder} was served in epoch {local}: etcd was set back, as from a backup. Its stamps would be used twice. Restore etcd as it was, or, to continue from this folder, delete the keys that begin with vsm/ and the id of the VSM", folder = folder.display())]
+    #[error("etcd is at epoch {epoch}, revision {revision}, and {folder} has seen epoch {seen_epoch}, revision {seen_revision}: etcd was set back, as from a backup, or is another one. Stamps would be used twice. Bring etcd to where it was; or, to continue from this folder, stop all nodes, delete the keys that begin with vsm/ and the id of the VSM, remove the file fleet-epoch from this folder, and start this node first", folder = folder.display())]
     SetBack {
         /// The folder of the store.
         folder: PathBuf,
-        /// The epoch of the folder.
-        local: u64,
-        /// The epoch in etcd.
-        remote: u64,
+        /// What etcd has.
+        epoch: u64,
+        /// Its revision.
+        revision: i64,
+        /// What this node has seen.
+        seen_epoch: u64,
+        /// And of which revision.
+        seen_revision: i64,
+    },
+    /// The folder holds the state of a VSM that is not of this fleet.
+    #[error("[store] dir {folder} holds state that was not made in this fleet, which another node began: it would be deleted. Name an empty folder, or move these files away", folder = folder.display())]
+    Foreign {
+        /// The folder.
+        folder: PathBuf,
     },
     /// The system, or etcd.
     #[error("the store in etcd: {0}")]
@@ -131,8 +142,14 @@ pub fn stand_by(
         lease: None,
         said: String::new(),
         begun: Instant::now(),
-        served: served(&disk)?,
+        mark: Mark::read(disk.folder())?,
+        has_files: disk
+            .names()
+            .map_err(io::Error::other)?
+            .iter()
+            .any(|name| is_stored(name)),
         folder: disk.folder().to_owned(),
+        seal: Seal::new(key),
     };
     let (etcd, right, epoch) = loop {
         let tried = Instant::now();
@@ -153,6 +170,10 @@ pub fn stand_by(
             return Ok(None);
         }
     };
+    // Before anything of it is changed: from here on the folder belongs to the fleet.
+    node.mark.epoch = epoch;
+    node.mark.revision = etcd.revision();
+    node.mark.write(&node.folder, true)?;
     let remote = Arc::new(Remote::new(etcd, node.names.clone(), Seal::new(key), right));
     let (ends, ended) = mpsc::channel(1);
     let keep = Keep {
@@ -172,7 +193,9 @@ pub fn stand_by(
         stop: keeper_stop,
         thread: Some(thread),
     };
-    let disk = restore(&disk, &remote, epoch)?;
+    let Some(disk) = restore_until(&disk, &remote, stop, report)? else {
+        return Ok(None);
+    };
     let held = Held {
         epoch,
         ended: Some(ended),
@@ -188,13 +211,41 @@ impl Drop for Keeper {
     }
 }
 
+/// Brings the folder to what etcd has, as often as it takes while this node owns the VSM; `None` where it was stopped before.
+fn restore_until(
+    disk: &FileDisk,
+    remote: &Arc<Remote>,
+    stop: &Stop,
+    report: &mut dyn FnMut(&str),
+) -> Result<Option<FileDisk>, FleetError> {
+    loop {
+        match restore(disk, remote, stop) {
+            Err(FleetError::Io(cause))
+                if cause.kind() == io::ErrorKind::Other
+                    && Instant::now() < remote.right().until =>
+            {
+                report(&format!(
+                    "the store in etcd cannot be read or written yet: {cause}"
+                ));
+            }
+            restored => return restored,
+        }
+        if stop.wait(LOOK_AGAIN) {
+            return Ok(None);
+        }
+    }
+}
+
 /// Brings the folder to what etcd has, or, the first time, etcd to what the folder has.
-fn restore(disk: &FileDisk, remote: &Arc<Remote>, epoch: u64) -> Result<FileDisk, FleetError> {
-    let folder = disk.folder().to_owned();
-    let whole = remote.etcd.get(&remote.names.complete())?.is_some();
-    let heads = remote.heads()?;
+fn restore(
+    disk: &FileDisk,
+    remote: &Arc<Remote>,
+    stop: &Stop,
+) -> Result<Option<FileDisk>, FleetError> {
+    let folder = disk.folder();
     let names = disk.names().map_err(io::Error::other)?;
-    let files = if whole {
+    let files = if remote.etcd.get(&remote.names.complete())?.is_some() {
+        let heads = remote.heads()?;
         for name in names
             .iter()
             .filter(|name| is_stored(name) && !heads.contains_key(*name))
@@ -202,29 +253,52 @@ fn restore(disk: &FileDisk, remote: &Arc<Remote>, epoch: u64) -> Result<FileDisk
             NativeFileSystem.remove(&folder.join(name))?;
         }
         for (name, head) in &heads {
+            if stop.wait(Duration::ZERO) {
+                return Ok(None);
+            }
             let path = folder.join(name);
             let bytes = remote.read(name, *head)?;
             if NativeFileSystem.read(&path, u64::MAX)?.as_ref() != Some(&bytes) {
                 disk::replace(&NativeFileSystem, &path, &bytes, false)?;
             }
         }
-        SharedFiles::new(&folder, remote.clone(), heads)
+        SharedFiles::new(folder, remote.clone(), heads)?
     } else {
-        let files = SharedFiles::new(&folder, remote.clone(), heads);
+        let files = SharedFiles::new(folder, remote.clone(), BTreeMap::new())?;
         files.store_all(&names)?;
         files
     };
-    // From here on stamps of this epoch may be used: an older state must not be served.
-    let mark = folder.join(EPOCH);
-    disk::replace(&NativeFileSystem, &mark, epoch.to_string().as_bytes(), true)?;
-    Ok(disk.through(Arc::new(files)))
+    Ok(Some(disk.through(Arc::new(files))))
 }
 
-/// The epoch in which the folder was served last; 0 where it never was.
-fn served(disk: &FileDisk) -> io::Result<u64> {
-    let mark = NativeFileSystem.read(&disk.folder().join(EPOCH), 32)?;
-    let Some(mark) = mark else { return Ok(0) };
-    parse(&mark)
+/// What a node has seen of etcd, in a file beside those of the store: it refuses an earlier state.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Mark {
+    /// The epoch in which the folder was served last.
+    epoch: u64,
+    /// The highest revision of an answer.
+    revision: i64,
+}
+
+impl Mark {
+    fn read(folder: &Path) -> io::Result<Mark> {
+        let mark = NativeFileSystem.read(&folder.join(FLEET_EPOCH), 1_024)?;
+        mark.map_or(Ok(Mark::default()), |bytes| parse(&bytes))
+    }
+
+    fn write(self, folder: &Path, power: bool) -> io::Result<()> {
+        let text = serde_json::to_vec(&self).map_err(io::Error::other)?;
+        disk::replace(&NativeFileSystem, &folder.join(FLEET_EPOCH), &text, power)
+    }
+
+    /// Follows what was seen since. What is lost of it by a power cut is a few seconds of watchfulness.
+    fn follow(&mut self, revision: i64, folder: &Path) -> io::Result<()> {
+        if revision > self.revision {
+            self.revision = revision;
+            self.write(folder, false)?;
+        }
+        Ok(())
+    }
 }
 
 /// This node in etcd.
@@ -237,9 +311,11 @@ struct Node {
     /// What was reported last: each thing once.
     said: String,
     begun: Instant,
-    /// The epoch in which its folder was served last.
-    served: u64,
+    mark: Mark,
+    /// Its folder had files of a store when it began.
+    has_files: bool,
     folder: PathBuf,
+    seal: Seal,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -282,6 +358,35 @@ impl Node {
     /// Keeps its lease and looks whether the VSM is free.
     fn try_once(&mut self, etcd: &Etcd) -> Result<Turn, Fault> {
         let lease = self.present(etcd)?;
+        let complete = etcd.get(&self.names.complete())?;
+        let before = etcd.get(&self.names.epoch())?;
+        let last = match &before {
+            Some(entry) => parse::<u64>(&entry.value)?,
+            None => 0,
+        };
+        // Before anything is taken: a node that is started again and again would count past it.
+        let (seen, revision) = (self.mark, etcd.revision());
+        if seen.epoch > last || seen.revision > revision {
+            return Err(Fault::Fatal(FleetError::SetBack {
+                folder: self.folder.clone(),
+                epoch: last,
+                revision,
+                seen_epoch: seen.epoch,
+                seen_revision: seen.revision,
+            }));
+        }
+        if let Some(complete) = &complete {
+            let opened = self.seal.open(&complete.key, &complete.value);
+            opened.map_err(|cause| Fault::Fatal(cause.into()))?;
+        }
+        if complete.is_some() && seen == Mark::default() && self.has_files {
+            let folder = self.folder.clone();
+            return Err(Fault::Fatal(FleetError::Foreign { folder }));
+        }
+        // It belongs to the fleet from here on, and notices from here on where etcd is set back.
+        if complete.is_some() {
+            self.mark.follow(revision, &self.folder)?;
+        }
         if etcd.get(&self.names.drained(&self.name))?.is_some() {
             return Ok(Turn::Wait(format!(
                 "drained: this node serves nothing until `vsm fleet resume --node {}`",
@@ -296,18 +401,12 @@ impl Node {
             }
             return Ok(Turn::Wait(format!("standing by: {} serves", owner.node)));
         }
-        let before = etcd.get(&self.names.epoch())?;
-        let last = match &before {
-            Some(entry) => parse::<u64>(&entry.value)?,
-            None => 0,
-        };
-        // Before anything is taken: a node that is started again and again would count past it.
-        if self.served > last {
-            return Err(Fault::Fatal(FleetError::SetBack {
-                folder: self.folder.clone(),
-                local: self.served,
-                remote: last,
-            }));
+        let first = etcd.get(&self.names.first())?;
+        let first = first.map(|entry| String::from_utf8_lossy(&entry.value).into_owned());
+        if let Some(first) = first.filter(|first| complete.is_none() && *first != self.name) {
+            return Ok(Turn::Wait(format!(
+                "the folder of {first} is not whole in etcd yet: that node has to continue first"
+            )));
         }
         let epoch = last + 1;
         let (owner_key, epoch_key) = (self.names.owner(), self.names.epoch());
@@ -315,14 +414,15 @@ impl Node {
             Some(entry) => Condition::Holds(&epoch_key, &entry.value),
             None => Condition::CreatedAt(&epoch_key, 0),
         };
-        let changes = [
-            Change::Put(
-                owner_key.clone(),
-                self.to_json(lease.id, epoch),
-                Some(lease.id),
-            ),
+        let present = self.to_json(lease.id, epoch);
+        let mut changes = vec![
+            Change::Put(owner_key.clone(), present, Some(lease.id)),
             Change::Put(epoch_key.clone(), epoch.to_string().into_bytes(), None),
         ];
+        if complete.is_none() {
+            let name = self.name.clone().into_bytes();
+            changes.push(Change::Put(self.names.first(), name, None));
+        }
         let conditions = [Condition::CreatedAt(&owner_key, 0), same_epoch];
         Ok(match etcd.transact(&conditions, &changes)? {
             Some(created) => Turn::Owner(created, lease.renewed, epoch),
@@ -344,6 +444,7 @@ impl Node {
                 }));
             }
             self.lease = None;
+            self.begun = sent;
         }
         let id = etcd.grant(self.ttl_s)?;
         let key = self.names.node(&self.name);
@@ -351,6 +452,7 @@ impl Node {
         if etcd
             .transact(&[Condition::CreatedAt(&key, 0)], &[put])?
             .is_none()
+            && !self.is_own(etcd.get(&key)?, id)?
         {
             let _ = etcd.revoke(id);
             // That of the process before, perhaps, which its lease outlives.
@@ -365,6 +467,14 @@ impl Node {
         }
         self.begun = sent;
         Ok(*self.lease.insert(Lease { id, renewed: sent }))
+    }
+
+    /// Whether a key was put with this lease: the answer to that was lost, and a repetition of it was not applied.
+    fn is_own(&self, entry: Option<Entry>, lease: i64) -> io::Result<bool> {
+        let present = entry
+            .map(|entry| parse::<Present>(&entry.value))
+            .transpose()?;
+        Ok(present.is_some_and(|present| present.lease == lease))
     }
 
     fn to_json(&self, lease: i64, epoch: u64) -> Vec<u8> {
@@ -440,6 +550,8 @@ impl Keep {
                 until: sent + self.ttl,
             });
             let drained = etcd.get(&self.node.names.drained(&self.node.name))?;
+            let (revision, folder) = (etcd.revision(), self.node.folder.clone());
+            self.node.mark.follow(revision, &folder)?;
             return Ok(drained.map(|_| "this node is drained".to_owned()));
         }
         // Gone, as where etcd was away for longer than it lasts. Where nobody has taken over, everything is as this node left it.

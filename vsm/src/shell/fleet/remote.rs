@@ -1,8 +1,9 @@
 //! The files of a store in etcd: each is a head, which says how long it is, and pieces of equal size. Every change compares the
-//! owner of the VSM: a node that has lost it changes nothing.
+//! owner of the VSM, so that a node that has lost it changes nothing, and the change before, so that each is applied once and in order.
 
 use std::collections::BTreeMap;
 use std::io;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -11,6 +12,7 @@ use zeroize::Zeroizing;
 
 use super::etcd::{Change, Condition, Etcd};
 use super::seal::Seal;
+use crate::shell::key_file::system_random;
 
 /// What one node may do with the files in etcd.
 #[derive(Debug)]
@@ -19,7 +21,14 @@ pub(super) struct Remote {
     pub(super) names: Names,
     seal: Seal,
     right: Mutex<Right>,
+    /// The number of the next generation: no attempt to store a file has that of another.
+    generation: AtomicU32,
 }
+
+/// The last change of a lane: what follows it is applied once, behind it. A request that the network held back for long has a
+/// condition that does not hold any more.
+#[derive(Debug, Default)]
+pub(super) struct Last(Option<Vec<u8>>);
 
 /// The keys of a VSM in etcd.
 #[derive(Debug, Clone)]
@@ -62,7 +71,12 @@ impl Names {
         format!("{}epoch", self.prefix)
     }
 
-    /// There since the files of the first owner were stored whole.
+    /// The node whose folder is the first to be stored.
+    pub(super) fn first(&self) -> String {
+        format!("{}first", self.prefix)
+    }
+
+    /// There since the files of that node were stored whole; sealed, so that a node with another key finds out before it owns anything.
     pub(super) fn complete(&self) -> String {
         format!("{}complete", self.prefix)
     }
@@ -85,6 +99,19 @@ impl Names {
         format!("{}head/{file}", self.prefix)
     }
 
+    fn every_piece(&self) -> String {
+        format!("{}piece/", self.prefix)
+    }
+
+    /// What identifies the last change of a lane.
+    fn last(&self, lane: usize) -> String {
+        format!("{}last/{lane}", self.prefix)
+    }
+
+    fn all_pieces(&self, file: &str) -> String {
+        format!("{}piece/{file}/", self.prefix)
+    }
+
     fn pieces(&self, file: &str, generation: u32) -> String {
         format!("{}piece/{file}/{generation:08x}/", self.prefix)
     }
@@ -101,6 +128,7 @@ impl Remote {
             names,
             seal,
             right: Mutex::new(right),
+            generation: AtomicU32::new(1),
         }
     }
 
@@ -113,55 +141,85 @@ impl Remote {
     }
 
     /// Changes what is stored, all of it or nothing.
-    fn change(&self, changes: &[Change]) -> io::Result<()> {
-        let right = self.right();
-        if Instant::now() >= right.until {
-            return Err(io::Error::other(
-                "the lease of this node has ended, and etcd has not renewed it: nothing can be stored, and no command taken, until it does",
-            ));
+    fn change(&self, lane: usize, last: &mut Last, mut changes: Vec<Change>) -> io::Result<()> {
+        let (owner, key) = (self.names.owner(), self.names.last(lane));
+        let mut token = [0; 16];
+        system_random(&mut token).map_err(|fault| io::Error::other(fault.to_string()))?;
+        changes.push(Change::Put(key.clone(), token.to_vec(), None));
+        for _ in 0..TRIES {
+            let right = self.right();
+            if Instant::now() >= right.until {
+                return Err(io::Error::other(
+                    "the lease of this node has ended, and etcd has not renewed it: nothing can be stored, and no command taken, until it does",
+                ));
+            }
+            let before = match last.0.take() {
+                Some(before) => before,
+                // Not known: nothing was changed yet by this process, or an answer was lost.
+                None => self
+                    .etcd
+                    .get(&key)?
+                    .map_or_else(Vec::new, |entry| entry.value),
+            };
+            let behind = match before.is_empty() {
+                true => Condition::CreatedAt(&key, 0),
+                false => Condition::Holds(&key, &before),
+            };
+            let owned = Condition::CreatedAt(&owner, right.created);
+            if self.etcd.transact(&[owned, behind], &changes)?.is_some() {
+                last.0 = Some(token.to_vec());
+                return Ok(());
+            }
+            if self
+                .etcd
+                .get(&key)?
+                .is_some_and(|entry| entry.value == token)
+            {
+                // It was applied, and a repetition of it was not.
+                last.0 = Some(token.to_vec());
+                return Ok(());
+            }
+            let owner = self.etcd.get(&owner)?;
+            if owner.is_none_or(|entry| entry.created != right.created) {
+                return Err(io::Error::other("this node does not own the VSM any more"));
+            }
+            // A request of before has arrived late: behind that.
         }
-        let owner = self.names.owner();
-        let condition = Condition::CreatedAt(&owner, right.created);
-        match self.etcd.transact(&[condition], changes)? {
-            Some(_) => Ok(()),
-            None => Err(io::Error::other("another node owns this VSM by now")),
-        }
+        Err(io::Error::other("requests of before are still arriving"))
     }
 
     /// Stores a file whole: until the last step it is in etcd what it was.
     pub(super) fn replace(
         &self,
+        (lane, last): (usize, &mut Last),
         file: &str,
-        before: Option<Head>,
         bytes: &[u8],
     ) -> io::Result<Head> {
         let head = Head {
-            generation: before.map_or(1, |head| head.generation.wrapping_add(1)),
+            generation: self.generation.fetch_add(1, Ordering::Relaxed),
             length: bytes.len() as u64,
         };
         let mut changes = Vec::new();
         for (index, piece) in (0..).zip(bytes.chunks(PIECE)) {
             changes.push(self.put_piece(file, head.generation, index, piece)?);
             if changes.len() == MAX_CHANGES {
-                self.change(&std::mem::take(&mut changes))?;
+                self.change(lane, last, std::mem::take(&mut changes))?;
             }
         }
         changes.push(self.put_head(file, head)?);
-        if let Some(before) = before {
-            changes.push(Change::RemoveAll(
-                self.names.pieces(file, before.generation),
-            ));
-        }
-        self.change(&changes)?;
+        // The pieces of before, and what attempts have left that did not come to their end.
+        let older = self.names.pieces(file, head.generation).into_bytes();
+        changes.push(Change::RemoveRange(self.names.all_pieces(file), older));
+        self.change(lane, last, changes)?;
         Ok(head)
     }
 
     /// Stores what a file has grown by. `read`: its bytes from this offset to `length`.
     pub(super) fn append(
         &self,
+        (lane, last): (usize, &mut Last),
         file: &str,
-        before: Head,
-        length: u64,
+        (before, length): (Head, u64),
         read: impl FnOnce(u64) -> io::Result<Zeroizing<Vec<u8>>>,
     ) -> io::Result<Head> {
         let first = before.length / PIECE as u64;
@@ -173,26 +231,38 @@ impl Remote {
             head.length = (index * PIECE as u64 + piece.len() as u64).min(length);
             if changes.len() == MAX_CHANGES {
                 changes.push(self.put_head(file, head)?);
-                self.change(&std::mem::take(&mut changes))?;
+                self.change(lane, last, std::mem::take(&mut changes))?;
             }
         }
         if !changes.is_empty() {
             changes.push(self.put_head(file, head)?);
-            self.change(&changes)?;
+            self.change(lane, last, changes)?;
         }
         Ok(head)
     }
 
-    pub(super) fn remove(&self, file: &str, head: Head) -> io::Result<()> {
-        self.change(&[
+    pub(super) fn remove(&self, (lane, last): (usize, &mut Last), file: &str) -> io::Result<()> {
+        let changes = vec![
             Change::Remove(self.names.head(file)),
-            Change::RemoveAll(self.names.pieces(file, head.generation)),
-        ])
+            Change::remove_all(self.names.all_pieces(file)),
+        ];
+        self.change(lane, last, changes)
+    }
+
+    /// Begins anew: what an attempt of before has stored of the first owner's files is of no use.
+    pub(super) fn remove_all(&self, lane: usize, last: &mut Last) -> io::Result<()> {
+        let changes = vec![
+            Change::remove_all(self.names.heads()),
+            Change::remove_all(self.names.every_piece()),
+        ];
+        self.change(lane, last, changes)
     }
 
     /// Notes that the store of the first owner is whole.
-    pub(super) fn complete(&self) -> io::Result<()> {
-        self.change(&[Change::Put(self.names.complete(), b"1".to_vec(), None)])
+    pub(super) fn complete(&self, lane: usize, last: &mut Last) -> io::Result<()> {
+        let key = self.names.complete();
+        let sealed = self.seal.seal(&key, b"complete")?;
+        self.change(lane, last, vec![Change::Put(key, sealed, None)])
     }
 
     /// The heads of all files.
@@ -201,8 +271,11 @@ impl Remote {
         let mut heads = BTreeMap::new();
         self.each(&prefix, |key, sealed| {
             let plain = self.seal.open(key, &sealed)?;
-            let head = serde_json::from_slice(&plain).map_err(io::Error::other)?;
-            heads.insert(key[prefix.len()..].to_owned(), head);
+            let head: Head = serde_json::from_slice(&plain).map_err(io::Error::other)?;
+            let file = key[prefix.len()..].to_owned();
+            self.generation
+                .fetch_max(head.generation + 1, Ordering::Relaxed);
+            heads.insert(file, head);
             Ok(())
         })?;
         Ok(heads)
@@ -275,6 +348,8 @@ impl Remote {
 
 /// A log that grows by a line has its last piece stored again.
 const PIECE: usize = 4_096;
+/// How often a change is tried behind requests that arrive late.
+const TRIES: usize = 4;
 /// etcd takes 128 changes in a transaction, and 1.5 MB, unless it is configured otherwise.
 const MAX_CHANGES: usize = 100;
 /// Some 1 MB a page.

@@ -17,7 +17,7 @@ use tokio::sync::Notify;
 use super::files::is_stored;
 use super::{FleetError, Held, Stop, stand_by};
 use crate::config::SharedStore;
-use crate::shell::disk::FileDisk;
+use crate::shell::disk::{FileDisk, NativeFileSystem};
 use crate::shell::queued_disk::QueuedDisk;
 
 const VSM: Id = Id(0x1b00_0001);
@@ -33,7 +33,7 @@ fn store(etcd: &Etcd, node: &str) -> SharedStore {
 }
 
 fn own(etcd: &Etcd, node: &str, folder: &Path, key: u8) -> Result<(FileDisk, Held), FleetError> {
-    let disk = FileDisk::open(&folder.join(node)).unwrap();
+    let disk = FileDisk::open_on(&folder.join(node), Box::new(NativeFileSystem)).unwrap();
     let key = SigningKey::new([key; 32]).unwrap();
     let held = stand_by(
         (&store(etcd, node), VSM),
@@ -79,6 +79,10 @@ fn what_is_durable_at_one_node_is_what_the_next_begins_with() {
     };
     modes("n0", 0o700);
     modes("n0/old.json", 0o600);
+    // A folder by another name, as systemd makes /var/lib/vsm with DynamicUser.
+    fs::create_dir(folder.path().join("private")).unwrap();
+    modes("private", 0o700);
+    std::os::unix::fs::symlink(folder.path().join("private"), folder.path().join("n1")).unwrap();
     let mut random = Random::with_seed(4_586);
     let mut last = BTreeMap::new();
     for turn in 0..6 {
@@ -154,4 +158,98 @@ fn a_node_that_lost_its_vsm_stores_nothing_and_is_told() {
         .unwrap();
     durable(&mut other);
     assert!(beta.ended().try_recv().is_err());
+}
+
+#[test]
+fn a_folder_of_another_vsm_is_not_overwritten_and_a_folder_of_the_fleet_not_served_alone() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    drop(own(&etcd, "alpha", folder.path(), 7).unwrap());
+    let alone = FileDisk::open(&folder.path().join("alpha")).unwrap_err();
+    assert!(alone.to_string().contains("belongs to a fleet"), "{alone}");
+
+    let mut other = FileDisk::open(&folder.path().join("beta")).unwrap();
+    other
+        .replace("plan", b"of another time", Durability::Power)
+        .unwrap();
+    drop(other);
+    let fault = own(&etcd, "beta", folder.path(), 7).unwrap_err();
+    assert!(
+        fault.to_string().contains("not made in this fleet"),
+        "{fault}"
+    );
+    assert_eq!(
+        fs::read(folder.path().join("beta/plan")).unwrap(),
+        b"of another time"
+    );
+}
+
+#[test]
+fn a_store_that_was_begun_is_finished_by_the_node_that_began_it() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let mut disk = FileDisk::open(&folder.path().join("alpha")).unwrap();
+    disk.replace("plan", b"of alpha", Durability::Power)
+        .unwrap();
+    drop(disk);
+    drop(own(&etcd, "alpha", folder.path(), 7).unwrap());
+    // As where alpha ended in the middle: what says that all is stored is not there.
+    etcd.delete("vsm/1b000001/complete");
+    etcd.delete("vsm/1b000001/head/plan");
+    let stop = Stop::default();
+    let (of_thread, store) = (stop.clone(), store(&etcd, "beta"));
+    let beta = FileDisk::open(&folder.path().join("beta")).unwrap();
+    let waits = std::thread::spawn(move || {
+        let mut said = vec![];
+        let mut report = |line: &str| said.push(line.to_owned());
+        let key = SigningKey::new([7; 32]).unwrap();
+        let held = stand_by((&store, VSM), &key, beta, &of_thread, &mut report).unwrap();
+        assert!(held.is_none(), "it has nothing of alpha's");
+        said
+    });
+    std::thread::sleep(Duration::from_secs(1));
+    stop.set();
+    let said = waits.join().unwrap();
+    assert!(
+        said[0].contains("the folder of alpha is not whole"),
+        "{said:?}"
+    );
+
+    drop(own(&etcd, "alpha", folder.path(), 7).unwrap());
+    drop(own(&etcd, "beta", folder.path(), 7).unwrap());
+    assert_eq!(
+        fs::read(folder.path().join("beta/plan")).unwrap(),
+        b"of alpha"
+    );
+}
+
+#[test]
+fn what_is_of_one_computer_alone_stays_there_and_an_order_to_erase_does_not_wait_for_etcd() {
+    for name in [
+        "guard-1b0000a0.key",
+        "guard-1b0000a0.key.pairing",
+        "lock",
+        "status.sock",
+        "zeroize.order",
+        "a.json.new-3",
+    ] {
+        assert!(!is_stored(name), "{name}");
+    }
+    assert!(is_stored("authority-1b000101.json") && is_stored("audit-1b000101.log.1"));
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (mut etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let (mut disk, _held) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    etcd.kill_member(0);
+    assert!(
+        disk.replace("plan", b"of alpha", Durability::Power)
+            .is_err()
+    );
+    disk.replace("zeroize.order", b"{}", Durability::Power)
+        .unwrap();
 }

@@ -304,6 +304,14 @@ impl QueuedDisk {
         }
     }
 
+    /// Has a thread store elsewhere what this process would find again by itself.
+    fn share(&mut self, name: &str) {
+        let lane = lane_of(name);
+        self.lanes[lane].next.names.insert(name.to_owned());
+        self.queue(name);
+        self.start(lane);
+    }
+
     fn check(&self, name: &str) -> Result<(), StoreError> {
         match self.faults.get(name) {
             Some(fault) => Err(StoreError::new(name, fault)),
@@ -345,11 +353,18 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let durability = self.disk.system().durability(durability);
         // One that follows a record on its way goes the same way: it would be overwritten otherwise.
         if durability == Durability::Process && !self.waiting.contains_key(name) {
             self.ceilings.get_mut().remove(name);
-            return self.disk.replace(name, bytes, durability);
+            let shared = self.disk.system().is_shared();
+            if shared {
+                self.check(name)?;
+            }
+            self.disk.replace(name, bytes, durability)?;
+            if shared {
+                self.share(name);
+            }
+            return Ok(());
         }
         self.check(name)?;
         self.put(name, Zeroizing::new(bytes.to_vec()), false)?;
@@ -364,8 +379,9 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let power = self.disk.system().durability(durability) == Durability::Power;
-        if power {
+        let power = durability == Durability::Power;
+        let shared = self.disk.system().is_shared();
+        if power || shared {
             self.check(name)?;
         }
         if self.waiting.contains_key(name) || (power && !self.begun.contains(name)) {
@@ -382,7 +398,7 @@ impl Disk for QueuedDisk {
         let added = self.disk.add(name, bytes);
         let Added { file, start, new } = added.map_err(|cause| StoreError::new(name, cause))?;
         let lane = lane_of(name);
-        if power {
+        if power || shared {
             let id = self.queue(name);
             let tail = self.tails.entry(name.to_owned()).or_insert(Tail {
                 id,

@@ -48,8 +48,9 @@ impl Server {
     /// # Errors
     /// As [`Server::open`].
     pub fn open_on(config: &Config, mut store: FileDisk) -> Result<Server, StartError> {
+        let before = config;
         let mut config = config.clone();
-        config.read_terrain(None)?;
+        config.read_terrain(Some(before))?;
         let config = &config;
         let clock = Clock::default();
         let now = clock.now();

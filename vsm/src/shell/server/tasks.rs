@@ -2,14 +2,17 @@
 //!
 //! None returns while the bridge serves, and each waits for its work within [`Beat::during`].
 
-use std::io;
+use std::io::{self, IoSlice};
 use std::net::SocketAddr;
+use std::ops::Range;
 use std::rc::Rc;
 use std::time::Duration;
 
 use dli_group::Group;
 use mavlink_link::frame::FrameView;
+use rustix::net::{MMsgHdr, SendAncillaryBuffer, SendFlags, SocketAddrAny, sendmmsg};
 use stanag_msgs::guard::MAX_GUARDED;
+use tokio::io::Interest;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
 
@@ -191,6 +194,7 @@ pub(super) async fn send(
         to => to,
     };
     let mut guarded = [0; MAX_GUARDED];
+    let mut batch = Batch::default();
     loop {
         beat.during(shared.outgoing.notified()).await;
         // Taken one by one: the machine is not held while the system takes its time. What is for a vehicle goes first,
@@ -227,6 +231,7 @@ pub(super) async fn send(
             // Bound to a name so that the borrow of the core ends here, and not after the await below.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else {
+                batch.send(&beat, &unicast).await;
                 send_forwards(&shared);
                 break;
             };
@@ -257,12 +262,84 @@ pub(super) async fn send(
             };
             // Bridges without a key for it have counted it.
             let Some(bytes) = bytes else { continue };
+            if let Destination::Unicast(_) = datagram.to {
+                batch.add(to, bytes);
+                if batch.is_full() {
+                    batch.send(&beat, &unicast).await;
+                }
+                continue;
+            }
             if let Err(cause) = beat.during(socket.send_to(bytes, to)).await {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
         }
     }
 }
+
+/// Datagrams that go to the socket in one call of the system: with many vehicles the calls are the larger part of what a report costs.
+#[derive(Debug, Default)]
+struct Batch {
+    each: Vec<(SocketAddr, Range<usize>)>,
+    bytes: Vec<u8>,
+}
+
+impl Batch {
+    fn add(&mut self, to: SocketAddr, bytes: &[u8]) {
+        let start = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        self.each.push((to, start..self.bytes.len()));
+    }
+
+    fn is_full(&self) -> bool {
+        self.each.len() == MAX_BATCH
+    }
+
+    async fn send(&mut self, beat: &Beat, socket: &UdpSocket) {
+        let mut sent = 0;
+        while let Some(rest) = self.each.get(sent..).filter(|rest| !rest.is_empty()) {
+            let send = || send_some(socket, &self.bytes, rest);
+            match beat.during(socket.async_io(Interest::WRITABLE, send)).await {
+                Ok(some) => sent += some,
+                Err(cause) => {
+                    // The first of the rest; those behind it are no worse for that.
+                    tracing::debug!("a datagram to a CUCS was not sent: {cause}");
+                    sent += 1;
+                }
+            }
+        }
+        self.each.clear();
+        self.bytes.clear();
+    }
+}
+
+/// Sends the first of these, as many as the socket takes: how many.
+fn send_some(
+    socket: &UdpSocket,
+    bytes: &[u8],
+    each: &[(SocketAddr, Range<usize>)],
+) -> io::Result<usize> {
+    if let [(to, range)] = each {
+        let one = bytes.get(range.clone()).unwrap_or_default();
+        return socket.try_send_to(one, *to).map(|_| 1);
+    }
+    let to: Vec<SocketAddrAny> = each.iter().map(|(to, _)| (*to).into()).collect();
+    let content = |range: &Range<usize>| bytes.get(range.clone()).unwrap_or_default();
+    let slices: Vec<[IoSlice<'_>; 1]> = (each.iter())
+        .map(|(_, range)| [IoSlice::new(content(range))])
+        .collect();
+    let mut controls: Vec<_> = each
+        .iter()
+        .map(|_| SendAncillaryBuffer::default())
+        .collect();
+    let parts = to.iter().zip(&slices).zip(&mut controls);
+    let mut headers: Vec<MMsgHdr<'_>> = parts
+        .map(|((to, slice), control)| MMsgHdr::new_with_addr(to, slice, control))
+        .collect();
+    Ok(sendmmsg(socket, &mut headers, SendFlags::empty())?)
+}
+
+/// Datagrams in a call: more gain little, and hold up what is for a vehicle.
+const MAX_BATCH: usize = 16;
 
 /// True where the datagram is for a web client: it is in that one's queue, or nobody is there to have it.
 fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
