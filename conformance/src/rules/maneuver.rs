@@ -238,7 +238,8 @@ fn closest(t: &Trial, a: &Station, turn: i64) -> Judged<f64> {
     }
     let (latitude, longitude) = home.offset(corners[1].0, corners[1].1);
     let mut closest = f64::MAX;
-    let deadline = t.bench.net.now() + t.timers().flight.div_f64(2.0);
+    // The rule before may have left the vehicle far away, or high.
+    let deadline = t.bench.net.now() + t.timers().flight;
     while t.bench.net.now() < deadline {
         closest = closest.min(fix(t, a)?.distance(latitude, longitude));
         if to_number(a)? == Some(3)

@@ -266,8 +266,8 @@ geoid_m = 47.4
 id = \"1b:00:01:02\"
 simulated = true
 [timers]
-quiet = 0.7
-status = 6.0
+quiet = 0.5
+status = 5.0
 [figures]
 speed_factor = 10.0
 offer_s = 2.0

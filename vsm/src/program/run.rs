@@ -65,6 +65,10 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
             }
         };
         server.serve(end).await.map_err(failed)?;
+        if store.is_ordered() {
+            // What keeps the lease writes into the folder, too.
+            owned = owned.given_up();
+        }
         zeroize::discard_keys(&config, store).await;
         // Before it counts as stopping: to erase may take longer than a service manager waits then.
         zeroize::finish(&config.store.dir, None)?;
@@ -93,6 +97,12 @@ mod owned {
         pub(super) ended: Pending<String>,
     }
 
+    impl Owned {
+        pub(super) fn given_up(self) -> Owned {
+            self
+        }
+    }
+
     #[expect(clippy::unused_async, reason = "as where a node stands by")]
     pub(super) async fn own(
         _: &Config,
@@ -118,7 +128,15 @@ mod owned {
         /// Done, with the reason, when this node must not serve any more.
         pub(super) ended: Pin<Box<dyn Future<Output = String>>>,
         /// Released when this is dropped.
-        _held: Option<Held>,
+        held: Option<Held>,
+    }
+
+    impl Owned {
+        /// What is left when this node does not own the VSM any more.
+        pub(super) fn given_up(mut self) -> Owned {
+            self.held = None;
+            self
+        }
     }
 
     /// Waits until this node owns the VSM; `None` where it was stopped before.
@@ -129,7 +147,7 @@ mod owned {
     ) -> Result<Option<(FileDisk, Owned)>, Failure> {
         let Some(store) = config.store.shared() else {
             let ended = Box::pin(std::future::pending());
-            return Ok(Some((disk, Owned { ended, _held: None })));
+            return Ok(Some((disk, Owned { ended, held: None })));
         };
         let key = key_file::read(&store.key_file).map_err(bad)?;
         let (vsm, stopped) = (config.dli.vsm_id, Stop::default());
@@ -158,8 +176,8 @@ mod owned {
                 let why = ended.recv().await;
                 why.unwrap_or_else(|| "its lease is not kept any more".to_owned())
             });
-            let _held = Some(held);
-            (disk, Owned { ended, _held })
+            let held = Some(held);
+            (disk, Owned { ended, held })
         }))
     }
 }

@@ -8,7 +8,7 @@ use dli_group::Interface;
 use rustix::fs::{Access, access};
 
 use super::clock::NOT_BEFORE;
-use super::disk::{FileDisk, OpenError};
+use super::disk::{FileDisk, NativeFileSystem, OpenError};
 use super::interfaces::listen_elsewhere;
 use super::key_file;
 use crate::config::{Config, ExchangeMode, LinkAddress, Signing};
@@ -43,12 +43,20 @@ pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     facts
 }
 
+/// As `vsm run` does.
+fn open(config: &Config) -> Result<FileDisk, OpenError> {
+    match config.store.shared() {
+        None => FileDisk::open(&config.store.dir),
+        Some(_) => FileDisk::open_on(&config.store.dir, Box::new(NativeFileSystem)),
+    }
+}
+
 /// The same, and what a start would need: store, keys, ports.
 pub async fn before_a_start(config: &Config, listen_for: Duration) -> HostFacts {
     let mut facts = beside(config, listen_for).await;
     // A folder that is missing is made by the start; the lock is released at once.
     let folder = &config.store.dir;
-    facts.store = match folder.exists().then(|| FileDisk::open(folder)) {
+    facts.store = match folder.exists().then(|| open(config)) {
         None | Some(Ok(_)) => None,
         Some(Err(OpenError::Locked { folder })) => {
             // Nothing was asked of the ports: who has the store has them, too.

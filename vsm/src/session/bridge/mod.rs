@@ -251,6 +251,10 @@ impl Bridge {
         bridge.restore_contingencies(disk);
         // Not before what was held is restored: it is judged by the list, once that is there.
         bridge.give_permits(now);
+        let (mut dli, aircraft) = bridge.effects(now, disk);
+        for one in aircraft.iter_mut() {
+            one.show_standing(&mut dli);
+        }
         Ok(bridge)
     }
 

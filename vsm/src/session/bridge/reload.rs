@@ -80,6 +80,12 @@ impl Bridge {
             }
             return Err(fault);
         }
+        let new_vehicles: Vec<_> = self
+            .aircraft
+            .iter()
+            .skip(served)
+            .map(Aircraft::id)
+            .collect();
         self.restore_contingencies(disk);
         self.settings = Settings::of(config);
         self.readings = config.dli.disputed.profile.clone();
@@ -96,6 +102,11 @@ impl Bridge {
         self.give_permits(now);
         let settings = self.settings.clone();
         let (mut dli, aircraft) = self.effects(now, disk);
+        for id in new_vehicles {
+            if let Some(one) = aircraft.find_mut(id) {
+                one.show_standing(&mut dli);
+            }
+        }
         for one in aircraft.iter_mut() {
             if let Some(vehicle) = config.vehicles().find(|vehicle| vehicle.id == one.id()) {
                 one.reconfigure(&mut dli, vehicle, &settings);

@@ -51,7 +51,6 @@ impl Bridge {
         self.next_number += 1;
         aircraft.port = self.port_of(&vehicle.link);
         self.remember_stations(now.mono, &known);
-        aircraft.show_standing(&mut self.effects(now, disk).0);
         self.aircraft.push(aircraft);
         self.name_commanders();
         Ok(())

@@ -86,6 +86,13 @@ impl Etcd {
         self.revision.load(Ordering::Relaxed)
     }
 
+    /// The revision that etcd has, by an answer of its own: other threads ask meanwhile.
+    pub(super) fn revision_now(&self, key: &str) -> io::Result<i64> {
+        let answer: Ranged = self.ask("kv/range", &json!({ "key": STANDARD.encode(key) }))?;
+        self.note(&answer.header);
+        Ok(answer.header.revision.0)
+    }
+
     fn note(&self, header: &Header) {
         self.revision.store(header.revision.0, Ordering::Relaxed);
     }

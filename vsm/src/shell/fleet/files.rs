@@ -46,8 +46,9 @@ struct StoredLane {
     last: Last,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Stored {
+    /// That of the last request with an answer.
     head: Head,
     /// Of its content where it was stored whole: a start writes files again that have not changed.
     digest: Option<[u8; 32]>,
@@ -59,6 +60,13 @@ thread_local! {
     static TOUCHED: Cell<[bool; 2]> = const { Cell::new([false; 2]) };
     /// This thread has written an order to erase, which must not wait for etcd.
     static ORDERED: Cell<bool> = const { Cell::new(false) };
+}
+
+impl StoredLane {
+    /// A request about this file goes out: until there is an answer, what etcd has of it is not known.
+    fn doubt(&mut self, name: &str) {
+        self.files.entry(name.to_owned()).or_default().digest = None;
+    }
 }
 
 impl SharedFiles {
@@ -91,16 +99,23 @@ impl SharedFiles {
     }
 
     fn note(&self, path: &Path) {
-        if path == self.folder.join(ERASE_ORDER) {
+        self.note_all(&[path]);
+    }
+
+    /// Notes what one step has changed, at once: nobody sees a part of it. Both names of a file that is put aside are of one lane.
+    fn note_all(&self, paths: &[&Path]) {
+        if paths.contains(&&*self.folder.join(ERASE_ORDER)) {
             ORDERED.set(true);
         }
-        if let Some(name) = self.name_of(path) {
-            let lane = lane_of(&name);
-            let mut touched = TOUCHED.get();
-            touched[lane] = true;
-            TOUCHED.set(touched);
-            locked(&self.lanes[lane].changed).insert(name);
-        }
+        let names: Vec<String> = paths.iter().filter_map(|path| self.name_of(path)).collect();
+        let Some(lane) = names.first().map(|name| lane_of(name)) else {
+            return;
+        };
+        debug_assert!(names.iter().all(|name| lane_of(name) == lane), "{names:?}");
+        let mut touched = TOUCHED.get();
+        touched[lane] = true;
+        TOUCHED.set(touched);
+        locked(&self.lanes[lane].changed).extend(names);
     }
 
     /// Stores what has changed in the lanes of this thread, or in all where it has changed nothing itself.
@@ -141,6 +156,7 @@ impl SharedFiles {
         let bytes = NativeFileSystem.read(&self.folder.join(name), u64::MAX)?;
         let Some(bytes) = bytes else {
             if before.is_some() {
+                stored.doubt(name);
                 self.remote.remove((lane, &mut stored.last), name)?;
                 stored.files.remove(name);
             }
@@ -150,6 +166,7 @@ impl SharedFiles {
         if before.is_some_and(|it| it.digest == digest && it.head.length == bytes.len() as u64) {
             return Ok(());
         }
+        stored.doubt(name);
         let head = self
             .remote
             .replace((lane, &mut stored.last), name, &bytes)?;
@@ -174,7 +191,9 @@ impl SharedFiles {
             return self.store_lane(lane);
         }
         let Some(known) = known else { return Ok(()) };
-        let path = self.folder.join(name);
+        stored.doubt(name);
+        // This file, whatever bears its name by now.
+        let path = format!("/proc/self/fd/{}", file.as_raw_fd());
         let read = |from| {
             let mut file = File::open(&path)?;
             file.seek(SeekFrom::Start(from))?;
@@ -249,8 +268,7 @@ impl FileSystem for SharedFiles {
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         NativeFileSystem.rename(from, to)?;
-        self.note(from);
-        self.note(to);
+        self.note_all(&[from, to]);
         Ok(())
     }
 

@@ -143,6 +143,7 @@ pub fn stand_by(
         said: String::new(),
         begun: Instant::now(),
         mark: Mark::read(disk.folder())?,
+        marked: Instant::now(),
         has_files: disk
             .names()
             .map_err(io::Error::other)?
@@ -173,7 +174,7 @@ pub fn stand_by(
     // Before anything of it is changed: from here on the folder belongs to the fleet.
     node.mark.epoch = epoch;
     node.mark.revision = etcd.revision();
-    node.mark.write(&node.folder, true)?;
+    node.mark.write(&node.folder)?;
     let remote = Arc::new(Remote::new(etcd, node.names.clone(), Seal::new(key), right));
     let (ends, ended) = mpsc::channel(1);
     let keep = Keep {
@@ -286,18 +287,10 @@ impl Mark {
         mark.map_or(Ok(Mark::default()), |bytes| parse(&bytes))
     }
 
-    fn write(self, folder: &Path, power: bool) -> io::Result<()> {
+    /// Whole after a power cut, too: without it the node does not start again.
+    fn write(self, folder: &Path) -> io::Result<()> {
         let text = serde_json::to_vec(&self).map_err(io::Error::other)?;
-        disk::replace(&NativeFileSystem, &folder.join(FLEET_EPOCH), &text, power)
-    }
-
-    /// Follows what was seen since. What is lost of it by a power cut is a few seconds of watchfulness.
-    fn follow(&mut self, revision: i64, folder: &Path) -> io::Result<()> {
-        if revision > self.revision {
-            self.revision = revision;
-            self.write(folder, false)?;
-        }
-        Ok(())
+        disk::replace(&NativeFileSystem, &folder.join(FLEET_EPOCH), &text, true)
     }
 }
 
@@ -312,6 +305,8 @@ struct Node {
     said: String,
     begun: Instant,
     mark: Mark,
+    /// When the mark was written last.
+    marked: Instant,
     /// Its folder had files of a store when it began.
     has_files: bool,
     folder: PathBuf,
@@ -355,6 +350,21 @@ impl Node {
         Duration::from_secs(self.ttl_s)
     }
 
+    /// Notes what it has seen of etcd, from time to time: what is lost of that is a little watchfulness.
+    fn follow(&mut self, revision: i64) {
+        let first = self.mark == Mark::default();
+        if revision <= self.mark.revision || (!first && self.marked.elapsed() < MARK_EVERY) {
+            return;
+        }
+        self.mark.revision = revision;
+        self.marked = Instant::now();
+        if let Err(cause) = self.mark.write(&self.folder) {
+            // It goes on without: a node with a full disk can still be moved away from.
+            let mark = self.folder.join(FLEET_EPOCH);
+            tracing::warn!("{} cannot be written: {cause}", mark.display());
+        }
+    }
+
     /// Keeps its lease and looks whether the VSM is free.
     fn try_once(&mut self, etcd: &Etcd) -> Result<Turn, Fault> {
         let lease = self.present(etcd)?;
@@ -385,21 +395,28 @@ impl Node {
         }
         // It belongs to the fleet from here on, and notices from here on where etcd is set back.
         if complete.is_some() {
-            self.mark.follow(revision, &self.folder)?;
+            self.follow(revision);
         }
-        if etcd.get(&self.names.drained(&self.name))?.is_some() {
-            return Ok(Turn::Wait(format!(
-                "drained: this node serves nothing until `vsm fleet resume --node {}`",
-                self.name
-            )));
-        }
+        let is_drained = etcd.get(&self.names.drained(&self.name))?.is_some();
+        let drained = format!(
+            "drained: this node serves nothing until `vsm fleet resume --node {}`",
+            self.name
+        );
         if let Some(entry) = etcd.get(&self.names.owner())? {
             let owner: Present = parse(&entry.value)?;
             // The answer to the request that made it the owner was lost.
+            if owner.lease == lease.id && is_drained {
+                self.leave(etcd);
+                self.lease = None;
+                return Ok(Turn::Wait(drained));
+            }
             if owner.lease == lease.id {
                 return Ok(Turn::Owner(entry.created, lease.renewed, owner.epoch));
             }
             return Ok(Turn::Wait(format!("standing by: {} serves", owner.node)));
+        }
+        if is_drained {
+            return Ok(Turn::Wait(drained));
         }
         let first = etcd.get(&self.names.first())?;
         let first = first.map(|entry| String::from_utf8_lossy(&entry.value).into_owned());
@@ -539,6 +556,14 @@ impl Keep {
     /// Why this node must not serve any more, or nothing.
     fn renew(&mut self, sent: Instant) -> io::Result<Option<String>> {
         let etcd = &self.remote.etcd;
+        // Before anything is renewed: an earlier state may have the same owner.
+        let revision = etcd.revision_now(&self.node.names.epoch())?;
+        if revision < self.node.mark.revision {
+            let seen = self.node.mark.revision;
+            return Ok(Some(format!(
+                "etcd was set back: it is at revision {revision}, and this node has seen {seen}"
+            )));
+        }
         let alive = match self.node.lease {
             Some(lease) => etcd.keep_alive(lease.id)?,
             None => false,
@@ -550,8 +575,7 @@ impl Keep {
                 until: sent + self.ttl,
             });
             let drained = etcd.get(&self.node.names.drained(&self.node.name))?;
-            let (revision, folder) = (etcd.revision(), self.node.folder.clone());
-            self.node.mark.follow(revision, &folder)?;
+            self.node.follow(revision);
             return Ok(drained.map(|_| "this node is drained".to_owned()));
         }
         // Gone, as where etcd was away for longer than it lasts. Where nobody has taken over, everything is as this node left it.
@@ -608,5 +632,7 @@ pub(super) fn parse<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> io::Result<T> {
     serde_json::from_slice(bytes).map_err(|cause| io::Error::new(io::ErrorKind::InvalidData, cause))
 }
 
+/// How often a node notes what it has seen of etcd.
+const MARK_EVERY: Duration = Duration::from_secs(10);
 /// How soon a node that stands by sees that the VSM is free.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);

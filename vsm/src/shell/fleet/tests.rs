@@ -112,7 +112,7 @@ fn what_is_durable_at_one_node_is_what_the_next_begins_with() {
                 0..4 => disk.append(name, &bytes, how),
                 4..7 => disk.replace(name, &bytes, how),
                 7 => disk.remove(name),
-                8 => disk.rename(name, "put-aside"),
+                8 => disk.rename(name, &format!("{name}.aside")),
                 _ => disk.rotate(name, 2),
             };
             if random.bool() {

@@ -220,7 +220,8 @@ impl QueuedDisk {
         failed: &mut BTreeMap<String, String>,
     ) {
         let Some(now) = self.tails.iter().find(|(_, tail)| tail.id == id) else {
-            // It was deleted meanwhile.
+            // It was deleted or replaced meanwhile: what lies there, if anything, is stored as it is.
+            self.share_again(&name);
             return;
         };
         let now = now.0.clone();
@@ -232,6 +233,8 @@ impl QueuedDisk {
             failed.extend(cause.map(|cause| (now.clone(), cause)));
         }
         let Some(tail) = self.tails.remove(&now) else {
+            // It was replaced meanwhile: what lies there is stored as it is.
+            self.share_again(&now);
             return;
         };
         let mut bytes = match self.disk.read(&now, tail.start) {
@@ -239,7 +242,8 @@ impl QueuedDisk {
             read => {
                 // Nothing can be made of it: it stays as it is, and is refused until a restart looks at it.
                 let cause = read.map_or_else(|fault| fault.cause, |_| "it is cut off".to_owned());
-                failed.insert(now, cause);
+                failed.insert(now.clone(), cause);
+                self.share_again(&now);
                 return;
             }
         };
@@ -312,6 +316,14 @@ impl QueuedDisk {
         self.start(lane);
     }
 
+    /// Has a log stored elsewhere as it is that a thread could not, and that is not written whole: the thread tries nothing again that
+    /// it took before, until then.
+    fn share_again(&mut self, name: &str) {
+        if self.disk.system().is_shared() {
+            self.share(name);
+        }
+    }
+
     fn check(&self, name: &str) -> Result<(), StoreError> {
         match self.faults.get(name) {
             Some(fault) => Err(StoreError::new(name, fault)),
@@ -361,6 +373,12 @@ impl Disk for QueuedDisk {
                 self.check(name)?;
             }
             self.disk.replace(name, bytes, durability)?;
+            // The end of a log that is replaced is none of the new one's.
+            self.tails.remove(name);
+            self.lanes[lane_of(name)]
+                .next
+                .logs
+                .retain(|log| log.name != name);
             if shared {
                 self.share(name);
             }
