@@ -10,7 +10,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::{Changes, Progress};
 use stanag_msgs::enums::{AckType, AlertPriority};
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
+use stanag_msgs::{Envelope, Frame, Id, MAX_DATAGRAM, Message, TimeStamp};
 
 use super::context::Origin;
 use super::counters::ByType;
@@ -402,6 +402,20 @@ impl Outbox {
         self.sent.count(datagram.message_type.into());
     }
 
+    /// Puts the messages of a datagram back before all others, each in one of its own.
+    pub(crate) fn put_back<'a>(
+        &mut self,
+        packed: &Datagram,
+        messages: impl Iterator<Item = Frame<'a>>,
+    ) {
+        let each: Vec<_> = messages
+            .filter_map(|one| packed.translated(one.bytes))
+            .collect();
+        for datagram in each.into_iter().rev() {
+            self.queue.push_front(datagram);
+        }
+    }
+
     pub(crate) fn pop(&mut self) -> Option<Datagram> {
         self.queue.pop_front()
     }
@@ -482,6 +496,39 @@ mod tests {
         for id in 0..3_000 {
             assert_eq!(outbox.show(0, id, false, Cleared), Instance::Later, "{id}");
         }
+    }
+
+    #[test]
+    fn messages_share_a_datagram_until_it_is_full_and_are_put_back_one_by_one() {
+        let to = |port| Destination::Unicast(SocketAddr::from(([127, 0, 0, 1], port)));
+        let message = |port, id: u32| {
+            let envelope = Envelope::new(Id(1), Id(id));
+            let mut one = Datagram::of_ed25(to(port), Id(id), &[0]).unwrap();
+            let heartbeat = Message::from(stanag_msgs::messages::Heartbeat::default());
+            one.length = heartbeat.encode(&envelope, &mut one.bytes).unwrap();
+            one
+        };
+        let mut outbox = Outbox::default();
+        let length = message(1, 7).length;
+        for _ in 0..40 {
+            outbox.pack(message(1, 7));
+            outbox.pack(message(2, 8));
+            // Another id at the same address is another station.
+            outbox.pack(message(1, 9));
+        }
+        let all: Vec<Datagram> = std::iter::from_fn(|| outbox.pop()).collect();
+        let fits = MAX_DATAGRAM / length;
+        assert_eq!(all.len(), 3 * 40_usize.div_ceil(fits));
+        let count = |one: &Datagram| stanag_msgs::frames(one.bytes()).flatten().count();
+        assert_eq!(all.iter().map(count).sum::<usize>(), 120);
+        assert!(all.iter().all(|one| {
+            let mut each = stanag_msgs::frames(one.bytes()).flatten();
+            each.all(|frame| frame.header.destination == one.destination)
+        }));
+        outbox.put_back(&all[0], stanag_msgs::frames(all[0].bytes()).flatten());
+        let single: Vec<Datagram> = std::iter::from_fn(|| outbox.pop()).collect();
+        assert_eq!(single.len(), fits.min(40));
+        assert!(single.iter().all(|one| count(one) == 1 && one.to == to(1)));
     }
 
     #[test]

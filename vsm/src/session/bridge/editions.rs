@@ -388,6 +388,12 @@ impl Bridge {
                 return Some(datagram);
             };
             let readings = &station.profile.readings;
+            if readings.frames(datagram.bytes()).nth(1).is_some() {
+                // Packed just before it spoke this edition, which has one message in each.
+                self.outbox
+                    .put_back(&datagram, readings.frames(datagram.bytes()).flatten());
+                continue;
+            }
             let Some(Ok(frame)) = readings.frames(datagram.bytes()).next() else {
                 continue;
             };

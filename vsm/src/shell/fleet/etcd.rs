@@ -361,7 +361,7 @@ mod tests {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let endpoint = format!("http://{}", listener.local_addr().unwrap());
         drop(listener);
-        let etcd = Etcd::new(&[endpoint.clone()], Duration::from_secs(1));
+        let etcd = Etcd::new(std::slice::from_ref(&endpoint), Duration::from_secs(1));
         let fault = etcd.get("any").unwrap_err().to_string();
         assert!(fault.contains(&endpoint), "{fault}");
     }

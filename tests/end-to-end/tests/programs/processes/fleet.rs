@@ -108,6 +108,38 @@ fn a_node_that_is_killed_is_replaced_and_nothing_acknowledged_is_lost() {
     );
 }
 
+/// `VSM_TAKE_OVERS=50` measures: from the kill of the node that serves until the next one does.
+#[test]
+#[expect(clippy::print_stderr, reason = "figures are printed")]
+fn one_node_after_the_other_is_killed_and_replaced() {
+    let Some(fleet) = Fleet::new(1) else { return };
+    let times = std::env::var("VSM_TAKE_OVERS")
+        .ok()
+        .and_then(|text| text.parse().ok());
+    let times: usize = times.unwrap_or(2);
+    let mut serves = fleet.node("alpha");
+    serves.wait_for("ready", START);
+    let mut took = Vec::new();
+    for turn in 0..times {
+        let mut next = fleet.node(NODES[(turn + 1) % 2]);
+        next.wait_for("standing by", START);
+        let killed = Instant::now();
+        serves.kill();
+        next.wait_for("ready", START);
+        took.push(killed.elapsed());
+        serves = next;
+    }
+    took.sort();
+    let at = |part: usize| took[(took.len() - 1) * part / 100];
+    eprintln!(
+        "{times} take-overs: p50 {:?}, p99 {:?}, longest {:?}",
+        at(50),
+        at(99),
+        at(100)
+    );
+    assert!(at(100) < TAKEN_OVER, "{took:?}");
+}
+
 #[test]
 fn a_node_that_stood_still_ends_when_it_finds_another_in_its_place() {
     let Some(fleet) = Fleet::new(1) else { return };
@@ -204,6 +236,6 @@ fn two_nodes_of_one_name_and_an_etcd_that_was_set_back_are_refused() {
 }
 
 const NODES: [&str; 2] = ["alpha", "beta"];
-/// A lease of 2 s, and the start of a bridge.
-const TAKEN_OVER: Duration = Duration::from_secs(5);
+/// A lease of 2 s, and the start of a bridge, on a computer that does much else. docs/guide/fleet.md has what it takes with nothing else to do.
+const TAKEN_OVER: Duration = Duration::from_secs(15);
 const START: Duration = Duration::from_secs(60);
