@@ -19,6 +19,7 @@ mod wire;
 mod world;
 
 use std::io::{self, Write};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
 
@@ -251,9 +252,9 @@ fn session(
         if let Some(page) = page {
             story.tell(format!("the operator's page: http://{page}/"));
             // Behind the #, so that it is sent to nobody; the page takes it out of its address. A key that is kept belongs into no link.
-            let key = &world.pilot_key;
+            let mouse = mouse_link(&world, page);
             story.tell(format!(
-                "to fly it with the mouse: http://{page}/#{PILOT}={key} (a key of this demo alone)"
+                "to fly it with the mouse: {mouse} (a key of this demo alone)"
             ));
         }
         let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
@@ -273,6 +274,9 @@ fn session(
             (flown, None) => flown?,
             (Ok(()), Some(page)) => {
                 story.tell(format!("all is flown; http://{page}/ stays until Ctrl-C"));
+                // The line that is wanted now is the last one.
+                let mouse = mouse_link(&world, page);
+                story.tell(format!("now fly it with the mouse: {mouse}"));
                 stop.await;
             }
             // Somebody has taken the vehicle on the page: it is theirs.
@@ -328,6 +332,11 @@ fn leave(
 }
 
 /// Finds the vehicle and takes control of it.
+/// Where whoever opens it is the pilot of the demo.
+fn mouse_link(world: &World, page: SocketAddr) -> String {
+    format!("http://{page}/#{PILOT}={}", world.pilot_key)
+}
+
 async fn take_over(station: &mut Station, story: &mut Story) -> anyhow::Result<Id> {
     let vehicle = discover(station).await?;
     story.tell(format!("discovered {vehicle}"));

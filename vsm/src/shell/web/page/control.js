@@ -49,7 +49,7 @@ export class Control {
     const on = (id, act) => by(id).addEventListener("click", act);
     on("disconnect", () => this.#socket?.close());
     on("take", () => this.#take());
-    on("release", () => this.#command("release", (vehicle) => messages.relinquish(vehicle.id, this.#vsm)));
+    on("release", () => this.#release());
     on("send-drawn", () => this.#sendDrawn());
     by("route-file").addEventListener("change", () => this.#sendFile(by("route-file").files[0]));
     on("launch", () => this.#launch());
@@ -171,6 +171,14 @@ export class Control {
     await this.#command(override ? "take from its holder" : "take", ({ id }) => make(id, this.#vsm, this.#loi), vehicle);
   }
 
+  /** In the air nobody commands it afterwards: that is asked first. */
+  async #release() {
+    const vehicle = this.#chosen();
+    const flies = vehicle?.controller === this.#own && vehicle.on_ground !== true;
+    if (flies && !(await confirmed(`${name(vehicle)} flies, and nobody will control it: release it?`, "Release"))) return;
+    await this.#command("release", ({ id }) => messages.relinquish(id, this.#vsm), vehicle);
+  }
+
   #launch() {
     const heightM = this.#altitude("launch-altitude");
     if (heightM !== null) this.#ask(`launch to ${height(heightM)} above home`, "Launch", ({ id }) => messages.launch(id, heightM));
@@ -179,14 +187,29 @@ export class Control {
   #fly() {
     const from = by("fly-from").value.trim();
     const number = from === "" ? null : Number(from);
-    const what = number === null ? "fly the route that is loaded" : `fly the route from waypoint ${number}`;
+    const route = number === null ? "fly the route that is loaded" : `fly the route from waypoint ${number}`;
+    // PX4 takes the mode on the ground too, and stays there.
+    const what = this.#chosen()?.on_ground === true ? `${route} (it stands on the ground, and waits there until it is launched)` : route;
     this.#ask(what, "Fly", ({ id }) => messages.flyRoute(id, number));
   }
 
   #loiterByClick() {
-    this.#say("click on the map where it is to loiter", "");
-    this.#map.onClick((at) => {
+    this.#drawing.stop();
+    this.#say("click on the map where it is to loiter; Escape: not", "");
+    const ended = () => {
       this.#map.onClick(null);
+      by("loiter").setAttribute("aria-pressed", "false");
+      document.removeEventListener("keydown", escaped);
+    };
+    const escaped = ({ key }) => {
+      if (key !== "Escape") return;
+      ended();
+      this.#sayConnected();
+    };
+    document.addEventListener("keydown", escaped);
+    by("loiter").setAttribute("aria-pressed", "true");
+    this.#map.onClick((at) => {
+      ended();
       this.#loiter(at);
     });
   }
@@ -206,7 +229,11 @@ export class Control {
 
   #sendDrawn() {
     const fault = this.#drawing.fault();
-    if (fault) return this.#say(`the route is not sent: ${fault}`, "bad");
+    if (fault) {
+      this.#drawing.showFault();
+      return this.#say(`the route is not sent: ${fault}`, "bad");
+    }
+    this.#drawing.stop();
     const route = by("route-name").value.trim() || "DRAWN";
     const text = messages.routeFile(route, this.#drawing.points);
     return this.#sendRoute(`route ${route}`, { file: "drawn.route.toml", text });
@@ -329,7 +356,7 @@ export class Control {
   }
 
   #add(label, stamp) {
-    this.#sayConnected();
+    this.#say(`${label}: sent`, "");
     const one = { label, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
     this.#commands.unshift(one);
     this.#commands.length = Math.min(this.#commands.length, MAX_SHOWN);
@@ -348,6 +375,8 @@ export class Control {
       one.state = state;
     }
     one.kind = kind;
+    // What became of the newest stands where it is seen, whatever is scrolled.
+    if (one === this.#commands[0]) this.#say(`${one.label}: ${one.state}`, kind);
     this.#drawCommands();
   }
 

@@ -15,6 +15,12 @@ export class Drawing {
     by("draw").addEventListener("click", () => this.#listen(!this.#listening));
     by("draw-middle").addEventListener("click", () => this.#add(this.#map.middle()));
     by("draw-clear").addEventListener("click", () => this.clear());
+    // What a point was not given it has from the route.
+    by("route-altitude").addEventListener("change", () => {
+      const heightM = altitudeIn(by("route-altitude"));
+      for (const point of this.#points) point.heightM ??= heightM;
+      this.#show();
+    });
   }
 
   get points() {
@@ -26,6 +32,17 @@ export class Drawing {
     if (this.#points.length < 2) return "a route has two points or more: click on the map";
     const bare = this.#points.findIndex(({ heightM }) => heightM === null);
     return bare < 0 ? null : `point ${bare + 1} has no altitude`;
+  }
+
+  /** Leads to what is missing: the altitude of the route, or of a point where that is given. */
+  showFault() {
+    const field = altitudeIn(by("route-altitude")) === null ? by("route-altitude") : document.querySelector("#draft input:invalid");
+    if (this.#points.length >= 2) field?.focus();
+  }
+
+  /** Clicks on the map are no points of it any more. */
+  stop() {
+    if (this.#listening) this.#listen(false);
   }
 
   clear() {

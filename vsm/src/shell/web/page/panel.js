@@ -93,6 +93,9 @@ export function drawVehicle(vehicle, recorded, control) {
   const { motion, position, link } = vehicle;
   const armed = { true: "armed", false: "disarmed", null: "unknown" }[vehicle.armed];
   const ground = { true: "on the ground", false: "in the air", null: "unknown" }[vehicle.on_ground];
+  const controller = vehicle.controller ? `${vehicle.controller} controls it` : "nobody controls it";
+  const now = [vehicle.live ? vehicle.mode ?? "mode unknown" : "no data", armed, ground, `${height(motion.above_home_m)} above home`, controller].join(" · ");
+  if (by("now").textContent !== now) by("now").textContent = now;
   by("vehicle-title").textContent = `Vehicle ${vehicle.tail_number} (${vehicle.id})`;
   rows(by("vehicle"), [
     ["data", vehicle.live ? "live" : "no data: state unknown; what follows is the last that was received", vehicle.live ? "good" : "bad"],
