@@ -12,6 +12,7 @@ use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use stanag_msgs::ed25::Parties;
 use stanag_msgs::enums::LoiBitmap;
+use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
@@ -382,11 +383,18 @@ impl Bridge {
                 return Some(datagram);
             }
             let id = datagram.destination();
-            let stations = self.stations.iter_mut().enumerate();
-            let mut stations = stations.filter(|(_, one)| one.id() == id && one.speaks_ed25());
-            let Some((index, station)) = stations.next() else {
+            let Some(index) = self.stations.iter().position(|one| one.id() == id) else {
                 return Some(datagram);
             };
+            let station = &mut self.stations[index];
+            // Who speaks another edition than the station did is asked in his: he could not answer otherwise.
+            let ed25 = match is_question(&datagram) {
+                true => self.paths.asks_in_ed25(index),
+                false => station.speaks_ed25(),
+            };
+            if !ed25 {
+                return Some(datagram);
+            }
             let readings = &station.profile.readings;
             if readings.frames(datagram.bytes()).nth(1).is_some() {
                 // Packed just before it spoke this edition, which has one message in each.
@@ -464,6 +472,13 @@ fn header(frame: &ed25::Frame<'_>, at: &Parties) -> Header {
 
 /// #1400.
 const ED25_ACKNOWLEDGEMENT: u16 = 1400;
+/// Whether it asks if somebody is there: a heartbeat that requests an acknowledgement.
+fn is_question(datagram: &Datagram) -> bool {
+    let mut frames = stanag_msgs::frames(datagram.bytes());
+    let first = frames.next().and_then(Result::ok);
+    first.is_some_and(|one| one.header.message_type == Heartbeat::ID && one.header.ack_requested)
+}
+
 /// A station that has sent nothing for this long may come back in another edition.
 const QUIET: Duration = Duration::from_secs(10);
 /// Messages to the group that are known again when they come back.

@@ -164,6 +164,11 @@ impl Paths {
         current.is_some_and(|path| path.trusted || path.proven.is_some())
     }
 
+    /// Whether the last that came in a station's name was of Edition 2.5: where that came from is asked in it.
+    pub(crate) fn asks_in_ed25(&self, index: usize) -> bool {
+        self.stations.get(index).is_some_and(|one| one.ed25)
+    }
+
     /// The edition in which a station is sent to.
     pub(crate) fn set_edition(&mut self, index: usize, ed25: bool) {
         if let Some(station) = self.stations.get_mut(index) {

@@ -3,8 +3,8 @@
 use kit::bridge::{cucs, vehicle_id};
 use serde_json::json;
 use stanag_msgs::Message;
-use stanag_msgs::enums::{AckType, LoiBitmap};
-use stanag_msgs::messages::PositiveHandoverAuthorisationRequest;
+use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::{CucsAuthorisationRequest, PositiveHandoverAuthorisationRequest};
 
 use super::*;
 
@@ -249,4 +249,49 @@ fn a_station_whose_program_crashed_keeps_control_until_another_overrides_it() {
     );
     mode(&mut rig, &mut chief, 19);
     assert!(rig.until(60.0, |rig| rig.truth().landed));
+}
+
+#[test]
+fn a_station_that_comes_back_in_edition_4_from_elsewhere_is_asked_in_it() {
+    for trusted in [true, false] {
+        let (mut rig, mut station) = if trusted { ready() } else { unproven() };
+        // Longer than it must be quiet, and shorter than its lease.
+        rig.run(12.0);
+        let before = rig.others.len();
+        let elsewhere = ([127, 0, 0, 2], 41_777).into();
+        let request = Message::from(CucsAuthorisationRequest {
+            time_stamp: Some(stanag_msgs::TimeStamp::from_unix_ms(
+                rig.station_now().wall.as_millis() as u64,
+            )),
+            requested_handover_loi: Some(LoiBitmap::LOI2),
+            requested_handover_access: Some(RequestedAccess::Request),
+            ..CucsAuthorisationRequest::default()
+        });
+        let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
+        let envelope = stanag_msgs::Envelope::new(CUCS, vehicle_id(0));
+        let length = request.encode(&envelope, &mut bytes).expect("it fits");
+        rig.deliver_from(elsewhere, &bytes[..length]);
+        rig.run(2.0);
+        let sent = rig.others[before..]
+            .iter()
+            .filter(|(to, _)| *to == elsewhere);
+        let sent: Vec<_> = sent.map(|(_, bytes)| bytes.clone()).collect();
+        assert!(!sent.is_empty(), "trusted: {trusted}");
+        for bytes in sent {
+            assert!(!stanag_msgs::ed25::is_ed25(&bytes), "{bytes:02x?}");
+        }
+        station.take(&rig, 21);
+    }
+}
+
+/// A station whose address nobody vouches for: it has asked, and proved nothing.
+fn unproven() -> (Rig, StationEd25) {
+    let mut rig = Rig::new(Setup {
+        tables: "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\n",
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    let mut station = StationEd25::new(CUCS, ([127, 0, 0, 2], 41_000).into());
+    request(&mut rig, &mut station, 0x0f, 1);
+    (rig, station)
 }
