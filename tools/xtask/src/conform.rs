@@ -49,7 +49,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     let second = SECOND_VEHICLE.replace("MAVLINK", &mavlink);
     fs::write(&configuration, text + FURTHER + &second).context("vsm.toml")?;
 
-    let bridge = Bridge::begin(&folder)?;
+    let _bridge = Bridge::begin(&folder)?;
     let vehicles = (1..=2)
         .map(|number| {
             let mut vehicle = program("px4-sim", &folder);
@@ -61,12 +61,11 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         })
         .collect::<Result<Vec<_>>>()?;
     std::thread::sleep(BOOT);
-    // A stopped vehicle sends and answers nothing, as one out of range.
+    // The judge works in the folder of the run: no path of this computer is in the report. A stopped vehicle sends and answers nothing, as one out of range.
     let pid = vehicles[0].0.id();
     let means = format!(
-        "[means]\nrestart = \"sh {}\"\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n\
-         lower_energy = \"kill -USR1 {pid}\"\nrestore_energy = \"kill -USR2 {pid}\"\n",
-        bridge.script.display()
+        "[means]\nrestart = \"sh bridge.sh\"\ncut_vehicle_link = \"kill -STOP {pid}\"\nrestore_vehicle_link = \"kill -CONT {pid}\"\n\
+         lower_energy = \"kill -USR1 {pid}\"\nrestore_energy = \"kill -USR2 {pid}\"\n"
     );
     fs::write(folder.join("profile.toml"), PROFILE.to_owned() + &means).context("profile.toml")?;
     let mut judge = program("dli-check", &folder);
