@@ -71,7 +71,7 @@ pub enum OpenError {
         folder: PathBuf,
     },
     /// Other computers may have served from a later state of it.
-    #[error("[store] dir {folder} belongs to a fleet (it has a file fleet-epoch): only `vsm run` with store.kind = \"etcd\" may use it, since another node may have gone on from there. To take it out of the fleet for good, stop the other nodes and remove that file", folder = folder.display())]
+    #[error("[store] dir {folder} belongs to a fleet (it has a file fleet-epoch): only `vsm run` with store.kind = \"etcd\" may use it, since another node may have continued from there. To take it out of the fleet for good, stop the other nodes and remove that file", folder = folder.display())]
     OfFleet {
         /// The folder.
         folder: PathBuf,

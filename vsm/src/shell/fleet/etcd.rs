@@ -184,7 +184,12 @@ impl Etcd {
             .post(format!("{endpoint}/v3/{path}"))
             .content_type("application/json")
             .send(question);
-        let mut answer = sent.map_err(|cause| named(&cause))?;
+        let unreached = |cause| {
+            format!(
+                "{cause}; see that etcd runs there, and that store.endpoints are where its clients find it"
+            )
+        };
+        let mut answer = sent.map_err(|cause| named(&unreached(cause)))?;
         let read = answer.body_mut().with_config().limit(MAX_ANSWER);
         let bytes = read.read_to_vec().map_err(|cause| named(&cause))?;
         if !answer.status().is_success() {

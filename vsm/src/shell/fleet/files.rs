@@ -183,7 +183,7 @@ impl SharedFiles {
         let mut stored = locked(stored);
         let length = file.metadata()?.len();
         let known = stored.files.get(name).copied();
-        // Renamed, deleted or written anew meanwhile: what lies under its name is another file than etcd has, and is stored with
+        // Renamed, deleted or replaced meanwhile: what lies under its name is another file than etcd has, and is stored with
         // the others that changed, in their order.
         if locked(changed).contains(name) || known.is_none_or(|it| it.head.length > length) {
             locked(changed).insert(name.to_owned());

@@ -359,7 +359,7 @@ impl Node {
         self.mark.revision = revision;
         self.marked = Instant::now();
         if let Err(cause) = self.mark.write(&self.folder) {
-            // It goes on without: a node with a full disk can still be moved away from.
+            // It continues without: a node with a full disk can still be moved away from.
             let mark = self.folder.join(FLEET_EPOCH);
             tracing::warn!("{} cannot be written: {cause}", mark.display());
         }
@@ -447,7 +447,7 @@ impl Node {
         })
     }
 
-    /// Sees that its lease goes on and that etcd lists it.
+    /// Keeps its lease, and sees that etcd lists it.
     fn present(&mut self, etcd: &Etcd) -> Result<Lease, Fault> {
         let sent = Instant::now();
         if let Some(lease) = self.lease {

@@ -41,7 +41,7 @@ pub(super) struct Names {
 pub(super) struct Right {
     /// The revision that made it the owner: no later owner has the same.
     pub(super) created: i64,
-    /// Until then its lease has not ended, whatever this node has heard.
+    /// Until then its lease has not ended, whatever this node has received.
     pub(super) until: Instant,
 }
 
@@ -249,7 +249,7 @@ impl Remote {
         self.change(lane, last, changes)
     }
 
-    /// Begins anew: what an attempt of before has stored of the first owner's files is of no use.
+    /// Removes all files: what an attempt of before has stored of the first owner's files is of no use.
     pub(super) fn remove_all(&self, lane: usize, last: &mut Last) -> io::Result<()> {
         let changes = vec![
             Change::remove_all(self.names.heads()),

@@ -24,8 +24,8 @@ impl std::fmt::Debug for Seal {
 impl Seal {
     /// By the key of `store.key_file`. What seals is derived of it, so that the file's key itself is used for nothing else.
     pub(super) fn new(key: &SigningKey) -> Seal {
-        let mut derived =
-            Hmac::<Sha256>::new_from_slice(key.expose()).unwrap_or_else(|_| unreachable!());
+        let derived = Hmac::<Sha256>::new_from_slice(key.expose());
+        let mut derived = derived.expect("HMAC takes a key of any length");
         derived.update(b"vsm store of a fleet");
         let derived = Zeroizing::new(<[u8; 32]>::from(derived.finalize().into_bytes()));
         Seal(Aes256Gcm::new((&*derived).into()))

@@ -131,7 +131,7 @@ fn what_is_durable_at_one_node_is_what_the_next_begins_with() {
 }
 
 #[test]
-fn a_node_that_lost_its_vsm_stores_nothing_and_is_told() {
+fn a_node_that_lost_its_vsm_stores_nothing_and_ends() {
     if !kit::tools::is_installed("etcd") {
         return;
     }
@@ -148,7 +148,7 @@ fn a_node_that_lost_its_vsm_stores_nothing_and_is_told() {
     let lost = disk.replace("plan", b"of alpha, too late", Durability::Process);
     let refused = lost.is_err() || !disk.wait(Duration::from_millis(500));
     assert!(refused, "it is not the owner any more");
-    let why = ended.blocking_recv().expect("it is told");
+    let why = ended.blocking_recv().expect("it has the reason");
     assert!(why.contains("beta has taken over"), "{why}");
     let mut other = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
     let plan = other.read("plan", 100).unwrap().unwrap();

@@ -150,26 +150,10 @@ fn a_node_that_stood_still_ends_when_it_finds_another_in_its_place() {
     alpha.signal("STOP");
     // The addresses are alpha's as long as its process is there: beta owns the VSM, and reports why it cannot serve yet.
     beta.wait_for("alpha", START);
-    let end = beta.wait(START);
-    assert!(
-        end.is_some_and(|status| !status.success()),
-        "{}",
-        beta.output()
-    );
-    assert!(beta.output().contains("in use"), "{}", beta.output());
+    fails(&mut beta, "in use");
     alpha.signal("CONT");
     // Beta's lease ended with it, and the epoch is another.
-    let end = alpha.wait(START);
-    assert!(
-        end.is_some_and(|status| !status.success()),
-        "{}",
-        alpha.output()
-    );
-    assert!(
-        alpha.output().contains("another node has served since"),
-        "{}",
-        alpha.output()
-    );
+    fails(&mut alpha, "another node has served since");
 }
 
 #[test]
@@ -201,18 +185,7 @@ fn two_nodes_of_one_name_and_an_etcd_that_was_set_back_are_refused() {
     let text = text.replace("dir = \"alpha\"", "dir = \"copy\"");
     fs::write(fleet.ground.path("copy.toml"), text).expect("a configuration");
     let mut copy = fleet.node("copy");
-    let end = copy.wait(START);
-    assert!(
-        end.is_some_and(|status| !status.success()),
-        "{}",
-        copy.output()
-    );
-    assert!(
-        copy.output()
-            .contains("a node \"alpha\" takes part already"),
-        "{}",
-        copy.output()
-    );
+    fails(&mut copy, "a node \"alpha\" takes part already");
     alpha.terminate();
     assert!(alpha.wait(START).is_some());
 
@@ -222,17 +195,15 @@ fn two_nodes_of_one_name_and_an_etcd_that_was_set_back_are_refused() {
     let text = text.replace(&fleet.etcd.endpoints(), &empty.endpoints());
     fs::write(fleet.ground.path("alpha.toml"), text).expect("a configuration");
     let mut alpha = fleet.node("alpha");
-    let end = alpha.wait(START);
-    assert!(
-        end.is_some_and(|status| !status.success()),
-        "{}",
-        alpha.output()
-    );
-    assert!(
-        alpha.output().contains("etcd was set back"),
-        "{}",
-        alpha.output()
-    );
+    fails(&mut alpha, "etcd was set back");
+}
+
+/// Waits until a node ends with an error, and with this in what it printed.
+fn fails(node: &mut Running, why: &str) {
+    let end = node.wait(START);
+    let printed = node.output();
+    assert!(end.is_some_and(|status| !status.success()), "{printed}");
+    assert!(printed.contains(why), "{printed}");
 }
 
 const NODES: [&str; 2] = ["alpha", "beta"];
