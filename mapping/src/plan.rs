@@ -12,7 +12,7 @@ use stanag_msgs::messages::{
     CurveSegment, CurveSegmentPaper, PayloadActionWaypoint, UaLoiterWaypoint, UaPositionWaypoint,
     UaRoute, VehicleSpecificWaypoint,
 };
-use stanag_msgs::{Id, Message};
+use stanag_msgs::{Id, Message, TimeStamp};
 
 use crate::action::{self, Action};
 use crate::payload::waypoint::PayloadAction;
@@ -426,6 +426,41 @@ impl Plan {
         part
     }
 
+    /// The launch, approach and contingency routes that are defined as they were `before`, and lead elsewhere now, each with
+    /// the numbers of the waypoints at which they differ.
+    ///
+    /// Waypoints have one numbering for all routes (13002.Waypoint Number), so that what is sent for one route changes the others
+    /// that use its numbers. Of flight routes that is usual; these are flown later, without being loaded again.
+    #[must_use]
+    pub fn routes_changed_since(&self, before: &Plan) -> Vec<(&UaRoute, Vec<u16>)> {
+        let kept = |route: &&UaRoute| {
+            route_type(route) != RouteType::Flight && before.routes.contains(route)
+        };
+        let changes = self.routes.iter().filter(kept).map(|route| {
+            let (was, is) = (before.part(route), self.part(route));
+            if was == is {
+                return (route, Vec::new());
+            }
+            let numbers: BTreeSet<u16> = was.numbers().chain(is.numbers()).collect();
+            let differ = |number: &u16| !was.is_alike_at(&is, *number);
+            (route, numbers.into_iter().filter(differ).collect())
+        });
+        changes
+            .filter(|(_, numbers): &(_, Vec<u16>)| !numbers.is_empty())
+            .collect()
+    }
+
+    /// Whether another plan has the same at a waypoint, whenever it was sent.
+    fn is_alike_at(&self, other: &Plan, number: u16) -> bool {
+        let content = |plan: &Plan| -> Vec<Message> {
+            let messages = plan.messages_about(number);
+            messages
+                .map(|message| message.stamped(TimeStamp(0)))
+                .collect()
+        };
+        content(self) == content(other)
+    }
+
     /// What is known beside a route that went aboard: that route as it was then, and the other routes as they were
     /// sent since. Waypoints that no route leads to any more are left out.
     #[must_use]
@@ -533,6 +568,19 @@ fn removes(route: &UaRoute) -> bool {
 #[must_use]
 pub fn route_type(route: &UaRoute) -> RouteType {
     route.route_type.unwrap_or(RouteType::Flight)
+}
+
+/// What a route is for, in words.
+#[must_use]
+pub fn purpose(route: &UaRoute) -> &'static str {
+    match route_type(route) {
+        RouteType::Launch => "launch",
+        RouteType::Approach => "approach",
+        RouteType::Flight => "flight",
+        RouteType::ContingencyA => "contingency A",
+        RouteType::ContingencyB => "contingency B",
+        RouteType::Unknown(_) => "unknown",
+    }
 }
 
 /// Next Waypoint; 0 and 65535 end a route.
@@ -751,6 +799,66 @@ mod tests {
             assert_eq!(initial(&plan, RouteType::ContingencyA), left);
             assert_eq!(initial(&plan, RouteType::Flight), Some(1));
         }
+    }
+
+    #[test]
+    fn a_route_is_changed_by_what_is_sent_for_another_that_uses_its_numbers() {
+        let at = |number, next, north: f64, stamp| -> Message {
+            UaPositionWaypoint {
+                time_stamp: Some(TimeStamp(stamp)),
+                waypoint_number: Some(number),
+                next_waypoint: Some(next),
+                waypoint_to_latitude_or_relative_y: Some(stanag_msgs::Bam32::from_degrees(north)),
+                ..UaPositionWaypoint::default()
+            }
+            .into()
+        };
+        let kind = |kind, name, initial| -> Message {
+            UaRoute {
+                route_type: Some(kind),
+                route_id: Some(stanag_msgs::Text::new(name)),
+                initial_waypoint_number: Some(initial),
+                ..UaRoute::default()
+            }
+            .into()
+        };
+        let home = |initial| kind(RouteType::ContingencyA, "A", initial);
+        let before = plan(&[
+            home(1),
+            at(1, 2, 47.0, 1),
+            at(2, 0, 47.1, 2),
+            kind(RouteType::Approach, "B", 7),
+            at(7, 0, 46.0, 3),
+            route("F", 2),
+        ]);
+        let changed = |messages: &[Message]| -> Vec<(String, Vec<u16>)> {
+            let mut after = before.clone();
+            for message in messages {
+                after.store(message, CUCS, VEHICLE).expect("stored");
+            }
+            let changed = after.routes_changed_since(&before);
+            let named = changed
+                .into_iter()
+                .map(|(route, numbers)| (route_name(route).unwrap_or("").to_owned(), numbers));
+            named.collect()
+        };
+        // The same, sent again later; and other numbers.
+        assert_eq!(
+            changed(&[at(2, 0, 47.1, 9), route("C", 3), at(3, 0, 47.2, 9)]),
+            []
+        );
+        assert_eq!(
+            changed(&[route("C", 2), at(2, 0, 48.0, 9)]),
+            [("A".to_owned(), vec![2])]
+        );
+        // It leads on to the other's waypoints.
+        assert_eq!(
+            changed(&[route("C", 2), at(2, 3, 47.1, 9), at(3, 0, 48.0, 9)]),
+            [("A".to_owned(), vec![2, 3])]
+        );
+        assert_eq!(changed(&[curve(1, 2)]), [("A".to_owned(), vec![1])]);
+        // What is defined anew is meant.
+        assert_eq!(changed(&[home(2)]), []);
     }
 
     #[test]

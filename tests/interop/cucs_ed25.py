@@ -245,6 +245,11 @@ def main():
         fly(cucs)
     except (Failure, AssertionError) as fault:
         print(f"FAILED  {fault}", flush=True)
+        if cucs.vehicle != BROADCAST:
+            # Not left hovering. Who holds no control is refused.
+            cucs.send(42, Select_Flight_Path_Control_Mode=AUTOLAND)
+            cucs.pump(1.0)
+            print("commanded to land (#42 mode 19)", flush=True)
         sys.exit(1)
     for fault in sorted(set(cucs.faults)):
         print(f"FAULT  {fault}")

@@ -479,6 +479,8 @@ pub fn airborne(t: &Trial) -> Judged<Player> {
             "precondition \"in flight, mode 12\" is not met: 3001 does not show mode 12",
         ));
     }
+    // The rule before may have left it sinking. What a VSM makes of a mission that begins so is no part of a rule.
+    fly_until(t, &a, t.timers().begin, |fix| fix.down.abs() < 0.5)?;
     Ok(a)
 }
 

@@ -307,7 +307,12 @@ fn loops_by_limit_type_and_count(t: &Trial) -> Judged {
     let mut order: Vec<i64> = Vec::new();
     let deadline = t.bench.net.now() + t.timers().flight;
     while t.bench.net.now() < deadline && order.last() != Some(&4) {
-        if let Some(number) = to_number(&a)?.filter(|number| (1..=4).contains(number))
+        let to = to_number(&a)?.filter(|number| (1..=4).contains(number));
+        if to.is_none() && !order.is_empty() && reported_mode(&a)? != Some(mode::WAYPOINT) {
+            // Flown to its end, which may be that of the last loop.
+            break;
+        }
+        if let Some(number) = to
             && order.last() != Some(&number)
         {
             order.push(number);

@@ -19,6 +19,9 @@ use super::station_profile::{Shown, StationProfile};
 use super::web::WebLink;
 use crate::config::{Cucs, Dli, Edition};
 
+/// A station that has sent nothing in its edition for this long may come back in another one.
+pub(crate) const EDITION_CHANGES_AFTER: Duration = Duration::from_secs(10);
+
 /// A CUCS of the configuration.
 #[derive(Debug)]
 pub(crate) struct GroundStation {

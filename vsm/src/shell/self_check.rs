@@ -2,6 +2,7 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs as _, UdpSocket};
+use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use dli_group::Interface;
@@ -14,12 +15,13 @@ use super::key_file;
 use crate::config::{Config, ExchangeMode, LinkAddress, Signing};
 use crate::session::findings::host::{HostFacts, StoreFact};
 
-/// Clock, interface of the group, and who else sends to it: what can be looked at beside a running bridge.
+/// Clock, key files, interface of the group, and who else sends to it: what can be looked at beside a running bridge.
 pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH);
     let mut facts = HostFacts {
         wall: wall.unwrap_or_default(),
         not_before: NOT_BEFORE,
+        keys: keys(config),
         ..HostFacts::default()
     };
     let Some(group) = config.dli.multicast else {
@@ -43,6 +45,42 @@ pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     facts
 }
 
+/// The key files that the next start could not use. A running bridge has their keys in memory, and does not notice that one is gone.
+fn keys(config: &Config) -> Vec<(String, String)> {
+    let mut files: Vec<(String, &Path)> = vec![];
+    let mut faults = vec![];
+    for vehicle in config.vehicles() {
+        if let Signing::KeyFile(path, exchange) = &vehicle.signing {
+            let name = format!("vehicle {}", vehicle.id);
+            if exchange.mode != ExchangeMode::Off && !path.exists() {
+                let why = format!(
+                    "no key {} has been agreed yet, or it is lost: pair with the air-side agent (\"vsm pair\")",
+                    path.display()
+                );
+                faults.push((name, why));
+            } else {
+                files.push((name, path));
+            }
+        }
+    }
+    for station in config.stations() {
+        let guard = station.guard.iter();
+        files.extend(guard.map(|guard| (format!("CUCS {}", station.id), guard.key_file.as_path())));
+    }
+    for forward in config.forwards() {
+        let key = forward.key_file.iter();
+        files.extend(key.map(|path| (format!("[[forward]] {}", forward.name), path.as_path())));
+    }
+    let access = config.access.iter();
+    files.extend(access.map(|access| ("[access]".to_owned(), access.key_file.as_path())));
+    for (name, path) in files {
+        if let Err(fault) = key_file::read(path) {
+            faults.push((name, fault.to_string()));
+        }
+    }
+    faults
+}
+
 /// As `vsm run` does.
 fn open(config: &Config) -> Result<FileDisk, OpenError> {
     match config.store.shared() {
@@ -51,7 +89,7 @@ fn open(config: &Config) -> Result<FileDisk, OpenError> {
     }
 }
 
-/// The same, and what a start would need: store, keys, ports.
+/// The same, and what a start would need: store and ports.
 pub async fn before_a_start(config: &Config, listen_for: Duration) -> HostFacts {
     let mut facts = beside(config, listen_for).await;
     // A folder that is missing is made by the start; the lock is released at once.
@@ -65,20 +103,6 @@ pub async fn before_a_start(config: &Config, listen_for: Duration) -> HostFacts 
         }
         Some(Err(fault)) => Some(StoreFact::Unusable(fault.to_string())),
     };
-    for vehicle in config.vehicles() {
-        if let Signing::KeyFile(path, exchange) = &vehicle.signing {
-            let waits = exchange.mode != ExchangeMode::Off && !path.exists();
-            let why = match key_file::read(path) {
-                Ok(_) => continue,
-                Err(_) if waits => format!(
-                    "no key {} has been agreed yet: pair with the air-side agent (\"vsm pair\")",
-                    path.display()
-                ),
-                Err(fault) => fault.to_string(),
-            };
-            facts.keys.push((vehicle.id.to_string(), why));
-        }
-    }
     let mut want = |key, value: String, had: io::Result<()>| {
         if let Err(cause) = had {
             facts.ports.push((key, value, cause.to_string()));

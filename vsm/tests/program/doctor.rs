@@ -488,6 +488,11 @@ fn a_healthy_bridge_has_no_finding_and_nothing_reads_refused() {
         code == Some(0) && printed.contains("nothing found"),
         "{printed}"
     );
+    // It flies on without its key file, and could not start again.
+    fs::remove_file(place.path("1.key")).unwrap();
+    let (code, printed) = place.command(&["doctor"]);
+    let named = printed.contains("vehicle 1b:00:01:01: ") && printed.contains("a key is lost");
+    assert!(code == Some(1) && named, "{printed}");
 }
 
 /// The log has named a silence, or bytes that are no frame: doctor must not find nothing then, whenever it is asked.

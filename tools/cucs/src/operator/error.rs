@@ -73,6 +73,11 @@ pub enum OperatorError {
         /// Why, and what to do.
         why: String,
     },
+    /// Edition 2.5 has no field for what is waited for.
+    #[error(
+        "{0} is not shown in Edition 2.5, whose #104 has no UA State; `wait below M` and `wait above M` wait for an altitude"
+    )]
+    NotShown(String),
     /// The VSM offers no such control.
     #[error(
         "no control {0}: `cucs controls` lists those that the VSM offers (its vehicle.controls)"
@@ -103,9 +108,11 @@ impl OperatorError {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::File(fault) => fault.exit_status(),
-            Self::FenceFile(_) | Self::OtherKind { .. } | Self::Ambiguous(_) | Self::Seconds(_) => {
-                2
-            }
+            Self::FenceFile(_)
+            | Self::OtherKind { .. }
+            | Self::Ambiguous(_)
+            | Self::NotShown(_)
+            | Self::Seconds(_) => 2,
             Self::Station(fault) => fault.exit_status(),
             Self::Output(fault) if fault.kind() == std::io::ErrorKind::BrokenPipe => READER_GONE,
             _ => 1,

@@ -15,6 +15,7 @@ use super::file_kind::{self, Reader};
 use super::termination::Ordered;
 use super::verb::{Condition, ModeArguments, Verb};
 use crate::formats::Losses;
+use crate::session::sender::Edition;
 use crate::session::vehicle::Vehicle;
 use crate::station::command::{LoiterAt, set_altitude, set_speed};
 use crate::station::outcome::{StationError, levels};
@@ -193,6 +194,11 @@ impl<W: Write> Operator<W> {
     }
 
     async fn wait(&mut self, condition: &Condition, within: Duration) -> Done {
+        if self.station.session().edition() == Edition::Ed25
+            && matches!(condition, Condition::Landed | Condition::Airborne)
+        {
+            return Err(OperatorError::NotShown(describe(condition)));
+        }
         // Messages about rights reach a CUCS without rights too; status does not.
         let vehicle = match condition {
             Condition::Asked

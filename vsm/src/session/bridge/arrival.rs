@@ -122,7 +122,8 @@ impl Bridge {
                     return self.counters.count("over the station's rate");
                 }
                 if !self.may_speak(now.mono, index, false) {
-                    return self.counters.count("another edition");
+                    let why = Barred::ChangedEdition(edition);
+                    return self.note_barred(now, from, &frame.header, &why);
                 }
                 self.evidence.note_good(frame.header.source, from);
                 let station = &mut self.stations[index];
@@ -450,6 +451,8 @@ pub(super) enum Barred {
     Address(IpAddr),
     /// Listed with another edition than this one, which it speaks here.
     Edition(Edition),
+    /// It has spoken in another edition than this one, not long ago.
+    ChangedEdition(Edition),
     /// For nobody here; of a station that is known to speak to us, too, or not.
     Misaddressed { known: bool },
 }
@@ -465,6 +468,7 @@ impl Barred {
             Barred::OtherSender => "guard: the source is not the sender",
             Barred::Address(_) => UNAUTHORISED_ADDRESS,
             Barred::Edition(_) => "another edition than configured",
+            Barred::ChangedEdition(_) => "another edition",
             Barred::Misaddressed { .. } => "misaddressed",
         }
     }
@@ -481,6 +485,7 @@ impl Barred {
             Barred::OfWeb => Some(Fault::Web(header.source, DATAGRAM_OF_WEB)),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
             Barred::Edition(edition) => Some(Fault::OtherEdition(header.source, edition)),
+            Barred::ChangedEdition(edition) => Some(Fault::ChangedEdition(header.source, edition)),
             Barred::Misaddressed { known: false } => {
                 Some(Fault::Misaddressed(header.source, header.destination))
             }

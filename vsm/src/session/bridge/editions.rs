@@ -2,7 +2,7 @@
 //! only where their station may speak (`session::editions`). What such a station is sent is translated when it leaves.
 //!
 //! The edition of a datagram is known from its first byte. A station that has proven its address, or holds something,
-//! speaks one edition: what comes in its name in another one is dropped until it has been quiet for [`QUIET`].
+//! speaks one edition: what comes in its name in another one is dropped until it has been quiet for [`EDITION_CHANGES_AFTER`].
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -18,7 +18,7 @@ use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
 
 use super::Bridge;
-use super::arrival::{COMMANDS, QUESTIONS, drop_name};
+use super::arrival::{Barred, COMMANDS, QUESTIONS, drop_name};
 use super::reach::Arriving;
 use crate::config::Edition;
 use crate::session::access::{Group, Permitted};
@@ -26,6 +26,7 @@ use crate::session::context::Origin;
 use crate::session::duplicates::is_command;
 use crate::session::editions::{self, Contingencies, Inbound, Standing, Upload};
 use crate::session::outbox::{Datagram, Destination};
+use crate::session::station::EDITION_CHANGES_AFTER;
 
 impl Bridge {
     /// Takes a datagram of Edition 2.5.
@@ -79,7 +80,8 @@ impl Bridge {
                     return self.counters.count("over the station's rate");
                 }
                 if !self.may_speak(now.mono, index, true) {
-                    return self.counters.count("another edition");
+                    let why = Barred::ChangedEdition(Edition::Ed25);
+                    return self.note_barred(now, from, &header, &why);
                 }
                 self.evidence.note_good(header.source, from);
                 self.asker = Some(index);
@@ -119,7 +121,9 @@ impl Bridge {
                 .iter()
                 .any(|one| !one.authority.rights().held(id).is_empty())
         };
-        before == ed25 || now.saturating_sub(at) >= QUIET || !(station.proven || holds())
+        before == ed25
+            || now.saturating_sub(at) >= EDITION_CHANGES_AFTER
+            || !(station.proven || holds())
     }
 
     /// Takes a message of Edition 2.5 from where its station is.
@@ -479,7 +483,5 @@ fn is_question(datagram: &Datagram) -> bool {
     first.is_some_and(|one| one.header.message_type == Heartbeat::ID && one.header.ack_requested)
 }
 
-/// A station that has sent nothing for this long may come back in another edition.
-const QUIET: Duration = Duration::from_secs(10);
 /// Messages to the group that are known again when they come back.
 const MAX_REMEMBERED: usize = 256;

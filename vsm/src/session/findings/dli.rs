@@ -13,6 +13,7 @@ use stanag_msgs::wrapper::{
 
 use super::{Code, Finding};
 use crate::config::{Checksum, Edition};
+use crate::session::station::EDITION_CHANGES_AFTER;
 
 /// Why a frame or a datagram could not be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +24,8 @@ pub(crate) enum Fault {
     Address(Id, IpAddr),
     /// Its source is listed with another edition than this one, in which it came.
     OtherEdition(Id, Edition),
+    /// Its source has spoken in another edition than this one until now, and it is not long enough since.
+    ChangedEdition(Id, Edition),
     /// Its source has a guard, which it did not come from: by this counter.
     Guard(Id, &'static str),
     /// It is a web client, and what came in its name is not believed: by this counter.
@@ -80,6 +83,7 @@ impl Fault {
             Fault::NotListed(..)
             | Fault::Address(..)
             | Fault::OtherEdition(..)
+            | Fault::ChangedEdition(..)
             | Fault::Guard(..)
             | Fault::Web(..)
             | Fault::Misaddressed(..) => 1,
@@ -161,6 +165,7 @@ impl Seen {
             (Fault::NotListed(one, ..), Fault::NotListed(other, ..))
             | (Fault::Address(one, _), Fault::Address(other, _))
             | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
+            | (Fault::ChangedEdition(one, _), Fault::ChangedEdition(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
             // A forger's one reason hides no other, which may be an honest guard's.
             (Fault::Guard(..), Fault::Guard(..)) | (Fault::Web(..), Fault::Web(..)) => {
@@ -242,6 +247,7 @@ impl DliEvidence {
             Fault::NotListed(id, ..)
             | Fault::Address(id, _)
             | Fault::OtherEdition(id, _)
+            | Fault::ChangedEdition(id, _)
             | Fault::Misaddressed(id, _) => id != source,
             // A forger's beside its own: shown as long as it lasts.
             Fault::Guard(..) | Fault::Web(..) => true,
@@ -394,6 +400,21 @@ fn finding(one: &Seen) -> Finding {
             format!(
                 "if it speaks that, set edition = \"{}\" in its [[cucs]], or leave the key out; if not, somebody else uses \
                  its id",
+                edition.text()
+            ),
+        ),
+        Fault::ChangedEdition(id, edition) => of_cucs(
+            Code::DliEdition,
+            id,
+            format!(
+                "sends in Edition {} from {ip}, but has spoken in another one here until now: that is dropped until {} s after its last \
+                 message in that one",
+                edition.text(),
+                EDITION_CHANGES_AFTER.as_secs()
+            ),
+            format!(
+                "if it has changed, wait; where it always speaks this one, set edition = \"{}\" in its [[cucs]]; if neither, \
+                 somebody else uses its id",
                 edition.text()
             ),
         ),

@@ -18,7 +18,7 @@ pub struct HostFacts {
     pub ports: Vec<(&'static str, String, String)>,
     /// The interface of the group where it is none of this computer's, and those that there are.
     pub interface: Option<(String, Vec<String>)>,
-    /// Key files that cannot be used: the vehicle, and why.
+    /// Key files that cannot be used: whose, and why.
     pub keys: Vec<(String, String)>,
     /// The group's datagrams arrive on another interface: the group, the interface, who sends them.
     pub elsewhere: Option<(SocketAddr, IpAddr, SocketAddr)>,
@@ -61,12 +61,14 @@ pub fn judge(facts: &HostFacts) -> Vec<Finding> {
             format!("set it to one of {}", there.join(", ")),
         ));
     }
-    for (vehicle, why) in &facts.keys {
+    for (name, why) in &facts.keys {
         found.push(Finding::new(
             Code::KeyFile,
-            vehicle,
-            format!("vehicle {vehicle}: {why}"),
-            "see docs/guide/keys.md; \"vsm key provision\" makes a key and gives it to the vehicle",
+            name,
+            format!("{name}: {why}"),
+            "restore the file from a copy, since the other end has that key, and a running bridge cannot start again without it; where \
+             there has been none, \"vsm key provision\" makes one and gives it to a vehicle, \"vsm keygen\" makes one; more under \"a key \
+             is lost\" in docs/guide/troubleshooting.md",
         ));
     }
     found.extend(
@@ -130,7 +132,7 @@ mod tests {
             )],
             interface: Some(("10.9.8.7".to_owned(), vec!["lo (127.0.0.1)".to_owned()])),
             keys: vec![(
-                "1b:00:01:01".to_owned(),
+                "vehicle 1b:00:01:01".to_owned(),
                 "key file uav.key: missing".to_owned(),
             )],
             elsewhere: Some((

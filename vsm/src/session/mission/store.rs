@@ -6,8 +6,9 @@
 
 use std::time::Duration;
 
-use mapping::plan::Plan;
+use mapping::plan::{Plan, purpose, route_name};
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
+use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use stanag_msgs::messages::{MissionTransferCommand, UaRoute};
 use stanag_msgs::{Id, Message, TimeStamp};
 
@@ -259,9 +260,26 @@ impl MissionStore {
         if !self.received.loaded() {
             return Ok(());
         }
-        self.fold_log(cucs, effects).inspect_err(|_| {
+        if let Err(fault) = self.fold_log(cucs, effects) {
             self.received = before;
-        })
+            return Err(fault);
+        }
+        for (route, numbers) in self.plan().routes_changed_since(&before.stored) {
+            let purpose = purpose(route);
+            let name = route_name(route).map_or_else(String::new, |name| format!(" {name}"));
+            let shown: Vec<_> = numbers.iter().take(SHOWN).map(u16::to_string).collect();
+            let more = match numbers.len().saturating_sub(SHOWN) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let text = format!(
+                "what is loaded has changed {purpose} route{name} too, which uses the same waypoint numbers: {}{more}; send that route \
+                 again, with numbers of its own",
+                shown.join(", ")
+            );
+            effects.notify(AlertPriority::Caution, SubsystemId::VsmStatus, text);
+        }
+        Ok(())
     }
 
     fn write_message(
@@ -388,6 +406,9 @@ impl MissionStore {
 fn not_stored(fault: StoreError) -> String {
     format!("it cannot be stored: {fault}")
 }
+
+/// Of the waypoints in a text, so many are named.
+const SHOWN: usize = 8;
 
 /// An upload of which nothing more comes for so long is dropped: its operator may have forgotten it, and what is sent
 /// later, without a 13001, would be added to it.

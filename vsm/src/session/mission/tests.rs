@@ -214,6 +214,50 @@ fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
 }
 
 #[test]
+fn a_load_that_changes_a_contingency_route_by_its_waypoint_numbers_is_named() {
+    let (mut world, mut mission) = ready();
+    let home = UaRoute {
+        time_stamp: Some(TimeStamp(5)),
+        initial_waypoint_number: Some(2),
+        route_id: Some(Text::new("HOME")),
+        route_type: Some(stanag_msgs::enums::RouteType::ContingencyA),
+        ..UaRoute::default()
+    };
+    command(&mut world, &mut mission, home);
+    stored(&mut world, &mut mission);
+    assert_eq!(
+        reports(&mut world).1,
+        "",
+        "the first of them changes nothing"
+    );
+    let moved = |number, next, metres| UaPositionWaypoint {
+        time_stamp: Some(TimeStamp(10)),
+        waypoint_number: Some(number),
+        waypoint_to_altitude: Some(Scaled::saturating_from_si(metres)),
+        next_waypoint: Some(next),
+        ..UaPositionWaypoint::default()
+    };
+    let new = UaRoute {
+        time_stamp: Some(TimeStamp(9)),
+        initial_waypoint_number: Some(1),
+        route_id: Some(Text::new("NEW")),
+        ..UaRoute::default()
+    };
+    command(&mut world, &mut mission, new);
+    command(&mut world, &mut mission, moved(2, 3, 60.0));
+    command(&mut world, &mut mission, moved(3, 0, 60.0));
+    assert_eq!(
+        reports(&mut world).1,
+        "",
+        "nothing is changed before the load"
+    );
+    stored(&mut world, &mut mission);
+    let (_, text) = reports(&mut world);
+    assert!(text.contains("changed contingency A route HOME"), "{text}");
+    assert!(text.contains("waypoint numbers: 2, 3; send"), "{text}");
+}
+
+#[test]
 fn a_vehicle_that_holds_something_else_than_was_sent_carries_nothing() {
     let (mut world, mut mission) = ready();
     let items = compiled(&mut world, &mission);

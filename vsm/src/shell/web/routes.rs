@@ -247,6 +247,7 @@ const ASSETS: &[(&str, &str, &[u8])] = assets! {
     "control.js" "text/javascript",
     "drawing.js" "text/javascript",
     "map.js" "text/javascript",
+    "next.js" "text/javascript",
     "panel.js" "text/javascript",
     "profile.js" "text/javascript",
     "messages.js" "text/javascript",

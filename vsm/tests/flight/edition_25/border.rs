@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use kit::bridge::vehicle_id;
 use serde_json::json;
 use stanag_msgs::ed25;
+use vsm::session::findings::Code;
 
 use super::*;
 
@@ -180,6 +181,15 @@ fn a_station_speaks_one_edition_at_a_time() {
     rig.deliver_from(station.address, &bytes[..length]);
     rig.run(0.3);
     assert_eq!(count(&rig, "another edition"), 1);
+    // Whoever looks for the cause of its silence is told.
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let findings = bridge.status(String::new(), rig.now().mono).findings;
+    let found = findings.iter().find(|one| one.code == Code::DliEdition);
+    let cause = found.map_or("", |one| one.cause.as_str());
+    assert!(
+        cause.contains("sends in Edition 4") && cause.contains("until 10 s after"),
+        "{findings:?}"
+    );
     // Station 0 speaks Edition 4, and nothing of Edition 2.5 is taken in its name.
     assert!(
         rig.carry_out(orders::transfer(

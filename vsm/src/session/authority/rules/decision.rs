@@ -44,7 +44,9 @@ pub enum Refusal {
     NotAuthorised,
     /// Another holds it.
     Held(Id),
-    /// An override without `cucs.override`, or by a lower `cucs.rank` than the holder's.
+    /// An override of this holder, without `cucs.override`.
+    NoOverride(Id),
+    /// An override by a lower `cucs.rank` than this holder's.
     Rank(Id),
     /// It is being handed over to another.
     Busy(Id),
@@ -69,7 +71,14 @@ impl fmt::Display for Refusal {
         match self {
             Refusal::NotAuthorised => write!(f, "not authorised by configuration"),
             Refusal::Held(id) => write!(f, "{id} holds it"),
-            Refusal::Rank(id) => write!(f, "override of {id} is not allowed"),
+            Refusal::NoOverride(id) => write!(
+                f,
+                "{id} holds it, and this CUCS may not override: its entry has no override = true"
+            ),
+            Refusal::Rank(id) => write!(
+                f,
+                "{id} holds it, and is of a higher rank: by cucs.rank, or since it has a guard"
+            ),
             Refusal::Busy(id) => write!(f, "it is being handed over to {id}"),
             Refusal::LaunchOrLanding => write!(f, "the vehicle takes off or lands"),
             Refusal::NoSuccessor(id) => write!(f, "{id} cannot take control"),

@@ -151,7 +151,8 @@ impl Authority {
             };
         }
         Err(match access {
-            Access::Override => Refusal::Rank(holder),
+            Access::Override if asker.may_override => Refusal::Rank(holder),
+            Access::Override => Refusal::NoOverride(holder),
             Access::Control | Access::Release => Refusal::Held(holder),
         })
     }

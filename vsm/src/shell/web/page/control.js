@@ -4,6 +4,7 @@
 import { confirmed } from "./confirm.js";
 import { Drawing } from "./drawing.js";
 import * as messages from "./messages.js";
+import { showNext } from "./next.js";
 import { ControlSocket, importKey } from "./socket.js";
 import { altitudeIn, altitudeUnit, height, time } from "./units.js";
 
@@ -33,6 +34,7 @@ export class Control {
   /** That of them which the page shows. */
   #read = null;
   #parts = new Map();
+  #route = null;
   #routes = Promise.resolve();
   #routeDone = null;
 
@@ -40,7 +42,7 @@ export class Control {
   constructor(map, chosen) {
     this.#map = map;
     this.#chosen = chosen;
-    this.#drawing = new Drawing(map);
+    this.#drawing = new Drawing(map, () => this.draw());
     by("control").hidden = false;
     by("sign-in").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -83,13 +85,19 @@ export class Control {
     this.#socket?.send({ message: messages.acknowledge(from, stamp) });
   }
 
-  /** Shows what this station may do now, by what the bridge reports of its rights. */
-  draw() {
+  /** Shows what this station may do now, by what the bridge reports of its rights. `route`: the one of the vehicle that is shown. */
+  draw(route = this.#route) {
+    this.#route = route;
     const vehicle = this.#chosen();
     const connected = this.#socket !== null;
     by("sign-in").hidden = connected;
     by("station").hidden = !connected;
     for (const unit of document.querySelectorAll(".altitude-unit")) set(unit, altitudeUnit());
+    if (vehicle) {
+      const { unsent: drawn, listening: drawing } = this.#drawing;
+      const aboard = route !== undefined && route !== null && route.aboard !== false;
+      showNext({ connected, own: this.#own, vehicle, drawing, drawn, route: aboard });
+    }
     if (!connected || !vehicle) return;
     const held = vehicle.holders.find((one) => one.id === this.#own);
     set(by("station-rights"), held ? `holds LOI ${held.levels} of ${name(vehicle)}` : `holds no level of ${name(vehicle)}`);
@@ -236,6 +244,7 @@ export class Control {
     this.#drawing.stop();
     const route = by("route-name").value.trim() || "DRAWN";
     const text = messages.routeFile(route, this.#drawing.points);
+    this.#drawing.sent();
     return this.#sendRoute(`route ${route}`, { file: "drawn.route.toml", text });
   }
 

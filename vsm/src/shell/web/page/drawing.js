@@ -9,9 +9,14 @@ export class Drawing {
   #map;
   #points = [];
   #listening = false;
+  /** What was sent is as it is drawn. */
+  #sent = false;
+  #changed;
 
-  constructor(map) {
+  /** `changed()` is called after each change. */
+  constructor(map, changed) {
     this.#map = map;
+    this.#changed = changed;
     by("draw").addEventListener("click", () => this.#listen(!this.#listening));
     by("draw-middle").addEventListener("click", () => this.#add(this.#map.middle()));
     by("draw-clear").addEventListener("click", () => this.clear());
@@ -25,6 +30,21 @@ export class Drawing {
 
   get points() {
     return this.#points;
+  }
+
+  /** Points that were not sent as they are. */
+  get unsent() {
+    return this.#sent ? 0 : this.#points.length;
+  }
+
+  /** Whether clicks on the map are points of it. */
+  get listening() {
+    return this.#listening;
+  }
+
+  sent() {
+    this.#sent = true;
+    this.#changed();
   }
 
   /** Why the route cannot be sent yet; null where it can. */
@@ -54,6 +74,7 @@ export class Drawing {
     this.#listening = on;
     by("draw").setAttribute("aria-pressed", String(on));
     this.#map.onClick(on ? (at) => this.#add(at) : null);
+    this.#changed();
   }
 
   #add(at) {
@@ -63,6 +84,7 @@ export class Drawing {
 
   /** The list beside the map, and the line on it. */
   #show() {
+    this.#sent = false;
     this.#map.drawDraft(this.#points.map(({ at }) => at));
     const rows = this.#points.map((point, i) => {
       const row = document.createElement("li");
@@ -73,7 +95,11 @@ export class Drawing {
       input.step = "any";
       input.required = true;
       input.value = point.heightM === null ? "" : inAltitude(point.heightM);
-      input.addEventListener("change", () => { point.heightM = altitudeIn(input); });
+      input.addEventListener("change", () => {
+        point.heightM = altitudeIn(input);
+        this.#sent = false;
+        this.#changed();
+      });
       const unit = document.createElement("span");
       unit.className = "altitude-unit";
       unit.textContent = altitudeUnit();
@@ -92,5 +118,6 @@ export class Drawing {
       return row;
     });
     by("draft").replaceChildren(...rows);
+    this.#changed();
   }
 }

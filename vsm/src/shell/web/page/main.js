@@ -50,9 +50,9 @@ function draw() {
   if (!vehicle) return;
   drawBridge(status);
   drawVehicle(vehicle, timeLine !== null, control);
-  control?.draw();
-  map.drawVehicles(status.vehicles, vehicle.id, timeLine?.at);
   const shape = shapes.find((one) => one.id === vehicle.id);
+  control?.draw(shape?.route ?? null);
+  map.drawVehicles(status.vehicles, vehicle.id, timeLine?.at);
   drawProfile(document.getElementById("profile"), document.getElementById("profile-text"), shape?.route, vehicle);
 }
 
