@@ -434,6 +434,13 @@ fn write_files(files: &Files, text: &str, sitl: bool, made: &mut Made) -> anyhow
         .with_context(|| files.config.display().to_string())
 }
 
+/// The folder of this program as it was typed, such as `./target/release/`; empty where it was found by its name.
+fn called_from() -> String {
+    let typed = std::env::args().next().unwrap_or_default();
+    let end = typed.rfind('/').map_or(0, |slash| slash + 1);
+    typed[..end].to_owned()
+}
+
 /// What was written, and the commands that come next.
 fn report(init: &Init, answers: &Answers, files: &Files, key: &str) -> String {
     let (config, key_file) = (files.config.display(), files.key.display());
@@ -450,9 +457,10 @@ fn report(init: &Init, answers: &Answers, files: &Files, key: &str) -> String {
     } else {
         format!(" {config}")
     };
-    text += &format!("next:\n  vsm check-config{file}\n");
+    let here = called_from();
+    text += &format!("next:\n  {here}vsm check-config{file}\n");
     if answers.sitl {
-        text += &format!("  vsm run{file}\n");
+        text += &format!("  {here}vsm run{file}\n");
         let peer = match &answers.link {
             LinkAddress::UdpIn(address) => Some(format!("udpout:{address}")),
             LinkAddress::UdpOut(address) => Some(format!("udpin:{address}")),
@@ -460,7 +468,7 @@ fn report(init: &Init, answers: &Answers, files: &Files, key: &str) -> String {
         };
         // px4-sim flies no transitions.
         if let Some(peer) = peer.filter(|_| answers.airframe != Airframe::Vtol) {
-            text += &format!("  px4-sim --link {peer} --key-file {key_file}");
+            text += &format!("  {here}px4-sim --link {peer} --key-file {key_file}");
             if answers.airframe != Airframe::Quad {
                 text += &format!(" --airframe {}", answers.airframe);
             }
@@ -478,11 +486,11 @@ fn report(init: &Init, answers: &Answers, files: &Files, key: &str) -> String {
         );
     } else {
         text += &format!(
-            "  give PX4 the key, while it is off, on its SD card in this computer:\n    vsm key provision{file} --sitl-file \
-             SDCARD/mavlink/mavlink-signing-key.bin\n  vsm run{file}\n"
+            "  give PX4 the key, while it is off, on its SD card in this computer:\n    {here}vsm key provision{file} --sitl-file \
+             SDCARD/mavlink/mavlink-signing-key.bin\n  {here}vsm run{file}\n"
         );
     }
-    text += "  cucs discover";
+    text += &format!("  {here}cucs discover");
     if init.listen.to_string() != "127.0.0.1:4586" {
         text += &format!(" --vsm {}", init.listen);
     }

@@ -51,15 +51,16 @@ fn init_run_fly() {
         let line = printed
             .lines()
             .map(str::trim)
-            .find(|line| line.starts_with(name));
+            .find(|line| line.contains(&format!("/{name}")));
+        // Each with the folder in which vsm was found: where it is built, none of them is found by its name.
         let words: Vec<&str> = line.expect(name).split(' ').collect();
-        let mut command = Command::new(program(words[0]));
+        let mut command = Command::new(words[0]);
         let mut started = Running::spawn(command.args(&words[1..]).current_dir(folder));
         started.wait_for("ready", Duration::from_secs(10));
         running.push(started);
     }
     let last = printed.lines().last().expect("the ground station").trim();
-    let options = last.strip_prefix("cucs discover ").expect(last);
+    let (cucs, options) = last.split_once(" discover ").expect(last);
     for verb in [
         "discover",
         "take",
@@ -73,7 +74,7 @@ fn init_run_fly() {
         // Until PX4 has booted it refuses, with its reason: who types takes longer than that.
         let end = Instant::now() + Duration::from_secs(60);
         loop {
-            let mut cucs = Command::new(program("cucs"));
+            let mut cucs = Command::new(cucs);
             let output = cucs.args(words.split(' ')).output().expect("cucs");
             if output.status.success() {
                 break;
