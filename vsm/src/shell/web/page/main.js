@@ -12,9 +12,11 @@ const MAP_EVERY_MS = 2000;
 // A recording is played smoothly.
 const REPLAY_EVERY_MS = 200;
 const WITHIN_MS = 3000;
+const FILTERED_FROM = 12;
 
 const map = new VehiclesMap(document.getElementById("map"));
 const choice = document.getElementById("choice");
+const filter = document.getElementById("filter");
 const units = document.getElementById("units");
 const connection = document.getElementById("connection");
 
@@ -36,19 +38,24 @@ async function read(path) {
 
 const chosen = () => status?.vehicles.find((one) => one.id === choice.value) ?? status?.vehicles[0];
 
+/** With many vehicles those whose name or id has the text of the filter; the one that is shown stays. */
 function offerVehicles(vehicles) {
-  const ids = vehicles.map((one) => `${one.tail_number} ${one.id}`).join();
-  if (choice.dataset.ids === ids) return;
+  filter.parentElement.hidden = vehicles.length < FILTERED_FROM;
+  const wanted = filter.value.trim().toLowerCase();
+  const named = vehicles.map((one) => [one.id, one.tail_number ? `${one.tail_number} (${one.id})` : one.id]);
   const before = choice.value;
-  choice.dataset.ids = ids;
-  choice.replaceChildren(...vehicles.map((one) => new Option(one.tail_number ? `${one.tail_number} (${one.id})` : one.id, one.id)));
-  if (vehicles.some((one) => one.id === before)) choice.value = before;
+  const offered = named.filter(([id, text]) => id === before || text.toLowerCase().includes(wanted));
+  const texts = offered.map(([, text]) => text).join();
+  if (choice.dataset.offered === texts) return;
+  choice.dataset.offered = texts;
+  choice.replaceChildren(...offered.map(([id, text]) => new Option(text, id)));
+  if (offered.some(([id]) => id === before)) choice.value = before;
 }
 
 function draw() {
   const vehicle = chosen();
   if (!vehicle) return;
-  drawBridge(status);
+  drawBridge(status, vehicle);
   drawVehicle(vehicle, timeLine !== null, control);
   const shape = shapes.find((one) => one.id === vehicle.id);
   control?.draw(shape?.route ?? null);
@@ -145,5 +152,6 @@ units.addEventListener("change", () => {
   draw();
 });
 choice.addEventListener("change", () => { drawShapes(); draw(); });
+filter.addEventListener("input", () => { if (status) offerVehicles(status.vehicles); });
 document.getElementById("only-refused").addEventListener("change", drawEvents);
 refresh();

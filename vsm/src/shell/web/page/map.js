@@ -4,6 +4,8 @@
 /* global L */
 
 const TRACK_POINTS = 2000;
+// Beyond so many vehicles those that are not chosen are dots, without track and plan: a page must stay quick with a thousand.
+const MANY = 60;
 const GRID_STEPS_DEG = [10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001];
 
 const latitude = (value) => `${Math.abs(value).toFixed(4)}° ${value < 0 ? "S" : "N"}`;
@@ -81,7 +83,8 @@ export class VehiclesMap {
   drawShapes(vehicles, chosen) {
     this.#shapes.clearLayers();
     const all = L.latLngBounds([]);
-    for (const { id, home, route, fence, rally } of vehicles) {
+    const shown = vehicles.length > MANY ? vehicles.filter(({ id }) => id === chosen) : vehicles;
+    for (const { id, home, route, fence, rally } of shown) {
       const faded = id === chosen ? "" : " faded";
       for (const area of fence.areas) {
         const options = { className: `${area.keep_in ? "keep-in" : "keep-out"}${fence.aboard ? "" : " not-aboard"}${faded}` };
@@ -157,31 +160,86 @@ export class VehiclesMap {
     return track;
   }
 
+  /** What is drawn of each vehicle, which moves with it. */
+  #drawn = new Map();
+
   /** Where the vehicles are; `moment`: of a recording. */
   drawVehicles(vehicles, chosen, moment) {
-    this.#moving.clearLayers();
-    for (const { id, position, motion, live, tail_number, looks_at } of vehicles) {
+    const there = new Set();
+    for (const vehicle of vehicles) {
+      const { id, position, live } = vehicle;
       if (!position) continue;
+      there.add(id);
       const at = [position[0], position[1]];
-      const faded = id === chosen ? "" : " faded";
-      L.polyline(this.#track(id, at, live, moment), { className: `track${faded}`, interactive: false }).addTo(this.#moving);
-      for (const seen of looks_at) {
-        const centre = [seen.centre[0], seen.centre[1]];
-        L.polyline([at, centre], { className: `sight${faded}`, interactive: false }).addTo(this.#moving);
-        marker(centre, `footprint${faded}`, "+", `centre of the image of station ${seen.station}`).addTo(this.#moving);
+      const dot = vehicles.length > MANY && id !== chosen;
+      let drawn = this.#drawn.get(id);
+      if (drawn?.dot !== dot) {
+        drawn?.layer.remove();
+        drawn = dot ? new Dot(id, this.#dots) : new Aircraft();
+        drawn.layer.addTo(this.#moving);
+        this.#drawn.set(id, drawn);
       }
-      const shape = marker(at, `aircraft${live ? "" : " stale"}${faded}`, "", `${tail_number || id}${live ? "" : ": no data"}`, 30);
-      shape.addTo(this.#moving);
-      const body = document.createElement("i");
-      body.textContent = motion.heading_deg === null ? "●" : "▲";
-      body.style.transform = `rotate(${motion.heading_deg ?? 0}deg)`;
-      const label = document.createElement("b");
-      label.textContent = tail_number || id;
-      shape.getElement().replaceChildren(body, label);
+      drawn.move(at, vehicle, id !== chosen, dot ? [] : this.#track(id, at, live, moment));
       if (!this.#placed && (this.#bounds === null || !this.#bounds.isValid())) {
         this.#placed = true;
         this.#map.setView(at, 16);
       }
+    }
+    for (const [id, { layer }] of this.#drawn) {
+      if (there.has(id)) continue;
+      layer.remove();
+      this.#drawn.delete(id);
+    }
+  }
+
+  #dots = L.canvas();
+}
+
+/** One of very many vehicles. */
+class Dot {
+  dot = true;
+
+  constructor(id, renderer) {
+    const color = getComputedStyle(document.documentElement).getPropertyValue("--track");
+    this.layer = L.circleMarker([0, 0], { renderer, radius: 3, color, weight: 1, fillOpacity: 0.6 }).bindTooltip(id);
+  }
+
+  move(at, { live }) {
+    this.layer.setLatLng(at);
+    this.layer.setStyle({ opacity: live ? 1 : 0.3 });
+  }
+}
+
+/** A vehicle with its track, its name and where its cameras look. */
+class Aircraft {
+  dot = false;
+  #track = L.polyline([], { className: "track", interactive: false });
+  #sights = L.layerGroup();
+  #marker = marker([0, 0], "aircraft", "", "", 30);
+  #body = document.createElement("i");
+  #label = document.createElement("b");
+
+  constructor() {
+    this.layer = L.layerGroup([this.#track, this.#sights, this.#marker]);
+    this.#marker.on("add", () => { this.#marker.getElement().replaceChildren(this.#body, this.#label); });
+  }
+
+  move(at, { id, motion, live, tail_number, looks_at }, faded, track) {
+    const name = tail_number || id;
+    this.#track.setLatLngs(track);
+    this.#marker.setLatLng(at);
+    const node = this.#marker.getElement();
+    node.title = node.ariaLabel = `${name}${live ? "" : ": no data"}`;
+    node.classList.toggle("stale", !live);
+    for (const each of [node, this.#track.getElement()]) each?.classList.toggle("faded", faded);
+    this.#body.textContent = motion.heading_deg === null ? "●" : "▲";
+    this.#body.style.transform = `rotate(${motion.heading_deg ?? 0}deg)`;
+    this.#label.textContent = name;
+    this.#sights.clearLayers();
+    for (const seen of looks_at) {
+      const centre = [seen.centre[0], seen.centre[1]];
+      L.polyline([at, centre], { className: `sight${faded ? " faded" : ""}`, interactive: false }).addTo(this.#sights);
+      marker(centre, `footprint${faded ? " faded" : ""}`, "+", `centre of the image of station ${seen.station}`).addTo(this.#sights);
     }
   }
 }

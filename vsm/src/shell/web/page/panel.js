@@ -141,7 +141,7 @@ export function drawVehicle(vehicle, recorded, control) {
 const byType = (all, names) =>
   counts(Object.fromEntries(Object.entries(all).map(([type, n]) => [`${type} ${names[type] ?? "unknown"}:`, n])));
 
-export function drawBridge(status) {
+export function drawBridge(status, vehicle) {
   by("vsm").textContent = status.vsm;
   items(by("warnings"), [
     ...status.warnings.map((text) => node("p", text, "bad")),
@@ -157,7 +157,7 @@ export function drawBridge(status) {
     ["received by type", byType(status.received, status.message_names)],
     ["sent by type", byType(status.sent, status.message_names)],
     ["refused", counts(status.refused)],
-    ...status.vehicles.map((one) => [`frames of ${one.tail_number || one.id}`, counts(one.link.frames)]),
+    [`frames of ${vehicle.tail_number || vehicle.id}`, counts(vehicle.link.frames)],
     ["up", `${Math.round(status.uptime_s)} s`],
   ]);
 }
