@@ -11,7 +11,9 @@
 A message is a dictionary, the same that `vsm decode` prints. Of Editions 3 and 4: `id`, `source`, `destination`, `fields`
 and, where they are not False, 32 and 0, `ack`, `idd` (30 to 32) and `checksum` (style 0 to 3). Of Edition 2.5: `id`, `idd`
 (the text of its wrapper, "2.5"), `instance` and `fields`, among which are sender and receiver. Fields have the names of the
-table, in SI units, enumerations by their text; with `raw=True` the integers of the wire. A field that is not sent is not
+table, in SI units, enumerations by their text, bitmaps as lists of texts (`["LOI 2", "LOI 4"]`); with `raw=True` the integers
+of the wire. Ids may be given as text or as integers everywhere; `decode` gives integers, unsigned for source and destination,
+signed in fields (-1 is broadcast, "ff:ff:ff:ff"). A field that is not sent is not
 in the dictionary. JSON has no NaN: it is the text "NaN", infinities "Infinity" and "-Infinity".
 """
 import json

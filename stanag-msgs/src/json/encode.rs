@@ -337,6 +337,17 @@ fn number(field: &FieldInfo, value: &Value, raw: bool) -> Result<i64, JsonError>
             }
             steps as i64
         }
+        _ if field.identification && value.is_string() => {
+            let id = value.as_str().and_then(|text| text.parse::<Id>().ok());
+            let id = id.ok_or_else(|| {
+                JsonError::value(
+                    field.name,
+                    value,
+                    "an id such as 1b:00:00:01, or an integer",
+                )
+            })?;
+            i64::from(id.0.cast_signed())
+        }
         _ => integer_of(value).ok_or_else(|| JsonError::value(field.name, value, "an integer"))?,
     };
     if !(bounds.0..=bounds.1).contains(&number) {

@@ -18,6 +18,35 @@ fn message(id: u16, fields: Value) -> Value {
 }
 
 #[test]
+fn an_id_among_the_fields_may_be_text() {
+    let request = |id: Value| message(1, json!({ "Time Stamp": 1, "VSM ID": id }));
+    assert_eq!(
+        encode(&request(json!("ff:ff:ff:ff")), false),
+        encode(&request(json!(-1)), false)
+    );
+    assert_eq!(
+        encode(&request(json!("1b:00:00:01")), false),
+        encode(&request(json!(0x1b00_0001)), false)
+    );
+    let ed25 = |id: Value| {
+        let fields = json!({ "Time Stamp": 1.0, "Vehicle ID": id, "CUCS ID": "1b:00:00:b0" });
+        json!({ "id": 1, "idd": "2.5", "instance": 1, "fields": fields })
+    };
+    assert_eq!(
+        encode(&ed25(json!("ff:00:00:00")), false),
+        encode(&ed25(json!(-0x0100_0000)), false)
+    );
+    assert!(refuse(&ed25(json!("vehicle")), false).contains("Vehicle ID"));
+    for wrong in ["1b:00:00", "", "vehicle"] {
+        let why = refuse(&request(json!(wrong)), false);
+        assert!(
+            why.contains("VSM ID") && why.contains("an id such as 1b:00:00:01"),
+            "{why}"
+        );
+    }
+}
+
+#[test]
 fn a_message_is_printed_in_units_or_raw() {
     let command = message(
         2016,

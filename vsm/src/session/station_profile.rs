@@ -86,11 +86,6 @@ impl StationProfile {
         };
     }
 
-    /// Whether it may send in this edition: in any, unless the configuration names one.
-    pub(crate) fn may_speak(&self, edition: Edition) -> bool {
-        self.edition.is_none_or(|configured| configured == edition)
-    }
-
     /// The edition that it is answered in.
     pub(crate) fn edition(&self) -> Edition {
         let spoken = || self.spoken.map(|(idd, _)| Edition::of_idd(idd));
@@ -307,7 +302,6 @@ mod tests {
     #[test]
     fn what_the_configuration_names_is_kept() {
         let mut fixed = profile("edition = \"3\"\nchecksum = \"sum32\"");
-        assert!(fixed.may_speak(Edition::Ed3) && !fixed.may_speak(Edition::Ed4));
         assert_eq!(fixed.envelope(VSM, CUCS).idd, 30);
         fixed.note(&header(30, ChecksumStyle::None));
         assert_eq!(fixed.envelope(VSM, CUCS).checksum, ChecksumStyle::Sum32);

@@ -675,7 +675,8 @@ fn a_group_that_was_joined_on_the_wrong_interface_is_named() {
 
     let right = IpAddr::from(Ipv4Addr::LOCALHOST);
     let keys = format!("multicast = \"{group}\"\ninterface = \"{right}\"");
-    let mut place = Place::new(&keys, "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2]\n");
+    let station = "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2]\naddress = \"127.0.0.1\"\n";
+    let mut place = Place::new(&keys, station);
     place.start();
     assert_eq!(place.findings(&[]), []);
 }

@@ -193,7 +193,7 @@ fn ed25_page() -> String {
         "# Edition 2.5\n\n{GENERATED}\n\n\
          All messages of Edition 2.5 (February 2007), from its public text: clause and table are those of its Appendix B1.\n\
          Every field is always sent, in the order of its number. `vsm decode` and `vsm encode` read and write them\n\
-         (`\"idd\": \"2.5\"`), the Wireshark dissector shows them; the bridge does not serve a CUCS of this edition yet.\n\
+         (`\"idd\": \"2.5\"`), the Wireshark dissector shows them; [how the bridge serves such a CUCS](../../guide/connecting-a-cucs.md#stations-of-edition-25-and-edition-3).\n\
          The last column has the field of Edition 4 that holds the same, where one is known.\n\n\
          | type | message | from | LOI | bytes | Edition 4 |\n|---|---|---|---|---|---|\n"
     );

@@ -250,11 +250,13 @@ fn session(
         };
         let mut stop = pin!(stop);
         if let Some(page) = page {
-            story.tell(format!("the operator's page: http://{page}/"));
+            story.tell(format!(
+                "the operator's page: http://{page}/ (the demo flies by itself first, then it is yours)"
+            ));
             // Behind the #, so that it is sent to nobody; the page takes it out of its address. A key that is kept belongs into no link.
             let mouse = mouse_link(&world, page);
             story.tell(format!(
-                "to fly it with the mouse: {mouse} (a key of this demo alone)"
+                "to fly it with the mouse, at once by taking it from the demo: {mouse} (a key of this demo alone)"
             ));
         }
         let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;

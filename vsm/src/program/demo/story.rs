@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use cucs::{Session, Station};
+use cucs::{Session, Station, Vehicle};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
 
@@ -69,12 +69,26 @@ pub(super) async fn await_mode(
     mode: Mode,
     what: &str,
 ) -> anyhow::Result<()> {
-    let reached = |session: &Session| {
+    await_state(station, vehicle, what, |state| state.mode() == Some(mode)).await
+}
+
+/// What the vehicle reports, while this station controls it.
+async fn await_state(
+    station: &mut Station,
+    vehicle: Id,
+    what: &str,
+    reached: impl Fn(&Vehicle) -> bool,
+) -> anyhow::Result<()> {
+    let controls = |state: &Vehicle| state.granted().contains(LoiBitmap::LOI4);
+    let ended = |session: &Session| {
         session
             .vehicle(vehicle)
-            .is_some_and(|v| v.mode() == Some(mode))
+            .is_some_and(|state| reached(state) || !controls(state))
     };
-    Ok(station.wait_until(what, FLIGHT_WITHIN, reached).await?)
+    station.wait_until(what, FLIGHT_WITHIN, ended).await?;
+    let kept = station.vehicle(vehicle).is_some_and(controls);
+    anyhow::ensure!(kept, "another ground station has taken control");
+    Ok(())
 }
 
 pub(super) async fn await_waypoint(
@@ -83,13 +97,9 @@ pub(super) async fn await_waypoint(
     vehicle: Id,
     number: u16,
 ) -> anyhow::Result<()> {
-    let what = format!("the vehicle to fly to waypoint {number}");
-    let reached = |session: &Session| {
-        session
-            .vehicle(vehicle)
-            .is_some_and(|v| v.to_waypoint() == Some(number))
-    };
-    station.wait_until(&what, FLIGHT_WITHIN, reached).await?;
+    let what = format!("leg to waypoint {number}");
+    let reached = |state: &Vehicle| state.to_waypoint() == Some(number);
+    await_state(station, vehicle, &what, reached).await?;
     let from = station
         .vehicle(vehicle)
         .and_then(|v| v.from_waypoint())

@@ -130,7 +130,7 @@ impl AuthorityMachine {
             Some(RequestedAccess::Relinquish) if origin.ack_requested && holds_something() => {
                 "nothing is released: name the levels, or send it to the vehicle"
             }
-            Some(RequestedAccess::Request | RequestedAccess::Override) => {
+            Some(RequestedAccess::Request | RequestedAccess::Override) if named => {
                 "rights must be requested from a single vehicle"
             }
             Some(RequestedAccess::Unknown(_)) if named => {

@@ -122,8 +122,8 @@ impl Bridge {
                     return self.counters.count("over the station's rate");
                 }
                 if !self.may_speak(now.mono, index, false) {
-                    let why = Barred::ChangedEdition(edition);
-                    return self.note_barred(now, from, &frame.header, &why);
+                    let why = Barred::ChangedEdition;
+                    return self.note_barred(now, from, &frame.header, edition, &why);
                 }
                 self.evidence.note_good(frame.header.source, from);
                 let station = &mut self.stations[index];
@@ -144,7 +144,7 @@ impl Bridge {
                 }
                 self.asker = None;
             }
-            Err(why) => self.note_barred(now, from, &frame.header, &why),
+            Err(why) => self.note_barred(now, from, &frame.header, edition, &why),
         }
     }
 
@@ -162,10 +162,11 @@ impl Bridge {
         now: Now,
         from: SocketAddr,
         header: &Header,
+        edition: Edition,
         why: &Barred,
     ) {
         self.counters.count(why.name());
-        if let Some(fault) = why.fault(header) {
+        if let Some(fault) = why.fault(header, edition) {
             self.evidence.note(now.mono, from, fault);
         }
     }
@@ -339,8 +340,8 @@ impl Bridge {
         if let Some(expected) = station.config.address.filter(|one| *one != from.ip()) {
             return Err(Barred::Address(expected));
         }
-        if !station.profile.may_speak(edition) {
-            return Err(Barred::Edition(edition));
+        if let Some(only) = station.config.edition.filter(|only| *only != edition) {
+            return Err(Barred::Edition(only));
         }
         if to_us {
             Ok(index)
@@ -449,10 +450,10 @@ pub(super) enum Barred {
     OtherSender,
     /// Listed with another address, this one.
     Address(IpAddr),
-    /// Listed with another edition than this one, which it speaks here.
+    /// Listed with this edition, and it came in another.
     Edition(Edition),
-    /// It has spoken in another edition than this one, not long ago.
-    ChangedEdition(Edition),
+    /// It has spoken in another edition, not long ago.
+    ChangedEdition,
     /// For nobody here; of a station that is known to speak to us, too, or not.
     Misaddressed { known: bool },
 }
@@ -468,24 +469,22 @@ impl Barred {
             Barred::OtherSender => "guard: the source is not the sender",
             Barred::Address(_) => UNAUTHORISED_ADDRESS,
             Barred::Edition(_) => "another edition than configured",
-            Barred::ChangedEdition(_) => "another edition",
+            Barred::ChangedEdition => "another edition",
             Barred::Misaddressed { .. } => "misaddressed",
         }
     }
 
     /// What is worth a finding. A group is shared with other VSMs and their stations: what is for them is no fault.
-    fn fault(&self, header: &Header) -> Option<Fault> {
+    fn fault(&self, header: &Header, edition: Edition) -> Option<Fault> {
         match *self {
-            Barred::Source { to_us: true } => Some(Fault::NotListed(
-                header.source,
-                Edition::of_idd(header.idd),
-                header.checksum,
-            )),
+            Barred::Source { to_us: true } => {
+                Some(Fault::NotListed(header.source, edition, header.checksum))
+            }
             Barred::Unguarded => Some(Fault::Guard(header.source, UNGUARDED)),
             Barred::OfWeb => Some(Fault::Web(header.source, DATAGRAM_OF_WEB)),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
-            Barred::Edition(edition) => Some(Fault::OtherEdition(header.source, edition)),
-            Barred::ChangedEdition(edition) => Some(Fault::ChangedEdition(header.source, edition)),
+            Barred::Edition(only) => Some(Fault::OtherEdition(header.source, edition, only)),
+            Barred::ChangedEdition => Some(Fault::ChangedEdition(header.source, edition)),
             Barred::Misaddressed { known: false } => {
                 Some(Fault::Misaddressed(header.source, header.destination))
             }

@@ -80,8 +80,8 @@ impl Bridge {
                     return self.counters.count("over the station's rate");
                 }
                 if !self.may_speak(now.mono, index, true) {
-                    let why = Barred::ChangedEdition(Edition::Ed25);
-                    return self.note_barred(now, from, &header, &why);
+                    let why = Barred::ChangedEdition;
+                    return self.note_barred(now, from, &header, Edition::Ed25, &why);
                 }
                 self.evidence.note_good(header.source, from);
                 self.asker = Some(index);
@@ -96,7 +96,7 @@ impl Bridge {
                 }
                 self.asker = None;
             }
-            Err(why) => self.note_barred(now, from, &header, &why),
+            Err(why) => self.note_barred(now, from, &header, Edition::Ed25, &why),
         }
     }
 

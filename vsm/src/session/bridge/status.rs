@@ -369,7 +369,9 @@ impl Bridge {
                 .received
                 .map(|at| now.saturating_sub(at).as_secs_f64()),
             profile: match station.spoken {
-                Some((true, _)) => vec!["edition = \"2.5\"".to_owned()],
+                Some((true, _)) if station.config.edition.is_none() => {
+                    vec!["edition = \"2.5\"".to_owned()]
+                }
                 _ => station.profile.lines(),
             },
         });

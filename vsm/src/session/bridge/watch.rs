@@ -33,11 +33,14 @@ impl Bridge {
         found.extend(findings::clock(wall.as_secs(), before, far_ahead));
         self.evidence.judge(mono, self.group, &mut found);
         found.extend(self.access_findings());
-        for station in self
-            .stations
-            .iter()
-            .filter(|one| one.proven && !one.removed)
-        {
+        let listed = self.stations.iter().enumerate();
+        for (index, station) in listed.filter(|(_, one)| !one.removed) {
+            if let Some((at, current)) = self.paths.unproven(mono, index) {
+                found.push(dli::unproven(station.id(), at, current));
+            }
+            if !station.proven {
+                continue;
+            }
             let speaks = |at| mono.saturating_sub(at) < SPEAKS;
             if let Some(ahead) = station.clock.off_ms()
                 && station.received.is_some_and(speaks)

@@ -22,8 +22,8 @@ pub(crate) enum Fault {
     NotListed(Id, Edition, ChecksumStyle),
     /// Its source is listed with another address.
     Address(Id, IpAddr),
-    /// Its source is listed with another edition than this one, in which it came.
-    OtherEdition(Id, Edition),
+    /// Its source came in this edition, and is listed with this other one.
+    OtherEdition(Id, Edition, Edition),
     /// Its source has spoken in another edition than this one until now, and it is not long enough since.
     ChangedEdition(Id, Edition),
     /// Its source has a guard, which it did not come from: by this counter.
@@ -164,7 +164,7 @@ impl Seen {
         match (self.fault, fault) {
             (Fault::NotListed(one, ..), Fault::NotListed(other, ..))
             | (Fault::Address(one, _), Fault::Address(other, _))
-            | (Fault::OtherEdition(one, _), Fault::OtherEdition(other, _))
+            | (Fault::OtherEdition(one, ..), Fault::OtherEdition(other, ..))
             | (Fault::ChangedEdition(one, _), Fault::ChangedEdition(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
             // A forger's one reason hides no other, which may be an honest guard's.
@@ -246,7 +246,7 @@ impl DliEvidence {
         self.seen.retain(|one| match one.fault {
             Fault::NotListed(id, ..)
             | Fault::Address(id, _)
-            | Fault::OtherEdition(id, _)
+            | Fault::OtherEdition(id, ..)
             | Fault::ChangedEdition(id, _)
             | Fault::Misaddressed(id, _) => id != source,
             // A forger's beside its own: shown as long as it lasts.
@@ -298,6 +298,27 @@ pub(crate) fn elsewhere(group: SocketAddr, interface: IpAddr, from: SocketAddr) 
         ),
         format!("set dli.interface = \"{interface}\""),
     )
+}
+
+/// What a station sends from an address at which it has proved nothing for a while; where it is sent to meanwhile.
+pub(crate) fn unproven(station: Id, at: SocketAddr, current: Option<SocketAddr>) -> Finding {
+    let (cause, or) = match current {
+        Some(current) => (
+            format!("what it sends is held back, and answers go to {current}"),
+            "; where it has not moved, somebody else uses its id",
+        ),
+        None => ("it is sent at most three times its bytes".to_owned(), ""),
+    };
+    let mut finding = Finding::new(
+        Code::CucsUnproven,
+        station,
+        format!("CUCS {station} sends from {at}, and has not proved to be there: {cause}"),
+        format!(
+            "let it answer our heartbeats (16002 by 17000, in Edition 2.5 #1403 by #1400), or give its [[cucs]] an address{or}"
+        ),
+    );
+    finding.key = station.0;
+    finding
 }
 
 /// The clock of a station that is off from this computer's, by its stamps.
@@ -352,17 +373,23 @@ fn finding(one: &Seen) -> Finding {
         finding
     };
     match one.fault {
-        Fault::NotListed(id, edition, style) => of_cucs(
-            Code::CucsNotListed,
-            id,
-            format!("sends from {ip}, but is not listed"),
-            format!(
-                "to let it in, add [[cucs]] with id = \"{id}\" and the LOI that it may have, such as loi = [2]; as it speaks \
-                 now, edition = \"{}\" and checksum = \"{}\" fit, which need no line",
-                edition.text(),
-                Checksum(style).text()
-            ),
-        ),
+        Fault::NotListed(id, edition, style) => {
+            // In Edition 2.5 nothing but the edition can be set.
+            let checksum = match edition {
+                Edition::Ed25 => String::new(),
+                _ => format!(" and checksum = \"{}\"", Checksum(style).text()),
+            };
+            of_cucs(
+                Code::CucsNotListed,
+                id,
+                format!("sends from {ip}, but is not listed"),
+                format!(
+                    "to let it in, add [[cucs]] with id = \"{id}\" and the LOI that it may have, such as loi = [2]; as it speaks \
+                     now, edition = \"{}\"{checksum} would fit, and needs no line",
+                    edition.text(),
+                ),
+            )
+        }
         Fault::Address(id, expected) => of_cucs(
             Code::CucsAddress,
             id,
@@ -393,10 +420,14 @@ fn finding(one: &Seen) -> Finding {
             finding.key = key_of(id, why);
             finding
         }
-        Fault::OtherEdition(id, edition) => of_cucs(
+        Fault::OtherEdition(id, edition, only) => of_cucs(
             Code::DliEdition,
             id,
-            format!("sends in Edition {} from {ip}, but is configured with another", edition.text()),
+            format!(
+                "sends in Edition {} from {ip}, but is configured with edition = \"{}\"",
+                edition.text(),
+                only.text()
+            ),
             format!(
                 "if it speaks that, set edition = \"{}\" in its [[cucs]], or leave the key out; if not, somebody else uses \
                  its id",
@@ -407,10 +438,10 @@ fn finding(one: &Seen) -> Finding {
             Code::DliEdition,
             id,
             format!(
-                "sends in Edition {} from {ip}, but has spoken in another one here until now: that is dropped until {} s after its last \
-                 message in that one",
-                edition.text(),
-                EDITION_CHANGES_AFTER.as_secs()
+                "sends in Edition {new} from {ip}, and spoke another edition here until now: what comes in Edition {new} is dropped \
+                 until {} s after its last message in the other",
+                EDITION_CHANGES_AFTER.as_secs(),
+                new = edition.text(),
             ),
             format!(
                 "if it has changed, wait; where it always speaks this one, set edition = \"{}\" in its [[cucs]]; if neither, \

@@ -31,6 +31,8 @@ pub enum Code {
     CucsGuard,
     /// A listed ground station sends to ids that are not here.
     CucsMisaddressed,
+    /// A listed ground station sends from where it has not proved to be.
+    CucsUnproven,
     /// The clock of a ground station differs from that of this computer.
     CucsClock,
     /// Datagrams with a checksum that is computed in another way.

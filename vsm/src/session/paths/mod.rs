@@ -164,6 +164,28 @@ impl Paths {
         current.is_some_and(|path| path.trusted || path.proven.is_some())
     }
 
+    /// From where a station has sent for a while, and still does, without a proof; and where it is sent to, if elsewhere.
+    pub(crate) fn unproven(
+        &self,
+        now: Duration,
+        index: usize,
+    ) -> Option<(SocketAddr, Option<SocketAddr>)> {
+        let station = self.stations.get(index)?;
+        let current = station.current.as_ref();
+        let stays = |path: &&Path| {
+            !path.trusted
+                && path.proven.is_none()
+                && path.first + UNPROVEN_FOR <= now
+                && path.seen + QUIET > now
+        };
+        let elsewhere = station.candidates.iter().find(stays);
+        let of_candidate = |path: &Path| (path.address, current.map(|path| path.address));
+        let of_current = |path: &Path| (path.address, None);
+        elsewhere
+            .map(of_candidate)
+            .or_else(|| current.filter(stays).map(of_current))
+    }
+
     /// Whether the last that came in a station's name was of Edition 2.5: where that came from is asked in it.
     pub(crate) fn asks_in_ed25(&self, index: usize) -> bool {
         self.stations.get(index).is_some_and(|one| one.ed25)
@@ -478,6 +500,8 @@ impl Path {
 
 /// Of a station that never proves anything the old address must have been silent for this long before it moves.
 const QUIET: Duration = Duration::from_secs(3);
+/// Who has not proved an address for so long is missing something that others send.
+const UNPROVEN_FOR: Duration = Duration::from_secs(5);
 /// Between two questions to an address, at first.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 /// Addresses beside the current one, and messages held back of each.

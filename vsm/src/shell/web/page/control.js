@@ -4,7 +4,7 @@
 import { confirmed } from "./confirm.js";
 import { Drawing } from "./drawing.js";
 import * as messages from "./messages.js";
-import { showNext } from "./next.js";
+import { begins, showNext } from "./next.js";
 import { ControlSocket, importKey } from "./socket.js";
 import { altitudeIn, altitudeUnit, height, time } from "./units.js";
 
@@ -22,6 +22,10 @@ export class Control {
   #chosen;
   #socket = null;
   #own = null;
+  /** The key that was used last, which no script can read: who connects again as the same station needs not give it again. */
+  #key = null;
+  /** It is this page that ends the connection. */
+  #leaves = false;
   #vsm = null;
   #loi = [];
   #beat = null;
@@ -49,7 +53,12 @@ export class Control {
       this.#connect();
     });
     const on = (id, act) => by(id).addEventListener("click", act);
-    on("disconnect", () => this.#socket?.close());
+    on("disconnect", () => {
+      this.#leaves = true;
+      this.#socket?.close();
+    });
+    for (const [field, button] of [["launch-altitude", "launch"], ["fly-from", "fly"]])
+      by(field).addEventListener("keydown", ({ key }) => { if (key === "Enter") by(button).click(); });
     on("take", () => this.#take());
     on("release", () => this.#release());
     on("send-drawn", () => this.#sendDrawn());
@@ -94,9 +103,12 @@ export class Control {
     by("station").hidden = !connected;
     for (const unit of document.querySelectorAll(".altitude-unit")) set(unit, altitudeUnit());
     if (vehicle) {
-      const { unsent: drawn, listening: drawing } = this.#drawing;
-      const aboard = route !== undefined && route !== null && route.aboard !== false;
-      showNext({ connected, own: this.#own, vehicle, drawing, drawn, route: aboard });
+      const { unsent: drawn, listening: drawing, points } = this.#drawing;
+      showNext({
+        connected, own: this.#own, vehicle, drawing, drawn, points: points.length, fault: this.#drawing.fault(),
+        route: Boolean(route) && route.aboard !== false, altitude: altitudeIn(by("launch-altitude")),
+      });
+      this.#drawing.refresh();
     }
     if (!connected || !vehicle) return;
     const held = vehicle.holders.find((one) => one.id === this.#own);
@@ -113,7 +125,8 @@ export class Control {
     this.#say("connecting", "");
     try {
       const file = by("key-file").files[0];
-      const key = await importKey(file ? await file.text() : by("key").value);
+      const typed = file ? await file.text() : by("key").value;
+      const key = typed === "" && id === this.#own && this.#key ? this.#key : await importKey(typed);
       [this.#socket, { vsm: this.#vsm, loi: this.#loi }] = await ControlSocket.open(id, key, (body) => this.#taken(body), (why) => this.#ended(why));
     } catch (fault) {
       this.#say(`not connected: ${fault.message ?? fault}`, "bad");
@@ -122,7 +135,7 @@ export class Control {
     // The key is in the hands of the browser now: it is not kept where it was typed.
     by("sign-in").reset();
     by("station-id").value = id;
-    this.#own = id;
+    [this.#own, this.#key, this.#leaves] = [id, key, false];
     set(by("station-name"), id);
     this.#sayConnected();
     this.#beat = new Worker("page/beat.js");
@@ -140,7 +153,8 @@ export class Control {
     this.#asked.clear();
     for (const one of this.#commands) if (one.state === "sent") Object.assign(one, { state: "not answered: the connection has ended", kind: "bad" });
     this.#drawCommands();
-    this.#say(why ? `disconnected: ${why}` : "disconnected", why ? "bad" : "");
+    if (this.#leaves) this.#say("disconnected; to be the same station again, press Connect", "");
+    else this.#say(why ? `disconnected: ${why}` : "disconnected", why ? "bad" : "");
     this.draw();
   }
 
@@ -150,6 +164,7 @@ export class Control {
 
   #say(text, kind) {
     set(by("control-state"), text);
+    by("control-state").title = text;
     by("control-state").className = kind;
   }
 
@@ -189,6 +204,8 @@ export class Control {
 
   #launch() {
     const heightM = this.#altitude("launch-altitude");
+    const { id } = this.#chosen() ?? {};
+    if (heightM !== null && this.#chosen()?.on_ground === true) begins(id);
     if (heightM !== null) this.#ask(`launch to ${height(heightM)} above home`, "Launch", ({ id }) => messages.launch(id, heightM));
   }
 

@@ -20,16 +20,17 @@ export class Drawing {
     by("draw").addEventListener("click", () => this.#listen(!this.#listening));
     by("draw-middle").addEventListener("click", () => this.#add(this.#map.middle()));
     by("draw-clear").addEventListener("click", () => this.clear());
-    // What a point was not given it has from the route.
-    by("route-altitude").addEventListener("change", () => {
-      const heightM = altitudeIn(by("route-altitude"));
-      for (const point of this.#points) point.heightM ??= heightM;
-      this.#show();
+    // What a point was not given it has from the route, as long as it is given there.
+    by("route-altitude").addEventListener("input", () => {
+      this.#sent = false;
+      this.refresh();
+      this.#changed();
     });
   }
 
   get points() {
-    return this.#points;
+    const ofRoute = altitudeIn(by("route-altitude"));
+    return this.#points.map((point) => ({ ...point, heightM: point.heightM ?? ofRoute }));
   }
 
   /** Points that were not sent as they are. */
@@ -42,6 +43,16 @@ export class Drawing {
     return this.#listening;
   }
 
+  /** The altitude of the route stands in the fields of the points that have it. */
+  refresh() {
+    const ofRoute = altitudeIn(by("route-altitude"));
+    const text = ofRoute === null ? "" : inAltitude(ofRoute);
+    for (const input of by("draft").querySelectorAll("input")) {
+      input.placeholder = text;
+      input.required = text === "";
+    }
+  }
+
   sent() {
     this.#sent = true;
     this.#changed();
@@ -50,8 +61,8 @@ export class Drawing {
   /** Why the route cannot be sent yet; null where it can. */
   fault() {
     if (this.#points.length < 2) return "a route has two points or more: click on the map";
-    const bare = this.#points.findIndex(({ heightM }) => heightM === null);
-    return bare < 0 ? null : `point ${bare + 1} has no altitude`;
+    const bare = this.points.findIndex(({ heightM }) => heightM === null);
+    return bare < 0 ? null : `point ${bare + 1} has no altitude: give the route's, or its own`;
   }
 
   /** Leads to what is missing: the altitude of the route, or of a point where that is given. */
@@ -72,13 +83,18 @@ export class Drawing {
 
   #listen(on) {
     this.#listening = on;
+    if (on) {
+      // What was sent is flown: what is drawn now is another route.
+      if (this.#sent) this.clear();
+      by("map").scrollIntoView({ block: "nearest" });
+    }
     by("draw").setAttribute("aria-pressed", String(on));
     this.#map.onClick(on ? (at) => this.#add(at) : null);
     this.#changed();
   }
 
   #add(at) {
-    this.#points.push({ at, heightM: altitudeIn(by("route-altitude")), speedMs: null });
+    this.#points.push({ at, heightM: null, speedMs: null });
     this.#show();
   }
 
@@ -93,7 +109,6 @@ export class Drawing {
       input.type = "number";
       input.className = "altitude";
       input.step = "any";
-      input.required = true;
       input.value = point.heightM === null ? "" : inAltitude(point.heightM);
       input.addEventListener("change", () => {
         point.heightM = altitudeIn(input);
@@ -118,6 +133,7 @@ export class Drawing {
       return row;
     });
     by("draft").replaceChildren(...rows);
+    this.refresh();
     this.#changed();
   }
 }

@@ -215,7 +215,7 @@ class Aircraft {
   dot = false;
   #track = L.polyline([], { className: "track", interactive: false });
   #sights = L.layerGroup();
-  #marker = marker([0, 0], "aircraft", "", "", 30);
+  #marker = marker([0, 0], "aircraft", "", "", 30).setZIndexOffset(1000);
   #body = document.createElement("i");
   #label = document.createElement("b");
 

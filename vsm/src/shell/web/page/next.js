@@ -1,44 +1,69 @@
-// What an operator would do next, by what the bridge reports: a line beside the state, and the button for it marked. It suggests, and
+// What an operator would do next, by what the bridge reports: a line beside the state, and the button or field for it marked. It suggests, and
 // commands nothing; what may be done is decided by the bridge.
 
-/** Vehicles that have flown a route since their last landing. */
-const flew = new Set();
+/** What was seen of a vehicle since it was last on the ground, or of its last flight. */
+const seen = new Map();
 
-/** What is to be kept in mind between two looks: whether the vehicle has flown its route. */
-function watch(vehicle) {
-  if (vehicle.on_ground === true) flew.delete(vehicle.id);
-  else if (vehicle.flies_to !== null) flew.add(vehicle.id);
+/** What is to be kept in mind between two looks: whether the vehicle has flown, and its route. */
+function watch({ id, on_ground, flies_to }) {
+  const known = seen.get(id) ?? { flew: false, route: false };
+  seen.set(id, known);
+  if (on_ground === false) known.flew = true;
+  if (flies_to !== null) known.route = true;
+  return known;
 }
 
-/** `[id of a button or null, what to do]`. `drawn`: points that were not sent yet; `route`: the vehicle has one. */
-export function nextStep({ connected, own, vehicle, drawing, drawn, route }) {
+/** Another flight begins. */
+export function begins(id) {
+  seen.delete(id);
+}
+
+/** `[id of a button or a field, or null; what to do]`. `drawn`: points that were not sent yet, `fault`: why they cannot be; `route`: the vehicle has one. */
+export function nextStep({ connected, own, vehicle, drawing, drawn, fault, route, altitude }) {
   if (!connected) return ["connect", "connect as a ground station"];
-  watch(vehicle);
-  if (vehicle.controller !== own)
-    return ["take", vehicle.controller ? `take control: ${vehicle.controller} has it, and is asked, or overridden where "even from who has it" is ticked` : "take control"];
+  const { flew, route: flown } = watch(vehicle);
+  const { controller, on_ground, flies_to, mode } = vehicle;
+  if (controller !== own)
+    return controller ? ["override", `${controller} controls it: wait for it, or tick this and take control`] : ["take", "take control"];
   if (drawing && drawn < 2) return [null, "click on the map where the route leads, at least twice"];
-  if (drawn >= 2) return ["send-drawn", drawing ? "click on, or send the drawn route" : "send the drawn route"];
-  if (vehicle.on_ground === true)
-    return route ? ["launch", "launch: give an altitude above home first"] : ["draw", "draw a route, or drop a file of one on the map"];
-  if (vehicle.on_ground !== false) return [null, "wait until the vehicle says whether it flies"];
-  if (vehicle.flies_to !== null) return [null, `it flies to waypoint ${vehicle.flies_to}: watch it, hold it, or land it`];
-  if (route && !flew.has(vehicle.id)) return ["fly", "fly the route"];
-  return ["land", "land it, or fly on"];
+  if (drawn >= 2) return fault ? ["route-altitude", fault] : ["send-drawn", drawing ? "click further points, or send the drawn route" : "send the drawn route"];
+  if (on_ground === true && flew) return ["release", "it is down: release it, or launch again"];
+  if (on_ground === true && !route) return ["draw", "draw a route, drop a file of one on the map, or launch without"];
+  if (on_ground === true) return altitude === null ? ["launch-altitude", "give an altitude above home to launch to"] : ["launch", "launch it"];
+  if (on_ground !== false) return [null, "wait until the vehicle says whether it flies"];
+  if (mode === "AUTO.TAKEOFF") return [null, "it climbs: wait"];
+  if (mode === "AUTO.LAND" || mode === "AUTO.PRECLAND") return [null, "it lands: wait"];
+  if (flies_to !== null) return [null, `it flies to waypoint ${flies_to}: watch it, hold it, or land it`];
+  return route && !flown ? ["fly", "fly the route"] : ["land", "land it, or fly the route again"];
 }
 
-/** What only who controls the vehicle does. */
-const OF_CONTROL = ["launch", "fly", "hold", "land", "loiter", "loiter-middle", "send-drawn"];
+const yes = () => true;
+/** What makes no sense now is dashed, with the reason; it may be pressed all the same, and the bridge decides. */
+const USEFUL = [
+  ["take", ({ vehicle, own }) => vehicle.controller !== own, "this station controls it"],
+  ["release", ({ vehicle, own }) => vehicle.holders.some(({ id }) => id === own), "this station holds no level"],
+  ["draw-clear", ({ points }) => points > 0, "nothing is drawn"],
+  ["launch", ({ vehicle }) => vehicle.on_ground !== false, "it flies", true],
+  ["fly", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground: launch it first", true],
+  ["hold", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
+  ["land", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
+  ["loiter", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
+  ["loiter-middle", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
+  ["send-drawn", ({ points }) => points > 1, "draw two points first", true],
+  ["draw", yes, "", true],
+];
 
 export function showNext(state) {
-  const [button, text] = nextStep(state);
+  const [target, text] = nextStep(state);
   const line = document.getElementById("next");
-  if (line.textContent !== `Next: ${text}`) line.textContent = `Next: ${text}`;
-  for (const marked of document.querySelectorAll("button.next")) if (marked.id !== button) marked.classList.remove("next");
-  if (button) document.getElementById(button).classList.add("next");
+  if (line.textContent !== `Next: ${text}`) line.textContent = line.title = `Next: ${text}`;
+  for (const marked of document.querySelectorAll(".next")) if (marked.id !== target) marked.classList.remove("next");
+  if (target) document.getElementById(target).classList.add("next");
   const controls = state.connected && state.vehicle.controller === state.own;
-  for (const id of OF_CONTROL) {
+  for (const [id, useful, why, ofControl] of USEFUL) {
     const one = document.getElementById(id);
-    one.classList.toggle("idle", !controls);
-    one.title = controls ? "" : "take control first";
+    const reason = ofControl && !controls ? "take control first" : useful(state) ? "" : why;
+    one.classList.toggle("idle", reason !== "");
+    if (one.title !== reason) one.title = reason;
   }
 }

@@ -95,7 +95,7 @@ export function drawVehicle(vehicle, recorded, control) {
   const ground = { true: "on the ground", false: "in the air", null: "unknown" }[vehicle.on_ground];
   const controller = vehicle.controller ? `${vehicle.controller} controls it` : "nobody controls it";
   const now = [vehicle.live ? vehicle.mode ?? "mode unknown" : "no data", armed, ground, `${height(motion.above_home_m)} above home`, controller].join(" · ");
-  if (by("now").textContent !== now) by("now").textContent = now;
+  if (by("now").textContent !== now) by("now").textContent = by("now").title = now;
   by("vehicle-title").textContent = `Vehicle ${vehicle.tail_number} (${vehicle.id})`;
   rows(by("vehicle"), [
     ["data", vehicle.live ? "live" : "no data: state unknown; what follows is the last that was received", vehicle.live ? "good" : "bad"],

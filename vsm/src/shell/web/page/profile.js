@@ -92,7 +92,8 @@ export function drawProfile(node, caption, route, vehicle) {
   const x = (m) => MARGIN.left + (m / length) * (WIDTH - MARGIN.left - MARGIN.right);
   const y = (m) => HEIGHT - MARGIN.bottom - ((m - low) / (high - low)) * (HEIGHT - MARGIN.top - MARGIN.bottom);
   const parts = [];
-  for (const m of [low + 5, high - 5]) {
+  // Where it is flat one line is enough: two texts would stand on each other.
+  for (const m of y(low + 5) - y(high - 5) > 16 ? [low + 5, high - 5] : [low + 5]) {
     parts.push(svg("line", { x1: MARGIN.left, x2: WIDTH - MARGIN.right, y1: y(m), y2: y(m), class: "grid" }));
     parts.push(svg("text", { x: MARGIN.left - 6, y: y(m) + 4, "text-anchor": "end" }, height(m)));
   }
