@@ -1,6 +1,7 @@
 //! The JSON form: what `vsm decode` prints and `vsm encode` reads.
 
 use serde_json::{Value, json};
+use stanag_msgs::ed25;
 use stanag_msgs::json::{decode_line, encode_line};
 
 fn encode(value: &Value, raw: bool) -> String {
@@ -28,8 +29,13 @@ fn an_id_among_the_fields_may_be_text() {
         encode(&request(json!("1b:00:00:01")), false),
         encode(&request(json!(0x1b00_0001)), false)
     );
+    // Every field is in a message of Edition 2.5.
+    let known = ed25::messages().find(|known| known.id == 1);
+    let fields = known.expect("#1").fields.iter();
+    let ones = fields.map(|field| (field.name.to_owned(), json!(1)));
     let ed25 = |id: Value| {
-        let fields = json!({ "Time Stamp": 1.0, "Vehicle ID": id, "CUCS ID": "1b:00:00:b0" });
+        let mut fields = serde_json::Map::from_iter(ones.clone());
+        fields.insert("Vehicle ID".to_owned(), id);
         json!({ "id": 1, "idd": "2.5", "instance": 1, "fields": fields })
     };
     assert_eq!(
