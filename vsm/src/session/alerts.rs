@@ -61,6 +61,8 @@ pub(crate) enum Cause {
     Termination,
     /// The vehicle's own checks keep it from being armed.
     ArmingChecks,
+    /// The vehicle reports where it is no more.
+    Unreported,
     /// A zeroize is armed or ordered.
     Zeroize,
     /// Something that the vehicle itself reports as wrong.
@@ -108,6 +110,13 @@ pub(crate) struct Alerts {
     silence: Option<Alert>,
     /// Which of those that stand a person has seen.
     acknowledged: Vec<Acknowledged>,
+    /// What happens once: of emergencies, and of the rest.
+    notices: [Allowance; 2],
+    left_out: u32,
+    /// What begins, changes and ends.
+    changes: Allowance,
+    /// What of that waits: a vehicle that flutters at the rate of its frames keeps no station from what others report.
+    late: Vec<Raised>,
 }
 
 /// An alert that a station has acknowledged.
@@ -175,7 +184,40 @@ impl Alerts {
             agl_sent: false,
             silence: None,
             acknowledged: Vec::new(),
+            notices: <[Allowance; 2]>::default(),
+            left_out: 0,
+            changes: Allowance::default(),
+            late: Vec::new(),
         }
+    }
+
+    /// What has begun, changed or ended, if it is sent now. What waits is sent as it stands then: of what has ended before
+    /// its beginning was sent nothing.
+    pub(crate) fn paced(&mut self, now: Duration, raised: Raised) -> Option<Raised> {
+        if let Some(at) = self
+            .late
+            .iter()
+            .position(|one| one.alert.id == raised.alert.id)
+        {
+            let first = self.late[at].first;
+            if first && raised.alert.priority == AlertPriority::Cleared {
+                self.late.remove(at);
+            } else {
+                self.late[at] = Raised { first, ..raised };
+            }
+            return None;
+        }
+        if self.late.is_empty() && self.changes.take(now, CHANGES) {
+            return Some(raised);
+        }
+        self.late.push(raised);
+        None
+    }
+
+    /// The next of what waits, once it may be sent.
+    pub(crate) fn next_late(&mut self, now: Duration) -> Option<Raised> {
+        let due = !self.late.is_empty() && self.changes.take(now, CHANGES);
+        due.then(|| self.late.remove(0))
     }
 
     /// Whether it is the first time that altitude type 2 (AGL) is flown as height above home.
@@ -270,7 +312,9 @@ impl Alerts {
     }
 
     /// Something that happened; `None` where the same text went out less than [`QUIET`] ago. Of many at once those
-    /// that ask for nothing are left out, never one that a person must act on.
+    /// that ask for nothing are left out first. Of a flood of others [`NOTICES`] are sent, emergencies by themselves, and the
+    /// next one says how many were not: a vehicle that sends thousands of texts must not use up what a station may be sent of
+    /// the others.
     pub(crate) fn notice(
         &mut self,
         now: Duration,
@@ -290,7 +334,16 @@ impl Alerts {
             let forgotten = self.lately.iter().position(lesser).unwrap_or(0);
             self.lately.remove(forgotten);
         }
+        let of = usize::from(priority != AlertPriority::Emergency);
+        if !self.notices[of].take(now, NOTICES) {
+            self.left_out += 1;
+            return None;
+        }
         self.lately.push((now, priority, text.clone()));
+        let text = match std::mem::take(&mut self.left_out) {
+            0 => text,
+            left_out => format!("{text} ({left_out} texts before it are not reported)"),
+        };
         Some(Raised {
             alert: Alert {
                 id: self.take_id(),
@@ -392,9 +445,11 @@ impl Alerts {
         Some((answered.to, raised))
     }
 
-    /// When the next answer is over.
+    /// When the next answer is over, or what waits may be sent.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
-        self.answers.front().map(|oldest| oldest.until)
+        let over = self.answers.front().map(|oldest| oldest.until);
+        let late = (!self.late.is_empty()).then(|| self.changes.next_at(CHANGES));
+        over.into_iter().chain(late).min()
     }
 
     fn was_said_lately(&mut self, now: Duration, priority: AlertPriority, text: &str) -> bool {
@@ -467,6 +522,16 @@ const REFUSALS: Rate = Rate {
     cost: Duration::from_millis(250),
     burst: Duration::from_secs(8),
 };
+/// Texts and events of one vehicle: eight a second, 240 at once.
+const NOTICES: Rate = Rate {
+    cost: Duration::from_millis(125),
+    burst: Duration::from_secs(30),
+};
+/// Alerts of one vehicle that begin, change or end: 20 a second, 200 at once.
+const CHANGES: Rate = Rate {
+    cost: Duration::from_millis(50),
+    burst: Duration::from_secs(10),
+};
 /// The answer to a command is shown for so long.
 const ANSWER_STANDS: Duration = Duration::from_secs(15);
 /// Answers that stand at once, at most: the oldest is cleared before its time.
@@ -511,6 +576,82 @@ mod tests {
             "and one".to_owned()
         ));
         assert_eq!(alerts.lately.len(), MAX_LATELY);
+    }
+
+    #[test]
+    fn of_a_flood_of_warnings_some_are_sent_and_the_next_one_counts_the_rest() {
+        let mut alerts = Alerts::new(0);
+        let mut sent = 0;
+        for n in 0..20_000_u32 {
+            let now = Duration::from_micros(500) * n;
+            let text = format!("warning {n}");
+            sent += u32::from(
+                alerts
+                    .notice(now, AlertPriority::Warning, SubsystemId::VsmStatus, text)
+                    .is_some(),
+            );
+        }
+        // In ten seconds.
+        assert!((240..=340).contains(&sent), "{sent}");
+        let later = Duration::from_secs(60);
+        let last = alerts.notice(
+            later,
+            AlertPriority::Warning,
+            SubsystemId::VsmStatus,
+            "the last".to_owned(),
+        );
+        let text = last.expect("it is sent").alert.text;
+        assert!(
+            text.starts_with("the last (") && text.ends_with(" texts before it are not reported)"),
+            "{text}"
+        );
+        // What is an emergency does not wait for the others.
+        let now = Duration::from_secs(10);
+        assert!(
+            alerts
+                .notice(
+                    now,
+                    AlertPriority::Emergency,
+                    SubsystemId::VsmStatus,
+                    "fire".to_owned()
+                )
+                .is_some()
+        );
+    }
+
+    #[test]
+    fn what_flutters_is_sent_at_a_rate_and_in_the_end_as_it_stands() {
+        let mut alerts = Alerts::new(0);
+        let (mut sent, mut shown) = (0, false);
+        let mut take = |raised: Option<Raised>| {
+            if let Some(raised) = raised {
+                sent += 1;
+                shown = raised.alert.priority != AlertPriority::Cleared;
+            }
+        };
+        for n in 0..10_001_u32 {
+            let now = Duration::from_millis(1) * n;
+            while let Some(late) = alerts.next_late(now) {
+                take(Some(late));
+            }
+            let raised = if n % 2 == 0 {
+                alerts.raise(
+                    Cause::Fence,
+                    AlertPriority::Warning,
+                    SubsystemId::Comms,
+                    format!("outside {n}"),
+                )
+            } else {
+                alerts.clear(Cause::Fence, "inside")
+            };
+            take(raised.and_then(|raised| alerts.paced(now, raised)));
+        }
+        assert_eq!(alerts.standing().count(), 1);
+        while let Some(due) = alerts.poll_timeout() {
+            take(alerts.next_late(due));
+        }
+        assert!(shown, "what stands was sent");
+        assert!((200..=420).contains(&sent), "{sent}");
     }
 
     #[test]

@@ -27,6 +27,11 @@ impl Allowance {
         self.full_at <= now
     }
 
+    /// When one can be taken out of it at the earliest.
+    pub(crate) fn next_at(&self, rate: Rate) -> Duration {
+        (self.full_at + rate.cost).saturating_sub(rate.burst)
+    }
+
     /// Takes one message out of it; false where there is none left.
     pub(crate) fn take(&mut self, now: Duration, rate: Rate) -> bool {
         let full_at = self.full_at.max(now) + rate.cost;

@@ -609,13 +609,27 @@ impl Effects<'_> {
         text: impl Into<String>,
     ) {
         let raised = self.alerts.raise(cause, priority, subsystem, text.into());
-        self.dli.alert(self.id, self.listeners, raised);
+        self.show(raised);
     }
 
     /// Clears an alert, where it stands.
     pub(crate) fn clear(&mut self, cause: Cause, text: &str) {
         let raised = self.alerts.clear(cause, text);
+        self.show(raised);
+    }
+
+    /// Sends what has begun, changed or ended, now or once it may.
+    fn show(&mut self, raised: Option<Raised>) {
+        let now = self.dli.now.mono;
+        let raised = raised.and_then(|raised| self.alerts.paced(now, raised));
         self.dli.alert(self.id, self.listeners, raised);
+    }
+
+    /// Sends what of that has waited long enough.
+    pub(crate) fn show_late(&mut self) {
+        while let Some(raised) = self.alerts.next_late(self.dli.now.mono) {
+            self.dli.alert(self.id, self.listeners, Some(raised));
+        }
     }
 
     /// Alerts of something that happened once.

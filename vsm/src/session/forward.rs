@@ -31,7 +31,7 @@ use stanag_msgs::Id;
 
 use super::counters::Counters;
 use super::link::frame::{OutFrame, Peer};
-use super::link::link_state_name;
+use super::link::{link_state_name, needed_every_us};
 use crate::config;
 use crate::relay_policy::{Denied, FILE_TRANSFER, Px4Now, RelayPolicy, reads_files};
 
@@ -380,15 +380,35 @@ fn command_of(frame: &FrameView<'_>) -> Option<u16> {
     carries.then(|| u16::from_le_bytes([byte(28), byte(29)]))
 }
 
-/// Whether a message asks the vehicle for something, and neither moves it nor changes what it will fly. What is not
-/// listed here is taken to.
+/// Whether a message asks the vehicle for something, and neither moves it nor changes what it will fly, nor takes away what
+/// the bridge flies by. What is not listed here is taken to.
 fn only_asks(frame: &FrameView<'_>) -> bool {
     match command_of(frame) {
+        Some(command) if command == MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16 => {
+            let payload = frame.payload();
+            let byte = |at: usize| payload.get(at).copied().unwrap_or(0);
+            let float = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|n| byte(at + n)));
+            leaves_the_bridge_its_own(float(0), float(4))
+        }
         Some(command) => ASKING_COMMANDS.contains(&command),
         None => ASKING_MESSAGES.contains(&frame.header().message_id),
     }
 }
 
+/// Whether a message may be sent at this interval, us: what the bridge needs no slower than it has asked for, and nothing so often that it fills
+/// the link. 0 is the vehicle's own rate, which may be none.
+fn leaves_the_bridge_its_own(message: f32, interval_us: f32) -> bool {
+    let is_known = |id: u32| f64::from(message) == f64::from(id);
+    let needed = needed_every_us().find(|(id, _)| is_known(*id));
+    let not_too_often = interval_us <= 0.0 || interval_us >= FASTEST_US;
+    match needed {
+        Some((_, longest_us)) => interval_us >= FASTEST_US && interval_us <= longest_us,
+        None => not_too_often,
+    }
+}
+
+/// 100 Hz.
+const FASTEST_US: f32 = 10_000.0;
 const HEARTBEAT: u32 = 0;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;

@@ -1,10 +1,12 @@
 //! A release is never passed over: to the vehicle, to the VSM or to everybody it is done, or refused with the reason.
 
+use std::time::Duration;
+
 use crate::scene::{A, B, CONTROL, Scene};
-use kit::bridge::{Ticket, VSM};
-use stanag_msgs::Id;
-use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
+use kit::bridge::{Ticket, VSM, orders, vehicle_id};
+use stanag_msgs::enums::{AckType, FlightPathControlMode, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{Id, Message};
 
 fn send(scene: &mut Scene, by: usize, to: Id, loi: u8, access: RequestedAccess) -> Ticket {
     let request = CucsAuthorisationRequest {
@@ -38,6 +40,36 @@ fn a_release_of_no_level_to_all_is_refused_to_a_holder_and_is_a_question_of_othe
     assert_eq!(scene.controller(), Some(A));
     let question = send(&mut scene, B, VSM, 0, RequestedAccess::Relinquish);
     assert_eq!(scene.end(B, question), Some(AckType::CarriedOut));
+}
+
+/// Each grant of LOI 2 is a file, a line and a welcome: of a flood in the name of a station that only listens few are given, and
+/// who controls is answered as ever.
+#[test]
+fn monitoring_that_is_requested_and_released_in_a_flood_delays_nobody() {
+    let mut scene = Scene::controlled();
+    let seen = scene.rig.stations[B].received.len();
+    for _ in 0..1_000 {
+        for access in [RequestedAccess::Request, RequestedAccess::Relinquish] {
+            send(&mut scene, B, vehicle_id(0), 1, access);
+        }
+        scene.rig.run(0.005);
+    }
+    let given = scene.rig.stations[B].received[seen..]
+        .iter()
+        .filter(|(_, _, message)| {
+            matches!(message, Message::VsmAuthorisationResponse(answer)
+            if answer.loi_granted.is_some_and(|levels| levels.contains(LoiBitmap::LOI2)))
+        });
+    let given = given.count();
+    assert!((40..=150).contains(&given), "{given}");
+    let command = scene
+        .rig
+        .send_as(A, 0, orders::mode(FlightPathControlMode::Loiter));
+    let before = scene.rig.clock.elapsed();
+    assert!(scene.end(A, command).is_some());
+    let took = scene.rig.clock.elapsed() - before;
+    assert!(took < Duration::from_secs(3), "{took:?}");
+    assert_eq!(scene.controller(), Some(A));
 }
 
 #[test]

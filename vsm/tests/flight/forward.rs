@@ -484,6 +484,95 @@ fn a_program_that_cannot_sign_commands_what_is_listed_and_is_signed_as_a_stream_
     assert_eq!(refused.get("message not allowed"), 1);
 }
 
+/// SET_MESSAGE_INTERVAL of a message, us.
+fn interval(message: f32, us: f32) -> MavMessage {
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+        target_system: 1,
+        target_component: 1,
+        param1: message,
+        param2: us,
+        ..COMMAND_LONG_DATA::default()
+    })
+}
+
+#[test]
+fn beside_a_controller_no_program_takes_away_what_the_bridge_flies_by() {
+    let mut rig = rig(UNSIGNED);
+    send_unsigned(&mut rig, &heartbeat());
+    assert!(rig.carry_out(orders::request_control()).is_some());
+    // Off, slower, the vehicle's own rate; so often that it fills the link; a heartbeat.
+    for (message, us) in [
+        (33.0, -1.0),
+        (30.0, 500_000.0),
+        (32.0, 0.0),
+        (33.0, 1.0),
+        (105.0, 1.0),
+        (0.0, -1.0),
+    ] {
+        let since = rig.forwarded.len();
+        send_unsigned(&mut rig, &interval(message, us));
+        rig.run(0.5);
+        let denied = [(
+            MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+            MavResult::MAV_RESULT_DENIED,
+        )];
+        assert_eq!(
+            results(&rig, since),
+            denied,
+            "message {message} each {us} us"
+        );
+    }
+    // Faster than the bridge has it, and what the bridge does not need.
+    for (message, us) in [(33.0, 100_000.0), (105.0, 20_000.0), (105.0, -1.0)] {
+        let since = rig.forwarded.len();
+        send_unsigned(&mut rig, &interval(message, us));
+        rig.run(0.5);
+        let denied = results(&rig, since)
+            .iter()
+            .any(|(_, result)| *result == MavResult::MAV_RESULT_DENIED);
+        assert!(!denied, "message {message} each {us} us");
+    }
+}
+
+#[test]
+fn a_position_that_is_reported_no_more_is_not_shown_as_if_it_was_and_is_requested_again() {
+    let mut rig = rig(UNSIGNED);
+    send_unsigned(&mut rig, &heartbeat());
+    // Nobody controls: who may command may do this too.
+    send_unsigned(&mut rig, &interval(33.0, -1.0));
+    rig.run(0.5);
+    assert!(rig.carry_out(orders::request_control()).is_some());
+    let since = rig.station().received.len();
+    rig.run(12.0);
+    let places =
+        rig.station().received[since..]
+            .iter()
+            .filter_map(|(at, _, message)| match message {
+                stanag_msgs::Message::InertialStates(states) => {
+                    Some((*at, states.latitude.is_some()))
+                }
+                _ => None,
+            });
+    let places: Vec<_> = places.collect();
+    let gone = places.iter().any(|(_, there)| !there);
+    assert!(
+        gone && places.last().is_some_and(|(_, there)| *there),
+        "{places:?}"
+    );
+    let alerts = rig.station().alerts();
+    assert!(
+        alerts
+            .iter()
+            .any(|text| text.contains("reports its position no more")),
+        "{alerts:?}"
+    );
+    assert!(
+        alerts.iter().any(|text| text.contains("reported again")),
+        "{alerts:?}"
+    );
+}
+
 #[test]
 fn an_unsigned_program_changes_no_keys_opens_no_shell_and_writes_no_file() {
     use mavlink_link::dialect::{

@@ -104,18 +104,21 @@ impl AuthorityMachine {
         answer
     }
 
-    /// Whether who asks may have another decision stored: each costs a line of the audit log and a synchronised write.
-    /// What only gives up rights is always allowed; what can be given up was requested before.
+    /// Whether who asks may have another decision stored: each costs a line of the audit log and a write, which is synchronised
+    /// for all but LOI 2. What only gives up rights is always allowed; what can be given up was requested before.
     fn may_change(&mut self, context: &Context<'_>, of: Of, decision: &Decision) -> bool {
         let (Of::Request(asker) | Of::Handover(asker)) = of else {
             return true;
         };
         let gives_up = decision.begun.is_empty() && decision.changes.iter().all(|c| c.to.is_none());
-        if gives_up || durability(decision) == Durability::Process {
+        if gives_up {
             return true;
         }
-        let allowance = self.allowances.entry(asker).or_default();
-        allowance.take(context.mono(), CHANGES)
+        let (monitors, commands) = self.allowances.entry(asker).or_default();
+        if durability(decision) == Durability::Process {
+            return monitors.take(context.mono(), MONITORS);
+        }
+        commands.take(context.mono(), CHANGES)
     }
 
     /// Lets the decisions that are durable take effect.
@@ -276,6 +279,11 @@ fn launch_or_landing(context: &Context<'_>) -> bool {
 const CHANGES: Rate = Rate {
     cost: Duration::from_millis(250),
     burst: Duration::from_secs(8),
+};
+/// Of LOI 2 alone, which is written and not synchronised, and begins with a welcome: ten a second, 40 at once.
+const MONITORS: Rate = Rate {
+    cost: Duration::from_millis(100),
+    burst: Duration::from_secs(4),
 };
 /// Decisions that wait for the disk at most, of a vehicle.
 const MAX_UNSTORED: usize = 256;

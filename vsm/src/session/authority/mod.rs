@@ -57,7 +57,8 @@ pub(crate) struct AuthorityMachine {
     /// The decisions from `rights` to `decided`, in order.
     unstored: VecDeque<Unstored>,
     /// What each CUCS of the configuration may still change.
-    allowances: BTreeMap<Id, Allowance>,
+    /// Of decisions about LOI 2 alone, and of all others.
+    allowances: BTreeMap<Id, (Allowance, Allowance)>,
     record: AuthorityRecord,
     passed: LastHandover,
 }

@@ -11,7 +11,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use super::Bridge;
 use crate::session::aircraft::Aircraft;
 use crate::session::alerts::{Cause, Raised};
-use crate::session::findings::{self, Finding, dli, vehicle};
+use crate::session::findings::{self, Code, Finding, dli, vehicle};
 
 impl Bridge {
     /// The group's datagrams arrive from there on an interface that has not joined it.
@@ -160,7 +160,8 @@ impl Bridge {
                 dli.show(*vehicle, &[*station], &Raised { alert, first: true });
             }
         }
-        for finding in found {
+        // What is sent to who has proved nothing is counted: an alert of that would take the place of what it needs.
+        for finding in found.iter().filter(|one| one.code != Code::CucsUnproven) {
             let text = finding.to_string();
             let (priority, subsystem) = (AlertPriority::Warning, SubsystemId::VsmStatus);
             let raised = dli.alerts.raise(cause(finding), priority, subsystem, text);

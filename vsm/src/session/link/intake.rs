@@ -152,6 +152,7 @@ impl VehicleLink {
             vehicle.heartbeat_at = Some(now);
             if vehicle.silent {
                 vehicle.silent = false;
+                vehicle.measured.begin_again(now);
                 // It may have been given another mission meanwhile.
                 vehicle.telemetry.mission = None;
                 intervals.request_again();

@@ -23,11 +23,53 @@ pub(crate) struct Measured {
     force: Option<Duration>,
     /// WIND_COV.
     wind: Option<Duration>,
+    /// When position, speed and attitude last arrived.
+    arrived: [Option<Duration>; 3],
+    had_position: bool,
 }
 
 impl Measured {
+    /// Forgets where the vehicle is, how fast it is and how it lies, each once it has not been reported for [`STALE`]: the last
+    /// place of a vehicle that flies on is not where it is. True where something was forgotten.
+    pub(super) fn forget_stale(&mut self, now: Duration, shown: &mut Telemetry) -> bool {
+        let is_over = |at: &mut Option<Duration>| at.take_if(|at| *at + STALE <= now).is_some();
+        let [position, velocity, attitude] = self.arrived.each_mut().map(is_over);
+        if position {
+            (self.position, shown.position, shown.above_home_m) = (None, None, None);
+        }
+        if velocity {
+            (self.velocity, shown.velocity_ned) = (None, None);
+        }
+        if attitude {
+            (self.attitude, shown.attitude) = (None, None);
+        }
+        position || velocity || attitude
+    }
+
+    /// Whether a position was ever reported.
+    pub(super) fn had_position(&self) -> bool {
+        self.had_position
+    }
+
+    /// It is received again: what it reported before its silence is reported again within moments, or is forgotten then.
+    pub(super) fn begin_again(&mut self, now: Duration) {
+        for at in self.arrived.iter_mut().flatten() {
+            *at = now;
+        }
+    }
+
     /// Takes the time of a message that has just arrived.
     pub(super) fn note(&mut self, now: Duration, clock: &mut Client, message: &MavMessage) {
+        match message {
+            // With the speed.
+            MavMessage::GLOBAL_POSITION_INT(_) => {
+                (self.arrived[0], self.arrived[1]) = (Some(now), Some(now));
+                self.had_position = true;
+            }
+            MavMessage::LOCAL_POSITION_NED(_) => self.arrived[1] = Some(now),
+            MavMessage::ATTITUDE(_) => self.arrived[2] = Some(now),
+            _ => {}
+        }
         let (slot, at) = match message {
             MavMessage::GLOBAL_POSITION_INT(m) => {
                 (&mut self.position, BootTime::Ms(m.time_boot_ms))
@@ -59,6 +101,8 @@ impl Measured {
     }
 }
 
+/// Each is requested at 5 Hz. Longer than until a vehicle of which nothing is received is silent: that is another alert.
+const STALE: Duration = Duration::from_secs(5);
 const AIR_AND_GROUND: u16 = 3009;
 const BODY_SENSED: u16 = 3010;
 const WEATHER: u16 = 18_300;

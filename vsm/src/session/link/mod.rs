@@ -53,6 +53,7 @@ use self::loss::Loss;
 use self::operator_control::OperatorControl;
 use self::services::Services;
 use self::state::VehicleState;
+use super::alerts::Cause;
 use super::counters::ByType;
 use super::effects::Effects;
 use super::findings::vehicle::{Arrivals, Evidence, FRESH, Kind};
@@ -60,6 +61,7 @@ use super::log::LogLevel;
 
 pub(crate) use intake::is_of_payload;
 pub(crate) use link_id::LinkId;
+pub(crate) use rates::needed_every_us;
 
 /// The machine.
 #[derive(Debug)]
@@ -90,6 +92,8 @@ pub(crate) struct VehicleLink {
     asked_components: BTreeMap<u8, Stamp>,
     /// Of the autopilot's frames.
     loss: Loss,
+    /// Something that was reported was forgotten, and an alert may stand.
+    unreported: bool,
     believed: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
     out: VecDeque<OutFrame>,
@@ -147,6 +151,7 @@ impl VehicleLink {
             texts: Texts::new(vehicle.system),
             asked: Asked::default(),
             asked_components: BTreeMap::new(),
+            unreported: false,
             loss: Loss::default(),
             believed: Vec::new(),
             events: VecDeque::new(),
@@ -216,13 +221,37 @@ impl VehicleLink {
         }
         // A silent vehicle would let every rate time out; all are requested again once it is back.
         if vehicle.live() {
+            let (measured, shown) = (&mut vehicle.measured, &mut vehicle.telemetry);
+            if measured.forget_stale(now.mono, shown) {
+                // Somebody else on this vehicle may have switched it off.
+                intervals.request_again();
+                self.unreported = true;
+            }
             intervals.advance(now.mono, commands);
             clock.handle_timeout(now.mono);
         }
+        self.report_missing(vehicle, effects);
         let searched = self.key_recovery.refused_frames();
         self.arrivals.look(now.mono, &self.link.stats(), searched);
         self.collect(vehicle, effects);
         self.flush(vehicle, effects);
+    }
+
+    /// Where a live vehicle is, is not reported any more.
+    fn report_missing(&mut self, vehicle: &VehicleState, effects: &mut Effects<'_>) {
+        if !self.unreported {
+            return;
+        }
+        if !vehicle.live() || vehicle.telemetry.position.is_some() {
+            self.unreported = false;
+            let text = "the position is reported again, or nothing is";
+            return effects.clear(Cause::Unreported, text);
+        }
+        if vehicle.measured.had_position() {
+            let (priority, about) = (AlertPriority::Warning, SubsystemId::Comms);
+            let text = "the vehicle reports its position no more: none is sent, and nothing is judged by it; it is requested again";
+            effects.raise(Cause::Unreported, priority, about, text);
+        }
     }
 
     /// When [`VehicleLink::handle_timeout`] is next needed.

@@ -23,3 +23,12 @@ pub(super) const RATES: &[(u32, Rate)] = &[
     (85, Rate::Off),      // POSITION_TARGET_LOCAL_NED
     (36, Rate::Off),      // SERVO_OUTPUT_RAW
 ];
+
+/// What the bridge cannot do without, and the longest time between two of it, us. HEARTBEAT is of the protocol itself.
+pub(crate) fn needed_every_us() -> impl Iterator<Item = (u32, f32)> {
+    let requested = RATES.iter().filter_map(|(id, rate)| match rate {
+        Rate::Hz(hz) => Some((*id, 1e6 / hz)),
+        _ => None,
+    });
+    requested.chain([(0, 1e6)])
+}

@@ -54,6 +54,7 @@ use self::requests::Requests;
 use self::settings::SettingsReading;
 pub use self::settings::VehicleSettings;
 use super::alerts::{Alerts, Cause};
+use super::allowance::{Allowance, Rate};
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
 use super::effects::Effects;
 use super::ignored_fields;
@@ -75,6 +76,8 @@ pub(crate) struct Reports {
     identity: Option<Identity>,
     /// Fields without effect that stations were already sent: station, message, field.
     ignored: BTreeSet<(usize, u16, u8)>,
+    /// Reports of a change of mode.
+    modes: Allowance,
 }
 
 /// What message 3 has reported last and can change: tail number and Mission ID.
@@ -239,6 +242,8 @@ impl Reports {
                 let text = "the autopilot has restarted";
                 effects.notify(AlertPriority::Warning, AUTOPILOT_SUBSYSTEM, text);
             }
+            // Of a vehicle that changes its mode with every frame the reports on schedule show what it is in.
+            Input::ModeChanged if !self.modes.take(common.mono(), MODES) => {}
             Input::ModeChanged => {
                 self.report_state(context, effects);
                 let mode = common.vehicle.telemetry.mode.map(Px4Mode::reported);
@@ -290,6 +295,7 @@ impl Reports {
                 self.events.watch(common, effects);
             }
             Input::ClearAnswers => {
+                effects.show_late();
                 while let Some((to, raised)) = effects.alerts.next_over(common.mono()) {
                     effects.dli.show(common.id(), &to, &raised);
                 }
@@ -698,3 +704,8 @@ fn known_report(message: u16) -> Result<(), String> {
 
 /// The range that Edition 2 gives for 17001's Frequency.
 const MAX_HERTZ: u16 = 100;
+/// Changes of mode that are reported by themselves: ten a second, 40 at once.
+const MODES: Rate = Rate {
+    cost: Duration::from_millis(100),
+    burst: Duration::from_secs(4),
+};
