@@ -14,7 +14,7 @@ import socket
 
 class Relay:
     def __init__(self, listen, to, loss, seed=1):
-        self.to, self.loss, self.dice = to, loss, random.Random(seed)
+        self.to, self.loss, self.dice = (socket.gethostbyname(to[0]), to[1]), loss, random.Random(seed)
         self.front = udp(listen)
         self.backs, self.clients = {}, {}
         self.lost = self.passed = 0
@@ -38,6 +38,9 @@ class Relay:
                 back = udp(("127.0.0.1", 0))
                 self.backs[address], self.clients[back] = back, address
             way, target = self.backs[address], self.to
+        elif address != self.to:
+            # Meant for who had this port before.
+            return
         else:
             way, target = self.front, self.clients[ready]
         if self.dice.random() < self.loss:

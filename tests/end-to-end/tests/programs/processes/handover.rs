@@ -172,7 +172,7 @@ fn three_stations_take_turns_over_a_bad_network() {
     assert_eq!(controller(&ground), Some(C.into()));
 
     // By rank, and not without.
-    a.is_refused("take --loi 4,5 --override", "is not allowed");
+    a.is_refused("take --loi 4,5 --override", "may not override");
     b.succeeds(
         "take --loi 4,5 --override",
         "LOI 2, 4, 5 (monitor, control, launch) granted",
