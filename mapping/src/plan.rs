@@ -857,7 +857,7 @@ mod tests {
             [("A".to_owned(), vec![2, 3])]
         );
         assert_eq!(changed(&[curve(1, 2)]), [("A".to_owned(), vec![1])]);
-        // What is defined anew is meant.
+        // What is defined again is meant.
         assert_eq!(changed(&[home(2)]), []);
     }
 

@@ -66,9 +66,8 @@ pub fn judge(facts: &HostFacts) -> Vec<Finding> {
             Code::KeyFile,
             name,
             format!("{name}: {why}"),
-            "restore the file from a copy, since the other end has that key, and a running bridge cannot start again without it; where \
-             there has been none, \"vsm key provision\" makes one and gives it to a vehicle, \"vsm keygen\" makes one; more under \"a key \
-             is lost\" in docs/guide/troubleshooting.md",
+            "a running bridge has its keys in memory, and cannot start again without the file: see \"a key is lost\" in \
+             docs/guide/troubleshooting.md",
         ));
     }
     found.extend(

@@ -181,7 +181,7 @@ fn a_station_speaks_one_edition_at_a_time() {
     rig.deliver_from(station.address, &bytes[..length]);
     rig.run(0.3);
     assert_eq!(count(&rig, "another edition"), 1);
-    // Whoever looks for the cause of its silence is told.
+    // Whoever looks for the cause of its silence finds it.
     let bridge = rig.bridge.as_ref().expect("it runs");
     let findings = bridge.status(String::new(), rig.now().mono).findings;
     let found = findings.iter().find(|one| one.code == Code::DliEdition);
