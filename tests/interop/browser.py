@@ -72,6 +72,9 @@ class Opened:
             route.abort()
 
     def close(self):
+        # A handler of a route that is at work when its page goes fails at whatever is done next with the browser.
+        self.page.unroute_all(behavior="wait")
+        self.context.unroute_all(behavior="wait")
         self.context.close()
 
     def text(self, selector):
