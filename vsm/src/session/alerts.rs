@@ -342,7 +342,7 @@ impl Alerts {
         self.lately.push((now, priority, text.clone()));
         let text = match std::mem::take(&mut self.left_out) {
             0 => text,
-            left_out => format!("{text} ({left_out} texts before it are not reported)"),
+            left_out => format!("{text} ({left_out} texts and events before it are not reported)"),
         };
         Some(Raised {
             alert: Alert {
@@ -602,7 +602,8 @@ mod tests {
         );
         let text = last.expect("it is sent").alert.text;
         assert!(
-            text.starts_with("the last (") && text.ends_with(" texts before it are not reported)"),
+            text.starts_with("the last (")
+                && text.ends_with(" texts and events before it are not reported)"),
             "{text}"
         );
         // What is an emergency does not wait for the others.

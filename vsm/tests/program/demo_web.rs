@@ -1,4 +1,4 @@
-//! `vsm demo --web`: the page is there while the demo flies and after that, until Ctrl-C.
+//! `vsm demo --web`: the vehicle is whose who opens the page; with a flight of its own the page shows that first. Until Ctrl-C.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -8,25 +8,39 @@ use kit::process::{Running, program};
 use serde_json::Value;
 
 #[test]
+fn the_vehicle_is_left_to_who_opens_the_page() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().to_str().expect("its name");
+    let mut demo = Running::start(&program("vsm"), ["demo", "--web", "0", "--out", folder]);
+    demo.wait_for("stays until Ctrl-C", LIMIT);
+    let printed = demo.output();
+    let page = address(&printed);
+    assert_eq!(json(page, "/page.json")["control"], true);
+    has_a_key(&printed, page);
+    let vehicle = &json(page, "/status.json")["vehicles"][0];
+    assert_eq!(vehicle["live"], true, "{vehicle}");
+    assert_eq!(vehicle["armed"], false, "{vehicle}");
+    assert_eq!(vehicle["controller"], Value::Null, "{vehicle}");
+    demo.signal("INT");
+    let ended = demo.wait(LIMIT).expect("it ends");
+    assert!(ended.success(), "{}", demo.output());
+    TcpStream::connect(page).expect_err("the page has ended with it");
+}
+
+#[test]
 fn the_page_shows_the_flight_and_stays_until_it_is_interrupted() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().to_str().expect("its name");
-    let arguments = ["demo", "--web", "0", "--speed", "20", "--out", folder];
+    let arguments = [
+        "demo", "--wing", "--web", "0", "--speed", "20", "--out", folder,
+    ];
     let mut demo = Running::start(&program("vsm"), arguments);
     demo.wait_for("flies the route", LIMIT);
     let printed = demo.output();
-    let page = printed
-        .split("http://")
-        .nth(1)
-        .and_then(|rest| rest.split('/').next())
-        .expect("its address");
+    let page = address(&printed);
     assert!(get(page, "/").contains("<title>vsm</title>"));
-    // Who opens the link has a ground station of its own.
     assert_eq!(json(page, "/page.json")["control"], true);
-    let link = format!("http://{page}/#1b:00:00:b0=");
-    let key = printed.split(&link).nth(1).expect("the link to fly by");
-    let digits = key.chars().take_while(char::is_ascii_hexdigit).count();
-    assert_eq!(digits, 64, "{printed}");
+    has_a_key(&printed, page);
     let flying = &json(page, "/status.json")["vehicles"][0];
     assert_eq!(flying["armed"], true, "{flying}");
     assert_eq!(flying["controller"], "1b:00:00:a0", "{flying}");
@@ -48,12 +62,27 @@ fn the_page_shows_the_flight_and_stays_until_it_is_interrupted() {
 fn who_has_seen_enough_ends_it_in_flight() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().to_str().expect("its name");
-    let arguments = ["demo", "--web=0", "--out", folder];
+    let arguments = ["demo", "--wing", "--web=0", "--out", folder];
     let mut demo = Running::start(&program("vsm"), arguments);
-    demo.wait_for("launched", LIMIT);
+    demo.wait_for("flies on its wings", LIMIT);
     demo.signal("INT");
     let ended = demo.wait(LIMIT).expect("it ends");
     assert!(ended.success(), "{}", demo.output());
+}
+
+/// Where the page is, as the demo prints it.
+fn address(printed: &str) -> &str {
+    let page = printed.split("http://").nth(1);
+    page.and_then(|rest| rest.split('/').next())
+        .expect("its address")
+}
+
+/// Who opens the link has a ground station of its own.
+fn has_a_key(printed: &str, page: &str) {
+    let link = format!("http://{page}/#1b:00:00:b0=");
+    let key = printed.split(&link).nth(1).expect("the link to fly by");
+    let digits = key.chars().take_while(char::is_ascii_hexdigit).count();
+    assert_eq!(digits, 64, "{printed}");
 }
 
 fn json(page: &str, path: &str) -> Value {

@@ -23,10 +23,12 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, anyhow};
 use cucs::{LoiterAt, Route, Session, Station, Waypoint};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, WaypointSpeedType};
+use stanag_msgs::enums::{
+    AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, WaypointSpeedType,
+};
 
 use self::curve::Section;
 use self::picture::{Picture, Planned};
@@ -45,7 +47,7 @@ pub(crate) struct Arguments {
     /// Write picture and recording to this folder
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Serve the operator's page on this port of 127.0.0.1 while it flies, and after that until Ctrl-C
+    /// Serve the operator's page on this port of 127.0.0.1 until Ctrl-C, and leave the flying to you; with --curve, --wing, --vtol or --payload show that flight first
     #[arg(
         long,
         value_name = "PORT",
@@ -108,10 +110,53 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         fly_with_payload(stage)
     } else if *wing || *vtol {
         fly_on_wings(stage, Scenario::of(*vtol))
+    } else if web.is_some() {
+        hand_over(stage)
     } else {
         fly(stage)
     };
     flown.map_err(failed)
+}
+
+/// Nothing flies by itself: who opens the page does. The world is stopped also where this fails.
+fn hand_over(stage: &Stage<'_>) -> anyhow::Result<()> {
+    let story = Story::begin(stage.speed);
+    let world = stage.start(px4_sim::Config::default())?;
+    let page = world.page.context("the bridge serves no page")?;
+    let runtime = runtime()?;
+    let ended = runtime.block_on(async {
+        let mut stop = pin!(stop_signal().map_err(|_| anyhow!(NO_SIGNALS))?);
+        // The link is of use once there is something to fly.
+        let ready = async {
+            let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
+            let vehicle = discover(&mut station).await?;
+            station
+                .request(vehicle, LoiBitmap::LOI2, RequestedAccess::Request)
+                .await?;
+            await_position(&mut station, vehicle).await?;
+            station.release(vehicle).await?;
+            anyhow::Ok(vehicle)
+        };
+        tokio::select! {
+            vehicle = ready => story.tell(format!("{} is on the ground and nobody's", vehicle?)),
+            () = &mut stop => return Ok(()),
+        }
+        story.tell(format!(
+            "fly it with the mouse: {} (a key of this demo alone)",
+            mouse_link(&world, page)
+        ));
+        story.tell("the page stays until Ctrl-C");
+        stop.await;
+        Ok(())
+    });
+    world.stop()?;
+    ended
+}
+
+fn runtime() -> io::Result<tokio::runtime::Runtime> {
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
 }
 
 fn fly(stage: &Stage<'_>) -> anyhow::Result<()> {
@@ -240,15 +285,10 @@ fn session(
     story: &mut Story,
     fly: impl AsyncFnOnce(&World, &mut Station, &mut Story, Id) -> anyhow::Result<()>,
 ) -> anyhow::Result<Option<(Station, Remains)>> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = runtime()?;
     let page = world.page;
     let flown = runtime.block_on(async {
-        let Ok(stop) = stop_signal() else {
-            bail!("the signals that end the demo cannot be received");
-        };
-        let mut stop = pin!(stop);
+        let mut stop = pin!(stop_signal().map_err(|_| anyhow!(NO_SIGNALS))?);
         if let Some(page) = page {
             story.tell(format!(
                 "the operator's page: http://{page}/ (the demo flies by itself first, then it is yours)"
@@ -333,12 +373,12 @@ fn leave(
         .context("standard output")
 }
 
-/// Finds the vehicle and takes control of it.
 /// Where whoever opens it is the pilot of the demo.
 fn mouse_link(world: &World, page: SocketAddr) -> String {
     format!("http://{page}/#{PILOT}={}", world.pilot_key)
 }
 
+/// Finds the vehicle and takes control of it.
 async fn take_over(station: &mut Station, story: &mut Story) -> anyhow::Result<Id> {
     let vehicle = discover(station).await?;
     story.tell(format!("discovered {vehicle}"));
@@ -494,6 +534,7 @@ fn planned() -> Planned {
 
 /// What flies, for the note of a picture.
 const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";
+const NO_SIGNALS: &str = "the signals that end the demo cannot be received";
 const LAUNCH_M: f64 = 30.0;
 const HIGHER_M: f64 = 45.0;
 const SLOWER_M_S: f64 = 5.0;

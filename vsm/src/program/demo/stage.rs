@@ -1,4 +1,4 @@
-//! `vsm demo --web`: the flight with the operator's page beside it.
+//! `vsm demo --web`: the world with the operator's page beside it.
 
 use std::path::Path;
 

@@ -19,7 +19,6 @@ use mavlink_link::service::text::Text;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use crate::session::alerts::Cause;
-use crate::session::allowance::{Allowance, Rate};
 use crate::session::context::Context;
 use crate::session::effects::Effects;
 
@@ -35,9 +34,6 @@ pub(super) struct EventAlerts {
     report: Option<(Duration, Vec<Check>)>,
     /// The last one.
     checks: Vec<Check>,
-    allowance: Allowance,
-    emergencies: Allowance,
-    left_out: u32,
 }
 
 #[derive(Debug)]
@@ -103,7 +99,7 @@ impl EventAlerts {
                 // It may have lost its end, or one of its checks: the next one is whole.
                 self.report = None;
                 let text = format!("{count} events of the vehicle were lost");
-                self.alert(context.mono(), AlertPriority::Caution, text, effects);
+                effects.notify(AlertPriority::Caution, AUTOPILOT_SUBSYSTEM, text);
             }
             Event::Restarted => self.report = None,
         }
@@ -115,7 +111,7 @@ impl EventAlerts {
         while self.unnamed.front().is_some_and(|(due, _)| *due <= now)
             && let Some((_, event)) = self.unnamed.pop_front()
         {
-            self.alert_plain(now, &event, effects);
+            Self::alert_plain(&event, effects);
         }
         // Its end was lost: what comes now is no part of it.
         self.report.take_if(|(until, _)| *until <= now);
@@ -156,7 +152,7 @@ impl EventAlerts {
                     |one: &Alerted| one.as_text && event::says_the_same(&one.text, &known.text);
                 if !self.take(now, priority, twin) {
                     self.remember(now, priority, known.text.clone(), false);
-                    self.alert(now, priority, known.text, effects);
+                    effects.notify(priority, AUTOPILOT_SUBSYSTEM, known.text);
                 }
             }
             (known, Some((_, report))) => {
@@ -173,14 +169,14 @@ impl EventAlerts {
                     });
                 }
             }
-            (_, None) if !may_be_dropped(priority) => self.alert_plain(now, event, effects),
+            (_, None) if !may_be_dropped(priority) => Self::alert_plain(event, effects),
             // Its text may have come, or be on its way.
             (_, None) => {
                 if !self.take(now, priority, |one| one.as_text) {
                     if self.unnamed.len() >= MAX_WAITING
                         && let Some((_, oldest)) = self.unnamed.pop_front()
                     {
-                        self.alert_plain(now, &oldest, effects);
+                        Self::alert_plain(&oldest, effects);
                     }
                     self.unnamed.push_back((now + TWIN_WITHIN, *event));
                 }
@@ -199,7 +195,7 @@ impl EventAlerts {
         if context.vehicle.telemetry.armed == Some(true) {
             for check in checks.iter().filter(fails) {
                 if !self.checks.contains(check) {
-                    self.alert(context.mono(), check.priority, check.text.clone(), effects);
+                    effects.notify(check.priority, AUTOPILOT_SUBSYSTEM, check.text.clone());
                 }
             }
         } else {
@@ -235,34 +231,10 @@ impl EventAlerts {
         effects.raise(Cause::ArmingChecks, priority, AUTOPILOT_SUBSYSTEM, text);
     }
 
-    fn alert_plain(&mut self, now: Duration, event: &Received, effects: &mut Effects<'_>) {
+    fn alert_plain(event: &Received, effects: &mut Effects<'_>) {
         if let Some(priority) = event::priority(event.level) {
-            self.alert(now, priority, event::plain(event), effects);
+            effects.notify(priority, AUTOPILOT_SUBSYSTEM, event::plain(event));
         }
-    }
-
-    /// Alerts, but of a storm only some, so that other alarms are seen; of emergencies far more.
-    fn alert(
-        &mut self,
-        now: Duration,
-        priority: AlertPriority,
-        mut text: String,
-        effects: &mut Effects<'_>,
-    ) {
-        let passes = if priority == AlertPriority::Emergency {
-            self.emergencies.take(now, EMERGENCIES)
-        } else {
-            self.allowance.take(now, EVENTS)
-        };
-        if !passes {
-            self.left_out += 1;
-            return;
-        }
-        match std::mem::take(&mut self.left_out) {
-            0 => {}
-            left_out => text += &format!(" ({left_out} events before it are not reported)"),
-        }
-        effects.notify(priority, AUTOPILOT_SUBSYSTEM, text);
     }
 
     fn remember(&mut self, now: Duration, priority: AlertPriority, text: String, as_text: bool) {
@@ -314,13 +286,3 @@ const COMMANDED_MODES: u32 = 1 << 3 | 1 << 4 | 1 << 5 | 1 << 17 | 1 << 18;
 const MAX_CHECKS: usize = 64;
 const NAMED_CHECKS: usize = 3;
 const CHECKS_OVER: &str = "the vehicle's checks before arming no longer fail";
-/// Four a second, 32 at once.
-const EVENTS: Rate = Rate {
-    cost: Duration::from_millis(250),
-    burst: Duration::from_secs(8),
-};
-/// Sixteen a second, 64 at once: more than anybody reads, and less than drowns the stations.
-const EMERGENCIES: Rate = Rate {
-    cost: Duration::from_micros(62_500),
-    burst: Duration::from_secs(4),
-};
