@@ -144,7 +144,7 @@ def a_file_is_dropped(checks, opened):
         json.dumps(line),
     )
     newest(opened, "dropped.geojson")
-    newest(opened, "carried out")
+    newest(opened, "accepted")
     opened.until("document.querySelectorAll('.waypoint').length === 2")
     route = page.evaluate("fetch('map.json').then((answer) => answer.json()).then((all) => all[0].route)")
     above = [round(one["amsl_m"] - 488) for one in route["waypoints"]]
@@ -218,7 +218,7 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     checks.check("in feet it is the same altitude", abs(float(typed) - 65.6) < 0.1, typed)
     page.locator("#units").select_option("metric")
     page.locator("#send-drawn").click()
-    newest(opened, "carried out")
+    newest(opened, "accepted")
     opened.until("document.querySelectorAll('.waypoint').length === 3")
     route = page.evaluate("fetch('map.json').then((answer) => answer.json()).then((all) => all[0].route)")
     above = [round(one["amsl_m"] - 488) for one in route["waypoints"]]
@@ -230,7 +230,7 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     page.wait_for_timeout(300)
     checks.check("what is not confirmed is not done", state(page)["armed"] is False)
     confirm(page, "#launch", "Launch")
-    newest(opened, "carried out", 40)
+    newest(opened, "accepted", 40)
     until_state(page, "it is in the air", lambda one: one["on_ground"] is False, 20)
     confirm(page, "#fly", "Fly")
     until_state(page, "it flies the route", lambda one: one["flies_to"] is not None, 20)
@@ -256,7 +256,7 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     page.locator("#loiter").click()
     page.mouse.click(middle[0] - 60, middle[1] - 60)
     page.locator("#confirm-yes").click()
-    newest(opened, "carried out", 40)
+    newest(opened, "accepted", 40)
     confirm(page, "#land", "Land")
     until_state(page, "it has landed", lambda one: one["on_ground"] is True and one["armed"] is False, 60)
     checks.check("it has landed", True)

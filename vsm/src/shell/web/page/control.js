@@ -4,7 +4,7 @@
 import { confirmed } from "./confirm.js";
 import { Drawing } from "./drawing.js";
 import * as messages from "./messages.js";
-import { begins, showNext } from "./next.js";
+import { begins, leadToNext, showNext } from "./next.js";
 import { ControlSocket, importKey } from "./socket.js";
 import { altitudeIn, altitudeUnit, height, time } from "./units.js";
 
@@ -13,6 +13,8 @@ const MAX_SHOWN = 30;
 const MAX_KEPT = 1000;
 // Why a command is refused comes as an alert beside the answer.
 const REASON_WITHIN_MS = 2000;
+// The status is asked for twice a second.
+const SHOWN_WITHIN_MS = 1000;
 
 const idText = (id) => (typeof id === "string" ? id : (id >>> 0).toString(16).padStart(8, "0").replace(/(..)(?=.)/g, "$1:"));
 
@@ -39,6 +41,8 @@ export class Control {
   #read = null;
   #parts = new Map();
   #route = null;
+  /** Why a route was not sent, as long as that is so. */
+  #unsent = null;
   #routes = Promise.resolve();
   #routeDone = null;
 
@@ -59,6 +63,7 @@ export class Control {
     });
     for (const [field, button] of [["launch-altitude", "launch"], ["fly-from", "fly"]])
       by(field).addEventListener("keydown", ({ key }) => { if (key === "Enter") by(button).click(); });
+    on("next", leadToNext);
     on("take", () => this.#take());
     on("release", () => this.#release());
     on("send-drawn", () => this.#sendDrawn());
@@ -106,8 +111,12 @@ export class Control {
       const { unsent: drawn, listening: drawing, points } = this.#drawing;
       showNext({
         connected, own: this.#own, vehicle, drawing, drawn, points: points.length, fault: this.#drawing.fault(),
-        route: Boolean(route) && route.aboard !== false, altitude: altitudeIn(by("launch-altitude")),
+        route: Boolean(route) && route.aboard !== false, altitude: altitudeIn(by("launch-altitude")), waiting: this.#waiting(),
       });
+      if (this.#unsent && this.#drawing.fault() !== this.#unsent) {
+        this.#unsent = null;
+        if (connected) this.#sayConnected();
+      }
       this.#drawing.refresh();
     }
     if (!connected || !vehicle) return;
@@ -118,6 +127,12 @@ export class Control {
     by("asked").hidden = !asked || !held;
     if (asked) set(by("asked-text"), `${asked.cucs} asks for ${asked.levels.join(", ")}`);
     this.#read = asked;
+  }
+
+  /** The newest command has no answer yet, or the vehicle has had no time to show what became of it. */
+  #waiting() {
+    const [newest] = this.#commands;
+    return newest !== undefined && (newest.state === "sent" || performance.now() - newest.at < SHOWN_WITHIN_MS);
   }
 
   async #connect() {
@@ -256,6 +271,7 @@ export class Control {
     const fault = this.#drawing.fault();
     if (fault) {
       this.#drawing.showFault();
+      this.#unsent = fault;
       return this.#say(`the route is not sent: ${fault}`, "bad");
     }
     this.#drawing.stop();
@@ -351,7 +367,7 @@ export class Control {
     const one = this.#commands.find((known) => known.stamp === fields["Original Message Time Stamp"]);
     const kind = fields["Acknowledgement Type"];
     if (kind === "refused") this.#finish(one, "REFUSED", "bad");
-    else if (kind === "carried out") this.#finish(one, "carried out", "good");
+    else if (kind === "carried out") this.#finish(one, "accepted", "good");
     else if (one?.state === "sent") this.#finish(one, "received", "");
   }
 
@@ -400,6 +416,7 @@ export class Control {
     } else {
       one.state = state;
     }
+    if (state !== "REFUSED") one.at = now;
     one.kind = kind;
     // What became of the newest stands where it is seen, whatever is scrolled.
     if (one === this.#commands[0]) this.#say(`${one.label}: ${one.state}`, kind);

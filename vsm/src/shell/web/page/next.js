@@ -18,23 +18,27 @@ export function begins(id) {
   seen.delete(id);
 }
 
-/** `[id of a button or a field, or null; what to do]`. `drawn`: points that were not sent yet, `fault`: why they cannot be; `route`: the vehicle has one. */
-export function nextStep({ connected, own, vehicle, drawing, drawn, fault, route, altitude }) {
+/** `[id of a button or a field, or null; what to do]`. `drawn`: points that were not sent yet, `fault`: why they cannot be; `route`: the vehicle has one; `waiting`: a command has just been sent, and the vehicle
+ * does not show it yet. */
+export function nextStep({ connected, own, vehicle, drawing, drawn, fault, route, altitude, waiting }) {
   if (!connected) return ["connect", "connect as a ground station"];
   const { flew, route: flown } = watch(vehicle);
-  const { controller, on_ground, flies_to, mode } = vehicle;
+  const { controller, on_ground, flies_to, mode, armed } = vehicle;
+  if (waiting) return [null, "sent: wait for the vehicle"];
   if (controller !== own)
     return controller ? ["override", `${controller} controls it: wait for it, or tick this and take control`] : ["take", "take control"];
   if (drawing && drawn < 2) return [null, "click on the map where the route leads, at least twice"];
   if (drawn >= 2) return fault ? ["route-altitude", fault] : ["send-drawn", drawing ? "click further points, or send the drawn route" : "send the drawn route"];
-  if (on_ground === true && flew) return ["release", "it is down: release it, or launch again"];
+  if (on_ground === true && flew && armed !== false) return [null, "it is down: wait until its motors stop"];
+  if (on_ground === true && flew) return ["release", "landed: release it, or launch again"];
   if (on_ground === true && !route) return ["draw", "draw a route, drop a file of one on the map, or launch without"];
   if (on_ground === true) return altitude === null ? ["launch-altitude", "give an altitude above home to launch to"] : ["launch", "launch it"];
   if (on_ground !== false) return [null, "wait until the vehicle says whether it flies"];
   if (mode === "AUTO.TAKEOFF") return [null, "it climbs: wait"];
   if (mode === "AUTO.LAND" || mode === "AUTO.PRECLAND") return [null, "it lands: wait"];
   if (flies_to !== null) return [null, `it flies to waypoint ${flies_to}: watch it, hold it, or land it`];
-  return route && !flown ? ["fly", "fly the route"] : ["land", "land it, or fly the route again"];
+  if (!route) return ["land", "no route is loaded: land it, draw a route, or loiter at a click"];
+  return flown ? ["land", "the route is flown: land it, or fly it again"] : ["fly", "fly the route"];
 }
 
 const yes = () => true;
@@ -44,7 +48,7 @@ const USEFUL = [
   ["release", ({ vehicle, own }) => vehicle.holders.some(({ id }) => id === own), "this station holds no level"],
   ["draw-clear", ({ points }) => points > 0, "nothing is drawn"],
   ["launch", ({ vehicle }) => vehicle.on_ground !== false, "it flies", true],
-  ["fly", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground: launch it first", true],
+  ["fly", ({ vehicle, route }) => vehicle.on_ground !== true && route, "launch it, and send a route first", true],
   ["hold", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
   ["land", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
   ["loiter", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
@@ -53,9 +57,20 @@ const USEFUL = [
   ["draw", yes, "", true],
 ];
 
+/** The id of what is marked. */
+let aim = null;
+
+/** The line leads to what it names, which may be out of sight; it presses nothing. */
+export function leadToNext() {
+  const target = aim && document.getElementById(aim);
+  target?.scrollIntoView({ block: "center" });
+  target?.focus({ preventScroll: true });
+}
+
 export function showNext(state) {
   const [target, text] = nextStep(state);
   const line = document.getElementById("next");
+  aim = target;
   if (line.textContent !== `Next: ${text}`) line.textContent = line.title = `Next: ${text}`;
   for (const marked of document.querySelectorAll(".next")) if (marked.id !== target) marked.classList.remove("next");
   if (target) document.getElementById(target).classList.add("next");
