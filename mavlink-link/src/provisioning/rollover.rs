@@ -264,6 +264,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.peer
     }
 
+    /// The vehicle's address, once a frame from there has verified.
+    #[must_use]
+    pub fn proven_peer(&self) -> Option<A> {
+        self.peer.filter(|_| self.seen.verified.is_some())
+    }
+
     /// Frames under the vehicle's system id that neither key has signed: it may have a third one.
     #[must_use]
     pub fn foreign_frames(&self) -> u64 {

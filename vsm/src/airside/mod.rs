@@ -104,7 +104,7 @@ impl Agent {
         keys: &mut dyn Keys,
     ) {
         let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
-        let to = self.px4.peer();
+        let to = self.px4_peer();
         let px4_now = Px4Now {
             disarmed: self.watch.is_disarmed(now.mono),
             zeroizing: self.zeroize != Stage::Safe,
@@ -126,6 +126,15 @@ impl Agent {
                 Event::Behind | Event::Ahead | Event::Live => {}
             }
         }
+    }
+
+    /// Where PX4 is: while a key is on its way to it the rollover takes its frames, and knows where they come from.
+    fn px4_peer(&self) -> Option<Peer> {
+        let learned = match &self.phase {
+            Phase::HandingOver(on) => on.handover.proven_peer(),
+            _ => None,
+        };
+        learned.or(self.px4.peer())
     }
 
     /// Takes what came from PX4.

@@ -7,6 +7,7 @@ use crate::world::{
 };
 use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::FrameView;
+use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::Stamp;
 use px4_sim::Signing;
@@ -101,6 +102,33 @@ fn an_armed_px4_is_not_sent_a_key_and_flies_on_under_the_old_one() {
     // It disarms by itself on the ground after a while.
     world.run(15.0);
     assert!(has(&world, 6), "{:?}", world.log);
+}
+
+#[test]
+fn an_agent_that_restarts_in_flight_with_a_key_waiting_still_relays_commands() {
+    for px4 in [Endpoint::Fixed(at(PX4)), Endpoint::Listen] {
+        let disk = Disk {
+            current: Some(key(5)),
+            next: Some(key(6)),
+            ..Disk::default()
+        };
+        let settings = Settings { px4, ..settings() };
+        let mut world = World::with(settings, disk, Signing::with_key(key(5), 0));
+        world.run(6.0);
+        let arming = |world: &mut World| {
+            let now = world.now;
+            world.ground.as_mut().unwrap().frame(now, &arm())
+        };
+        let bytes = arming(&mut world);
+        world.radio(GROUND, &bytes);
+        world.run(2.0);
+        assert!(world.px4.vehicle().truth().armed, "{px4:?}");
+        world.restart_agent();
+        world.run(4.0);
+        assert_eq!(world.state(), "waits for disarmed", "{px4:?}");
+        let bytes = arming(&mut world);
+        assert!(world.passes(GROUND, &bytes), "{px4:?}");
+    }
 }
 
 #[test]
