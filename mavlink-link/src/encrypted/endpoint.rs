@@ -7,12 +7,13 @@ use std::collections::VecDeque;
 use super::exchange::{Keying, Role, Session};
 use super::framing::{self, Deframer, Kind, MAX_CONTENT, MAX_WIRE};
 use super::opener::{Opened, Opener, frame_len};
-use super::packet::PACKET;
+use super::packet::{PACKET, TAG, tag_of};
 use super::record::EncryptedRecord;
 use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
 use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Received, Suite, VERSION};
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
+use crate::link::STAYS_FOR;
 use crate::store::{Disk, Store as _, StoreError};
 
 /// What carries the frames.
@@ -92,6 +93,12 @@ pub struct EncryptedLink<A> {
     fixed: Option<A>,
     /// Where something came from that the other end alone can have made, and where anything came from.
     proven: Option<A>,
+    /// When anything new came from there, copied before or not.
+    proven_at: Duration,
+    /// What was opened from elsewhere meanwhile, by its end: the same from `proven` shows that the other end is there still.
+    copied: VecDeque<([u8; TAG], Duration)>,
+    /// A packet was opened in what arrived last.
+    opened: bool,
     received_from: Option<A>,
     current: Option<Session>,
     /// Of the keys before, until a packet under the current ones has verified.
@@ -165,6 +172,9 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             linger,
             fixed: at,
             proven: None,
+            proven_at: Duration::ZERO,
+            copied: VecDeque::new(),
+            opened: false,
             received_from: None,
             current: None,
             previous: None,
@@ -246,6 +256,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         disk: &mut dyn Disk,
     ) -> &[u8] {
         self.received.clear();
+        self.opened = false;
         if self.carrier == Carrier::Datagrams {
             // Half a frame of one datagram must not swallow the next one's.
             self.deframer.discard();
@@ -288,6 +299,9 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 let packet: &[u8; PACKET] = content.try_into().map_err(|_| Dropped::Length)?;
                 self.received_from = Some(from);
                 let taken = self.take_packet(now, from, packet, disk);
+                if taken == Err(Dropped::Replayed) {
+                    self.note_second(now.mono, from, packet);
+                }
                 match taken {
                     Ok(()) => {}
                     Err(Dropped::NoKey) => self.keying.hasten(now.mono, false),
@@ -322,7 +336,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 Ok(opened) => {
                     // The other end has these keys: those before are over.
                     self.previous = None;
-                    self.note_good(now.mono, from, opened);
+                    self.note_good(now.mono, from, packet, opened);
                     return Ok(());
                 }
                 Err(cause) => why = cause,
@@ -331,14 +345,14 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         if let Some(staged) = &mut self.keying.staged
             && let Ok(opened) = staged.opener.open(packet, &mut self.received)
         {
-            self.note_good(now.mono, from, opened);
+            self.note_good(now.mono, from, packet, opened);
             self.adopt(now.mono, true, disk);
             return Ok(());
         }
         if let Some(previous) = &mut self.previous {
             match previous.open(packet, &mut self.received) {
                 Ok(opened) => {
-                    self.note_good(now.mono, from, opened);
+                    self.note_good(now.mono, from, packet, opened);
                     return Ok(());
                 }
                 Err(Dropped::Replayed) => why = Dropped::Replayed,
@@ -348,8 +362,57 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         Err(why)
     }
 
-    fn note_good(&mut self, now: Duration, from: A, opened: Opened) {
-        (self.good_at, self.quiet_since, self.proven) = (Some(now), Some(now), Some(from));
+    /// What the other end alone can have made came from there. As of the signed link it stays where it is as long as anything new still
+    /// comes from where it was, though somebody copies it and is faster: false then.
+    fn prove(&mut self, now: Duration, from: A) -> bool {
+        let is_there = now.saturating_sub(self.proven_at) < STAYS_FOR;
+        if self.proven.is_some_and(|proven| proven != from) && is_there {
+            return false;
+        }
+        (self.proven, self.proven_at) = (Some(from), now);
+        true
+    }
+
+    /// A packet has come again.
+    fn note_second(&mut self, now: Duration, from: A, packet: &[u8; PACKET]) {
+        let tag = tag_of(packet);
+        self.copied
+            .retain(|(_, at)| now.saturating_sub(*at) < STAYS_FOR);
+        if self.proven == Some(from)
+            && let Some(place) = self.copied.iter().position(|(copied, _)| *copied == tag)
+        {
+            // Each counts once.
+            self.copied.remove(place);
+            self.proven_at = now;
+        }
+    }
+
+    /// What [`handle`](Self::handle) has returned last.
+    #[must_use]
+    pub fn received(&self) -> &[u8] {
+        &self.received
+    }
+
+    /// Where that comes from: the other end's address where it was opened, which a copy from elsewhere does not change; otherwise
+    /// `from`.
+    #[must_use]
+    pub fn sender(&self, from: A) -> A {
+        if self.opened {
+            self.reach().unwrap_or(from)
+        } else {
+            from
+        }
+    }
+
+    fn note_good(&mut self, now: Duration, from: A, packet: &[u8; PACKET], opened: Opened) {
+        (self.good_at, self.quiet_since) = (Some(now), Some(now));
+        self.opened = true;
+        if !self.prove(now, from) {
+            if self.copied.len() == MAX_COPIED {
+                self.copied.pop_front();
+            }
+            self.copied.push_back((tag_of(packet), now));
+        }
         self.silence = Silence::default();
         self.stats.opened += 1;
         self.stats.lost += u64::from(opened.missing);
@@ -401,7 +464,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 let working = self.is_good_within(now.mono, WORKING_FOR);
                 let message = (from, source, frame.payload());
                 if self.keying.handle(now, message, working, random, disk) {
-                    self.proven = Some(from);
+                    let _ = self.prove(now.mono, from);
                 }
             }
             None => return Err(Dropped::NotExchange),
@@ -668,6 +731,8 @@ const ALARM_AT: u32 = 32;
 const ALARM_WITHIN: Duration = Duration::from_secs(10);
 /// Packets under one key before another is agreed on; its last counter is twice as far.
 const WORN: u32 = 1 << 31;
+/// Packets that a copy from elsewhere has used up: those of a burst.
+const MAX_COPIED: usize = 64;
 const MAX_QUEUED: usize = 64;
 const MAX_RADIO: usize = 8;
 const MAX_EVENTS: usize = 16;

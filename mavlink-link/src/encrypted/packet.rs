@@ -17,8 +17,15 @@ pub(super) const PLAIN: usize = 80;
 /// The content of its frame: kind, id, counter, 80 bytes and tag.
 pub(super) const PACKET: usize = 1 + 8 + PLAIN + TAG;
 
-const TAG: usize = 8;
+pub(super) const TAG: usize = 8;
 const ASSOCIATED: usize = 1 + 8;
+
+/// The end of a packet, which nobody else can have made for it.
+pub(super) fn tag_of(packet: &[u8; PACKET]) -> [u8; TAG] {
+    let mut tag = [0; TAG];
+    tag.copy_from_slice(&packet[PACKET - TAG..]);
+    tag
+}
 
 /// One key, used in one direction by one station in one epoch. The schedule lies on the heap, where it is wiped when
 /// dropped: no later move leaves a copy. It is made on the stack, which may keep one until that is written again: the crate has

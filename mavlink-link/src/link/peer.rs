@@ -4,6 +4,10 @@
 //! only a verified and accepted frame moves it. A verified frame with a stale timestamp may be a replay from anywhere, or
 //! a vehicle that has restarted: it gets heartbeats, which reveal nothing and lift the vehicle's timestamps, and nothing
 //! else.
+//!
+//! A verified frame proves who made it, not where that is: who copies the vehicle's datagrams, and is faster than they
+//! are, has a verified and accepted frame from his own address each time, and the vehicle's own is the second of its kind.
+//! So the peer stays where it is as long as anything new to it still comes from there, copied before or not.
 
 use core::time::Duration;
 
@@ -24,6 +28,8 @@ pub(super) struct PeerLock<A> {
     endpoint: Endpoint<A>,
     peer: Option<A>,
     last_frame: Option<Duration>,
+    /// The newest stamp that came from the peer's own address, and when: of a frame that was accepted, or of the second of its kind.
+    own: Option<(Stamp, Duration)>,
     /// The sender of frames that verify but are stale: may be sent heartbeats, nothing else.
     provisional: Option<(A, Duration)>,
 }
@@ -38,6 +44,7 @@ impl<A: Copy + Eq> PeerLock<A> {
             endpoint,
             peer,
             last_frame: None,
+            own: None,
             provisional: None,
         }
     }
@@ -52,10 +59,32 @@ impl<A: Copy + Eq> PeerLock<A> {
     }
 
     /// A verified and accepted frame came from there. Returns the change of the peer, if it is one.
-    pub(super) fn confirm(&mut self, from: A, mono: Duration) -> Option<(Option<A>, A)> {
+    pub(super) fn confirm(
+        &mut self,
+        from: A,
+        stamp: Stamp,
+        mono: Duration,
+    ) -> Option<(Option<A>, A)> {
         self.provisional = None;
         self.last_frame = Some(mono);
+        let is_there = self
+            .own
+            .is_some_and(|(_, at)| mono.saturating_sub(at) < STAYS_FOR);
+        if is_there && self.peer != Some(from) {
+            return None;
+        }
+        self.own = Some((stamp, mono));
         self.move_to(from)
+    }
+
+    /// A verified frame came from there that had come before. Recordings are older than what the peer itself has sent.
+    pub(super) fn repeated(&mut self, from: A, stamp: Stamp, mono: Duration) {
+        if self.peer == Some(from)
+            && let Some((newest, at)) = &mut self.own
+            && stamp > *newest
+        {
+            (*newest, *at) = (stamp, mono);
+        }
     }
 
     /// A verified frame with a stale timestamp came from there.
@@ -99,6 +128,9 @@ pub(super) struct WrongPeer;
 
 /// How long the peer of an unsigned link must be silent before another sender takes its place.
 pub const UNSIGNED_SILENCE: Duration = Duration::from_secs(5);
+/// How long the peer stays where it is after the last that came from there: longer than a vehicle, or a ground station that is
+/// sent nothing else than heartbeats, is silent.
+pub const STAYS_FOR: Duration = Duration::from_millis(2_500);
 /// How long a provisional peer is kept after its last frame against another one.
 const PROVISIONAL_HOLD: Duration = Duration::from_secs(2);
 
@@ -295,6 +327,27 @@ const SIGNS_FOR: Duration = Duration::from_secs(2);
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_faster_copy_does_not_move_the_peer_and_a_vehicle_that_moves_does() {
+        let mut lock = PeerLock::new(Endpoint::Listen);
+        let at = |n: u64| Duration::from_millis(100 * n);
+        assert_eq!(lock.confirm(1, Stamp::new(10), at(0)), Some((None, 1)));
+        for n in 1..600 {
+            let stamp = Stamp::new(10 + n);
+            assert_eq!(lock.confirm(9, stamp, at(n)), None, "the copy comes first");
+            lock.repeated(1, stamp, at(n));
+        }
+        assert_eq!(lock.peer(), Some(1));
+        // It has moved; recordings of it are played from where it was.
+        let mut moved = None;
+        for n in 600..640 {
+            lock.repeated(1, Stamp::new(300), at(n));
+            moved = moved.or(lock.confirm(2, Stamp::new(10 + n), at(n)).map(|_| n));
+        }
+        assert_eq!(moved, Some(624));
+        assert_eq!(lock.peer(), Some(2));
+    }
 
     #[test]
     fn a_recording_counts_once_a_second_and_a_vehicle_with_every_frame() {

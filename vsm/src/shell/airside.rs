@@ -307,9 +307,9 @@ impl AirsideServer {
     fn take_radio(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
         let mut encryption = self.encryption.take();
-        let bytes = match &mut encryption {
+        let (from, bytes) = match &mut encryption {
             Some(one) => one.handle(now, from, bytes, &mut self.disk.store),
-            None => bytes,
+            None => (from, bytes),
         };
         if !bytes.is_empty() {
             let mut random = system_random;

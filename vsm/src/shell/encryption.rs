@@ -74,15 +74,16 @@ impl Encryption {
         })
     }
 
-    /// Takes what arrived, and gives the frames that the other end has sent.
+    /// Takes what arrived, and gives the frames that the other end has sent, with its address.
     pub(super) fn handle(
         &mut self,
         now: Now,
         from: Peer,
         bytes: &[u8],
         disk: &mut dyn Disk,
-    ) -> &[u8] {
-        self.link.handle(now, from, bytes, &mut system_random, disk)
+    ) -> (Peer, &[u8]) {
+        self.link.handle(now, from, bytes, &mut system_random, disk);
+        (self.link.sender(from), self.link.received())
     }
 
     /// Sends one frame, once it is polled.

@@ -247,9 +247,9 @@ impl Pairing {
     /// Only KEY_EXCHANGE counts, signed or not: what is believed is proven by the code.
     fn take(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
-        let bytes = match &mut self.encryption {
+        let (_, bytes) = match &mut self.encryption {
             Some(one) => one.handle(now, from, bytes, &mut self.store),
-            None => bytes,
+            None => (from, bytes),
         };
         let mut disk = GroundKeys {
             store: &mut self.store,

@@ -58,9 +58,9 @@ impl Core {
             .and_then(Option::as_ref)
             .map(|port| &port.link);
         let mut encrypted = encryptions.iter_mut();
-        let bytes = match encrypted.find(|(_, one)| Some(&one.address) == link) {
+        let (from, bytes) = match encrypted.find(|(_, one)| Some(&one.address) == link) {
             Some((_, one)) => one.handle(now, from, bytes, store),
-            None => bytes,
+            None => (from, bytes),
         };
         if !bytes.is_empty() {
             bridge.handle_vehicle(now, port, from, bytes, store, &mut tap);
