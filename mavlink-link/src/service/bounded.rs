@@ -33,6 +33,16 @@ impl<T> Bounded<T> {
         room
     }
 
+    /// Appends what does not wait already: a repetition that is due before the first has left would take the room of others.
+    pub fn push_once(&mut self, entry: T)
+    where
+        T: PartialEq,
+    {
+        if !self.entries.contains(&entry) {
+            self.push(entry);
+        }
+    }
+
     /// Takes the oldest entry.
     pub fn pop(&mut self) -> Option<T> {
         self.entries.pop_front()

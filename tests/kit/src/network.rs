@@ -27,6 +27,9 @@ pub struct Faults {
     /// Whether the spread of `delay` alone lets packets overtake each other, as on a mesh of paths. On a single queue,
     /// such as a radio link, a late packet also delays those behind it.
     pub overtaking: bool,
+    /// What a line carries each way, bytes a second, one datagram behind the other; what would wait for over [`LINE_HOLDS`] is lost.
+    /// `None`: any number at once.
+    pub bytes_s: Option<f64>,
 }
 
 impl Faults {
@@ -39,6 +42,7 @@ impl Faults {
         truncate: 0.0,
         delay: (Duration::from_millis(2), Duration::from_millis(2)),
         overtaking: false,
+        bytes_s: None,
     };
 
     /// A link that loses this part of its packets, and duplicates, reorders, damages and delays some of the others.
@@ -73,6 +77,17 @@ impl Faults {
     }
 }
 
+/// What a line has carried (`Faults::bytes_s`).
+#[derive(Debug, Clone, Copy)]
+pub struct Carried<A> {
+    /// Whom it was for.
+    pub to: A,
+    /// Its bytes.
+    pub bytes: usize,
+    /// When it was sent, and when the line began to carry it.
+    pub waited: (Duration, Duration),
+}
+
 /// A packet on its way.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Packet<A, T> {
@@ -91,6 +106,10 @@ pub struct Network<A, T> {
     pub faults: Faults,
     random: Random,
     in_flight: BTreeMap<(Duration, u64), Packet<A, T>>,
+    /// What was carried where a line has its pace, in the order of sending.
+    pub carried: Vec<Carried<A>>,
+    /// When the line to each end is free.
+    free_at: BTreeMap<A, Duration>,
     /// When the last packet to each end arrives.
     last_arrival: BTreeMap<A, Duration>,
     /// Orders packets that arrive at the same time: the one sent first arrives first.
@@ -105,6 +124,8 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
             faults,
             random: Random::with_seed(seed),
             in_flight: BTreeMap::new(),
+            carried: Vec::new(),
+            free_at: BTreeMap::new(),
             last_arrival: BTreeMap::new(),
             sent: 0,
             lost: 0,
@@ -113,16 +134,21 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
 
     /// Sends a packet that cannot be damaged: it is lost, duplicated, delayed or reordered.
     pub fn send_intact(&mut self, now: Duration, from: A, to: A, payload: T) {
-        self.put(now, Packet { from, to, payload }, |_, _, _| {});
+        self.put(now, Packet { from, to, payload }, 0, |_, _, _| {});
     }
 
     fn put(
         &mut self,
         now: Duration,
         packet: Packet<A, T>,
+        bytes: usize,
         damage: impl Fn(&Faults, &mut Random, &mut T),
     ) {
         let faults = self.faults;
+        let Some(now) = self.carry(now, packet.to, bytes) else {
+            self.lost += 1;
+            return;
+        };
         let copies = if happens(&mut self.random, faults.duplicate) {
             2
         } else {
@@ -150,6 +176,26 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
         }
     }
 
+    /// When a packet has left the line; `None` where it finds no room.
+    fn carry(&mut self, now: Duration, to: A, bytes: usize) -> Option<Duration> {
+        let Some(bytes_s) = self.faults.bytes_s else {
+            return Some(now);
+        };
+        let free_at = self.free_at.entry(to).or_default();
+        let begun = now.max(*free_at);
+        if begun > now + LINE_HOLDS {
+            return None;
+        }
+        *free_at = begun + Duration::from_secs_f64(bytes as f64 / bytes_s);
+        let left = *free_at;
+        self.carried.push(Carried {
+            to,
+            bytes,
+            waited: (now, begun),
+        });
+        Some(left)
+    }
+
     /// The next packet that has arrived by now.
     pub fn receive(&mut self, now: Duration) -> Option<Packet<A, T>> {
         let entry = self.in_flight.first_entry()?;
@@ -175,9 +221,11 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
 impl<A: Copy + Ord> Network<A, Vec<u8>> {
     /// Sends a datagram, which may also be damaged: a bit inverted, or its end cut off.
     pub fn send(&mut self, now: Duration, from: A, to: A, payload: Vec<u8>) {
+        let bytes = payload.len();
         self.put(
             now,
             Packet { from, to, payload },
+            bytes,
             |faults, random, bytes| {
                 if happens(random, faults.flip) && !bytes.is_empty() {
                     let bit = random.usize(..bytes.len() * 8);
@@ -195,6 +243,9 @@ impl<A: Copy + Ord> Network<A, Vec<u8>> {
 fn happens(random: &mut Random, probability: f64) -> bool {
     probability > 0.0 && random.f64() < probability
 }
+
+/// What the buffer in front of a line holds: more than a serial driver's, less than a patient modem's.
+pub const LINE_HOLDS: Duration = Duration::from_secs(1);
 
 /// The least time by which a reordered packet is late: longer than most tests take between two packets.
 pub const HELD_BACK: Duration = Duration::from_millis(80);

@@ -42,13 +42,14 @@ const DLI: [&str; 5] = [
     "max_messages_s",
 ];
 /// Keys of `[[vehicle]]` that do not: its link and what is signed on it.
-const VEHICLE: [&str; 7] = [
+const VEHICLE: [&str; 8] = [
     "logical_id",
     "link",
     "system_id",
     "signing",
     "link_id",
     "vehicle_link_id",
+    "rate_bps",
     "encrypt",
 ];
 
@@ -157,6 +158,7 @@ impl Config {
             vehicle.signing.clone_from(&before.signing);
             vehicle.link_id = before.link_id;
             vehicle.vehicle_link_id = before.vehicle_link_id;
+            vehicle.rate_bps = before.rate_bps;
             vehicle.encrypt = before.encrypt;
         }
         for before in self.vehicles() {

@@ -332,6 +332,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.signing", "{ key_file = \"uav1.key\" }"),
     ("vehicle.signing.key_file", "\"uav1.key\""),
     ("vehicle.vehicle_link_id", "0"),
+    ("vehicle.rate_bps", "57600"),
     ("vehicle.landing.course_deg", "270.0"),
     ("vehicle.landing.glide_deg", "4.0"),
     ("vehicle.landing.radius_m", "-80.0"),

@@ -43,6 +43,10 @@ table! {
         /// MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink
         /// instance); given here, no other is ever accepted
         pub vehicle_link_id: Option<u8> => Nothing("learned, and kept in the store"),
+        /// What its link carries, where that is little, such as a radio: bits a second in both directions together, 4800 to
+        /// 10000000. Reports of the vehicle are requested less often until they fit, and what can wait waits for commands
+        /// ([px4.md](../guide/px4.md#a-slow-radio))
+        pub rate_bps: Option<u32> => Nothing("no limit"),
         /// Whether all of the link is encrypted ([encryption.md](../guide/encryption.md)): with an air-side agent that has been
         /// paired (`signing.exchange = "on"`) and `encrypt = true` in the `[radio]` of its file. Nothing is taken or sent in the
         /// clear then but KEY_EXCHANGE
@@ -364,6 +368,12 @@ impl Vehicle {
             let expected = "vehicle.signing with exchange = \"on\" beside it: the link's keys are agreed on with the agent \
                             that has been paired";
             return fault(at, "vehicle.encrypt", true, expected);
+        }
+        if let Some(rate) = self.rate_bps
+            && !(4_800..=10_000_000).contains(&rate)
+        {
+            let expected = "4800 to 10000000 (bits a second)";
+            return fault(at, "vehicle.rate_bps", rate, expected);
         }
         if self.agl == Agl::Terrain && self.terrain.is_none() {
             let expected = "vehicle.terrain beside it: the folder of the elevation files";

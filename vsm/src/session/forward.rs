@@ -62,6 +62,8 @@ pub(crate) struct Request {
 pub(crate) struct Situation {
     /// What the lists are applied to.
     pub(crate) px4: Px4Now,
+    /// Its link has little room: the bridge alone says what is sent how often.
+    pub(crate) limited: bool,
     /// A CUCS holds LOI 4 or 5, or the VSM flies for one that was lost.
     pub(crate) controlled: bool,
 }
@@ -242,6 +244,9 @@ impl Forward {
             && !reads_files(frame.payload());
         let why = match self.policy.as_ref()?.check(&frame, situation.px4) {
             Ok(()) if writes => "file transfer that writes",
+            Ok(()) if situation.limited && sets_rates(&frame) => {
+                "rates are the bridge's (rate_bps)"
+            }
             Ok(())
                 if situation.controlled && !self.config.while_controlled && !only_asks(&frame) =>
             {
@@ -395,6 +400,12 @@ fn only_asks(frame: &FrameView<'_>) -> bool {
     }
 }
 
+/// Whether a message changes how often the vehicle sends others.
+fn sets_rates(frame: &FrameView<'_>) -> bool {
+    frame.header().message_id == REQUEST_DATA_STREAM
+        || command_of(frame) == Some(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16)
+}
+
 /// Whether a message may be sent at this interval, us: what the bridge needs no slower than it has asked for, and nothing so often that it fills
 /// the link. 0 is the vehicle's own rate, which may be none.
 fn leaves_the_bridge_its_own(message: f32, interval_us: f32) -> bool {
@@ -410,6 +421,7 @@ fn leaves_the_bridge_its_own(message: f32, interval_us: f32) -> bool {
 /// 100 Hz.
 const FASTEST_US: f32 = 10_000.0;
 const HEARTBEAT: u32 = 0;
+const REQUEST_DATA_STREAM: u32 = 66;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 /// PING; PARAM_REQUEST_READ, _LIST; MISSION_REQUEST, _REQUEST_LIST, _ACK, _REQUEST_INT; COMMAND_ACK.

@@ -298,7 +298,7 @@ mod tests {
             file_crc: crc,
             uri: uri.into(),
         });
-        let services = Services::new(Node::new(245, 190), Node::new(1, 1));
+        let services = Services::new(Node::new(245, 190), Node::new(1, 1), None);
         (machine, services)
     }
 

@@ -128,7 +128,7 @@ impl World {
             },
             controller: Some(CUCS),
             vehicle: state,
-            services: Services::new(Node::new(245, 190), Node::new(1, 1)),
+            services: Services::new(Node::new(245, 190), Node::new(1, 1), None),
             alerts: Alerts::new(1),
             listeners: (0..stations.len()).collect(),
             requests: VecDeque::new(),

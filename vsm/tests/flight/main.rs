@@ -71,6 +71,7 @@ mod route_progress;
 mod route_refusals;
 mod routes_by_type;
 mod shared_link;
+mod slow_radio;
 mod station_profiles;
 mod status;
 mod termination;

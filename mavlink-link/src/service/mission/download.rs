@@ -198,7 +198,9 @@ impl Download {
             target_component: context.vehicle.component,
             mission_type: self.kind,
         };
-        context.out.push(MavMessage::MISSION_REQUEST_LIST(request));
+        context
+            .out
+            .push_once(MavMessage::MISSION_REQUEST_LIST(request));
     }
 
     fn request_next(&mut self, now: Duration, context: &mut Context<'_>) {
@@ -212,6 +214,8 @@ impl Download {
             target_component: context.vehicle.component,
             mission_type: self.kind,
         };
-        context.out.push(MavMessage::MISSION_REQUEST_INT(request));
+        context
+            .out
+            .push_once(MavMessage::MISSION_REQUEST_INT(request));
     }
 }

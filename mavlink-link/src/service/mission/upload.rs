@@ -183,6 +183,8 @@ impl Upload {
         if self.attempt >= context.timing.attempts {
             return Some(Err(self.failure()));
         }
+        // Items that have not left yet are of the transfer that ends here.
+        context.out.clear();
         if self.requested > 0 {
             context.cancel(self.kind);
         }
@@ -215,7 +217,7 @@ impl Upload {
     fn send_count(&self, context: &mut Context<'_>) {
         context
             .out
-            .push(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+            .push_once(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
                 count: self.count,
                 target_system: context.vehicle.system,
                 target_component: context.vehicle.component,
@@ -230,7 +232,7 @@ impl Upload {
         };
         // Every item was checked against the dialect before the transfer began.
         if let Ok(message) = item.to_message(context.vehicle, self.kind, seq) {
-            context.out.push(message);
+            context.out.push_once(message);
         }
     }
 }

@@ -198,9 +198,11 @@ impl Aircraft {
     }
 
     fn set_file_rate(&mut self) {
-        let rate = match &self.config.link {
+        let rate = match (self.config.rate_bps, &self.config.link) {
+            // A fifth: the rest is for what flies the vehicle.
+            (Some(rate_bps), _) => Some(rate_bps / 50),
             // Half of the line, ten bits a byte.
-            LinkAddress::Serial { baud, .. } => Some(baud / 20),
+            (None, LinkAddress::Serial { baud, .. }) => Some(baud / 20),
             _ => self.may_fly().map(|_| IN_FLIGHT_BYTES_PER_S),
         };
         self.services.files.limit(rate);

@@ -181,6 +181,11 @@ impl Bridge {
                 continue;
             }
             let situation = situation(one);
+            if !one.link.has_room(now) {
+                forward.count("no room on the vehicle's link (rate_bps)");
+                found = true;
+                continue;
+            }
             found = match forward.judge(now, request, (system, situation), disk) {
                 Some(frame) => {
                     let link_id = forward.vehicle_link_id();
@@ -241,6 +246,7 @@ fn situation(one: &Aircraft) -> Situation {
             disarmed: live && one.vehicle.telemetry.armed == Some(false),
             zeroizing: one.zeroizing,
         },
+        limited: one.config.rate_bps.is_some(),
         controlled: one.authority.controller().is_some() || one.flight.view().commands_by_itself,
     }
 }

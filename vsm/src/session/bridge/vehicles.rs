@@ -43,8 +43,8 @@ impl Bridge {
             vehicle: vehicle.id,
             cause,
         })?;
-        let link = VehicleLink::new(Link::new(link), key);
-        let services = Services::new(self.own, link.autopilot());
+        let link = VehicleLink::new(Link::new(link), key, vehicle.rate_bps);
+        let services = Services::new(self.own, link.autopilot(), vehicle.rate_bps);
         let (settings, number) = (self.settings.clone(), self.next_number);
         let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
         let known = aircraft.restore(&mut self.effects(now, disk).0)?;

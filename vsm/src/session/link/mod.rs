@@ -5,12 +5,14 @@
 //!
 //! - [`state`]: what the vehicle shows; [`measured`]: when that was so; [`services`]: what may be asked of it. The router lends both to the other machines
 //! - `intake`: bytes become state, answers and [events](event); `sending`: messages become signed frames
+//! - `budget` and `rates`: what a link of few bits a second is used for
 //! - `key_agreement`: a key agreed over the air is looked for in the vehicle's frames; `key_recovery`: which of two keys
 //!   the vehicle has, after a rollover that a restart cut off
 //! - `encryption_status`: how the encrypted link below stands, which the shell keeps
 //! - `ground`: heights of the ground, for a vehicle that asks for them
 //! - `operator_control`: who may command the vehicle as MAVLink has it; `link_id`: its signing link id, over restarts
 
+mod budget;
 pub(crate) mod encryption_status;
 pub(crate) mod event;
 pub(crate) mod frame;
@@ -45,6 +47,7 @@ use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use mavlink_link::store::{Disk, Store as _, StoreError};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use self::budget::Budget;
 use self::event::VehicleEvent;
 use self::frame::{OutFrame, Peer};
 use self::key_agreement::Agreement;
@@ -96,6 +99,7 @@ pub(crate) struct VehicleLink {
     unreported: bool,
     believed: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
+    budget: Budget,
     out: VecDeque<OutFrame>,
     pub(super) received: ByType,
     pub(super) sent: ByType,
@@ -132,7 +136,12 @@ struct Fresh {
 }
 
 impl VehicleLink {
-    pub(crate) fn new(link: Link<Peer>, key: Option<KeyState>) -> VehicleLink {
+    /// `rate_bps`: what the link carries, where that is little.
+    pub(crate) fn new(
+        link: Link<Peer>,
+        key: Option<KeyState>,
+        rate_bps: Option<u32>,
+    ) -> VehicleLink {
         let vehicle = Node::new(link.config().vehicle_system, AUTOPILOT);
         VehicleLink {
             vehicle,
@@ -155,6 +164,7 @@ impl VehicleLink {
             loss: Loss::default(),
             believed: Vec::new(),
             events: VecDeque::new(),
+            budget: Budget::new(rate_bps),
             out: VecDeque::new(),
             received: ByType::default(),
             sent: ByType::default(),
@@ -274,6 +284,7 @@ impl VehicleLink {
             clock,
             self.key_recovery.poll_timeout(),
             self.operator_control.poll_timeout(),
+            self.budget.poll_timeout(),
         ]
         .into_iter()
         .flatten()

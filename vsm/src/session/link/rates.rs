@@ -2,33 +2,154 @@
 
 use mavlink_link::service::interval::Rate;
 
-/// What the DLI needs of the vehicle; and off what PX4 streams at up to 50 Hz by default and nobody here needs: a radio has
-/// no room for it.
-pub(super) const RATES: &[(u32, Rate)] = &[
-    // First: with it a lossy link is not mistaken for a silent vehicle (its other source, HEARTBEAT, comes at 1 Hz).
-    (436, Rate::Hz(5.0)), // CURRENT_MODE
-    (30, Rate::Hz(5.0)),  // ATTITUDE
-    (33, Rate::Hz(5.0)),  // GLOBAL_POSITION_INT
-    (32, Rate::Hz(5.0)),  // LOCAL_POSITION_NED
-    (245, Rate::Hz(2.0)), // EXTENDED_SYS_STATE
-    // PX4 sends it every 2 s by default.
-    (242, Rate::Hz(1.0)), // HOME_POSITION
-    (24, Rate::Hz(1.0)),  // GPS_RAW_INT
-    (74, Rate::Hz(2.0)),  // VFR_HUD
-    (87, Rate::Hz(2.0)),  // POSITION_TARGET_GLOBAL_INT
-    (1, Rate::Hz(1.0)),   // SYS_STATUS
-    (147, Rate::Hz(0.5)), // BATTERY_STATUS
-    (31, Rate::Off),      // ATTITUDE_QUATERNION
-    (83, Rate::Off),      // ATTITUDE_TARGET
-    (85, Rate::Off),      // POSITION_TARGET_LOCAL_NED
-    (36, Rate::Off),      // SERVO_OUTPUT_RAW
-];
+use super::budget::reported_bytes_s;
+
+/// The requests of one vehicle.
+#[derive(Debug)]
+pub(super) struct Rates {
+    /// What the reports may take of the link, bytes a second; `None`: as much as they need.
+    bytes_s: Option<f64>,
+    /// Message, rate in Hz, and the bytes of a frame.
+    wanted: Vec<(u32, f32, u16)>,
+}
+
+impl Rates {
+    /// What the DLI needs. `rate_bps`: what the link carries, where that is little.
+    pub(super) fn new(rate_bps: Option<u32>) -> Rates {
+        Rates {
+            bytes_s: rate_bps.map(reported_bytes_s),
+            wanted: NEEDED.to_vec(),
+        }
+    }
+
+    /// One more, or another rate of one.
+    pub(super) fn add(&mut self, message: u32, hertz: f32) {
+        match self.wanted.iter_mut().find(|(id, ..)| *id == message) {
+            Some((_, known, _)) => *known = hertz,
+            None => self.wanted.push((message, hertz, FURTHER_BYTES)),
+        }
+    }
+
+    /// What is requested: all of it, lowered by one factor where the link has no room for it. Off is what PX4 streams by default and nobody
+    /// here needs; on a link with little room that is more, and comes first: until then the answers do not get through.
+    pub(super) fn requested(&self) -> impl Iterator<Item = (u32, Rate)> {
+        let factor = self.factor();
+        let wanted = self.wanted.iter();
+        let wanted = wanted.map(move |(id, hertz, _)| (*id, Rate::Hz(hertz * factor)));
+        let (first, little): (&[u32], &[u32]) = match self.bytes_s {
+            Some(_) => (UNUSED, ONLY_WITH_ROOM),
+            None => (&[], &[]),
+        };
+        let last = if first.is_empty() { UNUSED } else { &[] };
+        let off = |ids: &'static [u32]| {
+            let ids = ids.iter().filter(|id| !self.is_wanted(**id));
+            ids.map(|id| (*id, Rate::Off))
+        };
+        off(first).chain(off(little)).chain(wanted).chain(off(last))
+    }
+
+    fn is_wanted(&self, message: u32) -> bool {
+        self.wanted.iter().any(|(id, ..)| *id == message)
+    }
+
+    fn factor(&self) -> f32 {
+        let Some(room) = self.bytes_s else {
+            return 1.0;
+        };
+        let wanted = self.wanted.iter();
+        let needed: f32 = wanted
+            .map(|(_, hertz, bytes)| hertz * f32::from(*bytes))
+            .sum();
+        let room = room as f32 - f32::from(HEARTBEAT_BYTES);
+        (room / needed).min(1.0)
+    }
+}
 
 /// What the bridge cannot do without, and the longest time between two of it, us. HEARTBEAT is of the protocol itself.
 pub(crate) fn needed_every_us() -> impl Iterator<Item = (u32, f32)> {
-    let requested = RATES.iter().filter_map(|(id, rate)| match rate {
-        Rate::Hz(hz) => Some((*id, 1e6 / hz)),
-        _ => None,
-    });
+    let requested = NEEDED.iter().map(|(id, hertz, _)| (*id, 1e6 / hertz));
     requested.chain([(0, 1e6)])
+}
+
+/// Message, Hz, and the bytes of a whole frame with its signature.
+const NEEDED: &[(u32, f32, u16)] = &[
+    // First: with it a lossy link is not mistaken for a silent vehicle (its other source, HEARTBEAT, comes at 1 Hz).
+    (436, 5.0, 34), // CURRENT_MODE
+    (30, 5.0, 53),  // ATTITUDE
+    (33, 5.0, 53),  // GLOBAL_POSITION_INT
+    (32, 5.0, 53),  // LOCAL_POSITION_NED
+    (245, 2.0, 27), // EXTENDED_SYS_STATE
+    // PX4 sends it every 2 s by default.
+    (242, 1.0, 85), // HOME_POSITION
+    (24, 1.0, 77),  // GPS_RAW_INT
+    (74, 2.0, 45),  // VFR_HUD
+    (87, 2.0, 76),  // POSITION_TARGET_GLOBAL_INT
+    (1, 1.0, 68),   // SYS_STATUS
+    (147, 0.5, 79), // BATTERY_STATUS
+];
+/// PX4 streams them at up to 50 Hz.
+const UNUSED: &[u32] = &[
+    31, // ATTITUDE_QUATERNION
+    83, // ATTITUDE_TARGET
+    85, // POSITION_TARGET_LOCAL_NED
+    36, // SERVO_OUTPUT_RAW
+];
+/// PX4 streams them more slowly, for other ground stations and for what a CUCS may request later.
+const ONLY_WITH_ROOM: &[u32] = &[
+    62,  // NAV_CONTROLLER_OUTPUT
+    65,  // RC_CHANNELS
+    132, // DISTANCE_SENSOR
+    141, // ALTITUDE
+    230, // ESTIMATOR_STATUS
+    231, // WIND_COV
+    241, // VIBRATION
+    246, // ADSB_VEHICLE
+    290, // ESC_INFO
+    291, // ESC_STATUS
+    330, // OBSTACLE_DISTANCE
+    340, // UTM_GLOBAL_POSITION
+];
+/// Of a frame that is requested later: few are longer.
+const FURTHER_BYTES: u16 = 80;
+const HEARTBEAT_BYTES: u16 = 34;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes_s(rates: &Rates) -> f32 {
+        let sizes = |id: u32| rates.wanted.iter().find(|(wanted, ..)| *wanted == id);
+        let each = rates.requested().filter_map(|(id, rate)| match rate {
+            Rate::Hz(hertz) => Some(hertz * f32::from(sizes(id)?.2)),
+            _ => None,
+        });
+        each.sum::<f32>() + f32::from(HEARTBEAT_BYTES)
+    }
+
+    #[test]
+    fn what_does_not_fit_is_lowered_together_and_what_is_added_has_room() {
+        for (rate_bps, whole) in [(4_800, false), (9_600, false), (57_600, true)] {
+            let mut rates = Rates::new(Some(rate_bps));
+            for added in [None, Some(105), Some(230)] {
+                added.into_iter().for_each(|id| rates.add(id, 5.0));
+                let room = f32::from(u16::try_from(rate_bps / 10).unwrap()) * 0.6;
+                assert!(bytes_s(&rates) <= room + 0.1, "{rate_bps} {added:?}");
+                assert_eq!(rates.factor() == 1.0, whole, "{rate_bps} {added:?}");
+            }
+            // The mode is reported before the vehicle counts as silent, 3.5 s.
+            let mode = rates.requested().find(|(id, _)| *id == 436);
+            let is_often = matches!(mode, Some((_, Rate::Hz(hertz))) if hertz > 0.5);
+            assert!(is_often, "{mode:?}");
+            assert!(!rates.requested().any(|one| one == (230, Rate::Off)));
+        }
+    }
+
+    #[test]
+    fn without_a_budget_all_is_requested_as_needed() {
+        let rates = Rates::new(None);
+        let requested: Vec<_> = rates.requested().collect();
+        assert_eq!(requested.len(), NEEDED.len() + UNUSED.len());
+        assert_eq!(requested[0], (436, Rate::Hz(5.0)));
+        assert!(requested.contains(&(36, Rate::Off)));
+    }
 }

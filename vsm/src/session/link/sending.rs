@@ -12,6 +12,7 @@ use mavlink_link::service::command;
 use mavlink_link::signing::{Stamp, sign};
 use mavlink_link::store::Disk;
 
+use super::budget::answer_bytes;
 use super::event::VehicleEvent;
 use super::frame::{OutFrame, Peer};
 use super::services::Services;
@@ -43,6 +44,7 @@ impl VehicleLink {
                 .poll_transmit(now, auth(self.key.as_mut(), store), &mut bytes)
         {
             self.sent.count(HEARTBEAT);
+            self.budget.spend(now.mono, sent.len, 0);
             self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         }
         while let Some(message) = services.posts.pop_front() {
@@ -52,7 +54,9 @@ impl VehicleLink {
         if services.missions.busy().is_none() {
             self.asked.mission = None;
         }
-        while let Some(message) = services.missions.poll_transmit() {
+        while self.budget.has_room(now.mono)
+            && let Some(message) = services.missions.poll_transmit()
+        {
             let stamp = self.send(now, &message, store);
             // The first stamp is kept: the answer to it may arrive after a repeat was sent.
             self.asked.mission = self.asked.mission.or(stamp);
@@ -60,7 +64,9 @@ impl VehicleLink {
         if services.parameters.pending() == 0 {
             self.asked.parameter = None;
         }
-        while let Some(message) = services.parameters.poll_transmit() {
+        while self.budget.has_room(now.mono)
+            && let Some(message) = services.parameters.poll_transmit()
+        {
             let stamp = self.send(now, &message, store);
             self.asked.parameter = self.asked.parameter.or(stamp);
         }
@@ -101,6 +107,9 @@ impl VehicleLink {
                     let event = VehicleEvent::ComponentCommand(*component, event);
                     self.events.push_back(event);
                 }
+                if !self.budget.has_room(now.mono) {
+                    break;
+                }
                 let Some(message) = commands.poll_transmit() else {
                     break;
                 };
@@ -109,14 +118,18 @@ impl VehicleLink {
                 }
             }
         }
-        while let Some(message) = services.events.poll_transmit() {
+        while self.budget.has_room(now.mono)
+            && let Some(message) = services.events.poll_transmit()
+        {
             self.send(now, &message, store);
         }
         if !services.files.is_active() {
             self.asked.file = None;
         }
         // Last of all: nothing that flies the vehicle waits for a file.
-        while let Some(message) = services.files.poll_transmit() {
+        while self.budget.has_room(now.mono)
+            && let Some(message) = services.files.poll_transmit()
+        {
             let stamp = self.send(now, &message, store);
             self.asked.file = self.asked.file.or(stamp);
         }
@@ -142,8 +155,14 @@ impl VehicleLink {
             .send(now, auth(self.key.as_mut(), store), message, &mut bytes)
             .ok()?;
         self.sent.count(message.message_id());
+        self.budget.spend(now.mono, sent.len, answer_bytes(message));
         self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         sent.stamp
+    }
+
+    /// Whether there is room for the frame of another ground station.
+    pub(crate) fn has_room(&mut self, now: Now) -> bool {
+        self.budget.has_room(now.mono)
     }
 
     /// Passes a frame of another ground station on, in its name and signed with the vehicle's key; false where it cannot
@@ -183,6 +202,7 @@ impl VehicleLink {
             }
         }
         self.sent.count(header.message_id);
+        self.budget.spend(now.mono, length, 0);
         self.out.push_back(OutFrame::new(to, length, bytes));
         true
     }
@@ -204,6 +224,7 @@ impl VehicleLink {
             .send_raw(now, auth, KEY_EXCHANGE_ID, payload, to, &mut bytes);
         if let Ok(sent) = &sent {
             self.sent.count(KEY_EXCHANGE_ID);
+            self.budget.spend(now.mono, sent.len, 0);
             self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
         }
         sent.is_ok()

@@ -6,11 +6,11 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use mavlink_link::dialect::MavMessage;
-use mavlink_link::service::interval::{Intervals, Rate};
+use mavlink_link::service::interval::Intervals;
 use mavlink_link::service::{Node, command, event, ftp, mission, param, timesync};
 
 use super::ground::GroundService;
-use super::rates::RATES;
+use super::rates::Rates;
 
 /// The services of one vehicle.
 #[derive(Debug)]
@@ -29,6 +29,7 @@ pub(crate) struct Services {
     /// autopilot as the manager of a gimbal is among them: a mode does not wait behind a gimbal that does not answer.
     pub(super) components: BTreeMap<u8, command::Client>,
     pub(super) intervals: Intervals,
+    rates: Rates,
     pub(super) posts: VecDeque<MavMessage>,
     own: Node,
     vehicle: Node,
@@ -36,7 +37,9 @@ pub(crate) struct Services {
 
 impl Services {
     /// For `own`, this VSM, towards `vehicle`, its autopilot.
-    pub(crate) fn new(own: Node, vehicle: Node) -> Services {
+    /// `rate_bps`: what the link carries, where that is little.
+    pub(crate) fn new(own: Node, vehicle: Node, rate_bps: Option<u32>) -> Services {
+        let rates = Rates::new(rate_bps);
         Services {
             missions: mission::Client::new(own, vehicle, mission::Timing::default()),
             commands: command::Client::new(own, vehicle, command::Timing::default()),
@@ -45,7 +48,8 @@ impl Services {
             ground: GroundService::default(),
             events: event::Client::new(own, vehicle),
             files: ftp::Client::new(own, vehicle, ftp::Timing::default()),
-            intervals: Intervals::new(RATES.iter().copied()),
+            intervals: Intervals::new(rates.requested()),
+            rates,
             components: BTreeMap::new(),
             posts: VecDeque::new(),
             own,
@@ -66,7 +70,10 @@ impl Services {
 
     /// Requests a message at a rate from now on, as soon as another command may be sent.
     pub(crate) fn request_rate(&mut self, message: u32, hertz: f32) {
-        self.intervals.request(message, Rate::Hz(hertz));
+        self.rates.add(message, hertz);
+        for (message, rate) in self.rates.requested() {
+            self.intervals.request(message, rate);
+        }
     }
 
     /// Commands for the payload to a component of the vehicle: a gimbal, a camera, or the autopilot as a gimbal's manager. No

@@ -18,7 +18,7 @@ fn start() -> (World, VehicleLink) {
     let mut world = World::new();
     world.vehicle = VehicleState::default();
     let config = LinkConfig::new(VEHICLE, Security::Off, Endpoint::Listen);
-    (world, VehicleLink::new(Link::new(config), None))
+    (world, VehicleLink::new(Link::new(config), None, None))
 }
 
 /// The vehicle with this system id sends a message. Returns the events that follow, but those about the link itself.
@@ -132,7 +132,7 @@ fn start_signed(world: &mut World, not_before: Duration) -> VehicleLink {
             &mut *effects.dli.disk,
         )
     });
-    let mut link = VehicleLink::new(Link::new(config), Some(state.unwrap()));
+    let mut link = VehicleLink::new(Link::new(config), Some(state.unwrap()), None);
     world.act(|_, _, effects| {
         let disk = &mut *effects.dli.disk;
         link.offer_next_key(key(2), now, not_before, disk).unwrap();

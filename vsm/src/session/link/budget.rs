@@ -1,0 +1,117 @@
+//! A link that carries few bits a second (`vehicle.rate_bps`): what it is used for, in order of need.
+//!
+//! - Six tenths are for what the vehicle reports: the [rates](super::rates) that are requested of it are lowered together until
+//!   they fit.
+//! - Three tenths are for what is sent to it, and for the answers to that. Commands to the autopilot, heartbeats, sticks and key exchanges
+//!   leave at once. Missions, parameters, files and the frames of other ground stations leave while nothing is owed for
+//!   what left before: a command waits behind one frame of them at most.
+//! - One tenth stays free: for texts and events, and since nobody knows to the byte what a radio adds.
+//!
+//! A byte counts as ten bits, as on a serial line; both directions count, since a radio carries them in turn.
+
+use std::time::Duration;
+
+use mavlink_link::dialect::MavMessage;
+
+/// What is owed for what was sent.
+#[derive(Debug)]
+pub(super) struct Budget {
+    /// What one byte costs; `None`: nothing is limited.
+    per_byte: Option<Duration>,
+    paid_at: Duration,
+    /// Something may wait for room.
+    held_back: bool,
+}
+
+impl Budget {
+    pub(super) fn new(rate_bps: Option<u32>) -> Budget {
+        let bytes_s = |bps: u32| f64::from(bps) / BITS_A_BYTE * OF_SENDING;
+        Budget {
+            per_byte: rate_bps.map(|bps| Duration::from_secs_f64(1.0 / bytes_s(bps))),
+            paid_at: Duration::ZERO,
+            held_back: false,
+        }
+    }
+
+    /// Whether there is room for what can wait. Where there is none, [`Budget::poll_timeout`] names when there is.
+    pub(super) fn has_room(&mut self, now: Duration) -> bool {
+        self.held_back = self.per_byte.is_some() && self.paid_at > now;
+        !self.held_back
+    }
+
+    /// A frame of this many bytes leaves; `answer` bytes come back for it.
+    pub(super) fn spend(&mut self, now: Duration, bytes: usize, answer: usize) {
+        if let Some(per_byte) = self.per_byte {
+            let bytes = u32::try_from(bytes + answer).unwrap_or(u32::MAX);
+            // What leaves at once is never held back for what it owes, and what can wait does not wait for ever behind it.
+            let owed = self.paid_at.max(now) + per_byte.saturating_mul(bytes);
+            self.paid_at = owed.min(now + MAX_OWED);
+        }
+    }
+
+    /// When what was held back can leave.
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.held_back.then_some(self.paid_at)
+    }
+}
+
+/// What the vehicle may report, bytes a second.
+pub(super) fn reported_bytes_s(rate_bps: u32) -> f64 {
+    f64::from(rate_bps) / BITS_A_BYTE * OF_REPORTS
+}
+
+/// Bytes of the frame that answers a message, with its signature.
+pub(super) fn answer_bytes(message: &MavMessage) -> usize {
+    match message {
+        MavMessage::FILE_TRANSFER_PROTOCOL(_) => 279,
+        MavMessage::MISSION_REQUEST_INT(_) => 63,
+        // Each is requested by a MISSION_REQUEST_INT; the last one is answered by a MISSION_ACK.
+        MavMessage::MISSION_ITEM_INT(_) => 30,
+        MavMessage::PARAM_REQUEST_READ(_) | MavMessage::PARAM_SET(_) => 50,
+        _ => 0,
+    }
+}
+
+const BITS_A_BYTE: f64 = 10.0;
+const OF_REPORTS: f64 = 0.6;
+const OF_SENDING: f64 = 0.3;
+const MAX_OWED: Duration = Duration::from_secs(2);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOW: Duration = Duration::from_secs(50);
+
+    #[test]
+    fn what_can_wait_leaves_at_its_share_and_what_cannot_is_counted() {
+        let mut budget = Budget::new(Some(9_600));
+        let (mut left, mut at) = (0, NOW);
+        while at < NOW + Duration::from_secs(10) {
+            if budget.has_room(at) {
+                assert_eq!(budget.poll_timeout(), None);
+                budget.spend(at, 40, 20);
+                left += 60;
+            } else {
+                at = budget.poll_timeout().expect("when there is room");
+            }
+        }
+        // Three tenths of 960 bytes a second.
+        assert!((2_820..=2_940).contains(&left), "{left}");
+        for _ in 0..1_000 {
+            budget.spend(at, 60, 0);
+        }
+        assert!(!budget.has_room(at + Duration::from_millis(1_900)));
+        assert!(budget.has_room(at + MAX_OWED));
+    }
+
+    #[test]
+    fn without_a_budget_nothing_waits() {
+        let mut budget = Budget::new(None);
+        for _ in 0..1_000 {
+            budget.spend(NOW, 280, 280);
+        }
+        assert!(budget.has_room(NOW));
+        assert_eq!(budget.poll_timeout(), None);
+    }
+}
