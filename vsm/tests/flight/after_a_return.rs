@@ -8,9 +8,7 @@ use mavlink_link::dialect::{
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{self, SigningKey, Stamp};
 use px4_sim::Mode as Px4;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
-
-const DONE: Option<AckType> = Some(AckType::CarriedOut);
+use stanag_msgs::enums::FlightPathControlMode as Mode;
 
 /// Another ground station, 255, that has the key too, and whose frames come in over the same link as ours.
 fn foreign(rig: &mut Rig, message: &MavMessage) {
@@ -49,7 +47,7 @@ fn lose_the_plan(rig: &mut Rig) {
 fn loaded() -> Rig {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig
 }
 
@@ -72,7 +70,7 @@ fn a_returned_vehicle_that_lost_the_plan_is_given_it_again() {
     assert!(rig.station().has_alert("the loaded one is sent again"));
     assert!(plans(&rig) > before);
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
 }
 
 #[test]
@@ -106,7 +104,7 @@ fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
     let mut rig = loaded();
     // Another plan is put aboard by a restart of the VSM's memory of it: what it loaded is not what the vehicle has.
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(30.0, |rig| rig.truth().mission_seq >= 1));
     let name = "aboard-1b000101.json";
     let record = String::from_utf8(rig.store.records[name].clone()).expect("it is JSON");

@@ -83,10 +83,7 @@ fn routes_and_commands_that_leave_the_band_are_refused_and_the_vehicle_that_does
     // A landing is no way out.
     elsewhere(&mut rig, 0.0, 20.0);
     assert!(rig.until(60.0, |rig| !outside(rig)));
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::ContingencyA)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::ContingencyA));
     assert!(rig.until(120.0, |rig| outside(rig) || !rig.truth().armed));
     assert!(!outside(&rig));
 }
@@ -99,7 +96,7 @@ fn a_mission_that_is_outside_after_a_reload_is_held() {
         orders::route(1).into(),
         orders::waypoint(1, 0, 400.0, 0.0, 38.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.carry_out(orders::mode(Mode::Waypoint));
     assert!(rig.until(60.0, |rig| -rig.truth().position.d > 36.0));
     assert_eq!(rig.truth().mode, Px4::Mission);

@@ -370,8 +370,7 @@ fn one_that_takes_nothing_costs_a_bounded_queue_and_no_more() {
     );
     let bridge = rig.bridge.as_ref().expect("it runs");
     assert!(bridge.status(String::new(), rig.now().mono).vehicles[0].live);
-    let request = rig.carry_out(orders::request_control());
-    assert_eq!(request, Some(stanag_msgs::enums::AckType::CarriedOut));
+    rig.done(orders::request_control());
 }
 
 #[test]
@@ -624,8 +623,7 @@ fn an_unsigned_program_changes_no_keys_opens_no_shell_and_writes_no_file() {
 fn an_unsigned_program_only_asks_while_a_cucs_controls_the_vehicle() {
     let mut rig = rig(UNSIGNED);
     send_unsigned(&mut rig, &heartbeat());
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(stanag_msgs::enums::AckType::CarriedOut));
+    rig.done(orders::request_control());
     let (before, since) = (accepted(&rig), rig.forwarded.len());
     send_unsigned(&mut rig, &arm());
     rig.run(1.0);

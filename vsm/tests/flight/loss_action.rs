@@ -24,13 +24,10 @@ fn abandoned(tables: &'static str, plan: Vec<Message>) -> Rig {
     if !plan.is_empty() {
         rig.send_plan(orders::square());
         rig.send_plan(plan);
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
     }
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
     rig.stations[0].heartbeats = true;
     rig.run(2.0);
     rig.stations[0].heartbeats = false;
@@ -157,16 +154,8 @@ fn the_main_route_is_flown_again_after_the_contingency() {
     let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", plan);
     assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Mission));
     assert!(rig.stations[1].has_alert("commanding contingency A"));
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::request_control());
+    rig.done(orders::mode(Mode::Waypoint));
     let to = |rig: &Rig| {
         rig.station()
             .last(kit::bridge::vehicle_id(0), 4001, |m| match m {

@@ -61,7 +61,7 @@ fn release(rig: &mut Rig) {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    assert_eq!(rig.carry_out(release), DONE);
+    rig.done(release);
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn operator_control_is_taken_with_control_and_let_go_with_it() {
     let mut rig = Rig::new(speaking());
     rig.run(9.0);
     assert_eq!(owner(&rig), Some(0), "nobody controls, nothing is taken");
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     assert!(rig.until(3.0, |rig| owner(rig) == Some(245)));
     // Another station is refused, and the attempt is reported.
     let before = rig.vehicles[0].vehicle().counters();
@@ -112,7 +112,7 @@ fn what_another_station_owns_is_reported_and_a_command_is_refused_with_the_reaso
     rig.run(9.0);
     ask(&mut rig);
     assert!(rig.until(3.0, |rig| owner(rig) == Some(255)));
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     rig.run(1.0);
     assert!(
         rig.station()
@@ -129,7 +129,7 @@ fn what_another_station_owns_is_reported_and_a_command_is_refused_with_the_reaso
         rig.station()
             .has_alert("no MAVLink system has operator control")
     );
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn a_lost_controller_leaves_operator_control_to_the_loss_action() {
         ..speaking()
     });
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.stations[0].heartbeats = true;
     rig.run(2.0);
     rig.stations[0].heartbeats = false;
