@@ -2,10 +2,9 @@
 //! beside this VSM is reported.
 
 use kit::bridge::{Rig, orders};
-use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, MISSION_CLEAR_ALL_DATA, MavCmd, MavMessage, MavMissionType,
-};
+use mavlink_link::dialect::{MISSION_CLEAR_ALL_DATA, MavCmd, MavMessage, MavMissionType};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{self, SigningKey, Stamp};
 use px4_sim::Mode as Px4;
 use stanag_msgs::enums::FlightPathControlMode as Mode;
@@ -141,13 +140,7 @@ fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
 #[test]
 fn who_commands_the_vehicle_beside_this_vsm_is_reported() {
     let mut rig = Rig::ready();
-    let command = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_DO_SET_HOME,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let command = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_HOME, [1.0]);
     foreign(&mut rig, &command);
     assert!(
         rig.until(3.0, |rig| {

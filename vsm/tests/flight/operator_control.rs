@@ -2,8 +2,8 @@
 //! stations see that and are refused; one that does not is asked for nothing.
 
 use kit::bridge::{Rig, Setup, orders};
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use mavlink_link::service::Node;
+use mavlink_link::dialect::MavCmd;
+use mavlink_link::service::{Node, command};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 
@@ -25,17 +25,7 @@ fn speaking() -> Setup {
 }
 
 fn command(rig: &mut Rig, command: MavCmd, params: [f32; 4]) {
-    let [param1, param2, param3, param4] = params;
-    let command = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command,
-        target_system: 1,
-        target_component: 1,
-        param1,
-        param2,
-        param3,
-        param4,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let command = command::long(Node::new(1, 1), command, params);
     rig.vehicles[0]
         .vehicle_mut()
         .handle_message(GROUND, &command);

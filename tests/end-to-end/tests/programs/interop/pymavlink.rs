@@ -4,12 +4,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
-use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, MISSION_ITEM_INT_DATA, MavCmd, MavMessage, STATUSTEXT_DATA,
-};
+use mavlink_link::dialect::{MISSION_ITEM_INT_DATA, MavCmd, MavMessage, STATUSTEXT_DATA};
 use mavlink_link::frame::{FrameView, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::MemoryDisk;
 use serde_json::Value;
@@ -57,13 +56,11 @@ impl End {
     /// A heartbeat by itself, and three messages that were asked for.
     pub(crate) fn frames(&mut self) -> Vec<Vec<u8>> {
         let messages = [
-            MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-                param7: 518.25,
-                command: MavCmd::MAV_CMD_NAV_TAKEOFF,
-                target_system: 1,
-                target_component: 1,
-                ..Default::default()
-            }),
+            command::long(
+                Node::new(1, 1),
+                MavCmd::MAV_CMD_NAV_TAKEOFF,
+                [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 518.25],
+            ),
             MavMessage::MISSION_ITEM_INT(MISSION_ITEM_INT_DATA {
                 x: 473_977_434,
                 y: 85_455_939,
