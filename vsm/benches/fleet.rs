@@ -10,6 +10,8 @@
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
 mod common;
+#[path = "common/process.rs"]
+mod process;
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -31,7 +33,8 @@ use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
-use common::{cpu_time, free, memory_kb, socket, wall};
+use common::{free, socket, wall};
+use process::{cpu_time, memory_kb};
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
