@@ -8,13 +8,13 @@
 use curve_paths::flight::measure;
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use mapping::route::Curved;
 use px4_sim::{Airframe, Config, Mode as Px4};
 use stanag_msgs::enums::{
     AckType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode, MissionTransferStatus,
 };
 use stanag_msgs::messages::CurveSegment;
 use stanag_msgs::{Bam32, Message, Scaled};
-use vsm::session::CurvesStatus;
 
 /// Metres north and east of home, metres above it.
 type At = (f64, f64, f64);
@@ -230,7 +230,7 @@ fn loaded(setup: Setup, plan: Vec<Message>) -> Rig {
     rig
 }
 
-fn curved(rig: &Rig) -> CurvesStatus {
+fn curved(rig: &Rig) -> Curved {
     let status = rig
         .bridge
         .as_ref()

@@ -247,7 +247,7 @@ struct UploadedRecord {
     waypoint_of: Vec<u16>,
     legs: Vec<LegRecord>,
     #[serde(default)]
-    curved: Option<CurvedRecord>,
+    curved: Option<Curved>,
     /// As in the record of a plan.
     #[serde(default)]
     messages: Vec<String>,
@@ -269,20 +269,6 @@ struct ItemFields {
     y: i32,
     #[serde(with = "as_bits")]
     z: f32,
-}
-
-#[derive(Serialize, Deserialize)]
-struct CurvedRecord(#[serde(with = "CurvedFields")] Curved);
-
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Curved")]
-struct CurvedFields {
-    legs: usize,
-    chords: usize,
-    tolerance_m: f64,
-    bound_m: f64,
-    predicted_m: Option<f64>,
-    time_s: f64,
 }
 
 /// One of the two altitudes is set.
@@ -381,7 +367,7 @@ pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8
         items: compiled.items.iter().copied().map(ItemRecord).collect(),
         waypoint_of: compiled.waypoint_of.clone(),
         legs: compiled.order.iter().map(LegRecord::from).collect(),
-        curved: compiled.curved.map(CurvedRecord),
+        curved: compiled.curved,
         messages: encode_messages(uploaded.plan.messages(), Id::NULL, vehicle),
     })
 }
@@ -403,7 +389,7 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
             items: record.items.into_iter().map(|item| item.0).collect(),
             waypoint_of: record.waypoint_of,
             order,
-            curved: record.curved.map(|curved| curved.0),
+            curved: record.curved,
             // The operator got these when the route was loaded.
             notes: Vec::new(),
         },
