@@ -23,6 +23,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use kit::clock::wall;
 use mavlink_link::dialect::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     MavAutopilot, MavMessage, MavModeFlag, MavType, VFR_HUD_DATA,
@@ -33,7 +34,7 @@ use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
-use common::{free, socket, wall};
+use common::{free, socket};
 use process::{cpu_time, memory_kb};
 
 fn main() {

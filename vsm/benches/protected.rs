@@ -20,6 +20,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use kit::bridge::StationGuard;
+use kit::clock::wall;
 use mavlink_link::Now;
 use mavlink_link::encrypted::{Carrier, EncryptedConfig, EncryptedLink, MAX_WIRE, Role};
 use mavlink_link::exchange::{Identity, Node, Parties};
@@ -32,7 +33,7 @@ use vsm::key_exchange::{ExchangeRecord, identity};
 use vsm::shell::disk::FileDisk;
 use vsm::shell::key_file::system_random;
 
-use common::{free, socket, wall};
+use common::{free, socket};
 use vehicle::Autopilot;
 
 fn main() {

@@ -24,11 +24,12 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use kit::clock::wall;
 use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
-use common::{free, socket, wall};
+use common::{free, socket};
 use process::{cpu_time, memory_kb};
 use vehicle::Autopilot;
 

@@ -2,13 +2,12 @@
 
 use std::cell::Cell;
 
+use kit::clock::wall;
 use mavlink_link::dialect::{
     ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
 };
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
-
-use crate::common::wall;
 
 pub(crate) struct Autopilot {
     pub(crate) signed: bool,

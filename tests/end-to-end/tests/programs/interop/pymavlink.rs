@@ -1,6 +1,6 @@
 //! Our end of a signed link, and pymavlink as the other.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
@@ -13,6 +13,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::MemoryDisk;
 use serde_json::Value;
 
+use kit::clock::wall;
 use kit::process::{filter, from_hex, hex};
 use vsm_tests::{here, peers_python, seed_from_clock};
 
@@ -32,9 +33,7 @@ impl End {
         let mut store = MemoryDisk::default();
         let now = Now {
             mono: Duration::ZERO,
-            wall: SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .expect("after 1970"),
+            wall: wall(),
         };
         let key = SigningKey::new(key).expect("a key");
         let key = KeyState::start(key, Origin::KeyFile, Stamp::ZERO, now, &mut store)
@@ -163,10 +162,7 @@ pub(crate) fn pymavlink_forges(key: [u8; 32], wishes: &[Value]) -> Vec<Vec<u8>> 
 
 /// The stamp of pymavlink's clock: a little ahead of a key that has just been read from its file.
 pub(crate) fn peer_stamp() -> u64 {
-    let wall = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .expect("after 1970");
-    Stamp::from_unix(wall + Duration::from_secs(2)).get()
+    Stamp::from_unix(wall() + Duration::from_secs(2)).get()
 }
 
 /// Runs pymavlink once: a line for each line.

@@ -82,11 +82,7 @@ fn the_agent_relays_and_drops_what_must_not_reach_px4() {
     let attacker = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     let key = SigningKey::new(key).expect("a key");
     let other = SigningKey::new([9; 32]).expect("a key");
-    let now = Stamp::from_unix(
-        std::time::SystemTime::now()
-            .duration_since(std::time::UNIX_EPOCH)
-            .expect("a time"),
-    );
+    let now = Stamp::from_unix(kit::clock::wall());
     let year = now.plus(Duration::from_secs(366 * 86_400));
     let arm = command::long(Node::new(1, 1), MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0]);
     // Who, under which key and stamp, and the counter that must show it.
