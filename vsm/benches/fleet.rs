@@ -10,6 +10,8 @@
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
 mod common;
+#[path = "common/process.rs"]
+mod process;
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -21,6 +23,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use kit::clock::wall;
 use mavlink_link::dialect::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     MavAutopilot, MavMessage, MavModeFlag, MavType, VFR_HUD_DATA,
@@ -31,7 +34,8 @@ use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
-use common::{cpu_time, free, memory_kb, socket, wall};
+use common::{free, socket};
+use process::{cpu_time, memory_kb};
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.

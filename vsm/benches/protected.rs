@@ -8,22 +8,23 @@
 #![allow(missing_docs, reason = "a bench has no callers")]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
+mod common;
+#[path = "common/vehicle.rs"]
+mod vehicle;
+
 use std::cell::{Cell, RefCell};
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use kit::bridge::StationGuard;
+use kit::clock::wall;
 use mavlink_link::Now;
-use mavlink_link::dialect::{
-    ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
-};
 use mavlink_link::encrypted::{Carrier, EncryptedConfig, EncryptedLink, MAX_WIRE, Role};
 use mavlink_link::exchange::{Identity, Node, Parties};
-use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
-use mavlink_link::signing::{SigningKey, Stamp, sign};
+use mavlink_link::signing::SigningKey;
 use mavlink_link::store::MemoryDisk;
 use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
@@ -31,6 +32,9 @@ use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 use vsm::key_exchange::{ExchangeRecord, identity};
 use vsm::shell::disk::FileDisk;
 use vsm::shell::key_file::system_random;
+
+use common::{free, socket};
+use vehicle::Autopilot;
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
@@ -123,7 +127,7 @@ enum Kind {
 const KINDS: [Kind; 3] = [Kind::Plain, Kind::Signed, Kind::Protected];
 
 struct World {
-    kind: Kind,
+    autopilot: Autopilot,
     vsm: Child,
     vehicle: UdpSocket,
     station: UdpSocket,
@@ -131,8 +135,6 @@ struct World {
     dli: SocketAddr,
     air: Option<RefCell<Air>>,
     guard: Option<RefCell<StationGuard>>,
-    sent: Cell<u64>,
-    stamped: Cell<u64>,
     asked: Cell<u64>,
     answered: Cell<u64>,
     started: Instant,
@@ -190,7 +192,7 @@ impl World {
             .spawn()
             .expect("vsm run");
         let world = World {
-            kind,
+            autopilot: Autopilot::new(kind != Kind::Plain),
             vsm,
             vehicle: socket(),
             station: socket(),
@@ -198,8 +200,6 @@ impl World {
             dli,
             air,
             guard,
-            sent: Cell::new(0),
-            stamped: Cell::new(0),
             asked: Cell::new(0),
             answered: Cell::new(0),
             started,
@@ -235,61 +235,23 @@ impl World {
         }
     }
 
-    /// A HEARTBEAT in the other of two modes; a 3001 reports it.
+    /// A 3001 reports it.
     fn mode_change(&self) {
-        let even = self.sent.get().is_multiple_of(2);
-        self.report(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(even)],
-            mavtype: MavType::MAV_TYPE_QUADROTOR,
-            autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
-            base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            mavlink_version: 3,
-            ..HEARTBEAT_DATA::default()
-        }));
+        self.report(&self.autopilot.mode_change());
     }
 
-    /// The most frequent of PX4's messages.
     fn attitude(&self) {
-        let part = (self.sent.get() % 100) as f32 / 100.0;
-        self.report(&MavMessage::ATTITUDE(ATTITUDE_DATA {
-            time_boot_ms: self.sent.get() as u32,
-            roll: part,
-            pitch: -part,
-            yaw: part * 3.0,
-            rollspeed: 0.1,
-            pitchspeed: 0.2,
-            yawspeed: 0.3,
-        }));
+        self.report(&self.autopilot.attitude());
     }
 
-    /// As the vehicle's autopilot sends it.
-    fn report(&self, message: &MavMessage) {
-        let count = self.sent.get() + 1;
-        self.sent.set(count);
-        let mut out = [0; MAX_FRAME];
-        let signed = self.kind != Kind::Plain;
-        let header = Header {
-            system_id: 1,
-            component_id: 1,
-            seq: count as u8,
-            incompat: if signed { INCOMPAT_SIGNED } else { 0 },
-            ..Header::default()
-        };
-        let mut length = encode(message, header, &mut out);
-        if signed {
-            let key = SigningKey::new([0x5a; 32]).expect("a key");
-            // As every signer must: two frames within 10 us do not share a stamp.
-            let stamp = Stamp::from_unix(wall()).get().max(self.stamped.get() + 1);
-            self.stamped.set(stamp);
-            length = sign(&key, 0, Stamp::new(stamp), &mut out, length).expect("it fits");
-        }
+    fn report(&self, frame: &[u8]) {
         match &self.air {
             Some(air) => {
                 let now = self.now().mono;
-                air.borrow_mut().link.send(now, 0, &out[..length]);
+                air.borrow_mut().link.send(now, 0, frame);
                 self.transmit();
             }
-            None => self.radio(&out[..length]),
+            None => self.radio(frame),
         }
     }
 
@@ -441,23 +403,6 @@ fn quantile(values: &mut [f64], part: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let at = (values.len() as f64 * part) as usize;
     values[at.min(values.len() - 1)]
-}
-
-fn free() -> SocketAddr {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    socket.local_addr().expect("its address")
-}
-
-fn socket() -> UdpSocket {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let wait = Some(Duration::from_millis(200));
-    socket.set_read_timeout(wait).expect("a time-out");
-    socket
-}
-
-fn wall() -> Duration {
-    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
-    wall.expect("after 1970")
 }
 
 /// What PX4 v1.18 sends a second on a link of a ground station.

@@ -11,6 +11,10 @@
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
 mod common;
+#[path = "common/process.rs"]
+mod process;
+#[path = "common/vehicle.rs"]
+mod vehicle;
 
 use std::cell::Cell;
 use std::fs;
@@ -20,16 +24,14 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use mavlink_link::dialect::{
-    ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType,
-};
-use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
-use mavlink_link::signing::{SigningKey, Stamp, sign};
+use kit::clock::wall;
 use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
-use common::{cpu_time, free, memory_kb, socket, wall};
+use common::{free, socket};
+use process::{cpu_time, memory_kb};
+use vehicle::Autopilot;
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
@@ -59,14 +61,12 @@ fn main() {
 }
 
 struct World {
-    signed: bool,
+    autopilot: Autopilot,
     vsm: Child,
     vehicle: UdpSocket,
     station: UdpSocket,
     mavlink: SocketAddr,
     dli: SocketAddr,
-    sent: Cell<u64>,
-    stamped: Cell<u64>,
     asked: Cell<u64>,
     echo: Echo,
     folder: tempfile::TempDir,
@@ -147,14 +147,12 @@ impl World {
             .spawn()
             .expect("vsm run");
         let world = World {
-            signed,
+            autopilot: Autopilot::new(signed),
             vsm,
             vehicle: socket(),
             station: socket(),
             mavlink,
             dli,
-            sent: Cell::new(0),
-            stamped: Cell::new(0),
             asked: Cell::new(0),
             echo: Echo::start(),
             folder,
@@ -174,54 +172,17 @@ impl World {
         world
     }
 
-    /// A HEARTBEAT in the other of two modes; a 3001 tells it.
+    /// A 3001 reports it.
     fn mode_change(&self) {
-        let even = self.sent.get().is_multiple_of(2);
-        self.tell(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(even)],
-            mavtype: MavType::MAV_TYPE_QUADROTOR,
-            autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
-            base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            mavlink_version: 3,
-            ..HEARTBEAT_DATA::default()
-        }));
+        self.report(&self.autopilot.mode_change());
     }
 
-    /// The most frequent of PX4's messages.
     fn attitude(&self) {
-        let part = (self.sent.get() % 100) as f32 / 100.0;
-        self.tell(&MavMessage::ATTITUDE(ATTITUDE_DATA {
-            time_boot_ms: self.sent.get() as u32,
-            roll: part,
-            pitch: -part,
-            yaw: part * 3.0,
-            rollspeed: 0.1,
-            pitchspeed: 0.2,
-            yawspeed: 0.3,
-        }));
+        self.report(&self.autopilot.attitude());
     }
 
-    /// As the vehicle's autopilot says it.
-    fn tell(&self, message: &MavMessage) {
-        let count = self.sent.get() + 1;
-        self.sent.set(count);
-        let mut out = [0; MAX_FRAME];
-        let header = Header {
-            system_id: 1,
-            component_id: 1,
-            seq: count as u8,
-            incompat: if self.signed { INCOMPAT_SIGNED } else { 0 },
-            ..Header::default()
-        };
-        let mut length = encode(message, header, &mut out);
-        if self.signed {
-            let key = SigningKey::new([0x5a; 32]).expect("a key");
-            // As every signer must: two frames within 10 us do not share a stamp.
-            let stamp = Stamp::from_unix(wall()).get().max(self.stamped.get() + 1);
-            self.stamped.set(stamp);
-            length = sign(&key, 0, Stamp::new(stamp), &mut out, length).expect("it fits");
-        }
-        let sent = self.vehicle.send_to(&out[..length], self.mavlink);
+    fn report(&self, frame: &[u8]) {
+        let sent = self.vehicle.send_to(frame, self.mavlink);
         sent.expect("it is sent");
     }
 
@@ -298,7 +259,7 @@ impl World {
         let taken = self.taken(ATTITUDE) - before;
         println!(
             "| {rate} frames/s, signing {}, {taken} of {} taken | {:.1} % | {:.1} us | {:.1} MB |",
-            if self.signed { "on" } else { "off" },
+            if self.autopilot.signed { "on" } else { "off" },
             rate * seconds,
             cpu.as_secs_f64() / took.as_secs_f64() * 100.0,
             cpu.as_secs_f64() * 1e6 / f64::from(rate * seconds),

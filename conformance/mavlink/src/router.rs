@@ -170,56 +170,28 @@ fn held_back(
     if came_out(t, mark, &to.port, &bytes) > 0 {
         return Err(Stop::fail(format!("{what} came out at the other end")));
     }
-    passes(
-        t,
-        from,
-        to,
-        "an honest frame",
-        &vehicle_or_station(from),
-        |_| {},
-    )
-    .map(|_| ())
+    heartbeat_passes(t, from, to, "an honest frame")
 }
 
-fn vehicle_or_station(peer: &Peer) -> Draft {
-    if peer.system == 1 {
+/// The HEARTBEAT of an end passes to the other.
+fn heartbeat_passes(t: &Trial<'_>, from: &Peer, to: &Peer, what: &str) -> Judged {
+    let heartbeat = if from.system == 1 {
         vehicle_heartbeat()
     } else {
         station_heartbeat()
-    }
+    };
+    passes(t, from, to, what, &heartbeat, |_| {}).map(|_| ())
 }
 
 fn broadcast(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
-    passes(
-        t,
-        &vehicle,
-        &station,
-        "a vehicle's HEARTBEAT",
-        &vehicle_heartbeat(),
-        |_| {},
-    )?;
-    passes(
-        t,
-        &station,
-        &vehicle,
-        "a station's HEARTBEAT",
-        &station_heartbeat(),
-        |_| {},
-    )
-    .map(|_| ())
+    heartbeat_passes(t, &vehicle, &station, "a vehicle's HEARTBEAT")?;
+    heartbeat_passes(t, &station, &vehicle, "a station's HEARTBEAT")
 }
 
 fn addressed(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
-    passes(
-        t,
-        &vehicle,
-        &station,
-        "a vehicle's HEARTBEAT",
-        &vehicle_heartbeat(),
-        |_| {},
-    )?;
+    heartbeat_passes(t, &vehicle, &station, "a vehicle's HEARTBEAT")?;
     let command = Draft::new("COMMAND_LONG")
         .to((1, 1))
         .set("command", 512)
@@ -271,14 +243,7 @@ fn signed_untouched(t: &Trial<'_>) -> Judged {
 
 fn not_back(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
-    passes(
-        t,
-        &vehicle,
-        &station,
-        "a vehicle's HEARTBEAT",
-        &vehicle_heartbeat(),
-        |_| {},
-    )?;
+    heartbeat_passes(t, &vehicle, &station, "a vehicle's HEARTBEAT")?;
     for (from, draft) in [
         (&vehicle, vehicle_heartbeat()),
         (&station, station_heartbeat()),
@@ -395,35 +360,13 @@ fn garbage(t: &Trial<'_>) -> Judged {
         station.send_bytes(&bytes);
     }
     t.pause(t.quiet())?;
-    passes(
-        t,
-        &vehicle,
-        &station,
-        "an honest frame after garbage",
-        &vehicle_heartbeat(),
-        |_| {},
-    )?;
-    passes(
-        t,
-        &station,
-        &vehicle,
-        "an honest frame after garbage",
-        &station_heartbeat(),
-        |_| {},
-    )
-    .map(|_| ())
+    heartbeat_passes(t, &vehicle, &station, "an honest frame after garbage")?;
+    heartbeat_passes(t, &station, &vehicle, "an honest frame after garbage")
 }
 
 fn once(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
-    passes(
-        t,
-        &vehicle,
-        &station,
-        "a vehicle's HEARTBEAT",
-        &vehicle_heartbeat(),
-        |_| {},
-    )?;
+    heartbeat_passes(t, &vehicle, &station, "a vehicle's HEARTBEAT")?;
     let (mark, bytes) =
         vehicle.send_with(&vehicle_heartbeat().set("custom_mode", t.number()), |_| {});
     t.pause(t.quiet())?;
@@ -437,14 +380,7 @@ fn once(t: &Trial<'_>) -> Judged {
 
 fn setup_signing(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
-    passes(
-        t,
-        &vehicle,
-        &station,
-        "a vehicle's HEARTBEAT",
-        &vehicle_heartbeat(),
-        |_| {},
-    )?;
+    heartbeat_passes(t, &vehicle, &station, "a vehicle's HEARTBEAT")?;
     // For another vehicle than the one at the other end: a key for one must not be shown to all.
     let setup = Draft::new("SETUP_SIGNING")
         .to((77, 1))
@@ -471,15 +407,12 @@ fn stranger_at_the_end(t: &Trial<'_>) -> Judged {
     port.send(b"no frame");
     port.send(&[0xFD; 40]);
     t.pause(t.quiet())?;
-    passes(
+    heartbeat_passes(
         t,
         &vehicle,
         &station,
         "a vehicle's HEARTBEAT, after a stranger's garbage to the station's end,",
-        &vehicle_heartbeat(),
-        |_| {},
     )
-    .map(|_| ())
 }
 
 fn forged_vehicle(t: &Trial<'_>) -> Judged {

@@ -467,12 +467,6 @@ const PLAYED: &[(&str, Judge)] = &[
     ("SIGN-027", keeps_new_key),
 ];
 
-/// Whether the suite has such a judge.
-#[must_use]
-pub fn is_played(rule: &str) -> bool {
-    PLAYED.iter().any(|(id, _)| *id == rule)
-}
-
 fn from_station(bench: &Bench, mark: usize, wanted: impl Fn(&Seen) -> bool) -> Vec<Arc<Seen>> {
     bench.net.all(mark, |seen| {
         seen.direction == Direction::Received && wanted(seen)

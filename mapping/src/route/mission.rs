@@ -1,6 +1,7 @@
 //! A route as it goes to PX4: its items, whose waypoint each is, and where in the route the vehicle is by them.
 
 use mavlink_link::service::mission::Item;
+use serde::{Deserialize, Serialize};
 
 use super::brake;
 use super::error::{Reason, RouteError};
@@ -49,8 +50,8 @@ impl Leg {
     }
 }
 
-/// What was made of the curved legs of a route.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What was made of the curved legs of a route; its fields are named so in JSON.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Curved {
     /// Curved legs.
     pub legs: usize,

@@ -311,12 +311,6 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
     }
 
-    /// Whether the new key has never been sent, by this process or one before it: it may be replaced by another.
-    #[must_use]
-    pub fn is_unsent(&self) -> bool {
-        matches!(self.new, NewKey::Staged(_))
-    }
-
     /// A copy of the new key.
     #[must_use]
     pub fn new_key(&self) -> SigningKey {

@@ -89,6 +89,31 @@ pub struct Command {
     pub repetition: Repetition,
 }
 
+/// COMMAND_LONG (76) to a node, as it is sent first: param1 and those after it, at most 7. The others are 0.
+pub fn long<const N: usize>(to: Node, command: MavCmd, params: [f32; N]) -> MavMessage {
+    const { assert!(N <= 7) };
+    let mut all = [0.0; 7];
+    all[..N].copy_from_slice(&params);
+    repeated(to, command, all, 0)
+}
+
+fn repeated(to: Node, command: MavCmd, params: [f32; 7], confirmation: u8) -> MavMessage {
+    let [param1, param2, param3, param4, param5, param6, param7] = params;
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        param1,
+        param2,
+        param3,
+        param4,
+        param5,
+        param6,
+        param7,
+        command,
+        target_system: to.system,
+        target_component: to.component,
+        confirmation,
+    })
+}
+
 /// Identifies a submitted command in its events.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct Ticket(u64);
@@ -396,21 +421,7 @@ impl Client {
         let target_system = self.vehicle.system;
         let target_component = self.vehicle.component;
         self.out.push(match command.payload {
-            Payload::Long([param1, param2, param3, param4, param5, param6, param7]) => {
-                MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-                    param1,
-                    param2,
-                    param3,
-                    param4,
-                    param5,
-                    param6,
-                    param7,
-                    command: command.command,
-                    target_system,
-                    target_component,
-                    confirmation,
-                })
-            }
+            Payload::Long(params) => repeated(self.vehicle, command.command, params, confirmation),
             Payload::Int {
                 frame,
                 params: [param1, param2, param3, param4],

@@ -1,11 +1,11 @@
 //! The C library as oracle and adversary: each accepts what the other signs, both refuse replayed, damaged and
 //! wrongly signed frames; and its pitfalls are not ours.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::support::*;
+use kit::process::{from_hex, hex};
 use mavlink_link::link::Endpoint;
 use mavlink_link::signing::Stamp;
 
@@ -20,25 +20,12 @@ fn harness(test: &str) -> PathBuf {
     comparison_benches::harness(&folder).unwrap_or_else(|missing| panic!("{missing}"))
 }
 
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut hex, byte| {
-        let _ = write!(hex, "{byte:02x}");
-        hex
-    })
-}
-
-fn bytes(hex: &str) -> Vec<u8> {
-    (0..hex.len() / 2)
-        .map(|at| u8::from_str_radix(&hex[2 * at..2 * at + 2], 16).unwrap())
-        .collect()
-}
-
 fn signed_by_c(program: &std::path::Path, stamp: Stamp, count: usize) -> Vec<Vec<u8>> {
     let key = hex(key().expose());
     let (stamp, count) = (stamp.get().to_string(), count.to_string());
     comparison_benches::ask(program, &["sign", &key, &stamp, &count], "")
         .lines()
-        .map(bytes)
+        .map(from_hex)
         .collect()
 }
 

@@ -46,9 +46,7 @@ fn vector(line: &str) -> Vector {
             incompat: INCOMPAT_SIGNED,
             compat: 0,
         },
-        frame: (0..frame.len() / 2)
-            .map(|i| u8::from_str_radix(&frame[2 * i..2 * i + 2], 16).unwrap())
-            .collect(),
+        frame: kit::process::from_hex(frame),
     }
 }
 

@@ -3,6 +3,7 @@
 
 use std::io::Read;
 
+use kit::process::{from_hex, hex};
 use serde_json::{Value as Json, json};
 use stanag_msgs::ed25::{self, HEADER_BYTES, Header, MAX_DATA, TRAILER_BYTES, Version};
 use stanag_msgs::field::{EnumKind, FieldInfo};
@@ -27,16 +28,6 @@ fn vectors() -> String {
     text
 }
 
-fn bytes(hex: &str) -> Vec<u8> {
-    (0..hex.len() / 2)
-        .map(|index| u8::from_str_radix(&hex[2 * index..2 * index + 2], 16).unwrap())
-        .collect()
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 /// The first vector of this type.
 fn vector(id: u64) -> Json {
     let vectors = vectors();
@@ -47,7 +38,7 @@ fn vector(id: u64) -> Json {
 }
 
 fn wire(id: u64) -> Vec<u8> {
-    bytes(vector(id)["wire"].as_str().unwrap())
+    from_hex(vector(id)["wire"].as_str().unwrap())
 }
 
 #[test]
@@ -308,14 +299,14 @@ fn messages_follow_one_another_in_a_datagram() {
 fn the_first_byte_tells_the_editions_apart() {
     for line in vectors().lines() {
         let vector: Json = serde_json::from_str(line).unwrap();
-        assert!(ed25::is_ed25(&bytes(vector["wire"].as_str().unwrap())));
+        assert!(ed25::is_ed25(&from_hex(vector["wire"].as_str().unwrap())));
     }
     for info in MESSAGES {
         let line = json!({"id": info.id, "source": 1, "destination": 2, "fields": {}});
         for idd in [30, 32] {
             let mut line = line.clone();
             line["idd"] = idd.into();
-            let datagram = bytes(&encode_line(&line.to_string(), true).unwrap());
+            let datagram = from_hex(&encode_line(&line.to_string(), true).unwrap());
             assert!(!ed25::is_ed25(&datagram) && frames(&datagram).next().unwrap().is_ok());
         }
     }

@@ -3,12 +3,21 @@
 //! A process reads two clocks. The monotonic one starts with the process; the wall clock may be stepped while it runs.
 //! [`VirtualClock`] keeps both, so that a test can restart a process or step the clock and everything else stays as it is.
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::Now;
 
 /// 2026-01-01 00:00 UTC: what the wall clock of most tests shows at their start.
 pub const START: Duration = Duration::from_secs(1_767_225_600);
+
+/// Time since 1970 by the clock of this computer: for tests in real time.
+///
+/// # Panics
+/// It is before 1970.
+pub fn wall() -> Duration {
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
+    wall.expect("after 1970")
+}
 
 /// The clocks of one process under test.
 #[derive(Debug, Clone)]

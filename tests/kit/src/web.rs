@@ -2,13 +2,15 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpStream};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use stanag_msgs::guard::{ConnectionKey, Direction, GuardKey, Opening, SealedText};
 use stanag_msgs::{Id, TimeStamp};
 use tungstenite::handshake::HandshakeError;
 use tungstenite::{ClientRequestBuilder, Error, Message, WebSocket};
+
+use crate::clock::wall;
 
 /// A client whose connection is open.
 #[derive(Debug)]
@@ -275,7 +277,5 @@ fn is_time_out(fault: &io::Error) -> bool {
 }
 
 fn now_stamp() -> u64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    let ms = now.expect("after 1970").as_millis() as u64;
-    TimeStamp::from_unix_ms(ms).0
+    TimeStamp::from_unix_ms(wall().as_millis() as u64).0
 }

@@ -16,9 +16,10 @@ use mapping::area::{Area, is_breached};
 use mapping::mode::Px4Mode;
 use mapping::telemetry::Telemetry;
 use mavlink_link::Now;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavSeverity};
+use mavlink_link::dialect::{MavCmd, MavMessage, MavSeverity};
 use mavlink_link::frame::FrameView;
 use mavlink_link::receiver::AUTOPILOT;
+use mavlink_link::service::{Node, command};
 use mavlink_link::store::{Disk, Store as _, StoreError};
 use serde::Serialize;
 use stanag_msgs::Id;
@@ -334,20 +335,12 @@ impl Alone {
     /// The command that is to be sent to PX4.
     pub(super) fn poll_command(&mut self, system: u8) -> Option<MavMessage> {
         let mode = self.command.take()?;
-        let [param1, param2, param3, param4, param5, param6, param7] = set_mode(mode);
-        Some(MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command: MavCmd::MAV_CMD_DO_SET_MODE,
-            target_system: system,
-            target_component: AUTOPILOT,
-            confirmation: 0,
-            param1,
-            param2,
-            param3,
-            param4,
-            param5,
-            param6,
-            param7,
-        }))
+        let to = Node::new(system, AUTOPILOT);
+        Some(command::long(
+            to,
+            MavCmd::MAV_CMD_DO_SET_MODE,
+            set_mode(mode),
+        ))
     }
 
     /// When [`Alone::step`] is next needed.

@@ -1,6 +1,7 @@
 //! What the ground side of the key exchange keeps in the store: its static key, and for each vehicle the paired agent,
 //! counter and epoch.
 
+use data_encoding::HEXLOWER;
 use mavlink_link::exchange::{Identity, PublicKey, Random};
 use mavlink_link::signing::KeyId;
 use mavlink_link::store::{Disk, Durability, Store as _, StoreError};
@@ -124,7 +125,7 @@ fn identity_in(
     }
     let identity =
         Identity::generate(random).map_err(|_| StoreError::new(name, "no random bytes"))?;
-    let text = Zeroizing::new(hex::text(identity.expose()));
+    let text = Zeroizing::new(HEXLOWER.encode(identity.expose()));
     disk.replace(name, text.as_bytes(), Durability::Power)?;
     Ok(identity)
 }
@@ -144,34 +145,13 @@ pub(crate) const MAX_IDENTITY_BYTES: u64 = 256;
 
 /// Bytes as hexadecimal text in the record.
 mod hex {
+    use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
     use serde::{Deserialize as _, Deserializer, Serializer, de};
-
-    pub(super) fn text(bytes: &[u8]) -> String {
-        bytes
-            .iter()
-            .fold(String::with_capacity(bytes.len() * 2), |mut text, byte| {
-                for nibble in [byte >> 4, byte & 0x0f] {
-                    text.push(char::from_digit(nibble.into(), 16).unwrap_or('0'));
-                }
-                text
-            })
-    }
 
     /// Whether the text was exactly so many bytes.
     pub(super) fn fill(text: &str, out: &mut [u8]) -> bool {
         let digits = text.as_bytes();
-        digits.len() == out.len() * 2
-            && out
-                .iter_mut()
-                .zip(digits.chunks_exact(2))
-                .all(|(byte, pair)| {
-                    let digit = |at: usize| pair.get(at).and_then(|c| char::from(*c).to_digit(16));
-                    let value = digit(0).zip(digit(1)).map(|(high, low)| high << 4 | low);
-                    *byte = value
-                        .and_then(|value| u8::try_from(value).ok())
-                        .unwrap_or(0);
-                    value.is_some()
-                })
+        digits.len() == out.len() * 2 && HEXLOWER_PERMISSIVE.decode_mut(digits, out).is_ok()
     }
 
     pub(super) fn serialize<S: Serializer, const N: usize>(
@@ -179,7 +159,7 @@ mod hex {
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
         match bytes {
-            Some(bytes) => serializer.serialize_str(&text(bytes)),
+            Some(bytes) => serializer.serialize_str(&HEXLOWER.encode(bytes)),
             None => serializer.serialize_none(),
         }
     }

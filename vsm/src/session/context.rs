@@ -50,6 +50,20 @@ pub(crate) struct Context<'a> {
     pub(crate) termination: TerminationView,
 }
 
+/// Lets the context of a machine, which has views beside `common`, be read as that.
+macro_rules! deref_to_common {
+    ($context:ident) => {
+        impl<'a> ::std::ops::Deref for $context<'a> {
+            type Target = $crate::session::context::Context<'a>;
+
+            fn deref(&self) -> &Self::Target {
+                &self.common
+            }
+        }
+    };
+}
+pub(crate) use deref_to_common;
+
 /// What the configuration sets that is the same for every vehicle.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {

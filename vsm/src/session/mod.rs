@@ -125,9 +125,7 @@ pub use authority::rules::{
 };
 pub(crate) use authority::trail::Kind as AuditKind;
 pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap};
-pub use bridge::status::{
-    CurvesStatus, LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus,
-};
+pub use bridge::status::{LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus};
 pub use bridge::{
     Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, WebOpened, WebWay, link_config,
 };

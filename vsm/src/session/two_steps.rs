@@ -179,3 +179,36 @@ impl Refusal {
 
 /// An order to arm or to execute that was longer on its way is refused.
 pub(crate) const MAX_DELAY: Duration = Duration::from_secs(2);
+
+/// For the tests of every state of either.
+#[cfg(test)]
+impl<P: Copy, V: Copy> Circumstances<P, V> {
+    /// In which every order is taken, but for its stamp, plan and vehicle.
+    pub(crate) fn good(now: Duration, by: Id, stamp: u64, plan: Option<P>, vehicle: V) -> Self {
+        Circumstances {
+            now,
+            by,
+            stamp: TimeStamp(stamp),
+            controls: true,
+            handover: false,
+            proven: true,
+            delay: Delay::Behind(MAX_DELAY),
+            layout: true,
+            plan,
+            vehicle,
+        }
+    }
+
+    /// The same, and each of what is wrong with it.
+    pub(crate) fn flawed(self) -> Vec<Self> {
+        let late = Duration::from_millis(2_001);
+        let mut all = vec![self; 7];
+        all[1].controls = false;
+        all[2].handover = true;
+        all[3].proven = false;
+        all[4].delay = Delay::Behind(late);
+        all[5].delay = Delay::Ahead(late);
+        all[6].delay = Delay::Unknown;
+        all
+    }
+}

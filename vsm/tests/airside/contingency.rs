@@ -1,9 +1,8 @@
 //! What the agent flies by itself while nothing is received of the ground, and what it leaves alone.
 
-use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage,
-};
+use mavlink_link::dialect::{HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::sign;
 
 use px4_sim::{Autopilot, Config, HealthFaults, Mode as Px4, Param, Signing};
@@ -276,14 +275,7 @@ fn sticks(world: &mut World, seconds: f64) {
 fn a_pilot_keeps_the_vehicle() {
     let mut world = flying(HOME);
     sticks(&mut world, 1.0);
-    let position = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_DO_SET_MODE,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        param2: 3.0,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let position = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 3.0]);
     pilot(&mut world, &position);
     sticks(&mut world, 2.0);
     assert_eq!(mode(&world), Px4::PosCtl, "{:?}", world.log);
@@ -330,15 +322,11 @@ fn a_restart_of_the_agent_flies_nothing_twice_and_forgets_nothing() {
     );
     // After it: a pilot has taken it since, and given it back on hold.
     world.restart_agent();
-    let hold = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_DO_SET_MODE,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        param2: 4.0,
-        param3: LOITER,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let hold = command::long(
+        Node::new(1, 1),
+        MavCmd::MAV_CMD_DO_SET_MODE,
+        [1.0, 4.0, LOITER],
+    );
     pilot(&mut world, &hold);
     world.to_px4.clear();
     world.run(30.0);

@@ -5,22 +5,18 @@ use std::time::Duration;
 use crate::world::{
     Disk, GROUND, Ground, Mishap, PX4, VSM, World, at, encoded, frame, key, settings, start,
 };
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::frame::FrameView;
 use mavlink_link::link::Endpoint;
 use mavlink_link::receiver::Stream;
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::Stamp;
 use px4_sim::Signing;
 use vsm::airside::Settings;
 
 fn arm() -> MavMessage {
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        ..COMMAND_LONG_DATA::default()
-    })
+    let px4 = Node::new(1, 1);
+    command::long(px4, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0])
 }
 
 /// A first key is on the agent's disk, as an exchange leaves it there.

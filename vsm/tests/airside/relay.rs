@@ -1,8 +1,9 @@
 //! The air-side agent as a relay: what passes, byte by byte, and each thing that does not.
 
 use crate::world::{Disk, GROUND, STRANGER, VSM, World, at, encoded, frame, key, settings};
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::receiver::Stream;
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::Stamp;
 use px4_sim::Signing;
 
@@ -11,13 +12,8 @@ const SETUP_SIGNING: u32 = 256;
 const KEY_EXCHANGE: u32 = 229;
 
 fn command() -> MavMessage {
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        ..COMMAND_LONG_DATA::default()
-    })
+    let px4 = Node::new(1, 1);
+    command::long(px4, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0])
 }
 
 /// How many PX4 has answered.

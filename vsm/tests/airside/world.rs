@@ -7,13 +7,14 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::exchange::{self, Agreed, Identity, PinnedPeer, ResponderStore};
 use mavlink_link::frame::{
     FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
 };
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::{KeyState, Stream};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 use mavlink_link::store::{MemoryDisk, StoreError};
 use px4_sim::{Autopilot, Config, Signing};
@@ -423,17 +424,8 @@ impl World {
         [param1, param2, param3]: [f32; 3],
         param7: f32,
     ) {
-        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command,
-            target_system: 1,
-            target_component: 1,
-            param1,
-            param2,
-            param3,
-            param4: 0.0,
-            param7,
-            ..COMMAND_LONG_DATA::default()
-        });
+        let params = [param1, param2, param3, 0.0, 0.0, 0.0, param7];
+        let message = command::long(Node::new(1, 1), command, params);
         let now = self.now;
         let bytes = self.ground.as_mut().unwrap().frame(now, &message);
         assert!(self.passes(GROUND, &bytes));

@@ -3,13 +3,14 @@
 
 use std::time::Duration;
 
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::exchange::{
     AutopilotKey, Identity, Inbound, Initiator, InitiatorConfig, InitiatorEvent, InitiatorMemory,
     NoRandom, Node, PinnedPeer, Trust, Wanted, ZeroizeRefusal, ZeroizeReport,
 };
 use mavlink_link::exchange::{InitiatorStore, PublicKey};
 use mavlink_link::frame::KEY_EXCHANGE_ID;
+use mavlink_link::service::command;
 use px4_sim::Signing;
 use vsm::airside::Settings;
 
@@ -205,13 +206,8 @@ fn the_paired_ground_has_the_agent_erase_itself_and_px4_has_a_key_that_nobody_ke
 }
 
 fn arming() -> MavMessage {
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        ..COMMAND_LONG_DATA::default()
-    })
+    let px4 = Node::new(1, 1);
+    command::long(px4, MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0])
 }
 
 #[test]
@@ -396,13 +392,7 @@ fn an_operator_of_this_computer_has_px4s_key_replaced_too() {
 fn what_stands_on_the_ground_is_not_started_once_a_zeroize_is_ordered() {
     let mut ordered = Ordered::new();
     let command = |ordered: &mut Ordered, command, param1| {
-        let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command,
-            param1,
-            target_system: 1,
-            target_component: 1,
-            ..COMMAND_LONG_DATA::default()
-        });
+        let message = command::long(Node::new(1, 1), command, [param1]);
         let now = ordered.world.now;
         let ground = ordered.world.ground.as_mut().unwrap();
         let bytes = ground.frame(now, &message);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use mavlink_link::dialect::MavMissionType;
 use serde_json::{Map, Value, json};
-use stanag_msgs::enums::{AckType, AlertPriority};
+use stanag_msgs::enums::AlertPriority;
 use stanag_msgs::json::{decode_line, encode_line};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message};
 
@@ -104,17 +104,6 @@ pub(super) fn send(rig: &mut Rig, message: &Message) {
     let end = rig.carry_out(message.clone());
     // The end itself can be seen: 16000 reports a refusal, and this that there was an answer.
     assert!(end.is_some(), "message {} is not answered", message.id());
-}
-
-/// Sends it and waits until it is carried out.
-pub(super) fn done(rig: &mut Rig, message: impl Into<Message>) {
-    let end = rig.carry_out(message);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
 }
 
 /// The fields of a message as they are on the wire.

@@ -25,7 +25,7 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text, TimeStamp, table};
 
-use super::scene::{altered, done, raw_fields};
+use super::scene::{altered, raw_fields};
 use super::trials::messages::{areas, circle, corner, curve, look_there, paper_curve, sticks};
 use super::trials::payload::two_payloads;
 use super::trials::trials;
@@ -103,14 +103,11 @@ fn controls() -> Rig {
         ..Setup::default()
     });
     rig.run(10.0);
-    done(
-        &mut rig,
-        FieldConfigurationRequest {
-            vsm_id: Some(VSM),
-            request_type: Some(ConfigRequestType::Loi4),
-            ..FieldConfigurationRequest::default()
-        },
-    );
+    rig.done(FieldConfigurationRequest {
+        vsm_id: Some(VSM),
+        request_type: Some(ConfigRequestType::Loi4),
+        ..FieldConfigurationRequest::default()
+    });
     rig.run(1.0);
     rig
 }
@@ -147,7 +144,7 @@ fn everything(airframe: Airframe) -> Rig {
         }
         .into(),
     );
-    done(&mut rig, circle);
+    rig.done(circle);
     // Every field, also those that are only kept and given back.
     let waypoint = UaPositionWaypoint {
         waypoint_to_speed: Some(Scaled::saturating_from_si(11.0)),
@@ -185,20 +182,20 @@ fn everything(airframe: Airframe) -> Rig {
         filled(loiter.into()),
         orders::waypoint(3, 0, 0.0, 150.0, 30.0).into(),
     ]);
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     let named = CucsAuthorisationRequest {
         cucs_type: Some(1),
         cucs_subtype: Some(1),
         ..orders::request_control()
     };
-    done(&mut rig, named);
+    rig.done(named);
     for command in [CommandedEngineState::Start, CommandedEngineState::Stop] {
         let engine = EngineCommand {
             engine_command: Some(command),
             ..EngineCommand::default()
         };
-        done(&mut rig, engine);
-        done(&mut rig, request(3007));
+        rig.done(engine);
+        rig.done(request(3007));
     }
     rig.take_off(30.0);
     rig.send_once(sticks());
@@ -206,12 +203,12 @@ fn everything(airframe: Airframe) -> Rig {
         altimeter_setting: Some(Scaled::saturating_from_si(101_500.0)),
         ..orders::mode(Mode::Loiter)
     };
-    done(&mut rig, altimeter);
+    rig.done(altimeter);
     let speed = VehicleOperatingModeCommand {
         commanded_speed: Some(Scaled::saturating_from_si(11.0)),
         ..orders::mode(Mode::Waypoint)
     };
-    done(&mut rig, speed);
+    rig.done(speed);
     rig.run(6.0);
     for round in 0..2 {
         for row in rows().filter(|row| !row.sends.is_empty()) {
@@ -221,9 +218,9 @@ fn everything(airframe: Airframe) -> Rig {
         rig.run(if round == 0 { 3.0 } else { 1.0 });
     }
     for mode in [MissionPlanMode::Download, MissionPlanMode::Load] {
-        done(&mut rig, orders::transfer(mode));
+        rig.done(orders::transfer(mode));
     }
-    done(&mut rig, ParameterRequest::default());
+    rig.done(ParameterRequest::default());
     // Places and altitudes that were commanded.
     let (latitude, longitude) = orders::place(80.0, 0.0);
     let loiter = VehicleOperatingModeCommand {
@@ -234,7 +231,7 @@ fn everything(airframe: Airframe) -> Rig {
     };
     let _ = rig.carry_out(loiter);
     rig.run(2.0);
-    done(&mut rig, request(3004));
+    rig.done(request(3004));
     // Directions that were commanded.
     for kind in [
         HeadingCommandType::TurnRate,
@@ -259,7 +256,7 @@ fn everything(airframe: Airframe) -> Rig {
             ..HealthFaults::default()
         });
     rig.run(4.0);
-    done(&mut rig, SubsystemStatusRequest::default());
+    rig.done(SubsystemStatusRequest::default());
     for reference in 1..10 {
         let _ = rig.carry_out(SubsystemStatusDetailRequest {
             subsystem_state_report_reference: Some(reference),
@@ -299,21 +296,21 @@ fn services() -> Rig {
             orders::waypoint(2, 0, 50.0, 200.0, 20.0).into(),
             curve,
         ]);
-        done(&mut rig, orders::load());
-        done(&mut rig, orders::transfer(MissionPlanMode::Download));
+        rig.done(orders::load());
+        rig.done(orders::transfer(MissionPlanMode::Download));
     }
-    done(&mut rig, filled(circle().into()));
+    rig.done(filled(circle().into()));
     for mode in [AreaPlanMode::Load, AreaPlanMode::Download] {
-        done(&mut rig, areas(mode));
+        rig.done(areas(mode));
     }
     // An area of which corners are missing.
-    done(&mut rig, corner(1, (300.0, 0.0)));
+    rig.done(corner(1, (300.0, 0.0)));
     let _ = rig.carry_out(areas(AreaPlanMode::Load));
     let ping = PingRequest {
         ping_target: Some(PingTarget::Vehicle),
         ..PingRequest::default()
     };
-    done(&mut rig, filled(ping.into()));
+    rig.done(filled(ping.into()));
     rig
 }
 
@@ -329,7 +326,7 @@ fn payload() -> Rig {
     rig.take_off(20.0);
     rig.run(4.0);
     for message in [21000, 21100, 21101, 50025] {
-        done(&mut rig, request(message));
+        rig.done(request(message));
     }
     rig
 }
@@ -343,8 +340,8 @@ fn payload_at_a_waypoint() -> Rig {
         orders::waypoint(1, 0, 50.0, 0.0, 20.0).into(),
         filled(look_there().into()),
     ]);
-    done(&mut rig, orders::load());
-    done(&mut rig, orders::transfer(MissionPlanMode::Download));
+    rig.done(orders::load());
+    rig.done(orders::transfer(MissionPlanMode::Download));
     rig
 }
 

@@ -110,16 +110,9 @@ fn a_route_over_a_ridge_keeps_its_height_above_the_ground_on_straight_legs_and_o
         orders::waypoint(4, 0, 40.0, 100.0, HEIGHT_M).into(),
         bulge(3, 4).into(),
     ]);
-    let loaded = rig.carry_out(orders::load());
-    assert_eq!(
-        loaded,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     rig.take_off(HEIGHT_M);
-    let flown = rig.carry_out(orders::mode(Mode::Waypoint));
-    assert_eq!(flown, Some(AckType::CarriedOut));
+    rig.done(orders::mode(Mode::Waypoint));
     let (mut least_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut begun = false;
     let ended = (0..2_400).any(|_| {
@@ -190,7 +183,7 @@ fn where_no_file_covers_the_ground_nothing_is_flown() {
         commanded_altitude: Some(Scaled::saturating_from_si(40.0)),
         ..loiter
     };
-    assert_eq!(rig.carry_out(crest), Some(AckType::CarriedOut));
+    rig.done(crest);
     let there = |rig: &Rig| (ridge.clearance_m(rig) - 40.0).abs() < 4.0;
     assert!(rig.until(60.0, |rig| rig.truth().position.n > 145.0 && there(rig)));
 }
@@ -260,7 +253,7 @@ fn a_camera_that_looks_at_the_ridge_sees_its_slope_and_not_the_plain_behind_it()
         controlled_station_1_16: Some(StationBitmap1To16::STATION_1),
         ..orders::request_control()
     };
-    assert_eq!(rig.carry_out(request), Some(AckType::CarriedOut));
+    rig.done(request);
     rig.take_off(60.0);
     let station = Some(StationBitmap1To16::STATION_1);
     let by_angles = EoIrLaserPayloadCommand {
@@ -268,7 +261,7 @@ fn a_camera_that_looks_at_the_ridge_sees_its_slope_and_not_the_plain_behind_it()
         set_eo_ir_pointing_mode: Some(EoirPointingMode::AngleToUa),
         ..EoIrLaserPayloadCommand::default()
     };
-    assert_eq!(rig.carry_out(by_angles), Some(AckType::CarriedOut));
+    rig.done(by_angles);
     // Its crest is 20 m below and 150 m north, whichever way the vehicle points; straight on the plain would be 450 m away.
     let heading = rig.truth().attitude[2].to_degrees();
     let at_the_crest = PayloadSteeringCommand {
@@ -277,7 +270,7 @@ fn a_camera_that_looks_at_the_ridge_sees_its_slope_and_not_the_plain_behind_it()
         set_centreline_elevation_angle: Some(Bam16::from_degrees(-9.0)),
         ..PayloadSteeringCommand::default()
     };
-    assert_eq!(rig.carry_out(at_the_crest), Some(AckType::CarriedOut));
+    rig.done(at_the_crest);
     rig.run(3.0);
     let mut received = rig.station().received.iter().rev();
     let seen = received.find_map(|(_, _, message)| match message {

@@ -129,8 +129,7 @@ fn a_station_commands_what_its_groups_have_and_nothing_else() {
     let asked = rig.send_as(1, 0, orders::request_control());
     assert_eq!(rig.end_as(1, asked), Some(AckType::Refused));
     assert_eq!(status(&rig)["rights"][1]["may_hold"], 0);
-    let end = rig.carry_out(land());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(land());
 }
 
 #[test]
@@ -184,7 +183,7 @@ fn what_a_newer_list_takes_away_ends_at_once_and_an_older_one_brings_nothing_bac
         assert!(log.contains(what), "{what}: {log}");
     }
     rig.carry_out(orders::request_control());
-    assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
+    rig.done(loiter());
 }
 
 #[test]
@@ -196,7 +195,7 @@ fn an_entry_that_ends_in_the_air_ends_on_the_ground() {
     let all = held(&rig);
     // It ends in the air, and what is held stays: over a restart too, before the vehicle is received again.
     rig.run(60.0);
-    assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
+    rig.done(loiter());
     rig.restart_bridge();
     rig.run(5.0);
     assert_eq!(
@@ -204,7 +203,7 @@ fn an_entry_that_ends_in_the_air_ends_on_the_ground() {
         (all, Some(0))
     );
     assert_eq!(status(&rig)["rights"][0]["entries"][0]["state"], "ended");
-    assert_eq!(rig.carry_out(land()), Some(AckType::CarriedOut));
+    rig.done(land());
     assert!(rig.until(60.0, |rig| rig.truth().landed));
     assert!(
         rig.until(20.0, |rig| held(rig) == 0),
@@ -230,7 +229,7 @@ fn a_wall_clock_that_is_set_ends_nothing_and_brings_nothing_back() {
     rig.restart_bridge();
     rig.run(5.0);
     assert_eq!(status(&rig)["rights"][0]["entries"][0]["state"], "ended");
-    assert_eq!(rig.carry_out(land()), Some(AckType::CarriedOut));
+    rig.done(land());
     assert!(rig.until(60.0, |rig| rig.truth().landed));
     // And set back: what has ended has ended.
     rig.clock.set_wall_step(-(HOUR as f64));
@@ -283,7 +282,7 @@ fn an_entry_is_for_one_guard_key() {
     assert!(held(&rig) > 0);
     is_refused(&mut rig, loiter(), OTHER_KEY, "for another guard key");
     renew(&mut rig, list(4, &groups, None)).expect("it is newer");
-    assert_eq!(rig.carry_out(loiter()), Some(AckType::CarriedOut));
+    rig.done(loiter());
 }
 
 #[test]
@@ -358,8 +357,8 @@ fn a_key_that_was_replaced_neither_requests_nor_gives_up_what_is_listed_under_th
     is_refused(&mut rig, loiter(), OTHER_KEY, "for another guard key");
     assert_eq!(held(&rig), all);
     rig.guards.insert(0, owner);
-    assert_eq!(rig.carry_out(land()), Some(AckType::CarriedOut));
-    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    rig.done(land());
+    rig.done(release);
     assert_eq!(held(&rig), 0);
 }
 
@@ -378,9 +377,7 @@ fn a_contingency_that_lands_needs_the_group_that_lands() {
         OUTSIDE,
         "does not give it this group",
     );
-    let end = rig.carry_out(set(ContingencyAction::Return));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(set(ContingencyAction::Return));
     renew(&mut rig, list(2, &[Group::Fly, Group::Launch], None)).expect("it is newer");
-    let end = rig.carry_out(set(ContingencyAction::Landing));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(set(ContingencyAction::Landing));
 }

@@ -2,15 +2,12 @@
 //! beside this VSM is reported.
 
 use kit::bridge::{Rig, orders};
-use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, MISSION_CLEAR_ALL_DATA, MavCmd, MavMessage, MavMissionType,
-};
+use mavlink_link::dialect::{MISSION_CLEAR_ALL_DATA, MavCmd, MavMessage, MavMissionType};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{self, SigningKey, Stamp};
 use px4_sim::Mode as Px4;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
-
-const DONE: Option<AckType> = Some(AckType::CarriedOut);
+use stanag_msgs::enums::FlightPathControlMode as Mode;
 
 /// Another ground station, 255, that has the key too, and whose frames come in over the same link as ours.
 fn foreign(rig: &mut Rig, message: &MavMessage) {
@@ -49,7 +46,7 @@ fn lose_the_plan(rig: &mut Rig) {
 fn loaded() -> Rig {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig
 }
 
@@ -72,7 +69,7 @@ fn a_returned_vehicle_that_lost_the_plan_is_given_it_again() {
     assert!(rig.station().has_alert("the loaded one is sent again"));
     assert!(plans(&rig) > before);
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
 }
 
 #[test]
@@ -106,7 +103,7 @@ fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
     let mut rig = loaded();
     // Another plan is put aboard by a restart of the VSM's memory of it: what it loaded is not what the vehicle has.
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(30.0, |rig| rig.truth().mission_seq >= 1));
     let name = "aboard-1b000101.json";
     let record = String::from_utf8(rig.store.records[name].clone()).expect("it is JSON");
@@ -143,13 +140,7 @@ fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
 #[test]
 fn who_commands_the_vehicle_beside_this_vsm_is_reported() {
     let mut rig = Rig::ready();
-    let command = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_DO_SET_HOME,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let command = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_HOME, [1.0]);
     foreign(&mut rig, &command);
     assert!(
         rig.until(3.0, |rig| {

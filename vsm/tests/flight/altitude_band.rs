@@ -1,8 +1,8 @@
 //! The altitude band: what would leave it is refused, and a vehicle that leaves it is reported, and held where that is configured.
 
 use kit::bridge::{Rig, Setup, orders};
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use mavlink_link::service::Node;
+use mavlink_link::dialect::MavCmd;
+use mavlink_link::service::{Node, command};
 use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 
@@ -20,21 +20,13 @@ const HELD: &str = "[vehicle.limits]\nlowest_m = 10.0\nhighest_m = 40.0\noutside
 fn elsewhere(rig: &mut Rig, north: f64, up: f64) {
     let (latitude, longitude) = orders::place(north, 0.0);
     let home_m = 488.0;
-    let reposition = COMMAND_LONG_DATA {
-        target_system: 1,
-        target_component: 1,
-        command: MavCmd::MAV_CMD_DO_REPOSITION,
-        param1: -1.0,
-        param2: 1.0,
-        param4: f32::NAN,
-        param5: latitude as f32,
-        param6: longitude as f32,
-        param7: (home_m + up) as f32,
-        ..COMMAND_LONG_DATA::default()
-    };
+    let [latitude, longitude, height_m] =
+        [latitude, longitude, home_m + up].map(|value| value as f32);
+    let params = [-1.0, 1.0, 0.0, f32::NAN, latitude, longitude, height_m];
+    let reposition = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_REPOSITION, params);
     rig.vehicles[0]
         .vehicle_mut()
-        .handle_message(Node::new(255, 190), &MavMessage::COMMAND_LONG(reposition));
+        .handle_message(Node::new(255, 190), &reposition);
 }
 
 fn outside(rig: &Rig) -> bool {
@@ -83,10 +75,7 @@ fn routes_and_commands_that_leave_the_band_are_refused_and_the_vehicle_that_does
     // A landing is no way out.
     elsewhere(&mut rig, 0.0, 20.0);
     assert!(rig.until(60.0, |rig| !outside(rig)));
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::ContingencyA)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::ContingencyA));
     assert!(rig.until(120.0, |rig| outside(rig) || !rig.truth().armed));
     assert!(!outside(&rig));
 }
@@ -99,7 +88,7 @@ fn a_mission_that_is_outside_after_a_reload_is_held() {
         orders::route(1).into(),
         orders::waypoint(1, 0, 400.0, 0.0, 38.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.carry_out(orders::mode(Mode::Waypoint));
     assert!(rig.until(60.0, |rig| -rig.truth().position.d > 36.0));
     assert_eq!(rig.truth().mode, Px4::Mission);

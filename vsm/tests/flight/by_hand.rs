@@ -98,12 +98,9 @@ fn sticks_fly_and_their_loss_is_the_vehicles_own_to_treat() {
 fn a_mission_is_not_interrupted_by_sticks_that_nobody_requested() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     fly(&mut rig, 3.0, &sticks(100, 100, 100));
     assert_eq!(rig.truth().mode, Px4::Mission);
     let wild = sticks(101, 0, 50);
@@ -121,7 +118,7 @@ fn steering_right_after_a_hold_is_entered() {
         east.heading_command_type = Some(HeadingCommandType::Course);
         east.commanded_course = Some(Bam16::from_degrees(90.0));
         east.commanded_speed = Some(Scaled::saturating_from_si(4.0));
-        assert_eq!(rig.carry_out(east.clone()), Some(AckType::CarriedOut));
+        rig.done(east.clone());
         rig.run(3.0);
         rig.send(orders::mode(Mode::Loiter));
         assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
@@ -149,7 +146,7 @@ fn a_hold_with_a_speed_right_after_a_route_is_a_hold() {
     for wait_s in [0.0, 0.05, 0.1, 0.3] {
         let mut rig = Rig::ready();
         rig.send_plan(orders::square());
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
         rig.take_off(20.0);
         rig.send(orders::mode(Mode::Waypoint));
         assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Mission));
@@ -168,15 +165,15 @@ fn a_route_and_manual_flight_right_after_a_hold_are_entered() {
     for wait_s in [0.0, 0.1, 0.4, 0.8] {
         let mut rig = Rig::ready();
         rig.send_plan(orders::square());
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
         rig.take_off(20.0);
         let route = || orders::mode(Mode::Waypoint);
-        assert_eq!(rig.carry_out(route()), Some(AckType::CarriedOut));
+        rig.done(route());
         rig.run(2.0);
         rig.send(orders::mode(Mode::Loiter));
         assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
         rig.run(wait_s);
-        assert_eq!(rig.carry_out(route()), Some(AckType::CarriedOut));
+        rig.done(route());
         rig.run(2.0);
         assert_eq!(rig.truth().mode, Px4::Mission, "{wait_s} s");
 
@@ -205,12 +202,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
     east.heading_command_type = Some(HeadingCommandType::Course);
     east.commanded_course = Some(Bam16::from_degrees(90.0));
     east.commanded_speed = Some(Scaled::saturating_from_si(4.0));
-    assert_eq!(
-        rig.carry_out(east),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(east);
     assert_eq!(rig.truth().mode, Px4::Offboard);
     rig.run(15.0);
     let truth = rig.truth();
@@ -223,7 +215,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
     climb.altitude_command_type = Some(AltitudeCommandType::Altitude);
     climb.commanded_altitude = Some(Scaled::saturating_from_si(45.0));
     climb.altitude_type = Some(AltitudeType::Agl);
-    assert_eq!(rig.carry_out(climb), Some(AckType::CarriedOut));
+    rig.done(climb);
     rig.run(25.0);
     let truth = rig.truth();
     assert!((-truth.position.d - 45.0).abs() < 1.0, "{truth:?}");
@@ -233,7 +225,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
     let mut turn = steer();
     turn.heading_command_type = Some(HeadingCommandType::TurnRate);
     turn.commanded_turn_rate = Some(Scaled::saturating_from_si(0.3));
-    assert_eq!(rig.carry_out(turn), Some(AckType::CarriedOut));
+    rig.done(turn);
     assert!(
         rig.until(8.0, |rig| rig.truth().velocity.n < -3.0),
         "{:?}",
@@ -247,7 +239,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
     apart.commanded_course = Some(Bam16::from_degrees(270.0));
     apart.altitude_command_type = Some(AltitudeCommandType::VerticalSpeed);
     apart.commanded_vertical_speed = Some(Scaled::saturating_from_si(-1.0));
-    assert_eq!(rig.carry_out(apart), Some(AckType::CarriedOut));
+    rig.done(apart);
     rig.run(14.0);
     let truth = rig.truth();
     assert!((truth.velocity.e + 4.0).abs() < 0.8, "{truth:?}");
@@ -258,10 +250,7 @@ fn steering_holds_course_speed_altitude_and_turns() {
     );
 
     // It ends with the next mode, and no loss of set points is seen on the way.
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(15.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
     assert!(
@@ -277,7 +266,7 @@ fn set_points_do_not_starve_while_the_ground_station_is_silent_or_the_link_is_ba
     rig.take_off(30.0);
     let mut north = steer();
     north.commanded_speed = Some(Scaled::saturating_from_si(2.0));
-    assert_eq!(rig.carry_out(north), Some(AckType::CarriedOut));
+    rig.done(north);
     rig.mav.faults = Faults::lossy(0.3);
     rig.run(60.0);
     assert_eq!(
@@ -315,17 +304,9 @@ fn engines_start_and_stop_by_the_vehicles_rules() {
         engine_command: Some(wanted),
         ..EngineCommand::default()
     };
-    assert_eq!(
-        rig.carry_out(engine(CommandedEngineState::Start)),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(engine(CommandedEngineState::Start));
     assert!(rig.truth().armed && rig.truth().landed);
-    assert_eq!(
-        rig.carry_out(engine(CommandedEngineState::Stop)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(engine(CommandedEngineState::Stop));
     assert!(!rig.truth().armed);
     rig.take_off(15.0);
     assert_eq!(

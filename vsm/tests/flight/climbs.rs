@@ -31,12 +31,9 @@ fn fly_over_points_are_flown_over_in_climb_descent_and_level() {
     for climb_m in [1.5, 5.0, -1.5, 0.0] {
         let mut rig = Rig::ready();
         rig.send_plan(stairs(climb_m));
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
         rig.take_off(12.0);
-        assert_eq!(
-            rig.carry_out(orders::mode(Mode::Waypoint)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::mode(Mode::Waypoint));
         let last_north = 130.0;
         let mut furthest = f64::MIN;
         let arrived = rig.until(150.0, |rig| {
@@ -87,11 +84,11 @@ fn fly_at(speed_m_s: f64) -> VehicleOperatingModeCommand {
 fn a_speed_at_which_a_waypoint_of_the_climb_would_be_missed_is_refused() {
     let mut rig = Rig::ready();
     rig.send_plan(slope(5.0));
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::Refused));
     assert!(rig.station().has_alert("could miss waypoint 1"));
-    assert_eq!(rig.carry_out(fly_at(5.0)), Some(AckType::CarriedOut));
+    rig.done(fly_at(5.0));
     assert!(rig.until(200.0, |rig| rig.truth().position.n > 495.0));
 }
 
@@ -99,12 +96,12 @@ fn a_speed_at_which_a_waypoint_of_the_climb_would_be_missed_is_refused() {
 fn a_level_route_is_flown_as_fast_as_is_commanded() {
     let mut rig = Rig::ready();
     rig.send_plan(slope(0.0));
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(12.0);
-    assert_eq!(rig.carry_out(fly_at(10.0)), Some(AckType::CarriedOut));
+    rig.done(fly_at(10.0));
     assert!(rig.until(90.0, |rig| rig.truth().position.n > 250.0));
     // A speed for the route that is flown already is honoured, and nothing else is reported.
-    assert_eq!(rig.carry_out(fly_at(4.0)), Some(AckType::CarriedOut));
+    rig.done(fly_at(4.0));
     assert!(rig.until(10.0, |rig| (rig.truth().velocity.n - 4.0).abs() < 0.3));
     assert!(
         !rig.station().has_alert("ignored"),
@@ -133,7 +130,7 @@ fn the_vehicles_own_radius_is_read_and_braked_for_where_it_is_small() {
             plan.push(orders::waypoint(number, next, north, 0.0, up).into());
         }
         rig.send_plan(plan);
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
         let has_alert = |text| rig.station().has_alert(text);
         assert_eq!(
             (
@@ -145,10 +142,7 @@ fn the_vehicles_own_radius_is_read_and_braked_for_where_it_is_small() {
             rig.station().alerts()
         );
         rig.take_off(20.0);
-        assert_eq!(
-            rig.carry_out(orders::mode(Mode::Waypoint)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::mode(Mode::Waypoint));
         let arrived = rig.until(200.0, |rig| {
             let at = rig.truth().position;
             (at.n - 400.0).abs() < radius_m && (at.d + 40.0).abs() < 1.0
@@ -171,21 +165,13 @@ fn a_landing_is_broken_off_with_a_climb() {
         ..orders::launch(up)
     };
     for (order, reached) in [(wave_off(), 20.0), (commanded(32.0), 32.0)] {
-        assert_eq!(
-            rig.carry_out(orders::mode(Mode::AutolandEngage)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::mode(Mode::AutolandEngage));
         rig.run(5.0);
         let low = height(&rig);
         assert!((5.0..reached - 3.0).contains(&low), "{low} m");
         assert_eq!(rig.carry_out(commanded(4.0)), Some(AckType::Refused));
         assert!(rig.station().has_alert("mode 20 (wave-off) climbs"));
-        assert_eq!(
-            rig.carry_out(order),
-            Some(AckType::CarriedOut),
-            "{:?}",
-            rig.station().alerts()
-        );
+        rig.done(order);
         rig.run(20.0);
         assert!((height(&rig) - reached).abs() < 2.0, "{} m", height(&rig));
         assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
@@ -208,5 +194,5 @@ fn the_papers_curve_is_acknowledged_by_its_stamp() {
         p3_longitude: Some(p3.1.to_radians()),
         ..CurveSegmentPaper::default()
     };
-    assert_eq!(rig.carry_out(curve), Some(AckType::CarriedOut));
+    rig.done(curve);
 }

@@ -26,16 +26,6 @@ fn speed(rig: &mut Rig) -> Option<f64> {
     states(rig).commanded_speed.map(|speed| speed.si())
 }
 
-fn done(rig: &mut Rig, message: impl Into<Message>) {
-    let end = rig.carry_out(message);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
-}
-
 fn at_speed(mode: Mode, speed_m_s: f64) -> VehicleOperatingModeCommand {
     VehicleOperatingModeCommand {
         commanded_speed: Some(Scaled::saturating_from_si(speed_m_s)),
@@ -57,7 +47,7 @@ fn there(north: f64, east: f64) -> VehicleOperatingModeCommand {
 fn a_speed_ends_with_the_mode_that_it_was_commanded_in() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(20.0);
     rig.run(3.0);
     let states = states(&mut rig);
@@ -65,18 +55,18 @@ fn a_speed_ends_with_the_mode_that_it_was_commanded_in() {
         states.commanded_altitude.is_some(),
         "where it has taken off to"
     );
-    done(&mut rig, at_speed(Mode::Loiter, 3.0));
+    rig.done(at_speed(Mode::Loiter, 3.0));
     assert_eq!(speed(&mut rig), Some(3.0));
-    done(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(speed(&mut rig), None);
-    done(&mut rig, at_speed(Mode::Waypoint, 4.0));
+    rig.done(at_speed(Mode::Waypoint, 4.0));
     assert_eq!(speed(&mut rig), Some(4.0));
     // The route is over: the vehicle holds by itself.
     assert!(rig.until(200.0, |rig| rig.truth().mode == px4_sim::Mode::Loiter));
     rig.run(1.5);
     assert_eq!(speed(&mut rig), None);
-    done(&mut rig, at_speed(Mode::Loiter, 3.0));
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(at_speed(Mode::Loiter, 3.0));
+    rig.done(orders::mode(Mode::AutolandEngage));
     let landing = self::states(&mut rig);
     assert_eq!(landing.commanded_speed, None);
     assert_eq!(landing.commanded_altitude, None);
@@ -95,9 +85,9 @@ fn a_speed_of_the_route_takes_the_place_of_one_commanded_before_it() {
         orders::waypoint(2, 3, 40.0, 30.0, 20.0).into(),
         slow.into(),
     ]);
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(20.0);
-    done(&mut rig, at_speed(Mode::Waypoint, 6.0));
+    rig.done(at_speed(Mode::Waypoint, 6.0));
     assert_eq!(speed(&mut rig), Some(6.0));
     let to = |rig: &Rig| {
         rig.station()
@@ -114,20 +104,17 @@ fn a_speed_of_the_route_takes_the_place_of_one_commanded_before_it() {
 fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    done(
-        &mut rig,
-        LoiterConfiguration {
-            loiter_type: Some(LoiterType::Circular),
-            loiter_radius: Some(Scaled::saturating_from_si(30.0)),
-            loiter_direction: Some(LoiterDirection::CounterClockwise),
-            ..LoiterConfiguration::default()
-        },
-    );
+    rig.done(LoiterConfiguration {
+        loiter_type: Some(LoiterType::Circular),
+        loiter_radius: Some(Scaled::saturating_from_si(30.0)),
+        loiter_direction: Some(LoiterDirection::CounterClockwise),
+        ..LoiterConfiguration::default()
+    });
     let circle = VehicleOperatingModeCommand {
         commanded_speed: Some(Scaled::saturating_from_si(4.0)),
         ..there(40.0, 0.0)
     };
-    done(&mut rig, circle);
+    rig.done(circle);
     assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
     rig.run(40.0);
     let flown = |rig: &Rig| {
@@ -138,7 +125,7 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
     let before = states(&mut rig);
     assert!(before.commanded_loiter_position_latitude.is_some());
     for wanted in [2.0, 5.0_f64] {
-        done(&mut rig, at_speed(Mode::Loiter, wanted));
+        rig.done(at_speed(Mode::Loiter, wanted));
         let slack = (0.25 * wanted).max(0.5) + 0.1;
         assert!((flown(&rig) - wanted).abs() < slack, "{}", flown(&rig));
         let after = states(&mut rig);
@@ -194,19 +181,19 @@ fn a_direction_is_reported_as_it_was_commanded_and_ends_with_mode_15() {
         commanded_heading: Some(Bam16::from_degrees(90.0)),
         ..orders::mode(Mode::Autopilot)
     };
-    done(&mut rig, turn(HeadingCommandType::TurnRate));
+    rig.done(turn(HeadingCommandType::TurnRate));
     let turning = states(&mut rig);
     assert_eq!(turning.commanded_turn_rate, Some(Scaled::from_raw(500)));
     assert_eq!(turning.commanded_heading, None);
     // A speed alone turns nothing.
-    done(&mut rig, at_speed(Mode::Autopilot, 3.0));
+    rig.done(at_speed(Mode::Autopilot, 3.0));
     let turning = states(&mut rig);
     assert_eq!(turning.commanded_turn_rate, Some(Scaled::from_raw(500)));
-    done(&mut rig, turn(HeadingCommandType::Heading));
+    rig.done(turn(HeadingCommandType::Heading));
     let steady = states(&mut rig);
     assert_eq!(steady.commanded_turn_rate, None);
     assert_eq!(steady.commanded_heading, Some(Bam16::from_degrees(90.0)));
     assert_eq!(steady.commanded_course, None);
-    done(&mut rig, orders::mode(Mode::Loiter));
+    rig.done(orders::mode(Mode::Loiter));
     assert_eq!(states(&mut rig).commanded_heading, None);
 }

@@ -22,11 +22,11 @@ fn answers_again(rig: &mut Rig, ticket: kit::bridge::Ticket) -> Vec<AckType> {
 fn a_mode_replayed_after_a_restart_is_answered_and_not_flown() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
     let hold = rig.send(orders::mode(Mode::Loiter));
     assert_eq!(rig.end(hold), DONE);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     rig.restart_bridge();
     rig.run(2.0);
     assert_eq!(answers_again(&mut rig, hold), [AckType::CarriedOut]);
@@ -41,7 +41,7 @@ fn a_refused_command_and_a_clear_replayed_after_a_restart_do_nothing() {
     let clear = rig.send(orders::transfer(MissionPlanMode::Clear));
     assert_eq!(rig.end(clear), DONE);
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
     rig.restart_bridge();
     rig.run(2.0);
@@ -50,7 +50,7 @@ fn a_refused_command_and_a_clear_replayed_after_a_restart_do_nothing() {
     assert_eq!(answers_again(&mut rig, clear), [AckType::CarriedOut]);
     assert_ne!(rig.truth().mode, px4_sim::Mode::Mission);
     assert_eq!(rig.vehicles[0].vehicle().counters().plans_stored, plans);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
 }
 
 #[test]
@@ -62,11 +62,11 @@ fn a_release_and_a_request_replayed_after_a_restart_move_no_right() {
     };
     let release = rig.send(release);
     assert_eq!(rig.end(release), DONE);
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     rig.restart_bridge();
     rig.run(2.0);
     answers_again(&mut rig, release);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn an_upload_that_a_restart_interrupts_is_reported_and_can_be_repeated() {
     );
     // PX4 waits 5 s for the rest of the one that was cut off.
     rig.run(6.0);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
 }
 
 #[test]
@@ -142,10 +142,10 @@ fn a_command_that_cannot_be_logged_is_carried_out_and_that_is_reported() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
     rig.store.full = Some("commands");
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     assert!(rig.station().has_alert("commands cannot be logged"));
     rig.store.full = None;
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(0.5);
     assert!(rig.station().has_alert("commands are logged again"));
 }

@@ -6,7 +6,6 @@ use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiterType, Spe
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 use stanag_msgs::{Bam32, Scaled};
 
-const DONE: Option<AckType> = Some(AckType::CarriedOut);
 const NO: Option<AckType> = Some(AckType::Refused);
 
 fn speed(metres_per_second: f64) -> VehicleOperatingModeCommand {
@@ -38,22 +37,17 @@ fn an_altimeter_setting_alone_leaves_an_orbit_as_it_is() {
         loiter_radius: Scaled::from_si(40.0).ok(),
         ..LoiterConfiguration::default()
     };
-    assert_eq!(rig.carry_out(circle), DONE);
+    rig.done(circle);
     let (latitude, longitude) = orders::place(30.0, 0.0);
     let orbit = VehicleOperatingModeCommand {
         loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
         loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
         ..orders::mode(Mode::Loiter)
     };
-    assert_eq!(rig.carry_out(orbit), DONE);
+    rig.done(orbit);
     assert_eq!(rig.truth().mode, Px4::Orbit);
     let commands = rig.vehicles[0].vehicle().counters().commands_accepted;
-    assert_eq!(
-        rig.carry_out(altimeter()),
-        DONE,
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(altimeter());
     rig.run(3.0);
     assert!(kept(&rig));
     assert_eq!(rig.truth().mode, Px4::Orbit);
@@ -65,9 +59,9 @@ fn an_altimeter_setting_alone_leaves_an_orbit_as_it_is() {
 fn a_speed_alone_does_not_fly_a_finished_route_again() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(300.0, |rig| {
         let truth = rig.truth();
         truth.mission_seq >= 3 && truth.velocity.n.hypot(truth.velocity.e) < 0.2
@@ -84,7 +78,7 @@ fn a_speed_alone_does_not_fly_a_finished_route_again() {
     // With the mode it is flown again, as it is commanded.
     let mut again = speed(7.0);
     again.select_flight_path_control_mode = Some(Mode::Waypoint);
-    assert_eq!(rig.carry_out(again), DONE, "{:?}", rig.station().alerts());
+    rig.done(again);
     rig.run(10.0);
     let now = rig.truth().position;
     assert!(
@@ -97,10 +91,10 @@ fn a_speed_alone_does_not_fly_a_finished_route_again() {
 fn what_the_present_mode_cannot_change_is_refused() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::AutolandEngage)), DONE);
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert_eq!(rig.carry_out(speed(3.0)), NO);
     assert!(rig.station().has_alert("no mode is commanded"));
     assert_eq!(rig.truth().mode, Px4::Land);
-    assert_eq!(rig.carry_out(altimeter()), DONE);
+    rig.done(altimeter());
     assert_eq!(rig.truth().mode, Px4::Land);
 }

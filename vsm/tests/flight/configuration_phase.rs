@@ -99,8 +99,7 @@ fn build(
 
 fn configured() -> (Rig, Screen) {
     let mut rig = Rig::ready();
-    let end = rig.carry_out(ask(ConfigRequestType::Loi4));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(ask(ConfigRequestType::Loi4));
     let screen = screen(&rig);
     (rig, screen)
 }
@@ -115,22 +114,10 @@ fn a_launch_a_loiter_and_a_route_are_built_from_the_answers_alone() {
         start,
         &[("Select Flight Path Control Mode", 21)],
     );
-    let end = rig.carry_out(launch);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(launch);
     assert!(rig.until(30.0, |rig| rig.truth().position.d < -1.0));
     let loiter = build(&screen, 2016, start, &[]);
-    let end = rig.carry_out(loiter);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(loiter);
     for message in [13001, 13002, 13000] {
         let end = rig.carry_out(build(&screen, message, start, &[]));
         assert_eq!(
@@ -159,7 +146,7 @@ fn the_ends_of_all_ranges_are_flown_and_a_step_beyond_is_refused() {
             build(&screen, 13001, |reported| reported.default, &[]),
             route,
         ] {
-            assert_eq!(rig.carry_out(message), Some(AckType::CarriedOut));
+            rig.done(message);
         }
         rig.carry_out(build(&screen, 13000, |reported| reported.default, &[]))
     };
@@ -216,16 +203,10 @@ fn modes_that_come_and_go_are_reported_to_those_that_requested_them() {
             .next()
     };
     assert_eq!(launch(&rig), Some(EnumIndexEnable::Available));
-    assert_eq!(
-        rig.carry_out(orders::launch(10.0)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::launch(10.0));
     assert!(rig.until(10.0, |rig| launch(rig)
         == Some(EnumIndexEnable::Unavailable)));
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(60.0, |rig| launch(rig) == Some(EnumIndexEnable::Available)));
 }
 
@@ -238,7 +219,7 @@ fn no_grant_is_needed_and_every_level_ends_with_41005() {
     use ConfigRequestType as T;
     for kind in [T::Loi2, T::Loi3, T::Loi4, T::Loi5, T::DataLink] {
         let before = rig.station().received.len();
-        assert_eq!(rig.carry_out(ask(kind)), Some(AckType::CarriedOut));
+        rig.done(ask(kind));
         rig.run(0.1);
         let complete = |message: &Message| matches!(message, Message::ConfigurationComplete(_));
         let received = &rig.station().received[before..];
@@ -259,8 +240,7 @@ fn a_silent_vehicle_is_answered_for_from_the_configuration() {
         ..Setup::default()
     });
     rig.run(5.0);
-    let end = rig.carry_out(ask(ConfigRequestType::Loi4));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(ask(ConfigRequestType::Loi4));
     let speed = screen(&rig)[&(2016, 13)];
     assert_eq!((speed.default, speed.high), (None, Some(200)));
 }
@@ -313,12 +293,12 @@ fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_
         loiter_radius: Some(Scaled::saturating_from_si(60.0)),
         ..LoiterConfiguration::default()
     };
-    assert_eq!(rig.carry_out(circle), Some(AckType::CarriedOut));
+    rig.done(circle);
     let setting = VehicleOperatingModeCommand {
         altimeter_setting: Some(Scaled::saturating_from_si(101_820.0)),
         ..orders::mode(Mode::Loiter)
     };
-    assert_eq!(rig.carry_out(setting), Some(AckType::CarriedOut));
+    rig.done(setting);
     rig.run(1.0);
     // Of its own command the station knows; who has not requested it receives nothing.
     let values = [(2017, 2, 1), (2017, 3, 40), (2016, 16, 10_182)];
@@ -331,13 +311,10 @@ fn what_another_station_or_the_vehicle_sets_is_reported_to_those_that_requested_
         altimeter_setting: Some(Scaled::saturating_from_si(101_820.0)),
         ..orders::mode(Mode::Loiter)
     };
-    assert_eq!(rig.carry_out(setting), Some(AckType::CarriedOut));
+    rig.done(setting);
     assert_eq!(forced(&rig, 1, mark), []);
     // A mode that the vehicle enters: 21, and then 12 by itself.
-    assert_eq!(
-        rig.carry_out(orders::launch(10.0)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::launch(10.0));
     rig.run(20.0);
     let modes = forced(&rig, 1, mark);
     assert_eq!(modes, [(2016, 2, 21), (2016, 2, 12)]);
@@ -351,7 +328,7 @@ fn a_radius_is_bounded_as_it_is_taken() {
         loiter_radius: Some(Scaled::from_raw(u16::try_from(steps).expect("it fits"))),
         ..LoiterConfiguration::default()
     };
-    assert_eq!(rig.carry_out(radius(reported)), Some(AckType::CarriedOut));
+    rig.done(radius(reported));
     assert_eq!(rig.carry_out(radius(reported + 1)), Some(AckType::Refused));
     assert_eq!(screen[&(13003, 4)].high, Some(reported));
 }

@@ -16,8 +16,6 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Bam32, Message, Text};
 use vsm::config::Config;
 
-const DONE: Option<AckType> = Some(AckType::CarriedOut);
-
 /// In the air and on hold, with these contingencies.
 fn flying(vehicle_keys: &'static str, plan: Vec<Message>) -> Rig {
     let mut rig = Rig::ready_with(Setup {
@@ -27,10 +25,10 @@ fn flying(vehicle_keys: &'static str, plan: Vec<Message>) -> Rig {
     if !plan.is_empty() {
         rig.send_plan(orders::square());
         rig.send_plan(plan);
-        assert_eq!(rig.carry_out(orders::load()), DONE);
+        rig.done(orders::load());
     }
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig
 }
 
@@ -81,7 +79,7 @@ fn a_low_battery_brings_it_home_once_and_the_operator_has_the_last_word() {
             rig.station().alerts()
         );
     }
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(10.0);
     assert_eq!(rig.truth().mode, Px4::Loiter, "not against the operator");
     // Nor after a restart, which knows of it.
@@ -118,7 +116,7 @@ fn a_station_that_repeats_its_command_ends_no_contingency() {
     assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
     // After a pause the same mode is a decision again.
     rig.run(6.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(6.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
 }
@@ -155,7 +153,7 @@ fn with_loss(tables: &'static str, vehicle_keys: &'static str) -> Rig {
         ..Setup::default()
     });
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.stations[0].heartbeats = true;
     rig.run(2.0);
     rig
@@ -207,7 +205,7 @@ fn what_an_operator_has_ended_is_flown_once_that_operator_is_lost() {
     battery(&mut rig, 10);
     enters(&mut rig, Px4::Land);
     rig.run(4.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(6.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
     rig.stations[0].heartbeats = false;
@@ -295,9 +293,9 @@ fn a_route_for_a_lost_cucs_that_was_flown_to_its_end_is_not_flown_again() {
     });
     rig.send_plan(orders::square());
     rig.send_plan(contingency_a());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.stations[0].heartbeats = true;
     rig.run(2.0);
     rig.stations[0].heartbeats = false;
@@ -305,9 +303,9 @@ fn a_route_for_a_lost_cucs_that_was_flown_to_its_end_is_not_flown_again() {
     // It is there again, commands nothing, and is lost again.
     for commanded in [false, true] {
         rig.stations[0].heartbeats = true;
-        assert_eq!(rig.carry_out(orders::request_control()), DONE);
+        rig.done(orders::request_control());
         if commanded {
-            assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+            rig.done(orders::mode(Mode::Loiter));
         }
         rig.run(2.0);
         rig.stations[0].heartbeats = false;
@@ -351,10 +349,10 @@ fn nothing_less_than_the_configuration_is_set_by_message() {
         low(A::Return, 90),
         set(C::Engine, A::ContingencyB),
     ] {
-        assert_eq!(rig.carry_out(more), DONE, "{:?}", rig.station().alerts());
+        rig.done(more);
     }
     // Where nothing is configured a level promises nothing.
-    assert_eq!(rig.carry_out(set(C::Fence, A::Hold)), DONE);
+    rig.done(set(C::Fence, A::Hold));
 }
 
 #[test]
@@ -368,13 +366,13 @@ fn who_takes_control_over_is_alerted_to_what_the_one_before_has_ended() {
     let text = rig.text.replace(&id, &format!("{id}override = true\n"));
     rig.restart_with(&text);
     rig.run(12.0);
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     battery(&mut rig, 10);
     enters(&mut rig, Px4::Land);
     rig.run(4.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(6.0);
     let why = "the CUCS that controlled the vehicle before has commanded otherwise";
     assert!(!rig.stations[1].has_alert(why));
@@ -438,14 +436,14 @@ fn a_failed_motor_a_lost_position_and_a_left_fence_have_actions_of_their_own() {
         area_plan_mode: Some(AreaPlanMode::Load),
         ..AreaTransferCommand::default()
     };
-    assert_eq!(rig.carry_out(load), DONE);
+    rig.done(load);
     let (latitude, longitude) = orders::place(80.0, 0.0);
     let beyond = VehicleOperatingModeCommand {
         loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
         loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
         ..orders::mode(Mode::Loiter)
     };
-    assert_eq!(rig.carry_out(beyond), DONE, "{:?}", rig.station().alerts());
+    rig.done(beyond);
     enters(&mut rig, Px4::Rtl);
     assert!(
         rig.station()
@@ -506,7 +504,7 @@ fn reported(
         message_type: Some(Contingency::ID),
         ..GenericInformationRequestMessage::default()
     };
-    assert_eq!(rig.carry_out(request), DONE);
+    rig.done(request);
     rig.run(0.3);
     let mut received = rig.station().received.iter().rev();
     let last = received.find_map(|(_, _, message)| match message {
@@ -571,18 +569,18 @@ fn a_contingency_is_set_by_message_before_the_flight_kept_over_a_restart_and_rea
         rig.run(0.3);
         assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
     }
-    assert_eq!(rig.carry_out(low), DONE);
-    assert_eq!(rig.carry_out(set(C::Engine, A::Return)), DONE);
+    rig.done(low);
+    rig.done(set(C::Engine, A::Return));
     rig.restart_bridge();
     rig.run(5.0);
     let watched = (Some(A::Landing), Some(40), Some(S::Watched));
     assert_eq!(reported(&mut rig, C::Battery), watched);
     // What the configuration has is changed, and comes back; it is never nothing.
     assert_eq!(reported(&mut rig, C::Engine).0, Some(A::Return));
-    assert_eq!(rig.carry_out(set(C::Engine, A::AsConfigured)), DONE);
+    rig.done(set(C::Engine, A::AsConfigured));
     assert_eq!(reported(&mut rig, C::Engine).0, Some(A::Hold));
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     let late = rig.carry_out(set(C::Fence, A::Return));
     assert_eq!(late, Some(AckType::Refused));
     battery(&mut rig, 39);
@@ -590,6 +588,6 @@ fn a_contingency_is_set_by_message_before_the_flight_kept_over_a_restart_and_rea
     rig.run(4.0);
     let flown = (Some(A::Landing), Some(40), Some(S::Flown));
     assert_eq!(reported(&mut rig, C::Battery), flown);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     assert_eq!(reported(&mut rig, C::Battery).2, Some(S::Ended));
 }

@@ -90,7 +90,7 @@ fn ask(rig: &mut Rig) {
         requested_message: Some(50011),
         ..FieldConfigurationRequest::default()
     };
-    assert_eq!(rig.carry_out(request), Some(AckType::CarriedOut));
+    rig.done(request);
 }
 
 fn set(rig: &mut Rig, name: &str, value: f64) -> Option<AckType> {
@@ -215,13 +215,7 @@ fn metadata_is_read_on_the_ground_alone() {
     let read = "parameters of the vehicle are described by its metadata";
     rig.run(30.0);
     assert!(!logged(&rig, read), "read in flight");
-    let lands = rig.carry_out(orders::mode(Mode::AutolandEngage));
-    assert_eq!(
-        lands,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(90.0, |rig| !rig.truth().armed));
     assert!(rig.until(20.0, |rig| logged(rig, read)));
 }

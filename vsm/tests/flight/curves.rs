@@ -8,13 +8,13 @@
 use curve_paths::flight::measure;
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
+use mapping::route::Curved;
 use px4_sim::{Airframe, Config, Mode as Px4};
 use stanag_msgs::enums::{
     AckType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode, MissionTransferStatus,
 };
 use stanag_msgs::messages::CurveSegment;
 use stanag_msgs::{Bam32, Message, Scaled};
-use vsm::session::CurvesStatus;
 
 /// Metres north and east of home, metres above it.
 type At = (f64, f64, f64);
@@ -226,17 +226,11 @@ fn legs(curves: &[Curve]) -> Vec<Leg> {
 fn loaded(setup: Setup, plan: Vec<Message>) -> Rig {
     let mut rig = Rig::ready_with(setup);
     rig.send_plan(plan);
-    let end = rig.carry_out(orders::load());
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     rig
 }
 
-fn curved(rig: &Rig) -> CurvesStatus {
+fn curved(rig: &Rig) -> Curved {
     let status = rig
         .bridge
         .as_ref()
@@ -250,10 +244,7 @@ fn flown(rig: &mut Rig, height_m: f64) -> Vec<Position> {
     rig.take_off(height_m);
     // A launch that is not over yet would pass the first waypoint too low, and miss it.
     assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Loiter));
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     let ground_m = Config::default().home.altitude_m;
     // The last point is taken before it is reached: two seconds more belong to the route.
     let (mut track, mut left) = (Vec::new(), 0);
@@ -347,10 +338,7 @@ fn two_bends() -> Vec<Curve> {
 fn while_chords_are_flown_4001_reports_the_cucs_own_numbers() {
     let mut rig = loaded(Setup::default(), plan(&two_bends(), 5.0));
     rig.take_off(30.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     let mut seen = Vec::new();
     while rig.truth().mode == Px4::Mission || seen.len() < 4 {
         rig.run(0.5);
@@ -370,7 +358,7 @@ fn a_flight_to_the_end_of_a_curve_finds_its_item() {
     rig.take_off(30.0);
     let mut to = orders::mode(Mode::Waypoint);
     to.commanded_waypoint_number = Some(693);
-    assert_eq!(rig.carry_out(to), Some(AckType::CarriedOut));
+    rig.done(to);
     assert!(rig.until(3.0, |rig| numbers(rig).is_some_and(|(_, to, _)| to == 693)));
     // Straight to P4 of the first curve at (120, 100), and on along the second.
     let at_p4 = |rig: &Rig| {
@@ -391,8 +379,7 @@ fn a_flight_to_the_end_of_a_curve_finds_its_item() {
 fn a_download_gives_back_the_curves_and_no_chords() {
     let mut rig = loaded(Setup::default(), plan(&two_bends(), 5.0));
     rig.stations[0].received.clear();
-    let end = rig.carry_out(orders::transfer(MissionPlanMode::Download));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::transfer(MissionPlanMode::Download));
     rig.run(1.0);
     let received: Vec<&Message> = rig
         .station()
@@ -449,13 +436,13 @@ fn an_edited_curve_is_one_message_and_an_unedited_plan_is_not_sent_again() {
     assert!(counts == 1 && items > 10, "{counts} {items}");
     // The same curve again changes nothing, and the vehicle gets nothing.
     rig.send_plan(vec![segment(&two_bends()[1], 1).into()]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     assert_eq!(uploaded(&rig), (counts, items));
     // Another for the same ends replaces it: one message, and the bridge makes the whole route of it.
     let mut edited = two_bends();
     edited[1].p[1].1 -= 30.0;
     rig.send_plan(vec![segment(&edited[1], 1).into()]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     assert_eq!(uploaded(&rig).0, counts + 1);
     let predicted_m = curved(&rig).predicted_m.expect("a multicopter's");
     let track = flown(&mut rig, 30.0);
@@ -613,10 +600,7 @@ fn a_turn_on_wings_in_a_wind_is_flown_within_the_predicted_deviation() {
     assert!(up, "{:?}", rig.truth());
     // Level at its altitude before the first waypoint.
     rig.run(30.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     let ground_m = Config::default().home.altitude_m;
     let mut track = Vec::new();
     for _ in 0..1_500 {

@@ -43,8 +43,7 @@ fn altitude_m(rig: &Rig) -> f64 {
 fn hover(guarded: bool, flown_before: bool) -> (Rig, Vec<u8>) {
     let mut rig = rig(1, if guarded { &[0] } else { &[] });
     rig.stations[0].heartbeats = true;
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     let mut landing = Vec::new();
     if flown_before {
         rig.take_off(HOVER_M);
@@ -59,8 +58,7 @@ fn hover(guarded: bool, flown_before: bool) -> (Rig, Vec<u8>) {
     }
     rig.take_off(HOVER_M);
     // A launch ends within the acceptance of its altitude, and the vehicle holds where it is then.
-    let end = rig.carry_out(hold_at(HOVER_M));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(hold_at(HOVER_M));
     rig.run(30.0);
     let up_m = altitude_m(&rig);
     assert!((up_m - HOVER_M).abs() < 0.3, "it hovers: {up_m}");

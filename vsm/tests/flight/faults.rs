@@ -9,8 +9,7 @@ use stanag_msgs::messages::UaPositionWaypoint;
 /// The waypoints that a download of the plan brings.
 fn downloaded(rig: &mut Rig) -> Vec<UaPositionWaypoint> {
     let mark = rig.station().received.len();
-    let end = rig.carry_out(orders::transfer(MissionPlanMode::Download));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::transfer(MissionPlanMode::Download));
     rig.run(0.5);
     let received = rig.station().received[mark..].iter();
     received
@@ -27,7 +26,7 @@ fn a_repeated_command_is_acknowledged_again_and_not_carried_out_again() {
     rig.take_off(20.0);
     let low = rig.send(hold_at(15.0));
     assert_eq!(rig.end(low), Some(AckType::CarriedOut));
-    assert_eq!(rig.carry_out(hold_at(35.0)), Some(AckType::CarriedOut));
+    rig.done(hold_at(35.0));
     assert!(rig.until(60.0, |rig| -rig.truth().position.d > 34.0));
     let before = rig.station().answers(low).len();
     let commands = rig.vehicles[0].vehicle().counters().commands_accepted;
@@ -49,12 +48,9 @@ fn a_repeated_command_is_acknowledged_again_and_not_carried_out_again() {
 fn a_bridge_restarted_in_flight_knows_its_plan_its_rights_and_where_the_vehicle_flies_to() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(60.0, |rig| rig.truth().mission_seq == 1));
 
     rig.stop_bridge();
@@ -77,10 +73,7 @@ fn a_bridge_restarted_in_flight_knows_its_plan_its_rights_and_where_the_vehicle_
         .filter_map(|waypoint| waypoint.waypoint_number)
         .collect();
     assert_eq!(numbers, [101, 102, 103, 104]);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(60.0, |rig| !rig.truth().armed));
 }
 
@@ -91,12 +84,7 @@ fn a_vehicle_that_restarts_is_reported_and_commanded_again() {
     assert!(rig.until(20.0, |rig| rig.station().has_alert("has restarted")));
     rig.run(8.0);
     rig.send_plan(orders::square());
-    assert_eq!(
-        rig.carry_out(orders::load()),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     rig.take_off(12.0);
 }
 
@@ -138,7 +126,7 @@ fn a_vehicle_that_restarts_elsewhere_is_not_launched_by_its_old_home() {
 fn a_full_disk_accepts_nothing_and_loses_nothing() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.store.full = Some("plan");
     let moved = orders::waypoint(102, 103, 40.0, 40.0, 60.0);
     let moved = rig.send(moved);
@@ -156,8 +144,7 @@ fn a_full_disk_accepts_nothing_and_loses_nothing() {
     let height = kept.waypoint_to_altitude.map(|altitude| altitude.si());
     assert_eq!((plan.len(), height), (4, Some(20.0)));
     // Room again: the same command is taken.
-    let end = rig.carry_out(orders::waypoint(102, 103, 40.0, 40.0, 60.0));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::waypoint(102, 103, 40.0, 40.0, 60.0));
 }
 
 #[test]

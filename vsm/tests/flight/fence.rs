@@ -61,16 +61,6 @@ fn status(rig: &Rig) -> AreaTransferStatus {
     reported.expect("a 50018")
 }
 
-fn carried_out(rig: &mut Rig, message: impl Into<Message>) {
-    let end = rig.carry_out(message);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
-}
-
 /// Commands of the fence items that the vehicle holds.
 fn aboard(rig: &Rig) -> Vec<u16> {
     let vehicle = rig.vehicles[0].vehicle();
@@ -85,7 +75,7 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
     areas.push(circle(2, AreaType::KeepOutCircle, (150.0, 0.0), 40.0));
     rig.send_plan(areas);
     assert!(aboard(&rig).is_empty(), "stored, not loaded");
-    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.done(order(AreaPlanMode::Load));
     assert_eq!(aboard(&rig), [5001, 5001, 5001, 5001, 5004]);
     rig.run(0.1);
     assert_eq!(status(&rig).status, Some(MissionTransferStatus::Complete));
@@ -107,7 +97,7 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
         rig.station().alerts()
     );
     rig.send_plan(vec![orders::waypoint(2, 0, 250.0, 10.0, 20.0).into()]);
-    carried_out(&mut rig, orders::load());
+    rig.done(orders::load());
 }
 
 #[test]
@@ -131,7 +121,7 @@ fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
         rig.station()
             .has_alert("area 7 vertex 3: it has not been received")
     );
-    carried_out(&mut rig, order(AreaPlanMode::Clear));
+    rig.done(order(AreaPlanMode::Clear));
     // The vehicle stands within it.
     rig.send_plan(vec![circle(8, AreaType::KeepOutCircle, (0.0, 0.0), 50.0)]);
     assert_eq!(
@@ -163,7 +153,7 @@ fn sixty_four_vertices_go_aboard_and_one_more_does_not() {
     };
     rig.send_plan(polygon(1, AreaType::KeepInPolygon, &ring(500.0, 63)));
     rig.send_plan(vec![circle(2, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
-    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.done(order(AreaPlanMode::Load));
     assert_eq!(aboard(&rig).len(), 64);
     let more = circle(3, AreaType::KeepOutCircle, (-200.0, 0.0), 20.0);
     assert_eq!(rig.carry_out(more), Some(AckType::Refused));
@@ -181,11 +171,11 @@ fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
     let mut rig = Rig::ready();
     let sent = polygon(3, AreaType::KeepInPolygon, &SQUARE);
     rig.send_plan(sent.clone());
-    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.done(order(AreaPlanMode::Load));
     rig.restart_bridge();
     rig.run(8.0);
     let mark = rig.station().received.len();
-    carried_out(&mut rig, order(AreaPlanMode::Download));
+    rig.done(order(AreaPlanMode::Download));
     let came: Vec<AreaVertex> = rig.station().received[mark..]
         .iter()
         .filter_map(|(_, _, message)| match message {
@@ -204,7 +194,7 @@ fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
         };
         assert_eq!(unstamped, *sent);
     }
-    carried_out(&mut rig, order(AreaPlanMode::Clear));
+    rig.done(order(AreaPlanMode::Clear));
     assert!(aboard(&rig).is_empty());
     assert_eq!(
         rig.carry_out(order(AreaPlanMode::Download)),
@@ -225,7 +215,7 @@ fn areas_of_the_configuration_are_uploaded_before_any_request_and_stay() {
     let mut rig = Rig::ready_with(configured());
     assert!(rig.until(10.0, |rig| aboard(rig) == [5003]));
     rig.send_plan(vec![circle(1, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
-    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.done(order(AreaPlanMode::Load));
     assert_eq!(aboard(&rig), [5003, 5004]);
     // A station cannot widen them, nor take them away.
     rig.send_plan(vec![circle(2, AreaType::KeepInCircle, (0.0, 0.0), 9_000.0)]);
@@ -236,7 +226,7 @@ fn areas_of_the_configuration_are_uploaded_before_any_request_and_stay() {
     rig.run(0.1);
     assert!(rig.station().has_alert("set by the configuration"));
     assert_eq!(aboard(&rig), [5003, 5004]);
-    carried_out(&mut rig, order(AreaPlanMode::Clear));
+    rig.done(order(AreaPlanMode::Clear));
     assert_eq!(aboard(&rig), [5003]);
 }
 
@@ -254,7 +244,7 @@ fn a_fence_that_is_aboard_is_not_sent_again() {
 fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
     let mut rig = Rig::ready();
     rig.send_plan(polygon(1, AreaType::KeepInPolygon, &SQUARE));
-    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.done(order(AreaPlanMode::Load));
     rig.run(5.0);
     assert!(!rig.station().has_alert("is not the loaded one"));
     let clear = MavMessage::MISSION_CLEAR_ALL(MISSION_CLEAR_ALL_DATA {
@@ -268,6 +258,6 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
     assert!(rig.until(5.0, |rig| {
         rig.station().has_alert("is not the loaded one")
     }));
-    carried_out(&mut rig, order(AreaPlanMode::Load));
+    rig.done(order(AreaPlanMode::Load));
     assert!(rig.until(5.0, |rig| rig.station().has_alert("the fence is uploaded")));
 }

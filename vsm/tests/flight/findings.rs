@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use kit::bridge::{Rig, Setup, Station, cucs, orders, vehicle_id};
 use stanag_msgs::Message;
-use stanag_msgs::enums::{AckType, AlertPriority};
+use stanag_msgs::enums::AlertPriority;
 use vsm::session::LogLevel;
 
 /// The priorities of the 16000s that begin like this, in their order.
@@ -85,8 +85,7 @@ fn a_station_that_begins_to_listen_is_sent_what_stands_of_the_vsm_itself() {
     let words = "this computer's clock reads";
     assert_eq!(logged(&rig, LogLevel::Warning, words), 1);
     assert_eq!(alerts(&rig, words), []);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.run(3.0);
     assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
     rig.clock.set_wall_step(0.0);
@@ -104,8 +103,7 @@ fn a_station_that_comes_back_is_sent_what_stands_of_the_vsm_itself_again() {
     rig.stations[0].heartbeats = true;
     rig.clock.set_wall_step(-86_400.0 * 400.0);
     rig.run(9.0);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.run(3.0);
     let words = "this computer's clock reads";
     assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);

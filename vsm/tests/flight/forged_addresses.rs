@@ -234,8 +234,7 @@ fn neither_heartbeats_nor_guesses_prove_an_address() {
     let json = serde_json::to_value(&status).expect("it serialises");
     assert_eq!(json["stations"][0]["proof"], "none", "{json}");
     // Once the station itself comes, it is there within its first round trips.
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     let before = sent_to(&rig, rig.station().address);
     rig.run(5.0);
     assert!(sent_to(&rig, rig.station().address) > before + 1_500);
@@ -313,13 +312,7 @@ fn invented_addresses_drive_no_honest_station_out() {
         );
     }
     assert!(sent_to(&rig, honest) > 0);
-    let end = rig.carry_out(orders::mode(Mode::Loiter));
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::mode(Mode::Loiter));
 }
 
 /// One machine that speaks for every id gets no more than three times what it sends for all of them.
@@ -344,10 +337,7 @@ fn what_comes_in_the_controllers_name_from_elsewhere_moves_and_commands_nothing(
         rig.stations[0].acknowledges = acknowledges;
         rig.stations[0].heartbeats = true;
         rig.run(9.0);
-        assert_eq!(
-            rig.carry_out(orders::request_control()),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::request_control());
         rig.take_off(20.0);
         let flown = rig.vehicles[0].vehicle().truth();
         let mut paid = 0;
@@ -379,10 +369,7 @@ fn what_comes_in_the_controllers_name_from_elsewhere_moves_and_commands_nothing(
             silent.as_secs_f64() < 1.5,
             "{acknowledges}: no status for {silent:?}"
         );
-        assert_eq!(
-            rig.carry_out(orders::mode(Mode::Loiter)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::mode(Mode::Loiter));
     }
 }
 
@@ -394,10 +381,7 @@ fn a_controller_that_restarts_on_another_port_is_back_within_seconds() {
         rig.stations[0].acknowledges = acknowledges;
         rig.stations[0].heartbeats = true;
         rig.run(9.0);
-        assert_eq!(
-            rig.carry_out(orders::request_control()),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::request_control());
         rig.take_off(20.0);
         let elsewhere = SocketAddr::from(([127, 0, 0, 1], 41_234));
         let mut again = Station::new(cucs(0), elsewhere);
@@ -425,10 +409,7 @@ fn a_controller_that_returns_to_its_address_is_back_within_seconds() {
     let mut rig = Rig::new(Setup::default());
     rig.stations[0].heartbeats = true;
     rig.run(9.0);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     let here = rig.stations[0].address;
     for port in [41_234, here.port()] {
         let mut again = Station::new(cucs(0), SocketAddr::from(([127, 0, 0, 1], port)));
@@ -447,17 +428,11 @@ fn a_station_that_never_acknowledges_flies() {
     rig.stations[0].acknowledges = false;
     rig.stations[0].heartbeats = true;
     rig.run(9.0);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     let count = |rig: &Rig, of: u16| {
         let received = rig.station().received.iter();
         received
@@ -478,14 +453,11 @@ fn a_station_that_never_acknowledges_is_sent_how_each_load_ended() {
     rig.stations[0].acknowledges = false;
     rig.stations[0].heartbeats = true;
     rig.run(9.0);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.send_plan(orders::square());
     for load in 1..=5 {
         let before = rig.station().received.len();
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
         rig.run(2.5);
         let received = rig.station().received[before..].iter();
         let ended = received.filter(|(_, _, message)| match message {
@@ -554,10 +526,7 @@ fn a_configured_address_counts_as_proven() {
     rig.stations[0].acknowledges = false;
     rig.stations[0].heartbeats = true;
     rig.run(9.0);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     let before = sent_to(&rig, station_address(0));
     rig.run(10.0);
     assert!(sent_to(&rig, station_address(0)) > before + 4_000);
@@ -584,10 +553,7 @@ fn a_controller_whose_address_nobody_vouches_for_any_more_stays_where_it_is() {
         rig.stations[0].acknowledges = acknowledges;
         rig.stations[0].heartbeats = true;
         rig.run(9.0);
-        assert_eq!(
-            rig.carry_out(orders::request_control()),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::request_control());
         rig.take_off(20.0);
         let text = rig.text.replacen(vouched, "", 1);
         assert_ne!(text, rig.text);
@@ -609,10 +575,7 @@ fn a_controller_whose_address_nobody_vouches_for_any_more_stays_where_it_is() {
             silent.as_secs_f64() < 1.5,
             "{acknowledges}: no status for {silent:?}"
         );
-        assert_eq!(
-            rig.carry_out(orders::mode(Mode::Loiter)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::mode(Mode::Loiter));
     }
 }
 
@@ -698,10 +661,7 @@ fn forged_heartbeats_neither_arm_nor_feed_the_rule_of_silence() {
         "{:?}",
         rig.station().alerts()
     );
-    assert_eq!(
-        rig.carry_out(orders::launch(20.0)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::launch(20.0));
 
     // It does, and falls silent: it is lost after 10 s, whatever is sent in its name from elsewhere.
     let mut rig = Rig::ready();

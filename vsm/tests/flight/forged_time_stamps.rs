@@ -89,7 +89,7 @@ fn what_is_not_authorised_uses_up_no_moment_to_come() {
             requested_handover_access: Some(RequestedAccess::Relinquish),
             ..orders::request_control()
         };
-        assert_eq!(rig.carry_out(release), DONE);
+        rig.done(release);
         let control = rig.send_as(1, 0, orders::request_control());
         assert_eq!(rig.end_as(1, control), DONE, "{kind}");
         for _ in 0..10 {

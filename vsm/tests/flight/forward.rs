@@ -4,10 +4,9 @@
 use std::net::SocketAddr;
 
 use kit::bridge::{FORWARD_KEYS, Rig, Setup, key, orders};
-use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavMessage, MavResult, PARAM_SET_DATA,
-};
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavCmd, MavMessage, MavResult, PARAM_SET_DATA};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
 use vsm::session::{ForwardStatus, Peer};
 
@@ -53,13 +52,7 @@ fn heartbeat() -> MavMessage {
 }
 
 fn command(command: MavCmd, target_system: u8, param1: f32) -> MavMessage {
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command,
-        target_system,
-        target_component: 1,
-        param1,
-        ..COMMAND_LONG_DATA::default()
-    })
+    command::long(Node::new(target_system, 1), command, [param1])
 }
 
 fn arm() -> MavMessage {
@@ -370,8 +363,7 @@ fn one_that_takes_nothing_costs_a_bounded_queue_and_no_more() {
     );
     let bridge = rig.bridge.as_ref().expect("it runs");
     assert!(bridge.status(String::new(), rig.now().mono).vehicles[0].live);
-    let request = rig.carry_out(orders::request_control());
-    assert_eq!(request, Some(stanag_msgs::enums::AckType::CarriedOut));
+    rig.done(orders::request_control());
 }
 
 #[test]
@@ -486,14 +478,8 @@ fn a_program_that_cannot_sign_commands_what_is_listed_and_is_signed_as_a_stream_
 
 /// SET_MESSAGE_INTERVAL of a message, us.
 fn interval(message: f32, us: f32) -> MavMessage {
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
-        target_system: 1,
-        target_component: 1,
-        param1: message,
-        param2: us,
-        ..COMMAND_LONG_DATA::default()
-    })
+    let px4 = Node::new(1, 1);
+    command::long(px4, MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, [message, us])
 }
 
 #[test]
@@ -624,8 +610,7 @@ fn an_unsigned_program_changes_no_keys_opens_no_shell_and_writes_no_file() {
 fn an_unsigned_program_only_asks_while_a_cucs_controls_the_vehicle() {
     let mut rig = rig(UNSIGNED);
     send_unsigned(&mut rig, &heartbeat());
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(stanag_msgs::enums::AckType::CarriedOut));
+    rig.done(orders::request_control());
     let (before, since) = (accepted(&rig), rig.forwarded.len());
     send_unsigned(&mut rig, &arm());
     rig.run(1.0);

@@ -35,7 +35,7 @@ fn fly(record: &'static str) -> Outcome {
         ..Setup::default()
     });
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
     rig.store.full = Some(record);
     let waypoint = end(&mut rig, orders::waypoint(102, 103, 40.0, 40.0, 60.0));

@@ -6,7 +6,7 @@ use std::time::Duration;
 use kit::bridge::{Rig, Setup, StationGuard, VSM, cucs, orders, station_address, vehicle_id};
 use mavlink_link::signing::SigningKey;
 use serde_json::{Value, json};
-use stanag_msgs::enums::{AckType, FlightPathControlMode, LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap, RequestedAccess};
 use stanag_msgs::guard::TRAILER_BYTES;
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, Heartbeat, PositiveHandoverAuthorisationRequest,
@@ -76,13 +76,7 @@ fn two_forged_datagrams_take_over_without_a_guard_and_with_one_nothing_does() {
     // The attack of docs/guide/guard.md: an override, and a landing, from the very address of another station.
     for guarded in [&[][..], &[0, 1]] {
         let mut rig = rig(2, guarded);
-        let end = rig.carry_out(orders::request_control());
-        assert_eq!(
-            end,
-            Some(AckType::CarriedOut),
-            "{:?}",
-            rig.station().alerts()
-        );
+        rig.done(orders::request_control());
         rig.take_off(20.0);
         let from = station_address(1);
         for message in [
@@ -106,8 +100,7 @@ fn two_forged_datagrams_take_over_without_a_guard_and_with_one_nothing_does() {
             assert_eq!(refused(&rig, "guard: no trailer"), 2);
             let found = &status(&rig)["findings"];
             assert!(found.to_string().contains("cucs-guard"), "{found}");
-            let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
-            assert_eq!(end, Some(AckType::CarriedOut));
+            rig.done(orders::mode(FlightPathControlMode::AutolandEngage));
         }
     }
 }
@@ -116,8 +109,7 @@ fn two_forged_datagrams_take_over_without_a_guard_and_with_one_nothing_does() {
 fn a_station_without_a_guard_takes_nothing_from_one_with() {
     let mut rig = rig(2, &[0]);
     rig.stations[0].heartbeats = true;
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     let asked = rig.send_as(1, 0, take_by_override());
     rig.run(3.0);
     rig.stations[1].give_up(asked);
@@ -153,8 +145,7 @@ fn a_wish_without_a_guard_is_fulfilled_neither_by_the_silence_nor_by_the_loss_of
     for guarded in [&[][..], &[0]] {
         let mut rig = rig(2, guarded);
         rig.stations[0].heartbeats = true;
-        let end = rig.carry_out(orders::request_control());
-        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.done(orders::request_control());
         rig.run(3.0);
         forge(&mut rig, 1, wish(1));
         rig.stations[0].heartbeats = false;
@@ -173,8 +164,7 @@ fn a_wish_without_a_guard_is_fulfilled_neither_by_the_silence_nor_by_the_loss_of
 #[test]
 fn a_wish_without_a_guard_is_in_the_way_of_no_guarded_station() {
     let mut rig = rig(3, &[0, 2]);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     // The holder names its successor, while another is wished for in the name of who has no guard.
     forge(&mut rig, 1, wish(1));
     rig.send(wish(2));
@@ -194,8 +184,7 @@ fn a_wish_without_a_guard_is_in_the_way_of_no_guarded_station() {
 #[test]
 fn a_key_that_cannot_be_used_leaves_its_station_without_one_and_the_others_with_theirs() {
     let mut rig = rig(2, &[0, 1]);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     // Rotated and revoked: what is stored of the new key cannot be read.
     let new = |byte| SigningKey::new([byte; 32]).expect("not all zero");
     let clock = format!("clock-{}", new(1).id());
@@ -229,8 +218,7 @@ fn a_copy_that_is_faster_neither_silences_nor_diverts_a_station() {
         rig.restart_with(&text);
         rig.run(9.0);
         rig.stations[0].heartbeats = true;
-        let end = rig.carry_out(orders::request_control());
-        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.done(orders::request_control());
         rig.run(3.0);
         let at = |rig: &Rig| status(rig)["stations"][0]["address"].clone();
         let received = |rig: &Rig| status(rig)["received"]["16002"].as_u64();
@@ -263,11 +251,9 @@ fn a_copy_that_is_faster_neither_silences_nor_diverts_a_station() {
 #[test]
 fn a_whole_flight_replayed_over_restarts_of_both_ends_is_taken_no_second_time() {
     let mut rig = rig(1, &[0]);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.take_off(20.0);
-    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::mode(FlightPathControlMode::AutolandEngage));
     assert!(rig.until(60.0, |rig| rig.truth().landed));
     let recorded = rig.guards[&0].sent.clone();
     assert!(recorded.len() > 5, "{}", recorded.len());
@@ -297,20 +283,13 @@ fn a_whole_flight_replayed_over_restarts_of_both_ends_is_taken_no_second_time() 
     }
     assert!(refused(&rig, "guard: too old") > 0);
     // The station itself is served after both restarts.
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::request_control());
 }
 
 #[test]
 fn only_what_verifies_has_an_address() {
     let mut rig = rig(1, &[0]);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     let at = |rig: &Rig| status(rig)["stations"][0]["address"].clone();
     let there = json!(station_address(0).to_string());
     let elsewhere = SocketAddr::from(ELSEWHERE);
@@ -366,8 +345,7 @@ fn only_what_verifies_has_an_address() {
 #[test]
 fn a_guard_that_is_switched_on_while_the_bridge_runs_counts_from_then_on() {
     let mut rig = rig(1, &[]);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     let id = format!("id = \"{}\"\n", cucs(0));
     let plain = rig.text.clone();
     let guarded = plain.replace(&id, &format!("{id}guard = {{ key_file = \"a.key\" }}\n"));
@@ -386,16 +364,14 @@ fn a_guard_that_is_switched_on_while_the_bridge_runs_counts_from_then_on() {
     // And off again, by whoever may write the configuration.
     rig.reload(&plain).expect("it is applied");
     rig.guards.clear();
-    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::mode(FlightPathControlMode::AutolandEngage));
 }
 
 #[test]
 fn what_was_held_back_before_a_guard_is_not_taken_after_it() {
     for guarded in [false, true] {
         let mut rig = rig(1, &[]);
-        let end = rig.carry_out(orders::request_control());
-        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.done(orders::request_control());
         let forged = forged(&rig, cucs(0), vehicle_id(0), orders::launch(20.0));
         rig.deliver_from(ELSEWHERE.into(), &forged);
         rig.run(0.1);
@@ -456,8 +432,7 @@ fn editions_2_5_and_3_are_guarded_alike() {
 #[test]
 fn a_flood_of_forged_trailers_holds_up_nobody() {
     let mut rig = rig(1, &[0]);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.take_off(20.0);
     let mut sealed = rig.guards[&0].sent.last().expect("it has sent").clone();
     let last = sealed.len() - 1;
@@ -471,8 +446,7 @@ fn a_flood_of_forged_trailers_holds_up_nobody() {
             rig.run(0.01);
         }
     }
-    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::mode(FlightPathControlMode::AutolandEngage));
     assert!(refused(&rig, "guard: wrong trailer") > 1_900);
     assert_eq!(rig.sent_to.get(&SocketAddr::from(ELSEWHERE)), None);
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use kit::bridge::{Rig, VSM, cucs, guard_key, orders, station_address, vehicle_id};
 use mavlink_link::signing::SigningKey;
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AckType, FlightPathControlMode, LoiBitmap};
+use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap};
 use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, TRAILER_BYTES, Trailer};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 use vsm::session::GuardRefusal;
@@ -46,8 +46,7 @@ fn status_reaches_a_guarded_station_by_the_group_alone_and_it_flies() {
     let mut rig = in_group(1, &[0], "group");
     rig.stations[0].heartbeats = true;
     rig.run(6.0);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.take_off(20.0);
     assert!(received(&mut rig, 0, 5.0) > 5);
     // Nothing of it goes out in the clear, and nothing of it is readable under another key than the group's.
@@ -79,8 +78,7 @@ fn both_ways_serve_and_a_restart_of_either_end_renews_the_key() {
     for station in [0, 1] {
         rig.stations[station].heartbeats = true;
     }
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.send_as(1, 0, monitor());
     assert!(received(&mut rig, 0, 8.0) > 5);
     // The other station has no guard: what is for it goes out as it always did.
@@ -113,8 +111,7 @@ fn a_revoked_guard_seals_nothing_that_another_takes() {
     for station in [0, 1] {
         rig.stations[station].heartbeats = true;
     }
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.send_as(1, 0, monitor());
     rig.run(8.0);
     assert!(received(&mut rig, 1, 3.0) > 0);
@@ -145,8 +142,7 @@ fn a_revoked_guard_seals_nothing_that_another_takes() {
 fn nothing_under_a_group_key_is_ever_a_command() {
     let mut rig = in_group(1, &[0], "both");
     rig.stations[0].heartbeats = true;
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     rig.take_off(20.0);
     // Whoever has a guard of the group, or is in the VSM's place, and any key at all.
     let key = GuardKey::new(guard_key(cucs(0)).expose());
@@ -181,6 +177,5 @@ fn nothing_under_a_group_key_is_ever_a_command() {
     assert!(!rig.truth().landed);
     let after = refused(&rig, "guard: under a group key, which commands nothing");
     assert_eq!(after, before + 6);
-    let end = rig.carry_out(orders::mode(FlightPathControlMode::AutolandEngage));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::mode(FlightPathControlMode::AutolandEngage));
 }

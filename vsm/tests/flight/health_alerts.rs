@@ -45,10 +45,7 @@ fn comes_and_goes(
 ) {
     let mut rig = Rig::ready();
     // Estimator flags come only where somebody asks for the status.
-    assert_eq!(
-        rig.carry_out(SubsystemStatusRequest::default()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(SubsystemStatusRequest::default());
     rig.run(3.0);
     let mark = rig.station().received.len();
     ail(&mut rig, health_faults);
@@ -231,10 +228,7 @@ fn one_that_stands_is_reported_to_a_station_that_comes_later() {
     let mut rig = Rig::new(Setup::default());
     ail(&mut rig, unhealthy(0x8));
     rig.run(9.0);
-    assert_eq!(
-        rig.carry_out(kit::bridge::orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(kit::bridge::orders::request_control());
     rig.run(1.0);
     assert!(rig.station().has_alert("barometer failure"));
 }
@@ -271,12 +265,12 @@ fn subsystems_are_reported_on_15000_and_their_alerts_on_15001() {
         ..SubsystemStatusDetailRequest::default()
     };
     let mark = rig.station().received.len();
-    assert_eq!(rig.carry_out(ask(0)), Some(AckType::CarriedOut));
+    rig.done(ask(0));
     assert_eq!(reports(&rig, mark).len(), 4);
     ail(&mut rig, unhealthy(0x4));
     rig.run(5.0);
     let mark = rig.station().received.len();
-    assert_eq!(rig.carry_out(ask(0x20)), Some(AckType::CarriedOut));
+    rig.done(ask(0x20));
     let reported = reports(&rig, mark);
     let [navigation] = &reported[..] else {
         panic!("{reported:#?}")
@@ -288,7 +282,7 @@ fn subsystems_are_reported_on_15000_and_their_alerts_on_15001() {
         .expect("a reference");
     assert!(reference > 0);
     let mark = rig.station().received.len();
-    assert_eq!(rig.carry_out(detail(reference)), Some(AckType::CarriedOut));
+    rig.done(detail(reference));
     let reported = reports(&rig, mark);
     let text = reported[0].report_text_reference.expect("a text");
     assert!(text.as_str().contains("compass"), "{text:?}");

@@ -169,12 +169,12 @@ fn an_order_of_a_flight_termination_or_of_a_zeroize_is_never_held() {
 fn a_hold_is_carried_out_when_a_waypoint_has_been_passed() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
     let mut command = hold(2, HoldCondition::WaypointPassed, orders::mode(Mode::Loiter));
     (command.condition_number, command.valid_for) = (Some(102), Some(300));
     let ticket = held(&mut rig, command);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(rig.end(ticket), DONE, "{:?}", rig.station().alerts());
     rig.run(5.0);
     let at = rig.truth().position;
@@ -186,7 +186,7 @@ fn a_hold_is_carried_out_when_a_waypoint_has_been_passed() {
 fn a_circle_is_entered_and_an_area_left_only_by_a_change() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
     // It hovers outside of the first, and inside of the second.
     let (latitude, longitude) = orders::place(80.0, 40.0);
@@ -205,7 +205,7 @@ fn a_circle_is_entered_and_an_area_left_only_by_a_change() {
     inside.condition_longitude = Some(Bam32::from_degrees(longitude));
     inside.condition_radius = Some(10.0);
     let inside = held(&mut rig, inside);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(rig.end(enters), DONE, "{:?}", rig.station().alerts());
     rig.run(3.0);
     let at = rig.truth().position;
@@ -267,7 +267,7 @@ fn what_it_waits_for_is_not_carried_out_and_so_it_is_cancelled() {
         held_command_number: Some(1),
         ..HeldCommandCancel::default()
     };
-    assert_eq!(rig.carry_out(cancel), DONE);
+    rig.done(cancel);
     assert_eq!(rig.end(first), REFUSED);
     assert_eq!(rig.end(after), REFUSED);
     rig.run(0.3);
@@ -325,7 +325,7 @@ fn it_survives_the_end_of_the_vsm_and_is_carried_out_once() {
     );
     assert!(rig.until(12.0, |rig| rig.truth().mode == Px4::Land));
     assert_eq!(rig.end(ticket), DONE);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     for _ in 0..2 {
         rig.restart_bridge();
         rig.run(3.0);
@@ -347,13 +347,10 @@ fn what_was_cancelled_or_has_expired_does_not_come_back_with_a_restart() {
     let mut expires = landing(&rig, 2, 6.0);
     expires.valid_for = Some(8);
     let expires = held(&mut rig, expires);
-    assert_eq!(
-        rig.carry_out(HeldCommandCancel {
-            held_command_number: Some(1),
-            ..HeldCommandCancel::default()
-        }),
-        DONE
-    );
+    rig.done(HeldCommandCancel {
+        held_command_number: Some(1),
+        ..HeldCommandCancel::default()
+    });
     rig.run(3.0);
     rig.stop_bridge();
     rig.run(6.0);
@@ -442,7 +439,7 @@ fn it_ends_with_the_control_of_its_sender_and_a_contingency_with_the_next_contro
         RequestedAccess::Relinquish,
         LoiBitmap::LOI4.union(LoiBitmap::LOI5),
     );
-    assert_eq!(rig.carry_out(release), DONE);
+    rig.done(release);
     assert_eq!(rig.end(command), REFUSED);
     rig.run(1.0);
     assert!(
@@ -529,7 +526,7 @@ fn only_its_owner_and_the_controller_cancel_it_and_17002_lists_what_is_held() {
     assert_eq!(listed.held_state, Some(HeldState::Waiting));
     assert_eq!(listed.held_message_type, Some(2016));
     assert_eq!(rig.station().end(ticket), None);
-    assert_eq!(rig.carry_out(of_another), DONE);
+    rig.done(of_another);
     assert_eq!(rig.end(ticket), REFUSED);
 }
 
@@ -734,7 +731,7 @@ fn no_more_are_held_than_there_is_room_for_and_a_number_is_held_once() {
     ] {
         assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
     }
-    assert_eq!(rig.carry_out(HeldCommandCancel::default()), DONE);
+    rig.done(HeldCommandCancel::default());
     let next = landing(&rig, 3, 50.0);
     held(&mut rig, next);
 }
@@ -744,10 +741,7 @@ fn one_without_the_right_for_the_command_in_it_holds_nothing() {
     let mut rig = Rig::new(Setup::default());
     rig.run(9.0);
     let levels = LoiBitmap::LOI2.union(LoiBitmap::LOI4);
-    assert_eq!(
-        rig.carry_out(request(RequestedAccess::Request, levels)),
-        DONE
-    );
+    rig.done(request(RequestedAccess::Request, levels));
     // A launch needs LOI 5.
     let launch = at_time(
         &rig,

@@ -1,8 +1,8 @@
 //! What is configured for a lost controller is flown until the vehicle shows it, or something that brings it home.
 
 use kit::bridge::{Rig, Setup, orders};
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage};
-use mavlink_link::service::Node;
+use mavlink_link::dialect::{MANUAL_CONTROL_DATA, MavCmd, MavMessage};
+use mavlink_link::service::{Node, command};
 use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RouteType};
 use stanag_msgs::messages::UaRoute;
@@ -24,13 +24,10 @@ fn abandoned(tables: &'static str, plan: Vec<Message>) -> Rig {
     if !plan.is_empty() {
         rig.send_plan(orders::square());
         rig.send_plan(plan);
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
     }
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
     rig.stations[0].heartbeats = true;
     rig.run(2.0);
     rig.stations[0].heartbeats = false;
@@ -157,16 +154,8 @@ fn the_main_route_is_flown_again_after_the_contingency() {
     let mut rig = abandoned("[authority]\non_loss = \"contingency\"\n", plan);
     assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Mission));
     assert!(rig.stations[1].has_alert("commanding contingency A"));
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::request_control());
+    rig.done(orders::mode(Mode::Waypoint));
     let to = |rig: &Rig| {
         rig.station()
             .last(kit::bridge::vehicle_id(0), 4001, |m| match m {
@@ -196,14 +185,7 @@ fn who_takes_control_ends_what_was_flown_for_nobody() {
 /// A pilot's radio control: sticks in the middle for so long, and first the mode POSCTL.
 fn fly_by_hand(rig: &mut Rig, seconds: f64) {
     let radio = Node::new(255, 190);
-    let posctl = COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_DO_SET_MODE,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        param2: 3.0,
-        ..COMMAND_LONG_DATA::default()
-    };
+    let posctl = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 3.0]);
     let sticks = MavMessage::MANUAL_CONTROL(MANUAL_CONTROL_DATA {
         target: 1,
         z: 500,
@@ -213,7 +195,7 @@ fn fly_by_hand(rig: &mut Rig, seconds: f64) {
         let vehicle = rig.vehicles[0].vehicle_mut();
         vehicle.handle_message(radio, &sticks);
         if step == 5 {
-            vehicle.handle_message(radio, &MavMessage::COMMAND_LONG(posctl.clone()));
+            vehicle.handle_message(radio, &posctl);
         }
         rig.run(0.1);
     }

@@ -21,7 +21,7 @@ fn a_launch_that_has_not_begun_ends_with_the_release() {
     let mut rig = Rig::ready();
     let launch = rig.send(orders::launch(20.0));
     rig.run(0.05);
-    assert_eq!(rig.carry_out(release()), Some(AckType::CarriedOut));
+    rig.done(release());
     rig.run(25.0);
     assert_eq!(rig.end(launch), Some(AckType::Refused));
     let truth = rig.truth();
@@ -45,10 +45,7 @@ fn a_command_that_waits_for_its_route_gives_way_to_a_later_one() {
     rig.send_plan(plan);
     let earlier = rig.send(orders::mode(Mode::ContingencyA));
     rig.run(0.02);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(15.0);
     assert_eq!(
         rig.end(earlier),
@@ -74,7 +71,7 @@ fn a_refused_command_leaves_the_altimeter_setting_as_it_was() {
     assert!(!kept(&rig));
     let mut taken = orders::mode(Mode::Loiter);
     taken.altimeter_setting = Scaled::from_si(99_000.0).ok();
-    assert_eq!(rig.carry_out(taken), Some(AckType::CarriedOut));
+    rig.done(taken);
     assert!(kept(&rig));
 }
 
@@ -104,10 +101,7 @@ fn who_lost_control_by_silence_may_come_back_without_heartbeats() {
             rig.restart_bridge();
             rig.run(1.0);
         }
-        assert_eq!(
-            rig.carry_out(orders::request_control()),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::request_control());
         rig.run(60.0);
         assert!(
             controls(&rig),

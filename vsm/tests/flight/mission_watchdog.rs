@@ -4,7 +4,7 @@
 use kit::bridge::{Faults, Rig, Setup, orders};
 use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4, Param};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, LimitType, LoiterDurationUnits, LoiterType, TurnType,
+    FlightPathControlMode as Mode, LimitType, LoiterDurationUnits, LoiterType, TurnType,
     WaypointType,
 };
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
@@ -34,21 +34,9 @@ fn bend() -> Vec<Message> {
 fn under_way(setup: Setup, plan: Vec<Message>) -> Rig {
     let mut rig = Rig::ready_with(setup);
     rig.send_plan(plan);
-    let end = rig.carry_out(orders::load());
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     rig.take_off(20.0);
-    let end = rig.carry_out(orders::mode(Mode::Waypoint));
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     rig
 }
 
@@ -94,7 +82,7 @@ fn a_waypoint_that_is_missed_for_good_ends_in_a_hold_with_its_number() {
         assert_eq!(rig.truth().mode, Px4::Loiter);
         let mut on = orders::mode(Mode::Waypoint);
         on.commanded_waypoint_number = Some(115);
-        assert_eq!(rig.carry_out(on), Some(AckType::CarriedOut));
+        rig.done(on);
     }
     assert!(missed > 0, "no waypoint was missed: nothing was tried");
     assert!(missed + flown == 6);
@@ -235,12 +223,9 @@ fn honest_flight_on_wings_is_never_held() {
             loiter(4, Some(120)),
         ];
         rig.send_plan(plan);
-        assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+        rig.done(orders::load());
         rig.take_off(60.0);
-        assert_eq!(
-            rig.carry_out(orders::mode(Mode::Waypoint)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::mode(Mode::Waypoint));
         let end = rig.until(900.0, |rig| rig.truth().mode != Px4::Mission);
         assert!(
             !rig.station().has_alert(HELD),
@@ -286,8 +271,7 @@ fn a_vehicle_that_sinks_in_its_mission_is_held_above_the_ground() {
     assert!(-truth.position.d > 8.0, "{truth:?}");
     // The operator flies on, and the alert is cleared.
     fly_low(&mut rig, 0);
-    let end = rig.carry_out(orders::mode(Mode::Waypoint));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(30.0, |rig| {
         rig.station().has_alert("heights of its mission again")
     }));
@@ -309,12 +293,9 @@ fn wings_that_dive_in_their_mission_are_held_above_the_ground() {
         orders::waypoint(1, 2, 600.0, 0.0, 80.0).into(),
         orders::waypoint(2, 0, 1_500.0, 0.0, 80.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(80.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     rig.run(3.0);
     fly_low(&mut rig, 200);
     let held = rig.until(90.0, |rig| rig.truth().mode == Px4::Loiter);

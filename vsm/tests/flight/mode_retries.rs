@@ -9,7 +9,7 @@ use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 fn entering_instead(mode: Px4) -> (Rig, Option<AckType>) {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
     rig.vehicles[0]
         .vehicle_mut()

@@ -2,8 +2,8 @@
 //! stations see that and are refused; one that does not is asked for nothing.
 
 use kit::bridge::{Rig, Setup, orders};
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
-use mavlink_link::service::Node;
+use mavlink_link::dialect::MavCmd;
+use mavlink_link::service::{Node, command};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 
@@ -25,17 +25,7 @@ fn speaking() -> Setup {
 }
 
 fn command(rig: &mut Rig, command: MavCmd, params: [f32; 4]) {
-    let [param1, param2, param3, param4] = params;
-    let command = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command,
-        target_system: 1,
-        target_component: 1,
-        param1,
-        param2,
-        param3,
-        param4,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let command = command::long(Node::new(1, 1), command, params);
     rig.vehicles[0]
         .vehicle_mut()
         .handle_message(GROUND, &command);
@@ -61,7 +51,7 @@ fn release(rig: &mut Rig) {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    assert_eq!(rig.carry_out(release), DONE);
+    rig.done(release);
 }
 
 #[test]
@@ -69,7 +59,7 @@ fn operator_control_is_taken_with_control_and_let_go_with_it() {
     let mut rig = Rig::new(speaking());
     rig.run(9.0);
     assert_eq!(owner(&rig), Some(0), "nobody controls, nothing is taken");
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     assert!(rig.until(3.0, |rig| owner(rig) == Some(245)));
     // Another station is refused, and the attempt is reported.
     let before = rig.vehicles[0].vehicle().counters();
@@ -112,7 +102,7 @@ fn what_another_station_owns_is_reported_and_a_command_is_refused_with_the_reaso
     rig.run(9.0);
     ask(&mut rig);
     assert!(rig.until(3.0, |rig| owner(rig) == Some(255)));
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     rig.run(1.0);
     assert!(
         rig.station()
@@ -129,7 +119,7 @@ fn what_another_station_owns_is_reported_and_a_command_is_refused_with_the_reaso
         rig.station()
             .has_alert("no MAVLink system has operator control")
     );
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
 }
 
 #[test]
@@ -161,7 +151,7 @@ fn a_lost_controller_leaves_operator_control_to_the_loss_action() {
         ..speaking()
     });
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.stations[0].heartbeats = true;
     rig.run(2.0);
     rig.stations[0].heartbeats = false;

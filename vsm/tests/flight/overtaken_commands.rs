@@ -40,7 +40,7 @@ fn a_mode_command_that_was_overtaken_is_refused() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
     rig.run(12.0);
-    assert_eq!(rig.carry_out(hold_at(35.0)), DONE);
+    rig.done(hold_at(35.0));
     late_hold(&mut rig, 15.0, 3.0);
     assert!(height(&rig) > 33.0, "{}", height(&rig));
 }
@@ -49,12 +49,12 @@ fn a_mode_command_that_was_overtaken_is_refused() {
 fn a_sender_whose_clock_was_set_back_is_accepted() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(hold_at(35.0)), DONE);
+    rig.done(hold_at(35.0));
     rig.run(12.0);
     // A little, and some time later.
     late_hold(&mut rig, 15.0, 14.0);
     assert!(height(&rig) < 17.0, "{}", height(&rig));
-    assert_eq!(rig.carry_out(hold_at(35.0)), DONE);
+    rig.done(hold_at(35.0));
     rig.run(12.0);
     // Far: once its traffic has shown for seconds that this is its clock, and no command held back.
     late_hold(&mut rig, 15.0, 3_600.0);
@@ -80,7 +80,7 @@ fn an_overtaken_waypoint_leaves_the_later_one_and_others_may_come_in_any_order()
     rig.send_plan(orders::square());
     rig.run(12.0);
     let moved = orders::waypoint(102, 103, 80.0, 80.0, 60.0);
-    assert_eq!(rig.carry_out(moved), DONE);
+    rig.done(moved);
     for (number, up) in [(102, 25.0), (103, 45.0)] {
         let late = UaPositionWaypoint {
             time_stamp: stamp(&rig, 2.0),
@@ -89,12 +89,9 @@ fn an_overtaken_waypoint_leaves_the_later_one_and_others_may_come_in_any_order()
         rig.stations[0].send_as_is(vehicle_id(0), &late.into());
         rig.run(0.5);
     }
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     let mark = rig.station().received.len();
-    assert_eq!(
-        rig.carry_out(orders::transfer(MissionPlanMode::Download)),
-        DONE
-    );
+    rig.done(orders::transfer(MissionPlanMode::Download));
     rig.run(0.5);
     let heights: Vec<_> = rig.station().received[mark..]
         .iter()
@@ -118,7 +115,7 @@ fn an_altimeter_setting_does_not_break_off_a_launch() {
     let mut rig = Rig::ready();
     let launch = rig.send(orders::launch(20.0));
     assert!(rig.until(20.0, |rig| rig.truth().armed));
-    assert_eq!(rig.carry_out(altimeter()), DONE);
+    rig.done(altimeter());
     assert_eq!(rig.end(launch), DONE, "{:?}", rig.station().alerts());
     assert!(rig.until(30.0, |rig| height(rig) > 18.0));
 }
@@ -137,9 +134,9 @@ fn what_names_no_mode_does_not_take_the_place_of_a_contingency_that_is_on_its_wa
         orders::waypoint(7, 8, -60.0, 0.0, 30.0).into(),
         orders::waypoint(8, 0, -60.0, 50.0, 30.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     let away = rig.send(orders::mode(Mode::ContingencyA));
     rig.run(0.03);
     let slower = VehicleOperatingModeCommand {
@@ -148,7 +145,7 @@ fn what_names_no_mode_does_not_take_the_place_of_a_contingency_that_is_on_its_wa
         ..VehicleOperatingModeCommand::default()
     };
     let slower = rig.send(slower);
-    assert_eq!(rig.carry_out(altimeter()), DONE);
+    rig.done(altimeter());
     assert_eq!(rig.end(away), DONE, "{:?}", rig.station().alerts());
     assert_eq!(rig.end(slower), NO);
     assert!(rig.station().has_alert("another is being entered"));

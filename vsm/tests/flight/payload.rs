@@ -376,7 +376,7 @@ fn a_gimbal_keeps_looking_at_a_place_while_the_vehicle_flies_past() {
     assert_eq!(take(&mut rig, PILOT, 0x0c, 0), DONE);
     assert_eq!(take(&mut rig, OPERATOR, 0x02, 0b1), DONE);
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     done(&mut rig, PILOT, orders::launch(20.0));
     assert!(rig.until(60.0, |rig| -rig.truth().position.d > 19.0));
     done(&mut rig, OPERATOR, pointing(1, Pointing::AngleToUa));

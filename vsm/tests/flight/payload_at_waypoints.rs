@@ -133,15 +133,14 @@ fn a_gimbal_is_pointed_where_the_leg_begins_and_the_actions_come_back_as_they_we
     let mut plan = legs();
     plan.extend(actions.iter().cloned().map(Message::from));
     rig.send_plan(plan);
-    let loaded = rig.carry_out(orders::load());
-    assert_eq!(loaded, DONE, "{:?}", rig.station().alerts());
+    rig.done(orders::load());
     // A multicopter's nose follows the place, which nobody should be surprised by.
     assert!(
         rig.station()
             .has_alert("waypoint 9: the vehicle turns its nose")
     );
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     // On the leg to 7 nothing is pointed.
     assert!(rig.until(60.0, |rig| rig.truth().position.n > 20.0));
     assert!(is_close(looks(&rig), (0.0, 0.0), 4.0), "{:?}", looks(&rig));
@@ -167,15 +166,12 @@ fn a_gimbal_is_pointed_where_the_leg_begins_and_the_actions_come_back_as_they_we
     let nose = rig.truth().attitude[2].to_degrees().abs();
     assert!(nose > 150.0, "it flies south again: {nose}");
     // A flight to a waypoint begins with what its leg begins with.
-    assert_eq!(rig.carry_out(waypoint_mode(8)), DONE);
+    rig.done(waypoint_mode(8));
     assert!(rig.until(30.0, |rig| is_close(looks(rig), (40.0, -50.0), 4.0)));
     // 4001 and the watchdog know of no waypoint at the place.
     assert!(!rig.station().has_alert("no progress"));
     let before = rig.station().received.len();
-    assert_eq!(
-        rig.carry_out(orders::transfer(MissionPlanMode::Download)),
-        DONE
-    );
+    rig.done(orders::transfer(MissionPlanMode::Download));
     rig.run(1.0);
     let received = rig.station().received[before..].iter();
     let downloaded: Vec<PayloadActionWaypoint> = received
@@ -246,7 +242,7 @@ fn what_a_mission_cannot_point_is_refused_when_it_is_sent_and_leaves_nothing() {
     let ticket = rig.send_as(1, 0, angles(8, 1, 0.0, -20.0));
     assert_eq!(rig.end_as(1, ticket), REFUSED);
     rig.send_plan(legs());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     let kind = mavlink_link::service::mission::MavMissionType::MAV_MISSION_TYPE_MISSION;
     let items = rig.vehicles[0].vehicle().plan(kind);
     assert!(items.iter().all(|item| item.command == 16), "{items:?}");
@@ -276,12 +272,7 @@ fn a_route_that_points_a_station_of_another_cucs_is_not_loaded() {
     assert!(rig.vehicles[0].vehicle().plan(kind).is_empty());
     // A route without it is loaded.
     rig.send_plan(legs());
-    assert_eq!(
-        rig.carry_out(orders::load()),
-        DONE,
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
 }
 
 #[test]

@@ -48,13 +48,7 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
     ];
     plan.extend(tags.map(|(number, tag)| at(number, tag)));
     rig.send_plan(plan);
-    let loaded = rig.carry_out(orders::load());
-    assert_eq!(
-        loaded,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     // They follow the item of their waypoint, and precede the next.
     let [trigger, off, delay, roi] = [206, 2003, 93, 197].map(|id| seq_of(&rig, id));
     assert!(
@@ -62,10 +56,7 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
         "{trigger:?} {off:?} {delay:?} {roi:?}"
     );
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     let actions = |rig: &Rig| rig.vehicles[0].vehicle().actions().clone();
     assert!(
         rig.until(60.0, |rig| actions(rig).triggers > 0),
@@ -114,7 +105,7 @@ fn actions_are_done_at_their_waypoints_and_downloaded_as_they_were_sent() {
     // The way back.
     let before = rig.station().received.len();
     let download = orders::transfer(MissionPlanMode::Download);
-    assert_eq!(rig.carry_out(download), Some(AckType::CarriedOut));
+    rig.done(download);
     rig.run(1.0);
     let received = rig.station().received[before..].iter();
     let downloaded: Vec<(u16, String)> = received
@@ -162,13 +153,10 @@ fn a_camera_does_what_is_ordered_of_it_at_waypoints_and_shows_it() {
     ];
     plan.extend(tags.map(|(number, tag)| at(number, tag)));
     rig.send_plan(plan);
-    let loaded = rig.carry_out(orders::load());
-    let alerts = rig.station().alerts();
-    assert_eq!(loaded, Some(AckType::CarriedOut), "{alerts:?}");
+    rig.done(orders::load());
     rig.take_off(20.0);
     assert!(!records(&rig));
-    let flown = rig.carry_out(orders::mode(Mode::Waypoint));
-    assert_eq!(flown, Some(AckType::CarriedOut));
+    rig.done(orders::mode(Mode::Waypoint));
     let images = |rig: &Rig| rig.vehicles[0].vehicle().payloads()[0].images;
     assert!(rig.until(60.0, records), "the first waypoint");
     assert!(rig.truth().position.n > 28.0 && images(&rig) == 0);

@@ -5,7 +5,7 @@ use mavlink_link::dialect::{MISSION_CLEAR_ALL_DATA, MavMessage, MavMissionType};
 use mavlink_link::service::Node;
 use px4_sim::Mode as Px4;
 use stanag_msgs::Text;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
+use stanag_msgs::enums::FlightPathControlMode as Mode;
 use stanag_msgs::messages::ParameterSetCommand;
 
 /// 280 m north and 380 m north of home.
@@ -40,7 +40,7 @@ fn set_rtl_type(rig: &mut Rig, value: f64) {
         commanded_value: Some(value),
         ..ParameterSetCommand::default()
     };
-    assert_eq!(rig.carry_out(command), Some(AckType::CarriedOut));
+    rig.done(command);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn the_vehicle_returns_to_the_nearest_of_home_and_its_rally_points() {
         orders::route(1).into(),
         orders::waypoint(1, 0, 190.0, 0.0, 20.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.carry_out(orders::mode(Mode::Waypoint));
     assert!(rig.until(90.0, |rig| rig.truth().position.n > 170.0));
     // Without a contingency route, it is RTL.

@@ -138,10 +138,7 @@ fn what_is_no_report_or_too_often_is_refused_with_the_reason() {
         "2000 (Vehicle Configuration Command) is not supported",
     );
     for hertz in [51, 100] {
-        assert_eq!(
-            rig.carry_out(schedule(4000, hertz)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(schedule(4000, hertz));
         rig.run(1.0);
         let (from, to) = (rig.station().received.len(), 5.0);
         rig.run(to);
@@ -159,10 +156,7 @@ fn what_is_no_report_or_too_often_is_refused_with_the_reason() {
 fn a_new_grant_begins_with_the_default_reports_whatever_was_cancelled_before() {
     let mut rig = Rig::ready();
     for message in [3001, 3002, 4000, 4001, 16002] {
-        assert_eq!(
-            rig.carry_out(schedule(message, 0)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(schedule(message, 0));
     }
     let count = |rig: &mut Rig| {
         let mark = rig.station().received.len();
@@ -178,10 +172,9 @@ fn a_new_grant_begins_with_the_default_reports_whatever_was_cancelled_before() {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    rig.done(release);
     assert_eq!(count(&mut rig), 0);
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     assert!(count(&mut rig) >= 4 * 6);
 }
 
@@ -230,8 +223,7 @@ fn a_request_for_control_that_is_not_understood_grants_nothing() {
             });
         assert_eq!(granted, Some(LoiBitmap::NONE), "{why}");
     }
-    let end = rig.carry_out(orders::request_control());
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::request_control());
     // A release is always granted.
     let release = CucsAuthorisationRequest {
         vsm_id: Some(Id(0x1b00_0002)),
@@ -239,7 +231,7 @@ fn a_request_for_control_that_is_not_understood_grants_nothing() {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..CucsAuthorisationRequest::default()
     };
-    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    rig.done(release);
     let end = rig.carry_out(orders::mode(Mode::Loiter));
     assert_eq!(end, Some(AckType::Refused));
 }
@@ -274,7 +266,7 @@ fn a_loiter_that_cannot_be_flown_is_refused_at_once_and_the_one_before_stays() {
         loiter_radius: Some(Scaled::saturating_from_si(30.0)),
         ..LoiterConfiguration::default()
     };
-    assert_eq!(rig.carry_out(circle.clone()), Some(AckType::CarriedOut));
+    rig.done(circle.clone());
     for (change, why) in [
         (
             LoiterConfiguration {
@@ -328,7 +320,7 @@ fn a_loiter_that_cannot_be_flown_is_refused_at_once_and_the_one_before_stays() {
         message_type: Some(3004),
         ..GenericInformationRequestMessage::default()
     };
-    assert_eq!(rig.carry_out(request), Some(AckType::CarriedOut));
+    rig.done(request);
     let kept = rig
         .station()
         .last(vehicle_id(0), 3004, |message| match message {
@@ -354,7 +346,7 @@ fn a_curve_that_is_no_number_is_refused_when_it_comes() {
         p3_latitude: Some(0.8),
         p3_longitude: Some(0.15),
     };
-    assert_eq!(rig.carry_out(curve.clone()), Some(AckType::CarriedOut));
+    rig.done(curve.clone());
     for value in [f64::NAN, f64::INFINITY, 1.6, -2.0] {
         let bad = CurveSegmentPaper {
             p3_latitude: Some(value),
@@ -376,7 +368,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
         commanded_waypoint_number: Some(3),
         ..hold.clone()
     };
-    assert_eq!(rig.carry_out(full), Some(AckType::CarriedOut));
+    rig.done(full);
     rig.run(0.1);
     assert!(rig.station().has_alert(
         "2016: ignored in mode 12 (loiter): Commanded Altitude, Commanded Vertical Speed, Commanded Waypoint Number"
@@ -392,10 +384,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
         "Altitude Command Type 2 (vertical speed) is not flown",
     );
     // A value without a mode is for the mode that is flown.
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
     let value = VehicleOperatingModeCommand {
         commanded_altitude: Some(Scaled::saturating_from_si(40.0)),
         ..VehicleOperatingModeCommand::default()
@@ -405,7 +394,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
         value,
         "in the current one, 19 (land), nothing can be changed",
     );
-    assert_eq!(rig.carry_out(hold.clone()), Some(AckType::CarriedOut));
+    rig.done(hold.clone());
     let fast = VehicleOperatingModeCommand {
         commanded_speed: Some(Scaled::saturating_from_si(30.0)),
         ..hold.clone()
@@ -421,7 +410,7 @@ fn what_a_mode_ignores_is_reported_and_what_it_cannot_do_is_refused() {
         speed_type: None,
         ..push
     };
-    assert_eq!(rig.carry_out(beside), Some(AckType::CarriedOut));
+    rig.done(beside);
     rig.run(0.1);
     assert!(
         rig.station()
@@ -440,7 +429,7 @@ fn a_field_of_a_plan_that_never_has_an_effect_is_reported_once() {
             )),
             ..orders::waypoint(number, 0, 50.0, 0.0, 20.0)
         };
-        assert_eq!(rig.carry_out(waypoint), Some(AckType::CarriedOut));
+        rig.done(waypoint);
     }
     let reasons: Vec<_> = reasons(&rig, 0, before)
         .into_iter()

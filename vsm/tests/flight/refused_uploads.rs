@@ -91,8 +91,7 @@ fn loaded(rig: &mut Rig, plan: Vec<Message>) {
 /// The plan as the bridge gives it back: numbers of waypoints, how many curves, how many loiters.
 fn plan(rig: &mut Rig) -> (Vec<u16>, usize, usize) {
     let mark = rig.station().received.len();
-    let end = rig.carry_out(orders::transfer(MissionPlanMode::Download));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(orders::transfer(MissionPlanMode::Download));
     rig.run(1.0);
     let received = rig.station().received[mark..]
         .iter()
@@ -233,10 +232,7 @@ fn what_is_left_of_a_lost_upload_is_never_loaded_as_a_shorter_route() {
     let mut rig = Rig::ready();
     let (mut loaded, mut refused, mut without_13001) = (0, 0, 0);
     for (trial, first) in [1, 7].repeat(20).into_iter().enumerate() {
-        assert_eq!(
-            rig.carry_out(orders::transfer(MissionPlanMode::Clear)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(orders::transfer(MissionPlanMode::Clear));
         rig.dli.faults.loss = if trial < 2 { 0.0 } else { 0.25 };
         for number in first..first + 3 {
             let next = if number == first + 2 { 0 } else { number + 1 };

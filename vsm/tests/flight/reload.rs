@@ -45,12 +45,9 @@ fn without_table(text: &str, start: &str) -> String {
 fn a_mission_flies_on_and_rights_and_links_stay_through_a_reload() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     let live = status(&rig).vehicles[0].link.live_s.expect("live");
     let lines = audit(&rig).lines().count();
 
@@ -75,10 +72,7 @@ fn a_mission_flies_on_and_rights_and_links_stay_through_a_reload() {
         lines,
         "nobody's rights have changed"
     );
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
 }
 
 #[test]
@@ -120,10 +114,7 @@ fn who_loses_levels_loses_control_at_once_and_it_is_in_the_audit_log() {
     // Given back, it is requested again.
     changed(&mut rig, "id = \"1b:00:00:a0\"\nloi = [2]", LOI);
     assert_eq!(status(&rig).vehicles[0].controller, None);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
 }
 
 #[test]
@@ -256,9 +247,7 @@ fn limits_and_areas_count_from_the_reload_on() {
     assert_eq!(aboard(&rig), 0);
     // The upload that was refused was dropped whole.
     rig.send_plan(orders::square());
-    let loaded = rig.carry_out(orders::load());
-    let alerts = rig.station().alerts();
-    assert_eq!(loaded, Some(AckType::CarriedOut), "{alerts:?}");
+    rig.done(orders::load());
 }
 
 #[test]
@@ -315,10 +304,7 @@ fn what_cannot_be_read_of_a_new_vehicle_leaves_everything_as_it_was() {
     let after = status(&rig);
     let stations: Vec<_> = after.stations.iter().map(|one| one.id.as_str()).collect();
     assert_eq!((stations, after.vehicles.len()), (vec!["1b:00:00:a0"], 1));
-    assert_eq!(
-        rig.carry_out(orders::launch(20.0)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::launch(20.0));
     rig.store.records.remove(&record.0);
     rig.reload(&text).expect("applied");
 }

@@ -43,7 +43,7 @@ fn fly_and_land(rig: &mut Rig) -> Vec<u8> {
     rig.deliver_from_station(&launch);
     assert!(rig.until(30.0, |rig| !rig.truth().landed));
     rig.run(15.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::AutolandEngage)), DONE);
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(90.0, |rig| rig.truth().landed && !rig.truth().armed));
     launch
 }
@@ -85,7 +85,7 @@ fn a_recorded_launch_is_refused_after_any_number_of_later_commands_and_restarts(
 fn what_commands_and_has_no_time_stamp_is_refused_with_the_reason() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     let before = rig.truth().mode;
     let request = CucsAuthorisationRequest {
         requested_handover_access: Some(RequestedAccess::Override),

@@ -44,10 +44,7 @@ fn status_is_pushed_twice_a_second_on_the_ground_as_in_the_air() {
     let mut rig = Rig::ready();
     rig.run(2.0);
     let from = rig.clock.elapsed();
-    assert_eq!(
-        rig.carry_out(orders::launch(10.0)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::launch(10.0));
     rig.run(30.0);
     for message in [3001, 3002, 4000, 4001] {
         let times = times(&rig, message, from);
@@ -84,10 +81,7 @@ fn a_schedule_is_kept_within_the_latency_of_its_message_and_ends_when_cancelled(
             "{message}: {} of {expected}",
             times.len()
         );
-        assert_eq!(
-            rig.carry_out(schedule(message, 0)),
-            Some(AckType::CarriedOut)
-        );
+        rig.done(schedule(message, 0));
         rig.run(1.0);
         let from = rig.clock.elapsed();
         rig.run(5.0);
@@ -153,7 +147,7 @@ fn acknowledgements_alerts_and_changes_of_mode_are_reported_within_their_limits(
     let alerts = times(&rig, 16_000, asked);
     assert!(*alerts.first().expect("a reason") - asked <= limit(16_000));
     // 3001 on change: the vehicle's own heartbeat comes once a second, CURRENT_MODE on change.
-    assert_eq!(rig.carry_out(schedule(3001, 0)), Some(AckType::CarriedOut));
+    rig.done(schedule(3001, 0));
     let ticket = rig.send(orders::launch(10.0));
     let launched = |rig: &Rig| rig.truth().mode == px4_sim::Mode::Takeoff;
     assert!(rig.until(20.0, launched));
@@ -167,12 +161,11 @@ fn acknowledgements_alerts_and_changes_of_mode_are_reported_within_their_limits(
 #[test]
 fn a_request_is_answered_at_once_with_the_requested_fields() {
     let mut rig = Rig::ready();
-    assert_eq!(rig.carry_out(schedule(4000, 0)), Some(AckType::CarriedOut));
+    rig.done(schedule(4000, 0));
     rig.run(1.0);
     let from = rig.clock.elapsed();
     let latitude_alone = Some(0b10);
-    let end = rig.carry_out(request(4000, latitude_alone));
-    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.done(request(4000, latitude_alone));
     let (at, _, answer) = rig
         .station()
         .received
@@ -194,7 +187,7 @@ fn a_request_is_answered_at_once_with_the_requested_fields() {
     assert!(states.latitude.is_some() && states.time_stamp.is_some());
     // All of them where nothing in particular is asked for.
     for all in [None, Some(0)] {
-        assert_eq!(rig.carry_out(request(4000, all)), Some(AckType::CarriedOut));
+        rig.done(request(4000, all));
         let last = rig
             .station()
             .last(vehicle_id(0), 4000, |message| match message {

@@ -32,7 +32,7 @@ fn is_along(rig: &mut Rig, limit_s: f64, wanted: [u16; 3]) {
 fn ready(plan: Vec<Message>) -> Rig {
     let mut rig = Rig::ready();
     rig.send_plan(plan);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.take_off(20.0);
     rig.run(2.0);
     rig
@@ -58,7 +58,7 @@ fn loop_end(times: u16) -> UaPositionWaypoint {
 fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
     let mut rig = ready(orders::square());
     assert_eq!(along(&rig), [0, 101, 102], "before the route");
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     for wanted in [
         [0, 101, 102],
         [101, 102, 103],
@@ -71,7 +71,7 @@ fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
     rig.run(3.0);
     assert_eq!(along(&rig), [104, 0, 0], "after the route");
     // Flown again from its start, which is reported.
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.station().has_alert("flying it again from its start"));
     is_along(&mut rig, 5.0, [0, 101, 102]);
 }
@@ -79,14 +79,14 @@ fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
 #[test]
 fn another_route_begins_at_its_first_waypoint_whatever_was_flown_before() {
     let mut rig = ready(orders::square());
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     is_along(&mut rig, 120.0, [104, 0, 0]);
     rig.send_plan(vec![
         orders::route(7).into(),
         orders::waypoint(7, 8, 60.0, 0.0, 20.0).into(),
         orders::waypoint(8, 0, 60.0, 60.0, 20.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     rig.run(2.0);
     assert_eq!(along(&rig), [0, 7, 8]);
 }
@@ -94,13 +94,13 @@ fn another_route_begins_at_its_first_waypoint_whatever_was_flown_before() {
 #[test]
 fn after_a_jump_a_waypoint_that_was_never_visited_is_not_where_it_comes_from() {
     let mut rig = ready(orders::square());
-    assert_eq!(rig.carry_out(go_to(103)), DONE);
+    rig.done(go_to(103));
     is_along(&mut rig, 5.0, [0, 103, 104]);
     rig.run(3.0);
     assert_eq!(along(&rig), [0, 103, 104]);
     is_along(&mut rig, 60.0, [103, 104, 0]);
     // A jump within the mission, while PX4 still repeats what was reached before.
-    assert_eq!(rig.carry_out(go_to(102)), DONE);
+    rig.done(go_to(102));
     is_along(&mut rig, 5.0, [0, 102, 103]);
     rig.run(3.0);
     assert_eq!(along(&rig), [0, 102, 103]);
@@ -110,15 +110,15 @@ fn after_a_jump_a_waypoint_that_was_never_visited_is_not_where_it_comes_from() {
 #[test]
 fn a_hold_on_the_way_changes_nothing_and_a_restart_takes_the_waypoint_before() {
     let mut rig = ready(orders::square());
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     is_along(&mut rig, 60.0, [101, 102, 103]);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(orders::mode(Mode::Loiter));
     rig.run(2.0);
     assert_eq!(along(&rig), [101, 102, 103]);
     rig.restart_bridge();
     rig.run(3.0);
     assert_eq!(along(&rig), [101, 102, 103]);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     is_along(&mut rig, 60.0, [102, 103, 104]);
 }
 
@@ -130,7 +130,7 @@ fn a_loop_leads_back_so_often_as_it_is_flown() {
         orders::waypoint(2, 3, 40.0, 40.0, 20.0).into(),
         loop_end(2).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     for wanted in [
         [0, 1, 2],
         [1, 2, 3],
@@ -143,7 +143,7 @@ fn a_loop_leads_back_so_often_as_it_is_flown() {
         is_along(&mut rig, 60.0, wanted);
     }
     // Once more, and PX4 leads back no more: it has counted the loop.
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.station().has_alert("its loop only once"));
     for wanted in [[0, 1, 2], [1, 2, 3], [2, 3, 0], [3, 0, 0]] {
         is_along(&mut rig, 60.0, wanted);
@@ -153,11 +153,11 @@ fn a_loop_leads_back_so_often_as_it_is_flown() {
 #[test]
 fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
     let mut rig = ready(orders::square());
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     is_along(&mut rig, 60.0, [101, 102, 103]);
     let changed = orders::waypoint(103, 104, 0.0, 80.0, 30.0);
-    assert_eq!(rig.carry_out(changed), DONE);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(changed);
+    rig.done(orders::load());
     rig.run(1.0);
     assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
     for text in [
@@ -174,7 +174,7 @@ fn a_changed_plan_loaded_in_flight_holds_the_vehicle_and_reports_it() {
 
 fn downloaded(rig: &mut Rig, order: stanag_msgs::messages::MissionTransferCommand) -> Vec<Message> {
     let mark = rig.station().received.len();
-    assert_eq!(rig.carry_out(order), DONE);
+    rig.done(order);
     rig.run(0.5);
     let plan = rig.station().received[mark..]
         .iter()
@@ -205,7 +205,7 @@ fn north(plan: &[Message], number: u16) -> Option<f64> {
 fn after_a_refused_load_the_download_is_what_is_aboard() {
     let mut rig = ready(orders::square());
     let far = orders::waypoint(103, 104, 70_000.0, 80.0, 20.0);
-    assert_eq!(rig.carry_out(far), DONE);
+    rig.done(far);
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
     let all = orders::transfer(stanag_msgs::enums::MissionPlanMode::Download);
     for restarted in [false, true] {
@@ -224,7 +224,7 @@ fn after_a_refused_load_the_download_is_what_is_aboard() {
     }
     // The correction alone is not enough: what else was sent is gone, and who sent it may not know.
     let near = orders::waypoint(103, 104, 10.0, 80.0, 20.0);
-    assert_eq!(rig.carry_out(near.clone()), DONE);
+    rig.done(near.clone());
     assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
     rig.run(0.1);
     assert!(
@@ -233,8 +233,8 @@ fn after_a_refused_load_the_download_is_what_is_aboard() {
     );
     // Corrected, it is loaded and reported.
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(near), DONE);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(near);
+    rig.done(orders::load());
     let plan = downloaded(&mut rig, all);
     assert_eq!(north(&plan, 103), Some(10.0));
 }
@@ -247,8 +247,8 @@ fn of_several_flight_routes_the_loaded_one_is_reported() {
         route_id: Some(Text::new("R2")),
         ..orders::route(103)
     };
-    assert_eq!(rig.carry_out(second), DONE);
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(second);
+    rig.done(orders::load());
     rig.run(1.0);
     assert!(
         rig.station()
@@ -283,13 +283,8 @@ fn a_curve_goes_with_the_leg_that_it_describes_and_comes_with_its_waypoint() {
         }
     };
     rig.send_plan(plan());
-    assert_eq!(rig.carry_out(curve(30)), DONE);
-    assert_eq!(
-        rig.carry_out(orders::load()),
-        DONE,
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(curve(30));
+    rig.done(orders::load());
     let single = downloaded(&mut rig, one(20));
     let types: Vec<u16> = single.iter().map(Message::id).collect();
     assert_eq!(types, [13002, 50002]);
@@ -298,12 +293,7 @@ fn a_curve_goes_with_the_leg_that_it_describes_and_comes_with_its_waypoint() {
         orders::waypoint(20, 40, 100.0, 0.0, 20.0).into(),
         orders::waypoint(40, 0, 100.0, 60.0, 20.0).into(),
     ]);
-    assert_eq!(
-        rig.carry_out(orders::load()),
-        DONE,
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     let plan = downloaded(
         &mut rig,
         orders::transfer(stanag_msgs::enums::MissionPlanMode::Download),
@@ -343,7 +333,7 @@ fn mode_2_is_entered_without_a_complaint_of_the_vehicle() {
 #[test]
 fn a_commanded_loiter_place_is_no_waypoint_of_the_route() {
     let mut rig = ready(orders::square());
-    assert_eq!(rig.carry_out(orders::mode(Mode::Waypoint)), DONE);
+    rig.done(orders::mode(Mode::Waypoint));
     is_along(&mut rig, 60.0, [101, 102, 103]);
     let (latitude, longitude) = orders::place(-40.0, -40.0);
     let there = VehicleOperatingModeCommand {
@@ -351,7 +341,7 @@ fn a_commanded_loiter_place_is_no_waypoint_of_the_route() {
         loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
         ..orders::mode(Mode::Loiter)
     };
-    assert_eq!(rig.carry_out(there), DONE);
+    rig.done(there);
     is_along(&mut rig, 10.0, [0, 65_535, 0]);
     let place = rig
         .station()
@@ -367,7 +357,7 @@ fn a_commanded_loiter_place_is_no_waypoint_of_the_route() {
     );
     assert_eq!(place, Some(sent));
     // On the route again it is one of its waypoints.
-    assert_eq!(rig.carry_out(go_to(103)), DONE);
+    rig.done(go_to(103));
     assert!(
         rig.until(10.0, |rig| along(rig)[1] == 103),
         "{:?}",

@@ -59,7 +59,7 @@ fn first(change: impl FnOnce(&mut UaPositionWaypoint)) -> Vec<Message> {
 fn every_fault_is_named_with_its_waypoint_and_the_vehicle_keeps_its_mission() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     let stored = rig.vehicles[0].vehicle().counters().plans_stored;
 
     let cases: Vec<(Vec<Message>, u16, &str)> = vec![
@@ -188,8 +188,7 @@ fn a_load_waits_for_the_parameters_that_bound_it() {
             },
             ..Setup::default()
         });
-        let end = rig.carry_out(orders::request_control());
-        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.done(orders::request_control());
         let live = |rig: &Rig| {
             let bridge = rig.bridge.as_ref().expect("it runs");
             bridge.status(String::new(), rig.now().mono).vehicles[0].live
@@ -236,15 +235,10 @@ fn loops_that_px4_cannot_fly_are_refused() {
 fn a_loop_is_flown_as_often_as_its_limit() {
     let mut rig = Rig::ready();
     rig.send_plan(lap(LimitType::Count, Some(3)));
-    assert_eq!(
-        rig.carry_out(orders::load()),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::load());
     rig.take_off(20.0);
     let waypoint = orders::mode(stanag_msgs::enums::FlightPathControlMode::Waypoint);
-    assert_eq!(rig.carry_out(waypoint), Some(AckType::CarriedOut));
+    rig.done(waypoint);
     let (mut passes, mut before) = (0, None);
     for _ in 0..3_000 {
         rig.run(0.1);
@@ -283,7 +277,7 @@ fn turns_are_refused_on_a_multicopter_and_times_are_not() {
     assert_eq!(named, Some(8));
     assert!(text.contains("turns"), "{text}");
     rig.send_plan(plan(LoiterDurationUnits::Seconds));
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
 }
 
 /// Two waypoints, of which the second is at this altitude.
@@ -423,13 +417,13 @@ fn a_route_through_a_ridge_is_refused_between_its_waypoints_and_on_its_curves() 
     assert!(text.contains("m below the terrain ("), "{text}");
     // Above it both are flown, and where the files end a note says so.
     rig.send_plan(over(70.0));
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.send_plan(vec![
         orders::route(7).into(),
         orders::waypoint(7, 8, 250.0, 0.0, 70.0).into(),
         orders::waypoint(8, 0, 900.0, 0.0, 70.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     let notes = rig.station().alerts().join("; ");
     assert!(notes.contains("vehicle.terrain does not cover"), "{notes}");
     // Closer than configured, and below the ground where that is allowed.
@@ -464,7 +458,7 @@ fn the_way_to_the_route_is_compared_with_the_terrain_where_it_is_flown() {
         ]
     };
     rig.send_plan(beyond(30.0));
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
     assert_eq!(
         rig.carry_out(orders::mode(Mode::Waypoint)),
@@ -478,11 +472,8 @@ fn the_way_to_the_route_is_compared_with_the_terrain_where_it_is_flown() {
     );
     // PX4 climbs to the altitude of the waypoint before it flies there.
     rig.send_plan(beyond(70.0));
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::load());
+    rig.done(orders::mode(Mode::Waypoint));
 }
 
 #[test]

@@ -33,7 +33,7 @@ fn with_all() -> Rig {
     ] {
         rig.send_plan(route(name, kind, first, north));
     }
-    carried_out(&mut rig, load());
+    rig.done(load());
     rig
 }
 
@@ -43,16 +43,6 @@ fn load() -> MissionTransferCommand {
         route_id: Some(Text::new("F")),
         ..orders::load()
     }
-}
-
-fn carried_out(rig: &mut Rig, message: impl Into<Message>) {
-    let end = rig.carry_out(message);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
 }
 
 fn items(rig: &Rig) -> Vec<mavlink_link::service::mission::Item> {
@@ -69,20 +59,20 @@ fn reaches(rig: &mut Rig, north: f64) -> bool {
 fn each_mode_flies_the_route_of_its_type() {
     let mut rig = with_all();
     let flight = items(&rig);
-    carried_out(&mut rig, orders::launch(20.0));
+    rig.done(orders::launch(20.0));
     assert_eq!(rig.truth().mode, Px4::Mission);
     assert!(reaches(&mut rig, 30.0), "the launch route");
     // What 13000 has loaded comes back by itself.
-    carried_out(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(items(&rig), flight);
     assert!(reaches(&mut rig, 80.0), "the flight route");
-    carried_out(&mut rig, orders::mode(Mode::ContingencyA));
+    rig.done(orders::mode(Mode::ContingencyA));
     assert!(reaches(&mut rig, -80.0), "contingency A");
-    carried_out(&mut rig, orders::mode(Mode::ContingencyB));
+    rig.done(orders::mode(Mode::ContingencyB));
     assert!(reaches(&mut rig, 120.0), "contingency B");
-    carried_out(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(items(&rig), flight);
-    carried_out(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(reaches(&mut rig, -40.0), "the approach");
     assert!(rig.until(90.0, |rig| rig.truth().landed));
     assert!(
@@ -96,11 +86,11 @@ fn each_mode_flies_the_route_of_its_type() {
 fn without_routes_of_their_types_launch_and_landing_are_plain() {
     let mut rig = Rig::ready();
     rig.send_plan(route("F", RouteType::Flight, 21, 80.0));
-    carried_out(&mut rig, orders::load());
-    carried_out(&mut rig, orders::launch(20.0));
+    rig.done(orders::load());
+    rig.done(orders::launch(20.0));
     assert_ne!(rig.truth().mode, Px4::Mission);
     assert!(rig.until(30.0, |rig| -rig.truth().position.d > 18.0));
-    carried_out(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert_eq!(rig.truth().mode, Px4::Land);
 }
 
@@ -108,11 +98,11 @@ fn without_routes_of_their_types_launch_and_landing_are_plain() {
 fn what_was_loaded_is_known_after_a_restart_of_the_bridge() {
     let mut rig = with_all();
     let flight = items(&rig);
-    carried_out(&mut rig, orders::launch(20.0));
+    rig.done(orders::launch(20.0));
     assert_ne!(items(&rig), flight);
     rig.restart_bridge();
     rig.run(6.0);
-    carried_out(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(items(&rig), flight);
 }
 
@@ -122,7 +112,7 @@ fn one_waypoint_is_sent_again_and_a_route_is_deleted() {
     // The same plan again: the vehicle is sent nothing that changes it.
     let flight = items(&rig);
     rig.send_plan(vec![orders::waypoint(22, 0, 80.0, 90.0, 25.0).into()]);
-    carried_out(&mut rig, load());
+    rig.done(load());
     let changed = items(&rig);
     assert_eq!(changed.len(), flight.len());
     assert_eq!(changed[0], flight[0]);
@@ -158,30 +148,30 @@ fn leads_north(rig: &Rig) -> Vec<i32> {
 #[test]
 fn a_route_that_was_corrected_after_it_was_flown_is_flown_corrected() {
     let mut rig = with_all();
-    carried_out(&mut rig, orders::launch(20.0));
-    carried_out(&mut rig, orders::mode(Mode::ContingencyA));
-    carried_out(&mut rig, orders::mode(Mode::Loiter));
+    rig.done(orders::launch(20.0));
+    rig.done(orders::mode(Mode::ContingencyA));
+    rig.done(orders::mode(Mode::Loiter));
     let sent_before = rig.vehicles[0].vehicle().counters().plans_stored;
     // The same again: what is aboard is flown on.
-    carried_out(&mut rig, orders::mode(Mode::ContingencyA));
-    carried_out(&mut rig, orders::mode(Mode::Loiter));
+    rig.done(orders::mode(Mode::ContingencyA));
+    rig.done(orders::mode(Mode::Loiter));
     let sent = rig.vehicles[0].vehicle().counters().plans_stored;
     assert_eq!(sent, sent_before);
     rig.send_plan(vec![orders::waypoint(32, 0, -20.0, 60.0, 20.0).into()]);
     // Not before a 13000 has said that the correction is complete.
-    carried_out(&mut rig, orders::mode(Mode::ContingencyA));
+    rig.done(orders::mode(Mode::ContingencyA));
     assert_eq!(leads_north(&rig), [-80, -80]);
-    carried_out(&mut rig, orders::mode(Mode::Loiter));
-    carried_out(&mut rig, load());
-    carried_out(&mut rig, orders::mode(Mode::ContingencyA));
+    rig.done(orders::mode(Mode::Loiter));
+    rig.done(load());
+    rig.done(orders::mode(Mode::ContingencyA));
     assert_eq!(leads_north(&rig), [-80, -20]);
 }
 
 #[test]
 fn an_impossible_command_for_another_route_leaves_the_flight_as_it_is() {
     let mut rig = with_all();
-    carried_out(&mut rig, orders::launch(20.0));
-    carried_out(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::launch(20.0));
+    rig.done(orders::mode(Mode::Waypoint));
     let flight = items(&rig);
     let too_fast = VehicleOperatingModeCommand {
         commanded_speed: Scaled::from_si(30_000.0).ok(),
@@ -208,27 +198,27 @@ fn an_impossible_command_for_another_route_leaves_the_flight_as_it_is() {
 #[test]
 fn one_route_is_cleared_and_the_others_stay() {
     let mut rig = with_all();
-    carried_out(&mut rig, orders::launch(20.0));
-    carried_out(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::launch(20.0));
+    rig.done(orders::mode(Mode::Waypoint));
     let flight = items(&rig);
     let transfer = |mode, id: &str| MissionTransferCommand {
         route_id: Some(Text::new(id)),
         ..orders::transfer(mode)
     };
     // Not aboard: nothing changes for the vehicle.
-    carried_out(&mut rig, transfer(MissionPlanMode::Clear, "CA"));
+    rig.done(transfer(MissionPlanMode::Clear, "CA"));
     assert_eq!((items(&rig), rig.truth().mode), (flight, Px4::Mission));
     let gone = transfer(MissionPlanMode::Download, "CA");
     assert_eq!(rig.carry_out(gone), Some(AckType::Refused));
     let unknown = transfer(MissionPlanMode::Clear, "X");
     assert_eq!(rig.carry_out(unknown), Some(AckType::Refused));
     // The one that is flown: it ends, and the rest is still known.
-    carried_out(&mut rig, transfer(MissionPlanMode::Clear, "F"));
+    rig.done(transfer(MissionPlanMode::Clear, "F"));
     assert!(items(&rig).is_empty());
     let flown = rig.carry_out(orders::mode(Mode::Waypoint));
     assert_eq!(flown, Some(AckType::Refused));
     let mark = rig.station().received.len();
-    carried_out(&mut rig, transfer(MissionPlanMode::Download, "CB"));
+    rig.done(transfer(MissionPlanMode::Download, "CB"));
     rig.run(0.5);
     let numbers: Vec<_> = rig.station().received[mark..]
         .iter()
@@ -238,7 +228,7 @@ fn one_route_is_cleared_and_the_others_stay() {
         })
         .collect();
     assert_eq!(numbers, [41, 42]);
-    carried_out(&mut rig, orders::mode(Mode::ContingencyB));
+    rig.done(orders::mode(Mode::ContingencyB));
     assert!(reaches(&mut rig, 120.0), "contingency B");
 }
 
@@ -263,18 +253,18 @@ fn a_contingency_without_a_name_does_not_take_the_place_of_the_flight_route() {
         }
         rig.send_plan(plan);
     }
-    carried_out(&mut rig, orders::load());
+    rig.done(orders::load());
     assert_eq!(leads_north(&rig), [80, 80]);
 }
 
 #[test]
 fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
     let mut rig = with_all();
-    carried_out(&mut rig, orders::launch(20.0));
-    carried_out(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::launch(20.0));
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(60.0, |rig| rig.truth().mission_seq == 1));
-    carried_out(&mut rig, orders::mode(Mode::Loiter));
-    carried_out(&mut rig, load());
+    rig.done(orders::mode(Mode::Loiter));
+    rig.done(load());
     assert!(
         rig.station()
             .has_alert("mode 11 (waypoint) continues to waypoint 22")

@@ -60,13 +60,13 @@ fn in_flight() -> Rig {
         orders::route(1).into(),
         orders::waypoint(1, 0, 400.0, 400.0, 60.0).into(),
     ]);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     rig.take_off(20.0);
     let go = VehicleOperatingModeCommand {
         altimeter_setting: Some(Scaled::saturating_from_si(99_000.0)),
         ..orders::mode(Mode::Waypoint)
     };
-    assert_eq!(rig.carry_out(go), Some(AckType::CarriedOut));
+    rig.done(go);
     assert!(rig.until(60.0, |rig| rig.truth().velocity.horizontal() > 3.0));
     rig.run(8.0);
     rig
@@ -284,7 +284,7 @@ fn a_loiter_configuration_is_returned_and_a_schedule_is_kept() {
         loiter_radius: Some(Scaled::saturating_from_si(60.0)),
         ..LoiterConfiguration::default()
     };
-    assert_eq!(rig.carry_out(loiter), Some(AckType::CarriedOut));
+    rig.done(loiter);
     let reported = report!(&mut rig, 3004, LoiterConfigurationReport);
     assert_eq!(reported.loiter_type, Some(LoiterType::Circular));
     near("radius", reported.loiter_radius.map(|r| r.si()), 60.0, 0.8);
@@ -300,12 +300,12 @@ fn a_loiter_configuration_is_returned_and_a_schedule_is_kept() {
             .filter(|(_, _, message)| message.id() == 3009)
             .count()
     };
-    assert_eq!(rig.carry_out(every(4)), Some(AckType::CarriedOut));
+    rig.done(every(4));
     let before = count(&rig);
     rig.run(5.0);
     let came = count(&rig) - before;
     assert!((19..=22).contains(&came), "{came}");
-    assert_eq!(rig.carry_out(every(0)), Some(AckType::CarriedOut));
+    rig.done(every(0));
     let before = count(&rig);
     rig.run(3.0);
     assert_eq!(count(&rig), before);
@@ -329,14 +329,14 @@ fn message_3_is_sent_unrequested_where_the_mission_id_changes() {
             mission_id: Some(Text::new(name)),
             ..orders::load()
         };
-        assert_eq!(rig.carry_out(load), Some(AckType::CarriedOut));
+        rig.done(load);
         rig.run(1.0);
         let expected = reported.then(|| Some(name.to_owned()));
         assert_eq!(missions(&rig, mark), Vec::from_iter(expected));
     }
     let mark = rig.station().received.len();
     let clear = orders::transfer(MissionPlanMode::Clear);
-    assert_eq!(rig.carry_out(clear), Some(AckType::CarriedOut));
+    rig.done(clear);
     rig.run(1.0);
     assert_eq!(missions(&rig, mark), [None]);
 }

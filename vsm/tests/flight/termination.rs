@@ -110,7 +110,7 @@ fn two_orders_end_the_flight_and_every_station_knows_at_every_moment() {
     rig.run(4.0);
     assert_eq!(reported(&rig, 1), Some(FtState::Reset));
 
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.run(0.2);
     assert_eq!(
         [reported(&rig, 0), reported(&rig, 1)],
@@ -177,9 +177,9 @@ fn one_step_the_reverse_a_timeout_and_a_cancel_end_no_flight() {
     assert!(rig.station().has_alert("it is not armed"));
     flies_on(&mut rig);
     // Reversed: what was executed before is not done by the arming after it.
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     flies_on(&mut rig);
-    assert_eq!(rig.carry_out(order(FtState::Reset)), DONE);
+    rig.done(order(FtState::Reset));
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
     flies_on(&mut rig);
     assert!(
@@ -188,7 +188,7 @@ fn one_step_the_reverse_a_timeout_and_a_cancel_end_no_flight() {
     );
     assert_eq!(reported(&rig, 0), Some(FtState::Reset));
     // Armed for too long.
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.run(31.0);
     assert!(rig.station().has_alert("did not execute it within 30 s"));
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
@@ -208,7 +208,7 @@ fn replays_duplicates_old_orders_and_strangers_end_no_flight() {
     // The duplicate of an order to arm, and of one to execute that was refused, is none of the two steps.
     rig.deliver_from_station(&arm);
     flies_on(&mut rig);
-    assert_eq!(rig.carry_out(order(FtState::Reset)), DONE);
+    rig.done(order(FtState::Reset));
     let execute = recorded(&rig, FtState::Execute, Duration::ZERO);
     rig.deliver_from_station(&execute);
     rig.run(1.0);
@@ -223,7 +223,7 @@ fn replays_duplicates_old_orders_and_strangers_end_no_flight() {
     rig.run(1.0);
     assert_eq!(reported(&rig, 0), Some(FtState::Reset));
     assert!(rig.station().has_alert("by this station's own clock"));
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.run(3.0);
     let late = recorded(&rig, FtState::Execute, Duration::from_millis(2_300));
     rig.deliver_from_station(&late);
@@ -250,7 +250,7 @@ fn replays_duplicates_old_orders_and_strangers_end_no_flight() {
 #[test]
 fn a_link_that_holds_everything_back_makes_no_old_order_fresh() {
     let mut rig = airborne(TERMINATE);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     // Everything of the station waits for 5 s, the order to execute among it, and comes at once.
     let mut held = Vec::new();
     rig.stations[0].heartbeats = false;
@@ -286,13 +286,13 @@ fn a_station_whose_clock_is_not_measured_is_refused_until_it_is() {
     assert!(rig.station().has_alert("not measured yet"));
     rig.stations[0].heartbeats = true;
     rig.run(4.0);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
 }
 
 #[test]
 fn another_cucs_and_a_handover_end_no_flight() {
     let mut rig = airborne(TERMINATE);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     // Without the right.
     let ticket = rig.send_as(1, 0, order(FtState::Execute));
     assert_eq!(rig.end_as(1, ticket), NO);
@@ -338,8 +338,8 @@ fn who_only_asks_for_control_keeps_its_holder_from_nothing() {
     let mut rig = airborne(TERMINATE);
     rig.send_as(1, 0, handover(LoiBitmap::LOI4.union(LoiBitmap::LOI5)));
     rig.run(0.5);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
-    assert_eq!(rig.carry_out(order(FtState::Execute)), DONE);
+    rig.done(order(FtState::Arm));
+    rig.done(order(FtState::Execute));
     assert_eq!(rig.truth().mode, Px4::Termination);
 }
 
@@ -350,7 +350,7 @@ fn a_controller_that_is_lost_meanwhile_is_made_up_for_once_nothing_is_commanded_
         tables: "[authority]\non_loss = \"rtl\"\n",
         ..setup("termination = { action = \"land\", confirm_s = 60.0 }")
     });
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.mav.faults.loss = 1.0;
     rig.send_once(order(FtState::Execute));
     rig.run(0.5);
@@ -432,15 +432,15 @@ fn a_successor_that_may_not_use_the_layout_is_obeyed() {
         .replacen(&id, &format!("{id}provisional = \"status\"\n"), 1);
     assert!(text.len() > rig.text.len());
     rig.reload(&text).expect("a good configuration");
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
-    assert_eq!(rig.carry_out(order(FtState::Execute)), DONE);
+    rig.done(order(FtState::Arm));
+    rig.done(order(FtState::Execute));
     assert_eq!(rig.truth().mode, Px4::Rtl);
     let release = CucsAuthorisationRequest {
         requested_handover_loi: Some(LoiBitmap::NONE),
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..CucsAuthorisationRequest::default()
     };
-    assert_eq!(rig.carry_out(release), DONE);
+    rig.done(release);
     let ticket = rig.send_as(1, 0, orders::request_control());
     assert_eq!(rig.end_as(1, ticket), DONE);
     rig.run(1.0);
@@ -473,11 +473,11 @@ fn it_is_off_unless_it_is_planned_and_the_layout_may_be_used() {
 fn a_landing_as_termination_yields_to_no_other_command_until_it_is_reset() {
     let mut rig = airborne(LAND);
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), DONE);
+    rig.done(orders::load());
     let flown = rig.send(orders::mode(Mode::Waypoint));
     rig.run(1.0);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
-    assert_eq!(rig.carry_out(order(FtState::Execute)), DONE);
+    rig.done(order(FtState::Arm));
+    rig.done(order(FtState::Execute));
     assert_eq!(rig.truth().mode, Px4::Land);
     let _ = flown;
     assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), NO);
@@ -485,12 +485,12 @@ fn a_landing_as_termination_yields_to_no_other_command_until_it_is_reset() {
     assert_eq!(rig.carry_out(orders::load()), NO);
     assert_eq!(rig.truth().mode, Px4::Land);
     // Released, it obeys again.
-    assert_eq!(rig.carry_out(order(FtState::Reset)), DONE);
-    assert_eq!(rig.carry_out(orders::mode(Mode::Loiter)), DONE);
+    rig.done(order(FtState::Reset));
+    rig.done(orders::mode(Mode::Loiter));
     assert_eq!(rig.truth().mode, Px4::Loiter);
     // To its end.
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
-    assert_eq!(rig.carry_out(order(FtState::Execute)), DONE);
+    rig.done(order(FtState::Arm));
+    rig.done(order(FtState::Execute));
     assert!(rig.until(90.0, |rig| rig.truth().landed && !rig.truth().armed));
     rig.run(2.0);
     assert_eq!(reported(&rig, 0), Some(FtState::Reset));
@@ -502,7 +502,7 @@ fn a_landing_as_termination_yields_to_no_other_command_until_it_is_reset() {
 #[test]
 fn the_command_leaves_after_its_entry_of_the_audit_log_and_no_disk_can_hold_it_up_for_good() {
     let mut rig = airborne(TERMINATE);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.store.queues = true;
     rig.sync = Duration::from_millis(600);
     let before = rig.arrived.get(&COMMAND_LONG).copied().unwrap_or_default();
@@ -522,7 +522,7 @@ fn the_command_leaves_after_its_entry_of_the_audit_log_and_no_disk_can_hold_it_u
 
     // A disk that takes nothing holds it up for a second.
     let mut rig = airborne(TERMINATE);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.store.full = Some("audit");
     rig.send(order(FtState::Execute));
     assert!(rig.until(3.0, |rig| rig.truth().mode == Px4::Termination));
@@ -536,7 +536,7 @@ fn a_vehicle_that_is_not_received_is_commanded_for_a_while_and_reported_as_not_c
     rig.run(8.0);
     assert!(rig.station().has_alert("no data from the vehicle"));
     // A link whose way down has failed is a reason to end a flight.
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
     assert!(rig.station().has_alert("NOT CONFIRMED"));
     // Given up: a vehicle that comes back later is not sent it.
@@ -544,7 +544,7 @@ fn a_vehicle_that_is_not_received_is_commanded_for_a_while_and_reported_as_not_c
     flies_on(&mut rig);
 
     // One that comes back in time is.
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.mav.faults.loss = 1.0;
     let ticket = rig.send(order(FtState::Execute));
     rig.run(8.0);

@@ -17,27 +17,21 @@ const COMMAND_ACK: u32 = 77;
 const TIMESYNC: u32 = 111;
 const MISSION_CURRENT: u32 = 42;
 
-fn done(rig: &mut Rig, message: impl Into<stanag_msgs::Message>) {
-    let end = rig.carry_out(message);
-    let alerts = rig.station().alerts();
-    assert_eq!(end, Some(AckType::CarriedOut), "{alerts:?}");
-}
-
 #[test]
 fn what_the_vehicle_shows_is_carried_out_though_every_answer_is_lost() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.lost = vec![COMMAND_ACK];
-    done(&mut rig, orders::launch(20.0));
+    rig.done(orders::launch(20.0));
     assert!(rig.until(60.0, |rig| rig.truth().mode == Px4::Loiter));
-    done(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     assert_eq!(rig.truth().mode, Px4::Mission);
     // A load puts a vehicle on hold that flies its mission.
     rig.send_plan(orders::square());
-    done(&mut rig, orders::load());
-    done(&mut rig, hold_at(30.0));
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::load());
+    rig.done(hold_at(30.0));
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert_eq!(rig.truth().mode, Px4::Land);
 }
 
@@ -45,7 +39,7 @@ fn what_the_vehicle_shows_is_carried_out_though_every_answer_is_lost() {
 fn what_the_vehicle_does_not_show_is_refused_where_every_answer_is_lost() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    done(&mut rig, orders::mode(Mode::Loiter));
+    rig.done(orders::mode(Mode::Loiter));
     rig.lost = vec![COMMAND_ACK];
     // Of a speed no message of PX4 shows anything but the flight itself.
     let faster = VehicleOperatingModeCommand {
@@ -65,7 +59,7 @@ fn what_the_vehicle_does_not_show_is_refused_where_every_answer_is_lost() {
 fn a_command_that_does_not_arrive_is_refused_in_the_mode_that_it_would_lead_to() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);
-    done(&mut rig, orders::mode(Mode::Loiter));
+    rig.done(orders::mode(Mode::Loiter));
     // The altitude is flown in the AUTO.LOITER that the vehicle is in already.
     rig.lost_to_vehicles = vec![COMMAND_INT];
     assert_eq!(rig.carry_out(hold_at(40.0)), Some(AckType::Refused));
@@ -82,7 +76,7 @@ fn a_command_that_does_not_arrive_is_refused_in_the_mode_that_it_would_lead_to()
 fn a_mission_that_is_not_reported_yet_is_not_called_another() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(20.0);
     silence(&mut rig);
     assert_eq!(
@@ -98,7 +92,7 @@ fn a_mission_that_is_not_reported_yet_is_not_called_another() {
     assert!(!rig.station().has_alert("no longer holds the loaded route"));
     rig.lost.clear();
     rig.run(1.5);
-    done(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
 }
 
 #[test]
@@ -117,11 +111,11 @@ fn wings_whose_mission_is_not_reported_yet_do_not_land_where_they_are() {
             orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
             orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
         ]);
-        done(&mut rig, orders::load());
+        rig.done(orders::load());
         rig.take_off(50.0);
         assert!(rig.until(200.0, |rig| rig.truth().mode == Px4::Loiter
             && !rig.truth().landed));
-        done(&mut rig, orders::mode(Mode::Waypoint));
+        rig.done(orders::mode(Mode::Waypoint));
         silence(&mut rig);
         for (mode, name) in [
             (Mode::AutolandEngage, "mode 19 (land)"),
@@ -140,7 +134,7 @@ fn wings_whose_mission_is_not_reported_yet_do_not_land_where_they_are() {
         assert_eq!(rig.truth().mode, Px4::Mission, "{airframe:?}");
         rig.lost.clear();
         rig.run(1.5);
-        done(&mut rig, orders::mode(Mode::AutolandEngage));
+        rig.done(orders::mode(Mode::AutolandEngage));
         assert_eq!(rig.truth().mode, Px4::Mission, "{airframe:?}: its pattern");
     }
 }

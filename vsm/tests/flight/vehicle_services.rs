@@ -57,10 +57,7 @@ fn refused(rig: &mut Rig, message: impl Into<Message>, why: &str) {
 fn a_parameter_is_reported_with_its_kind_and_its_range() {
     let mut rig = Rig::ready();
     let mark = rig.station().received.len();
-    assert_eq!(
-        rig.carry_out(read("COM_DL_LOSS_T")),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(read("COM_DL_LOSS_T"));
     let [report] = &parameter_reports(&rig, 0, mark)[..] else {
         panic!("{:?}", parameter_reports(&rig, 0, mark))
     };
@@ -85,15 +82,9 @@ fn all_parameters_come_once_each_over_a_bad_link() {
         ..Setup::default()
     });
     rig.run(9.0);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     let mark = rig.station().received.len();
-    assert_eq!(
-        rig.carry_out(ParameterRequest::default()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(ParameterRequest::default());
     let parameter_reports = parameter_reports(&rig, 0, mark);
     let count = rig.vehicles[0].vehicle().params().table().count();
     assert_eq!(parameter_reports.len(), count);
@@ -107,17 +98,11 @@ fn all_parameters_come_once_each_over_a_bad_link() {
 fn a_write_is_carried_out_once_the_vehicle_reports_the_value() {
     let mut rig = Rig::ready();
     let mark = rig.station().received.len();
-    assert_eq!(
-        rig.carry_out(write("MPC_XY_CRUISE", 7.5)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(write("MPC_XY_CRUISE", 7.5));
     assert_eq!(stored(&rig, "MPC_XY_CRUISE"), 7.5);
     let reports = parameter_reports(&rig, 0, mark);
     assert_eq!(reports.last().and_then(|report| report.value), Some(7.5));
-    assert_eq!(
-        rig.carry_out(write("NAV_DLL_ACT", 1.0)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(write("NAV_DLL_ACT", 1.0));
     assert_eq!(stored(&rig, "NAV_DLL_ACT"), 1.0);
     // Reporting it sends nothing to the vehicle when nothing is requested.
     rig.mav.faults.loss = 1.0;
@@ -163,11 +148,8 @@ fn reading_needs_loi_2_and_writing_loi_4() {
         requested_handover_access: Some(RequestedAccess::Request),
         ..CucsAuthorisationRequest::default()
     };
-    assert_eq!(rig.carry_out(loi_2), Some(AckType::CarriedOut));
-    assert_eq!(
-        rig.carry_out(read("NAV_DLL_ACT")),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(loi_2);
+    rig.done(read("NAV_DLL_ACT"));
     assert_eq!(
         rig.carry_out(write("NAV_DLL_ACT", 2.0)),
         Some(AckType::Refused)
@@ -178,10 +160,7 @@ fn reading_needs_loi_2_and_writing_loi_4() {
 #[test]
 fn a_change_by_another_station_is_reported_to_those_that_requested_it() {
     let mut rig = Rig::ready();
-    assert_eq!(
-        rig.carry_out(read("NAV_DLL_ACT")),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(read("NAV_DLL_ACT"));
     let mark = rig.station().received.len();
     // The other station is on another link of the vehicle; PX4 reports to every link.
     let name = *b"NAV_DLL_ACT\0\0\0\0\0";
@@ -241,7 +220,7 @@ fn software_versions_are_reported_on_request() {
                 _ => None,
             })
     };
-    assert_eq!(rig.carry_out(ask(None)), Some(AckType::CarriedOut));
+    rig.done(ask(None));
     assert!(rig.until(2.0, |rig| version(rig).is_some()));
     let report = version(&rig).unwrap();
     let text = |text: Option<Text<20>>| text.map(|text| text.as_str().to_owned());
@@ -254,13 +233,13 @@ fn software_versions_are_reported_on_request() {
         Some("1.18.0-beta")
     );
     assert_eq!(report.hardware_id.unwrap().as_str(), "0000000053494d01");
-    assert_eq!(rig.carry_out(ask(Some(0b100))), Some(AckType::CarriedOut));
+    rig.done(ask(Some(0b100)));
     let report = version(&rig).unwrap();
     assert!(report.autopilot_version.is_some() && report.vsm_version.is_none());
     // A silent vehicle has reported none: the VSM's own is reported.
     let mut rig = Rig::ready();
     rig.mav.faults.loss = 1.0;
-    assert_eq!(rig.carry_out(ask(None)), Some(AckType::CarriedOut));
+    rig.done(ask(None));
     assert!(rig.until(5.0, |rig| version(rig).is_some()));
     assert_eq!(version(&rig).unwrap().autopilot_version, None);
 }
@@ -289,17 +268,11 @@ fn a_ping_measures_the_way_to_the_vehicle_and_back() {
                 _ => None,
             })
     };
-    assert_eq!(
-        rig.carry_out(ping(7, PingTarget::Vsm)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(ping(7, PingTarget::Vsm));
     let own = answer(&rig).unwrap();
     assert_eq!((own.ping_number, own.vehicle_round_trip), (Some(7), None));
     assert!(own.request_time_stamp.is_some());
-    assert_eq!(
-        rig.carry_out(ping(8, PingTarget::Vehicle)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(ping(8, PingTarget::Vehicle));
     let far = answer(&rig).unwrap();
     assert_eq!(far.ping_number, Some(8));
     let round_trip = far.vehicle_round_trip.unwrap();

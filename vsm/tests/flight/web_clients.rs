@@ -50,15 +50,9 @@ fn altitude_m(rig: &Rig) -> f64 {
 #[test]
 fn a_web_client_flies_from_take_to_release() {
     let mut rig = rig(1, None);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.take_off(20.0);
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
     let shown = status(&rig);
     let station = &shown["stations"][0];
     assert_eq!(shown["vehicles"][0]["controller"], cucs(0).to_string());
@@ -71,16 +65,13 @@ fn a_web_client_flies_from_take_to_release() {
         station["guard"]["verified_s"].as_f64() < Some(1.5),
         "{station}"
     );
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(60.0, |rig| rig.truth().landed && !rig.truth().armed));
     let release = CucsAuthorisationRequest {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    rig.done(release);
     assert_eq!(status(&rig)["vehicles"][0]["controller"], Value::Null);
     assert_eq!(rig.web[&0].refused, None);
 }
@@ -88,10 +79,7 @@ fn a_web_client_flies_from_take_to_release() {
 #[test]
 fn what_comes_in_its_name_by_datagrams_is_dropped_sealed_or_not() {
     let mut rig = rig(1, None);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.take_off(20.0);
     let land = |rig: &Rig| {
         forged(
@@ -116,10 +104,7 @@ fn what_comes_in_its_name_by_datagrams_is_dropped_sealed_or_not() {
     assert_eq!(refused(&rig, "web: datagram of a web client"), 4);
     let found = status(&rig)["findings"].to_string();
     assert!(found.contains("is a web client"), "{found}");
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
 }
 
 #[test]
@@ -140,10 +125,7 @@ fn another_key_an_unlisted_id_and_one_that_is_no_web_client_open_nothing() {
     assert_eq!(refused(&rig, "web: wrong key"), 1);
     assert_eq!(refused(&rig, "web: id not listed for the web"), 2);
     // The client itself is served all the time.
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
 }
 
 #[test]
@@ -162,10 +144,7 @@ fn a_client_without_the_right_moves_nothing() {
 fn a_key_that_is_replaced_ends_the_connection_and_a_connection_that_ends_leaves_the_rights_to_silence()
  {
     let mut rig = rig(1, None);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.take_off(20.0);
     let new = SigningKey::new([9; 32]).expect("not all zero");
     let now = rig.now();
@@ -185,10 +164,7 @@ fn a_key_that_is_replaced_ends_the_connection_and_a_connection_that_ends_leaves_
     );
     // It comes back under the new key within the time of silence.
     rig.connect_web(0, &new).expect("the key in force");
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Loiter)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Loiter));
     // And without: lost as any station is.
     let number = rig.web[&0].number;
     rig.web.clear();
@@ -238,10 +214,7 @@ fn the_access_list_counts_for_the_key_of_a_web_client() {
 #[test]
 fn an_alert_that_a_person_has_seen_names_who_it_was() {
     let mut rig = rig(2, None);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     // Silence of the vehicle is an alert that stands.
     rig.mav.faults.loss = 1.0;
     rig.run(8.0);
@@ -294,12 +267,9 @@ fn an_alert_that_a_person_has_seen_names_who_it_was() {
 /// it was meanwhile, m above home: lowest and highest.
 fn attacked(attack: impl Fn(&mut Rig, u64)) -> (Rig, f64, f64) {
     let mut rig = rig(1, None);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.take_off(HOVER_M);
-    assert_eq!(rig.carry_out(hold_at(HOVER_M)), Some(AckType::CarriedOut));
+    rig.done(hold_at(HOVER_M));
     rig.run(10.0);
     let (mut lowest_m, mut highest_m) = (f64::MAX, f64::MIN);
     for shot in 0..SHOTS {
@@ -371,10 +341,7 @@ fn false_data_of_forged_web_clients_move_a_hovering_vehicle_nowhere() {
     ] {
         assert!(refused(&rig, name) >= SHOTS / 4, "{name}");
     }
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use kit::bridge::{Rig, orders, vehicle_id};
 use stanag_msgs::Message;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, MissionTransferStatus};
+use stanag_msgs::enums::{FlightPathControlMode as Mode, MissionTransferStatus};
 
 fn reported_mode(rig: &Rig) -> Option<Mode> {
     rig.station()
@@ -24,7 +24,7 @@ fn to_waypoint(rig: &Rig) -> Option<u16> {
 fn a_square_is_launched_flown_and_landed() {
     let mut rig = Rig::ready();
     rig.send_plan(orders::square());
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     let status = rig
         .station()
         .last(vehicle_id(0), 14000, |message| match message {
@@ -35,17 +35,9 @@ fn a_square_is_launched_flown_and_landed() {
         });
     assert_eq!(status, Some((MissionTransferStatus::Complete, 100)));
 
-    assert_eq!(
-        rig.carry_out(orders::launch(20.0)),
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
+    rig.done(orders::launch(20.0));
     assert!(rig.until(30.0, |rig| rig.truth().position.d < -19.0));
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::Waypoint)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.until(2.0, |rig| reported_mode(rig) == Some(Mode::Waypoint)));
     for number in 101..=104 {
         assert!(
@@ -59,10 +51,7 @@ fn a_square_is_launched_flown_and_landed() {
     assert!(rig.truth().position.horizontal() < 12.0);
     assert!(!rig.truth().landed);
 
-    assert_eq!(
-        rig.carry_out(orders::mode(Mode::AutolandEngage)),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(60.0, |rig| !rig.truth().armed));
     assert!(rig.truth().landed);
 }

@@ -27,16 +27,6 @@ fn winged(airframe: Airframe, tables: &'static str) -> Rig {
     })
 }
 
-fn done(rig: &mut Rig, message: impl Into<stanag_msgs::Message>) {
-    let end = rig.carry_out(message);
-    assert_eq!(
-        end,
-        Some(AckType::CarriedOut),
-        "{:?}",
-        rig.station().alerts()
-    );
-}
-
 /// In the air, with a route of two waypoints aboard.
 fn flies(airframe: Airframe, tables: &'static str) -> Rig {
     let mut rig = winged(airframe, tables);
@@ -45,7 +35,7 @@ fn flies(airframe: Airframe, tables: &'static str) -> Rig {
         orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
         orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
     ]);
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(50.0);
     let up = rig.until(200.0, |rig| {
         rig.truth().mode == Px4::Loiter && !rig.truth().landed
@@ -78,7 +68,7 @@ fn a_launch_route_is_flown_after_the_climb() {
             route_id: Some(Text::new("F")),
             ..orders::load()
         };
-        done(&mut rig, flight);
+        rig.done(flight);
         let launched = rig.send(orders::launch(50.0));
         let reached = rig.until(300.0, |rig| {
             let at = rig.truth().position;
@@ -91,7 +81,7 @@ fn a_launch_route_is_flown_after_the_climb() {
             rig.station().alerts()
         );
         assert_eq!(rig.end(launched), Some(AckType::CarriedOut));
-        done(&mut rig, orders::mode(Mode::Waypoint));
+        rig.done(orders::mode(Mode::Waypoint));
         let reached = rig.until(200.0, |rig| (rig.truth().position.n - 900.0).abs() < 60.0);
         assert!(reached, "{airframe:?}: {:?}", rig.truth());
     }
@@ -133,12 +123,12 @@ fn a_vtol_transitions_between_the_legs_of_its_route_and_reports_it() {
         turn(3, "TRANSITION WINGS"),
         orders::waypoint(4, 0, 0.0, 250.0, 60.0).into(),
     ]);
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(40.0);
     let up =
         |rig: &Rig| rig.truth().mode == Px4::Loiter && rig.truth().vtol == Some(VtolState::Wings);
     assert!(rig.until(200.0, up), "{:?}", rig.truth());
-    done(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     let hovers = |rig: &Rig| rig.truth().vtol == Some(VtolState::Hover);
     assert!(rig.until(200.0, hovers), "{:?}", rig.truth());
     // Waypoint 3, 42 m on and 10 m up, at the speed of a hover.
@@ -181,14 +171,14 @@ fn a_route_is_begun_in_the_state_that_its_leg_is_flown_in() {
         turn(2, "TRANSITION WINGS"),
         orders::waypoint(3, 0, 0.0, 250.0, 60.0).into(),
     ]);
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(40.0);
     let up =
         |rig: &Rig| rig.truth().mode == Px4::Loiter && rig.truth().vtol == Some(VtolState::Wings);
     assert!(rig.until(200.0, up), "{:?}", rig.truth());
     let mut to_2 = orders::mode(Mode::Waypoint);
     to_2.commanded_waypoint_number = Some(2);
-    done(&mut rig, to_2);
+    rig.done(to_2);
     // PX4 would fly there on its wings, and circle.
     assert_eq!(rig.truth().vtol, Some(VtolState::Hover));
     assert!(rig.until(200.0, |rig| rig.truth().vtol == Some(VtolState::Wings)));
@@ -223,7 +213,7 @@ fn contingency(rig: &mut Rig) {
         orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
         orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
     ]);
-    done(rig, orders::load());
+    rig.done(orders::load());
 }
 
 #[test]
@@ -235,7 +225,7 @@ fn the_contingency_route_of_wings_is_flown_out_of_a_landing_and_holds_at_its_end
         let up = |rig: &Rig| rig.truth().mode == Px4::Loiter && !rig.truth().landed;
         assert!(rig.until(200.0, up), "{:?}", rig.truth());
         rig.stations[0].heartbeats = true;
-        done(&mut rig, orders::mode(Mode::AutolandEngage));
+        rig.done(orders::mode(Mode::AutolandEngage));
         let landing = |rig: &Rig| rig.truth().mission_seq >= 4 && rig.truth().mode == Px4::Mission;
         assert!(rig.until(100.0, landing), "{:?}", rig.truth());
         rig.stations[0].heartbeats = false;
@@ -263,7 +253,7 @@ fn the_contingency_route_of_wings_is_flown_out_of_a_landing_and_holds_at_its_end
 fn a_landing_goes_on_without_its_station_where_the_loss_is_no_reason() {
     let mut rig = flies(Airframe::Plane, "[authority]\non_loss = \"continue\"\n");
     rig.stations[0].heartbeats = true;
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert!(rig.until(100.0, |rig| rig.truth().mission_seq >= 4));
     rig.stations[0].heartbeats = false;
     let down = rig.until(400.0, |rig| !rig.truth().armed);
@@ -293,7 +283,7 @@ fn a_hold_in_a_transition_to_wings_ends_in_a_loiter_on_them() {
 #[test]
 fn a_configured_pattern_lands_a_wing_from_its_route() {
     let mut rig = flies(Airframe::Plane, "");
-    done(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     // The loiter at the end of the route, not the landing.
     assert!(rig.until(200.0, |rig| rig.truth().mission_seq == 2));
     rig.run(60.0);
@@ -301,7 +291,7 @@ fn a_configured_pattern_lands_a_wing_from_its_route() {
         (rig.truth().mission_seq, rig.truth().mode),
         (2, Px4::Mission)
     );
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     let down = rig.until(400.0, |rig| !rig.truth().armed);
     let truth = rig.truth();
     assert!(down, "{truth:?} {:?}", rig.station().alerts());
@@ -313,7 +303,7 @@ fn a_configured_pattern_lands_a_wing_from_its_route() {
 fn the_loss_action_takes_a_wing_out_of_its_landing() {
     let mut rig = flies(Airframe::Plane, "[authority]\non_loss = \"hold\"\n");
     rig.stations[0].heartbeats = true;
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     // In the loiter before the glide: 2 the loiter at the end of the route, 3 DO_LAND_START.
     assert!(rig.until(100.0, |rig| rig.truth().mission_seq >= 4));
     rig.stations[0].heartbeats = false;
@@ -352,7 +342,7 @@ fn a_vtol_that_drops_out_of_its_wings_raises_an_alert() {
 fn steered(tables: &'static str) -> Rig {
     let mut rig = flies(Airframe::Plane, tables);
     rig.stations[0].heartbeats = true;
-    done(&mut rig, orders::mode(Mode::Autopilot));
+    rig.done(orders::mode(Mode::Autopilot));
     assert_eq!(rig.truth().mode, Px4::Course);
     rig
 }
@@ -365,7 +355,7 @@ fn a_wing_that_is_steered_right_after_a_hold_is_steered() {
         rig.send(orders::mode(Mode::Loiter));
         assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
         rig.run(wait_s);
-        done(&mut rig, orders::mode(Mode::Autopilot));
+        rig.done(orders::mode(Mode::Autopilot));
         rig.run(3.0);
         assert_eq!(rig.truth().mode, Px4::Course, "{wait_s} s");
     }
@@ -394,7 +384,7 @@ fn a_steered_wing_is_held_when_control_of_it_is_released() {
 fn a_wing_on_its_final_approach_lands_when_its_controller_is_lost() {
     let mut rig = flies(Airframe::Plane, "[authority]\non_loss = \"hold\"\n");
     rig.stations[0].heartbeats = true;
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     // 2 the loiter at the end of the route, 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
     assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
     assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
@@ -434,47 +424,41 @@ fn launch_and_landing_of_a_vtol_pass_to_another_by_override_only() {
         orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
         orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
     ]);
-    done(&mut rig, orders::load());
+    rig.done(orders::load());
     rig.send(orders::launch(40.0));
     assert!(rig.until(60.0, |rig| rig.truth().mode == Px4::VtolTakeoff));
     assert!(refused(&mut rig), "{:?}", rig.stations[1].alerts());
     assert!(rig.until(200.0, |rig| rig.truth().mode == Px4::Loiter));
     rig.run(10.0);
-    done(&mut rig, orders::mode(Mode::AutolandEngage));
+    rig.done(orders::mode(Mode::AutolandEngage));
     assert_eq!(rig.truth().mode, Px4::Mission);
     assert!(refused(&mut rig), "{:?}", rig.stations[1].alerts());
-    done(&mut rig, orders::mode(Mode::Loiter));
+    rig.done(orders::mode(Mode::Loiter));
     assert!(!refused(&mut rig), "it neither takes off nor lands");
 }
 
 #[test]
 fn a_vtol_that_hovers_transitions_before_it_flies_on_along_its_route() {
     let mut rig = flies(Airframe::Vtol, "");
-    done(&mut rig, orders::mode(Mode::Waypoint));
+    rig.done(orders::mode(Mode::Waypoint));
     // 0 transition, 1 and 2 the waypoints.
     assert!(rig.until(200.0, |rig| rig.truth().mission_seq == 2));
-    done(
-        &mut rig,
-        LoiterConfiguration {
-            loiter_type: Some(LoiterType::Hover),
-            ..LoiterConfiguration::default()
-        },
-    );
+    rig.done(LoiterConfiguration {
+        loiter_type: Some(LoiterType::Hover),
+        ..LoiterConfiguration::default()
+    });
     let speed = |rig: &Rig| {
         let velocity = rig.truth().velocity;
         velocity.n.hypot(velocity.e)
     };
     for waypoint in [None, Some(1)] {
-        done(&mut rig, orders::mode(Mode::Loiter));
+        rig.done(orders::mode(Mode::Loiter));
         let hovers = rig.until(60.0, |rig| speed(rig) < 1.0);
         assert!(hovers, "{:?}", rig.truth());
-        done(
-            &mut rig,
-            VehicleOperatingModeCommand {
-                commanded_waypoint_number: waypoint,
-                ..orders::mode(Mode::Waypoint)
-            },
-        );
+        rig.done(VehicleOperatingModeCommand {
+            commanded_waypoint_number: waypoint,
+            ..orders::mode(Mode::Waypoint)
+        });
         rig.run(5.0);
         let truth = rig.truth();
         assert_eq!(truth.mode, Px4::Mission);

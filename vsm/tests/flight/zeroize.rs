@@ -29,7 +29,7 @@ fn controlled(tables: &'static str, vehicles: usize) -> Rig {
     for station in &mut rig.stations {
         station.heartbeats = true;
     }
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     let listen = CucsAuthorisationRequest {
         requested_handover_loi: Some(LoiBitmap::LOI2),
         ..orders::request_control()
@@ -82,7 +82,7 @@ fn audited(rig: &Rig) -> String {
 #[test]
 fn two_orders_on_the_ground_zeroize_and_every_station_knows() {
     let mut rig = controlled(ALLOWED, 1);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.run(0.5);
     for station in &rig.stations {
         assert!(station.has_alert("ZEROIZE ARMED by 1b:00:00:a0"));
@@ -114,7 +114,7 @@ fn two_orders_on_the_ground_zeroize_and_every_station_knows() {
 #[test]
 fn nothing_takes_off_between_the_order_and_the_end() {
     let mut rig = controlled(ALLOWED, 1);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.send(order(FtState::Execute));
     rig.run(0.5);
     assert_eq!(rig.carry_out(orders::launch(20.0)), NO);
@@ -128,7 +128,7 @@ fn nothing_takes_off_between_the_order_and_the_end() {
 #[test]
 fn an_order_that_cannot_be_stored_is_refused_and_all_is_as_it_was() {
     let mut rig = controlled(ALLOWED, 1);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     let ticket = rig.send(order(FtState::Execute));
     rig.run(0.5);
     store(&mut rig, Err("No space left on device".into()));
@@ -136,13 +136,13 @@ fn an_order_that_cannot_be_stored_is_refused_and_all_is_as_it_was() {
     assert!(rig.stations[1].has_alert("ZEROIZE NOT DONE: No space left on device"));
     assert!(!is_ordered(&rig));
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
 }
 
 #[test]
 fn an_order_that_may_be_undone_by_a_power_cut_is_neither_refused_nor_promised() {
     let mut rig = controlled(ALLOWED, 1);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     let ticket = rig.send(order(FtState::Execute));
     rig.run(0.5);
     store(&mut rig, Ok(Some("Input/output error".into())));
@@ -177,7 +177,7 @@ fn one_step_a_timeout_replays_old_orders_and_strangers_zeroize_nothing() {
     assert!(rig.station().has_alert("did not execute it within 30 s"));
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
     // After a restart nothing is armed, and no recording counts.
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.restart_bridge();
     rig.run(6.0);
     for bytes in [&arm, &fresh, &old] {
@@ -195,15 +195,15 @@ fn it_is_off_as_it_comes_and_a_change_of_control_disarms_it() {
     assert!(!rig.stations[1].has_alert("zeroize"));
 
     let mut rig = controlled(ALLOWED, 1);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     let release = CucsAuthorisationRequest {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..orders::request_control()
     };
-    assert_eq!(rig.carry_out(release), DONE);
+    rig.done(release);
     rig.run(0.5);
     assert!(rig.stations[1].has_alert("no longer controls the vehicle"));
-    assert_eq!(rig.carry_out(orders::request_control()), DONE);
+    rig.done(orders::request_control());
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
     assert!(!is_ordered(&rig));
 }
@@ -211,7 +211,7 @@ fn it_is_off_as_it_comes_and_a_change_of_control_disarms_it() {
 #[test]
 fn no_aircraft_loses_its_link_in_flight_unless_the_configuration_allows_it_and_all_are_warned() {
     let mut rig = controlled(ALLOWED, 1);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.take_off(20.0);
     assert_eq!(rig.carry_out(order(FtState::Arm)), NO);
     assert_eq!(rig.carry_out(order(FtState::Execute)), NO);
@@ -235,7 +235,7 @@ fn no_aircraft_loses_its_link_in_flight_unless_the_configuration_allows_it_and_a
 
     let mut rig = controlled(IN_FLIGHT, 1);
     rig.take_off(20.0);
-    assert_eq!(rig.carry_out(order(FtState::Arm)), DONE);
+    rig.done(order(FtState::Arm));
     rig.run(0.5);
     assert!(rig.stations[1].has_alert("IS NOT KNOWN TO BE DISARMED"));
     rig.send(order(FtState::Execute));
@@ -255,7 +255,7 @@ fn where_others_reach_the_dli_only_a_station_with_a_guard_zeroizes() {
         let text = text.replace(&id, &format!("{id}{guard}"));
         rig.restart_with(&text);
         rig.run(9.0);
-        assert_eq!(rig.carry_out(orders::request_control()), DONE);
+        rig.done(orders::request_control());
         rig.run(5.0);
         assert_eq!(rig.carry_out(order(FtState::Arm)), answer);
         let said = rig.station().has_alert("give this station a guard");

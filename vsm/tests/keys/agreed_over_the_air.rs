@@ -3,8 +3,9 @@
 
 use std::fs;
 use std::path::Path;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
+use kit::clock::wall;
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage};
 use mavlink_link::exchange::{
     Agreed, Identity, Inbound, Legacy, Node, Parties, PinnedPeer, Responder, ResponderConfig,
@@ -54,11 +55,10 @@ impl Vehicle {
         let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let address = server.vehicle_address(0).unwrap();
         socket.connect(address).await.unwrap();
-        let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
         Vehicle {
             socket,
             key: None,
-            units: Stamp::from_unix(wall).get(),
+            units: Stamp::from_unix(wall()).get(),
             seq: 0,
         }
     }
@@ -87,9 +87,8 @@ impl Vehicle {
         let len = encode(&message, self.header(1, 0, INCOMPAT_SIGNED), &mut out);
         // A vehicle raises its stamp to those it receives; this one is a little ahead of the ground. Of this computer's clock,
         // and not more with each frame: the many frames of the first seconds would lead it an hour ahead, where none counts.
-        let ahead = SystemTime::now() + Duration::from_secs(10);
-        let wall = ahead.duration_since(UNIX_EPOCH).unwrap();
-        self.units = (self.units + 1).max(Stamp::from_unix(wall).get());
+        let ahead = Stamp::from_unix(wall() + Duration::from_secs(10));
+        self.units = (self.units + 1).max(ahead.get());
         let len = sign(&key, 0, Stamp::new(self.units), &mut out, len).unwrap();
         self.socket.send(&out[..len]).await.unwrap();
     }

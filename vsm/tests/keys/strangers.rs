@@ -3,7 +3,7 @@
 use std::fs;
 use std::net::UdpSocket;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
 use mavlink_link::exchange::{
@@ -72,8 +72,7 @@ async fn a_thief_on_our_own_stream_is_reported_and_shaken_off_by_a_restart_of_th
         incompat: INCOMPAT_SIGNED,
         ..Header::default()
     };
-    let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
-    let ahead = Stamp::from_unix(wall + Duration::from_secs(86_400));
+    let ahead = Stamp::from_unix(kit::clock::wall() + Duration::from_secs(86_400));
     let mut out = [0; MAX_FRAME];
     let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
     let length = encode(&beat, header, &mut out);

@@ -8,8 +8,9 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
+use kit::clock::wall;
 use kit::process::{Running, free_tcp_port, free_udp_port, program, write_key};
 use kit::tools;
 use mavlink_link::dialect::{ATTITUDE_DATA, MavMessage};
@@ -139,10 +140,6 @@ impl Drop for Repeated {
         self.0.store(true, Ordering::Relaxed);
         let _ = self.1.take().map(JoinHandle::join);
     }
-}
-
-fn wall() -> Duration {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap()
 }
 
 /// A frame of an autopilot, signed where there is a key.

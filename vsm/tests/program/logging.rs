@@ -4,7 +4,7 @@ use std::fs;
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use kit::process::{Running, free_udp_port, program, write_key};
 use kit::serial::Device;
@@ -86,7 +86,7 @@ fn what_becomes_of_each_datagram_is_logged_on_both_sides_and_no_key() {
     for bytes in [request(0x1b00_00a0), request(0x1b00_00b7), b"what".to_vec()] {
         socket.send_to(&bytes, ("127.0.0.1", dli)).unwrap();
     }
-    let began = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let began = kit::clock::wall();
     let send = |key: [u8; 32], n: u64| {
         let header = Header {
             system_id: 1,

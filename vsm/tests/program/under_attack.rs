@@ -12,9 +12,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use kit::bridge::{VSM, cucs, key, vehicle_id};
+use kit::clock::wall;
 use kit::process::{free_udp_port, write_key};
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage};
 use mavlink_link::exchange::{
@@ -502,11 +503,6 @@ fn forged_40000(world: &mut World, number: u64) {
     let length = message.encode(&envelope, &mut bytes).expect("it fits");
     let _ = world.b.send_to(&bytes[..length], world.dli);
     world.forged_bytes += length as u64;
-}
-
-fn wall() -> Duration {
-    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
-    wall.expect("after 1970")
 }
 
 /// One synchronisation. Whatever waits for the disk waits for two of them at least.

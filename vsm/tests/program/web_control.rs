@@ -7,6 +7,7 @@ use std::process::{Command, Output};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use kit::clock::wall;
 use kit::process::{Running, free_tcp_port, free_udp_port, hex, program, write_key};
 use kit::web::{self, Refused, WebClient, request_control};
 use serde_json::{Value, json};
@@ -323,8 +324,7 @@ fn whoever_is_not_the_client_gets_nothing_through_and_is_named() {
     assert_eq!(ended, Some(Refused::Closed(4004)), "a recorded frame");
     // The same name by datagrams: plain, and under the client's own key.
     let udp = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let wall = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let plain = datagram(wall.expect("after 1970").as_millis() as u64);
+    let plain = datagram(wall().as_millis() as u64);
     udp.send_to(&plain, world.dli).expect("it is sent");
     // Two of one name: the newer takes the place.
     let mut first = world.client();
@@ -477,8 +477,7 @@ fn waits(socket: &UdpSocket, seconds: u64) -> Vec<Duration> {
 }
 
 fn send(socket: &UdpSocket, message: Message) {
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let stamp = TimeStamp::from_unix_ms(now.expect("after 1970").as_millis() as u64);
+    let stamp = TimeStamp::from_unix_ms(wall().as_millis() as u64);
     let mut bytes = [0; MAX_DATAGRAM];
     let envelope = Envelope::new(STATION, VEHICLE);
     let length = message.stamped(stamp).encode(&envelope, &mut bytes);

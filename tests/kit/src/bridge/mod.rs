@@ -13,10 +13,9 @@
 //!
 //! ```
 //! use kit::bridge::{Rig, orders};
-//! use stanag_msgs::enums::AckType;
 //!
 //! let mut rig = Rig::ready();
-//! assert_eq!(rig.carry_out(orders::launch(20.0)), Some(AckType::CarriedOut));
+//! rig.done(orders::launch(20.0));
 //! assert!(rig.until(30.0, |rig| !rig.truth().landed));
 //! ```
 

@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use mavlink_link::Now;
 use mavlink_link::frame::MAX_FRAME;
@@ -20,6 +20,7 @@ use tempfile::TempDir;
 use super::flight::World;
 use super::parties::{VSM, cucs, key, vehicle_id};
 use super::station::{Station, Ticket};
+use crate::clock::wall;
 use crate::network::{Faults, Network};
 use crate::process::{Running, free_udp_port, program, write_key};
 use crate::serial::Device;
@@ -311,11 +312,6 @@ impl World for Processes {
         self.stop_bridge();
         self.start_bridge();
     }
-}
-
-fn wall() -> Duration {
-    let wall = SystemTime::now().duration_since(UNIX_EPOCH);
-    wall.expect("after 1970")
 }
 
 /// Within which a bridge serves.

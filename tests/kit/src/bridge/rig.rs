@@ -210,13 +210,7 @@ impl Rig {
     pub fn ready_with(setup: Setup) -> Rig {
         let mut rig = Rig::new(setup);
         rig.run(9.0);
-        let end = rig.carry_out(orders::request_control());
-        assert_eq!(
-            end,
-            Some(AckType::CarriedOut),
-            "{:?}",
-            rig.station().alerts()
-        );
+        rig.done(orders::request_control());
         rig.run(1.0);
         rig
     }
@@ -433,6 +427,17 @@ impl Rig {
         self.end(ticket)
     }
 
+    /// Sends a message and waits until it is carried out.
+    ///
+    /// # Panics
+    /// It ends otherwise, or not within 90 s: shows the end, and the alerts that station 0 has received.
+    #[track_caller]
+    pub fn done(&mut self, message: impl Into<Message>) {
+        let end = self.carry_out(message);
+        let alerts = self.station().alerts();
+        assert_eq!(end, Some(AckType::CarriedOut), "{alerts:?}");
+    }
+
     /// Lets these bytes arrive from station 0.
     pub fn deliver_from_station(&mut self, bytes: &[u8]) {
         self.deliver_from(self.stations[0].address, bytes);
@@ -460,13 +465,7 @@ impl Rig {
 
     /// Launches to metres above home, and waits until it is there.
     pub fn take_off(&mut self, height_m: f64) {
-        let end = self.carry_out(orders::launch(height_m));
-        assert_eq!(
-            end,
-            Some(AckType::CarriedOut),
-            "{:?}",
-            self.station().alerts()
-        );
+        self.done(orders::launch(height_m));
         assert!(self.until(60.0, |rig| -rig.truth().position.d > height_m - 1.0));
     }
 

@@ -185,14 +185,6 @@ impl<R: ItemRules> Server<R> {
         true
     }
 
-    /// Refuses the item that is awaited from `from`, which the dialect could not decode: PX4
-    /// answers an unknown command or frame, and does not wait for a better one.
-    pub fn refuse_item(&mut self, from: Node, fault: ItemFault) {
-        if self.partner == Some(from) && matches!(self.state, State::Receiving { .. }) {
-            self.refuse(from, fault);
-        }
-    }
-
     /// Repeats a request or drops a transfer, whichever is due.
     pub fn handle_timeout(&mut self, now: Duration) {
         if !self.is_busy() {

@@ -3,9 +3,9 @@
 //! does not implement it, so it is off unless [`Config::operator_control`](crate::Config::operator_control) is set.
 
 use mavlink::dialects::development::{
-    COMMAND_LONG_DATA, CONTROL_STATUS_DATA, GcsControlStatusFlags, MavCmd, MavMessage,
+    CONTROL_STATUS_DATA, GcsControlStatusFlags, MavCmd, MavMessage,
 };
-use mavlink_link::service::Node;
+use mavlink_link::service::{Node, command};
 
 use super::command::{Answer, Command, REQUEST_OPERATOR_CONTROL};
 
@@ -85,15 +85,11 @@ impl OperatorControl {
             }
             true => {
                 let [param1, param2, param3, param4, ..] = c.params.map(|param| param as f32);
-                let forwarded = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-                    command: MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL,
-                    target_system: owner,
-                    param1,
-                    param2,
-                    param3,
-                    param4,
-                    ..COMMAND_LONG_DATA::default()
-                });
+                let forwarded = command::long(
+                    Node::new(owner, 0),
+                    MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL,
+                    [param1, param2, param3, param4],
+                );
                 (Answer::Failed, Some(forwarded))
             }
         }

@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::session::{CurvesStatus, Status};
+use crate::session::Status;
 use anyhow::{Context as _, bail};
 use cucs::{Route, Session, Station};
 use curve_paths::flight::{Flown, measure};
 use curve_paths::{BezierLeg, Control, Densified, Leg, Options, Position, densify};
+use mapping::route::Curved;
 use px4_sim::{Geodetic, LocalFrame, Truth};
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message};
@@ -29,7 +30,7 @@ pub(crate) struct Section {
 /// How the flight compares with the plan.
 pub(crate) struct Compared {
     pub(crate) flown: Flown,
-    told: CurvesStatus,
+    told: Curved,
     items: usize,
 }
 

@@ -12,6 +12,7 @@ mod payload;
 mod picture;
 mod stage;
 mod story;
+mod straight;
 mod table;
 mod track;
 mod wings;
@@ -24,21 +25,19 @@ use std::path::{Path, PathBuf};
 use std::pin::pin;
 
 use anyhow::{Context as _, anyhow};
-use cucs::{LoiterAt, Route, Session, Station, Waypoint};
+use cucs::{LoiterAt, Session, Station};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{
-    AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, WaypointSpeedType,
-};
+use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
 
 use self::curve::Section;
-use self::picture::{Picture, Planned};
+use self::picture::Picture;
 use self::stage::{PILOT, Stage};
 use self::story::{
     CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover, take_control,
 };
 use self::track::{Point, Track};
 use self::wings::Scenario;
-use self::world::{Remains, World, north_east_deg};
+use self::world::{Remains, World};
 use super::process::{Failure, failed, stop_signal};
 
 /// Fly the bridge, a simulated PX4 and a CUCS on loopback, and leave a picture and a recording
@@ -169,7 +168,7 @@ fn fly(stage: &Stage<'_>) -> anyhow::Result<()> {
         return Ok(());
     };
     let track = Track::flown(&remains.track);
-    let planned = planned();
+    let planned = straight::planned(WAYPOINTS);
     let deviation_m = track.deviation_m(&planned.line);
     let picture = Picture {
         title: "vsm demo: planned and flown",
@@ -268,7 +267,7 @@ fn fly_with_payload(stage: &Stage<'_>) -> anyhow::Result<()> {
     let track = Track::flown(&remains.track);
     let picture = Picture {
         title: "vsm demo --payload: one CUCS flies, another operates the EO/IR payload",
-        planned: &payload::planned(),
+        planned: &straight::planned(payload::WAYPOINTS),
         flown: &track,
         note: &format!("{CHAIN}; image centres as the vehicle reported them (21101)"),
         marks: &watched.marks,
@@ -420,7 +419,7 @@ async fn flight(station: &mut Station, story: &mut Story, vehicle: Id) -> anyhow
         .vehicle(vehicle)
         .and_then(|vehicle| vehicle.position());
     let ground_m = position.context("a vehicle without position")?.altitude_m;
-    let route = route();
+    let route = straight::route(WAYPOINTS);
     let numbers: Vec<String> = route
         .waypoints
         .iter()
@@ -479,58 +478,13 @@ async fn flight(station: &mut Station, story: &mut Story, vehicle: Id) -> anyhow
     await_waypoint(station, story, vehicle, 5).await
 }
 
-/// Number, m north and east of home, m above home, m/s, next.
-const WAYPOINTS: &[(u16, f64, f64, f64, f64, u16)] = &[
+const WAYPOINTS: &[straight::Row] = &[
     (10, 60.0, 0.0, 30.0, 8.0, 7),
     (7, 120.0, 80.0, 35.0, 8.0, 15),
     (15, 60.0, 160.0, 40.0, 8.0, 40),
     (40, -40.0, 120.0, 40.0, 8.0, 5),
     (5, 0.0, 20.0, 30.0, 8.0, 0),
 ];
-
-fn route() -> Route {
-    let waypoints = WAYPOINTS
-        .iter()
-        .map(|(number, north_m, east_m, up_m, speed_m_s, next)| {
-            let (latitude_deg, longitude_deg) = north_east_deg(*north_m, *east_m);
-            Waypoint {
-                number: *number,
-                latitude_deg,
-                longitude_deg,
-                altitude_m: *up_m,
-                altitude_type: Some(AltitudeType::Agl),
-                speed_m_s: Some(*speed_m_s),
-                speed_type: Some(WaypointSpeedType::Ground),
-                next: *next,
-                ..Waypoint::default()
-            }
-        });
-    Route {
-        mission_id: Some("DEMO".to_owned()),
-        id: Some("DEMO ROUTE".to_owned()),
-        waypoints: waypoints.collect(),
-        ..Route::default()
-    }
-}
-
-fn planned() -> Planned {
-    let point = |north_m, east_m, up_m| Point {
-        north_m,
-        east_m,
-        up_m,
-        ..Point::HOME
-    };
-    let waypoints: Vec<(u16, Point)> = WAYPOINTS
-        .iter()
-        .map(|(number, north_m, east_m, up_m, ..)| (*number, point(*north_m, *east_m, *up_m)))
-        .collect();
-    let legs = waypoints.iter().map(|(_, point)| *point);
-    Planned {
-        line: std::iter::once(Point::HOME).chain(legs).collect(),
-        waypoints,
-        ..Planned::default()
-    }
-}
 
 /// What flies, for the note of a picture.
 const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";

@@ -7,18 +7,17 @@
 use std::time::Duration;
 
 use anyhow::Context as _;
-use cucs::{
-    Event, PayloadAction, Position, Route, Sensor, Session, Station, Switch, Waypoint, ZoomTo,
-};
+use cucs::{Event, PayloadAction, Position, Sensor, Session, Station, Switch, ZoomTo};
 use stanag_msgs::enums::{
     AltitudeType, EoirPointingMode as Pointing, FlightPathControlMode as Mode, LoiBitmap,
-    RequestedAccess, StationBitmap1To16, WaypointSpeedType,
+    RequestedAccess, StationBitmap1To16,
 };
 use stanag_msgs::{Id, Message};
 
-use super::picture::{Mark, Planned};
+use super::picture::Mark;
 use super::story::{FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover};
-use super::track::{Look, Point};
+use super::straight::{self, Row};
+use super::track::Look;
 use super::world::{OPERATOR, World, north_east_deg, north_east_m};
 
 /// What the operator has seen and done.
@@ -125,7 +124,10 @@ pub(super) async fn flight(
 }
 
 async fn fly(station: &mut Station, story: &Story, vehicle: Id) -> anyhow::Result<()> {
-    station.send_route(vehicle, &route()).await?.accepted()?;
+    station
+        .send_route(vehicle, &straight::route(WAYPOINTS))
+        .await?
+        .accepted()?;
     story.tell("pilot: route loaded, read back and compared");
     let launched = station.launch(vehicle, UP_M, AltitudeType::Agl).await?;
     launched.accepted()?;
@@ -228,60 +230,12 @@ fn actions() -> Vec<(u16, PayloadAction, &'static str)> {
     ]
 }
 
-fn route() -> Route {
-    let waypoints = WAYPOINTS.iter().map(|(number, north_m, east_m)| {
-        let (latitude_deg, longitude_deg) = north_east_deg(*north_m, *east_m);
-        Waypoint {
-            number: *number,
-            latitude_deg,
-            longitude_deg,
-            altitude_m: UP_M,
-            altitude_type: Some(AltitudeType::Agl),
-            speed_m_s: Some(SPEED_M_S),
-            speed_type: Some(WaypointSpeedType::Ground),
-            next: if usize::from(*number) < WAYPOINTS.len() {
-                number + 1
-            } else {
-                0
-            },
-            ..Waypoint::default()
-        }
-    });
-    Route {
-        mission_id: Some("DEMO".to_owned()),
-        id: Some("DEMO ROUTE".to_owned()),
-        waypoints: waypoints.collect(),
-        ..Route::default()
-    }
-}
-
-/// What the picture shows of the route.
-pub(super) fn planned() -> Planned {
-    let point = |north_m, east_m| Point {
-        north_m,
-        east_m,
-        up_m: UP_M,
-        ..Point::HOME
-    };
-    let waypoints: Vec<(u16, Point)> = WAYPOINTS
-        .iter()
-        .map(|(number, north_m, east_m)| (*number, point(*north_m, *east_m)))
-        .collect();
-    let legs = waypoints.iter().map(|(_, point)| *point);
-    Planned {
-        line: std::iter::once(Point::HOME).chain(legs).collect(),
-        waypoints,
-        ..Planned::default()
-    }
-}
-
-/// Number, m north and east of home.
-const WAYPOINTS: &[(u16, f64, f64)] = &[
-    (1, 40.0, 0.0),
-    (2, 85.0, 50.0),
-    (3, 60.0, 115.0),
-    (4, 0.0, 110.0),
-    (5, -10.0, 40.0),
+pub(super) const WAYPOINTS: &[Row] = &[
+    (1, 40.0, 0.0, UP_M, SPEED_M_S, 2),
+    (2, 85.0, 50.0, UP_M, SPEED_M_S, 3),
+    (3, 60.0, 115.0, UP_M, SPEED_M_S, 4),
+    (4, 0.0, 110.0, UP_M, SPEED_M_S, 5),
+    (5, -10.0, 40.0, UP_M, SPEED_M_S, 0),
 ];
 /// What is looked at, m north and east of home.
 const PLACE: (f64, f64) = (40.0, 60.0);

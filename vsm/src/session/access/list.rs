@@ -21,6 +21,7 @@ use std::fmt::{self, Write as _};
 use std::num::NonZeroU64;
 use std::str::{FromStr as _, Lines};
 
+use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use mavlink_link::signing::{KeyId, SigningKey};
 use sha2::Sha256;
@@ -373,28 +374,12 @@ fn parse_mac(text: &str) -> Option<Option<Mac>> {
     if text == UNSIGNED {
         return Some(None);
     }
-    let mut mac = [0; 32];
-    let digits = text.as_bytes();
-    if digits.len() != 64 || !digits.iter().all(u8::is_ascii_hexdigit) {
-        return None;
-    }
-    for (byte, two) in mac.iter_mut().zip(digits.chunks_exact(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(two).ok()?, 16).ok()?;
-    }
-    Some(Some(mac))
+    let mac = HEXLOWER_PERMISSIVE.decode(text.as_bytes()).ok()?;
+    Some(Some(mac.try_into().ok()?))
 }
 
 fn hex(mac: Option<&Mac>) -> String {
-    mac.map_or_else(
-        || UNSIGNED.to_owned(),
-        |mac| {
-            mac.iter()
-                .fold(String::with_capacity(64), |mut text, byte| {
-                    let _ = write!(text, "{byte:02x}");
-                    text
-                })
-        },
-    )
+    mac.map_or_else(|| UNSIGNED.to_owned(), |mac| HEXLOWER.encode(mac))
 }
 
 /// Why a file is no list that counts.

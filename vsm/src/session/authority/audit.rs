@@ -14,6 +14,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use data_encoding::HEXLOWER;
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use mavlink_link::exchange::Random;
 use mavlink_link::store::{Disk, Durability, StoreError};
@@ -77,7 +78,7 @@ impl AuditKey {
         random
             .fill(&mut *key)
             .map_err(|_| StoreError::new(AUDIT_KEY, "no random bytes"))?;
-        let text = Zeroizing::new(hex(&*key) + "\n");
+        let text = Zeroizing::new(HEXLOWER.encode(&*key) + "\n");
         disk.replace(AUDIT_KEY, text.as_bytes(), Durability::Power)?;
         Ok(AuditKey(key))
     }
@@ -100,7 +101,7 @@ impl AuditKey {
             }
             mac.update(text.as_bytes());
         }
-        hex(&mac.finalize().into_bytes())
+        HEXLOWER.encode(&mac.finalize().into_bytes())
     }
 }
 
@@ -446,11 +447,7 @@ fn hash(key: Option<&AuditKey>, before: &str, object: &str) -> String {
     sum.update(before.as_bytes());
     sum.update(b"\n");
     sum.update(object.as_bytes());
-    hex(&sum.finalize())
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    HEXLOWER.encode(&sum.finalize())
 }
 
 const FAULT: &str = "fault";

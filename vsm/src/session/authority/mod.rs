@@ -24,7 +24,6 @@ mod tests;
 pub(crate) mod trail;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::ops::Deref;
 use std::time::Duration;
 
 use mavlink_link::store::{Changes, StoreError};
@@ -123,13 +122,7 @@ pub(crate) struct Context<'a> {
     pub(crate) shows_loss_action: bool,
 }
 
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
+context::deref_to_common!(Context);
 
 /// What happens to it.
 #[derive(Debug)]

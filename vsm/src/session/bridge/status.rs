@@ -141,7 +141,7 @@ pub struct VehicleStatus {
     /// Items of the mission aboard, as loaded and read back.
     pub mission_items: Option<usize>,
     /// What became of its curved legs.
-    pub mission_curves: Option<CurvesStatus>,
+    pub mission_curves: Option<Curved>,
     /// The altitudes that it must stay within.
     pub altitude_band: BandStatus,
     /// The rally points of the configuration; none where it has none.
@@ -216,23 +216,6 @@ pub struct RallyStatus {
     pub count: usize,
     /// Whether the vehicle holds them: read back, and named by it now.
     pub aboard: bool,
-}
-
-/// The curved legs of the mission aboard.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct CurvesStatus {
-    /// Curved legs.
-    pub legs: usize,
-    /// The chords that they are flown by.
-    pub chords: usize,
-    /// The tolerance that these were made with, m.
-    pub tolerance_m: f64,
-    /// Proven deviation, m.
-    pub bound_m: f64,
-    /// Forecast of the flown deviation, m; none for a fixed wing.
-    pub predicted_m: Option<f64>,
-    /// Forecast of the time that the curved legs take, s.
-    pub time_s: f64,
 }
 
 /// One holder of rights.
@@ -576,23 +559,8 @@ fn rally_points(aircraft: &Aircraft) -> Option<RallyStatus> {
     })
 }
 
-fn curves(aircraft: &Aircraft) -> Option<CurvesStatus> {
-    let Curved {
-        legs,
-        chords,
-        tolerance_m,
-        bound_m,
-        predicted_m,
-        time_s,
-    } = aircraft.mission.uploaded()?.compiled.curved?;
-    Some(CurvesStatus {
-        legs,
-        chords,
-        tolerance_m,
-        bound_m,
-        predicted_m,
-        time_s,
-    })
+fn curves(aircraft: &Aircraft) -> Option<Curved> {
+    aircraft.mission.uploaded()?.compiled.curved
 }
 
 fn holders(aircraft: &Aircraft) -> Vec<HolderStatus> {

@@ -8,15 +8,14 @@
 
 use std::fmt::Write as _;
 
+use data_encoding::HEXLOWER;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::{Id, TimeStamp};
 
 use super::recent::{Digest, Seen};
 
 pub(super) fn write_line(out: &mut String, seen: &Seen) {
-    for byte in seen.digest.0 {
-        let _ = write!(out, "{byte:02x}");
-    }
+    HEXLOWER.encode_append(&seen.digest.0, out);
     let Seen {
         stamp,
         message_type,

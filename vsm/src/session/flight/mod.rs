@@ -28,7 +28,6 @@ mod tests;
 mod watched;
 mod wings;
 
-use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::altitude::{Agl, Altimeter};
@@ -109,13 +108,7 @@ pub(crate) struct Context<'a> {
     pub(crate) parameters: ParameterView<'a>,
 }
 
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
+context::deref_to_common!(Context);
 
 /// What happens to it.
 #[derive(Debug)]

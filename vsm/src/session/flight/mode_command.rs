@@ -293,6 +293,34 @@ mod tests {
     use super::*;
     use crate::session::mission::record::UploadedMission;
 
+    fn task_of(
+        command: &VehicleOperatingModeCommand,
+        telemetry: &Telemetry,
+        uploaded: Option<&UploadedMission>,
+        limits: Limits,
+    ) -> Result<Task, String> {
+        let at = Situation {
+            telemetry,
+            uploaded,
+            loaded: None,
+            plan: &Plan::default(),
+            just_loaded: false,
+            under_way: UnderWay::default(),
+            landing_from_m: None,
+            loiter: &LoiterConfiguration::default(),
+            commanded: Commanded::default(),
+            agl: Agl::AboveHome,
+            altimeter: Altimeter::STANDARD,
+            limits,
+            terrain: None,
+            performance: Performance::default(),
+            route_performance: Performance::default(),
+            wings: None,
+            vtol_loiter_m: None,
+        };
+        task(command, &at)
+    }
+
     #[test]
     fn a_launch_waits_for_the_vehicles_word_that_it_stands() {
         let home = Place {
@@ -312,26 +340,8 @@ mod tests {
                 landed,
                 ..Telemetry::default()
             };
-            let at = Situation {
-                telemetry: &telemetry,
-                uploaded: None,
-                loaded: None,
-                plan: &Plan::default(),
-                just_loaded: false,
-                under_way: UnderWay::default(),
-                landing_from_m: None,
-                loiter: &LoiterConfiguration::default(),
-                commanded: Commanded::default(),
-                agl: Agl::AboveHome,
-                altimeter: Altimeter::STANDARD,
-                limits: Limits::default(),
-                terrain: None,
-                performance: Performance::default(),
-                route_performance: Performance::default(),
-                wings: None,
-                vtol_loiter_m: None,
-            };
-            task(&command, &at).map(|task| matches!(task, Task::Launch(..)))
+            let task = task_of(&command, &telemetry, None, Limits::default());
+            task.map(|task| matches!(task, Task::Launch(..)))
         };
         let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
         assert_eq!(judged(Some(stands)), Ok(true));
@@ -371,29 +381,11 @@ mod tests {
                 }),
                 ..Telemetry::default()
             };
-            let at = Situation {
-                telemetry: &telemetry,
-                uploaded: Some(&uploaded),
-                loaded: None,
-                plan: &Plan::default(),
-                just_loaded: false,
-                under_way: UnderWay::default(),
-                landing_from_m: None,
-                loiter: &LoiterConfiguration::default(),
-                commanded: Commanded::default(),
-                agl: Agl::AboveHome,
-                altimeter: Altimeter::STANDARD,
-                limits: Limits {
-                    below_home,
-                    ..Limits::default()
-                },
-                terrain: None,
-                performance: Performance::default(),
-                route_performance: Performance::default(),
-                wings: None,
-                vtol_loiter_m: None,
+            let limits = Limits {
+                below_home,
+                ..Limits::default()
             };
-            task(&command, &at).map(drop)
+            task_of(&command, &telemetry, Some(&uploaded), limits).map(drop)
         };
         assert_eq!(judged(488.0, false), Ok(()));
         // The vehicle was carried up a hill after the load.

@@ -1,7 +1,5 @@
 //! What the machine of held commands reads, and what happens to it.
 
-use std::ops::Deref;
-
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 
@@ -23,13 +21,7 @@ pub(crate) struct Context<'a> {
     pub(crate) rights: &'a Authority,
 }
 
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
+context::deref_to_common!(Context);
 
 /// What happens to it.
 #[derive(Debug)]

@@ -27,6 +27,7 @@ mod tests;
 
 use std::time::Duration;
 
+use data_encoding::HEXLOWER_PERMISSIVE;
 use mavlink_link::store::{Changes, Progress, Store as _, StoreError};
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, HoldCondition, HoldKind, LoiBitmap,
@@ -43,7 +44,6 @@ use super::context::Origin;
 use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::flight;
-use super::mission::record::unhex;
 use super::other::Other;
 use crate::config::OnLoss;
 
@@ -73,7 +73,8 @@ pub(crate) fn inner(message: &Message) -> Option<Message> {
     let Message::HoldCommand(hold) = message else {
         return None;
     };
-    let data = unhex(hold.held_message_data?.as_str())?;
+    let data = hold.held_message_data?;
+    let data = HEXLOWER_PERMISSIVE.decode(data.as_str().as_bytes()).ok()?;
     Message::decode(hold.held_message_type?, &data).ok()
 }
 
@@ -231,7 +232,8 @@ impl Held {
         let data = command
             .held_message_data
             .ok_or("Held Message Data is missing")?;
-        let bytes = unhex(data.as_str()).ok_or("Held Message Data is not hexadecimal")?;
+        let bytes = HEXLOWER_PERMISSIVE.decode(data.as_str().as_bytes());
+        let bytes = bytes.map_err(|_| "Held Message Data is not hexadecimal")?;
         let message = station.profile.readings.decode(message_type, &bytes);
         let message = message.map_err(|fault| format!("Held Message Data: {fault}"))?;
         self.check_right(context, owner, &message)?;
@@ -393,7 +395,8 @@ impl Held {
         let station = stations.find(|one| one.id() == owner && !one.removed);
         let found = station.ok_or_else(|| "its CUCS is no longer configured".to_owned());
         let found = found.and_then(|station| {
-            let data = unhex(&entry.data).unwrap_or_default();
+            let data = HEXLOWER_PERMISSIVE.decode(entry.data.as_bytes());
+            let data = data.unwrap_or_default();
             let message = station.profile.readings.decode(entry.message_type, &data);
             let message = message.map_err(|fault| fault.to_string())?;
             may(context, entry, owner, &message)?;
@@ -786,8 +789,8 @@ fn holds_first(context: &Context<'_>) -> bool {
 
 /// Whether it is a launch.
 fn launches(entry: &Entry) -> bool {
-    let message =
-        unhex(&entry.data).and_then(|data| Message::decode(entry.message_type, &data).ok());
+    let data = HEXLOWER_PERMISSIVE.decode(entry.data.as_bytes()).ok();
+    let message = data.and_then(|data| Message::decode(entry.message_type, &data).ok());
     matches!(message, Some(Message::VehicleOperatingModeCommand(command))
         if command.select_flight_path_control_mode == Some(Mode::Launch))
 }

@@ -262,9 +262,7 @@ fn hold(stamp: u64, number: u16, after_s: Option<u32>, valid_s: u32, contingency
     .into();
     let mut data = [0; MAX_DATAGRAM];
     let length = command.encode_data(&mut data).expect("it is encoded");
-    let hex: String = (data[..length].iter())
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
+    let hex = data_encoding::HEXLOWER.encode(&data[..length]);
     let condition = match after_s {
         Some(_) => HoldCondition::Time,
         None => HoldCondition::BatteryBelow,

@@ -1,7 +1,5 @@
 //! What the mission machine reads, and what happens to it.
 
-use std::ops::Deref;
-
 use mavlink_link::service::{command, mission};
 use stanag_msgs::Message;
 use stanag_msgs::enums::RouteType;
@@ -19,13 +17,7 @@ pub(crate) struct Context<'a> {
     pub(crate) rights: &'a Authority,
 }
 
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
+context::deref_to_common!(Context);
 
 impl Context<'_> {
     /// What a vehicle is commanded that must be stopped on its way.

@@ -16,6 +16,7 @@
 //! were cleared), and is ignored. Its last line counts only with its line feed: without, it is of a message that was never
 //! answered.
 
+use data_encoding::HEXLOWER;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
 use sha2::{Digest, Sha256};
 use stanag_msgs::Id;
@@ -160,9 +161,7 @@ impl PlanFiles {
 }
 
 fn heading(record: &[u8]) -> String {
-    let digest = Sha256::digest(record);
-    let hex: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("record {hex}")
+    format!("record {}", HEXLOWER.encode(&Sha256::digest(record)))
 }
 
 pub(super) fn log_name(vehicle: Id) -> String {

@@ -2,6 +2,7 @@
 //!
 //! Messages are stored as they came, DLI bytes in hex: a field that nothing here reads is not lost.
 
+use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -150,7 +151,7 @@ pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, us
 
 /// From whom the messages of a line came.
 fn sources(line: &str) -> Result<Vec<Id>, RecordError> {
-    let bytes = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
+    let bytes = unhex(line)?;
     let mut sources = Vec::new();
     for frame in frames(&bytes) {
         sources.push(frame.map_err(fault)?.header.source);
@@ -178,7 +179,7 @@ pub(super) fn encode_message(
     let mut bytes = [0; MAX_DATAGRAM];
     let envelope = Envelope::new(cucs, vehicle);
     let length = message.encode(&envelope, &mut bytes).map_err(fault)?;
-    Ok(hex(bytes.get(..length).unwrap_or_default()))
+    Ok(HEXLOWER.encode(bytes.get(..length).unwrap_or_default()))
 }
 
 /// The messages of a record, each with the CUCS that sent it.
@@ -188,7 +189,7 @@ pub(super) fn decode_messages(
     let mut messages = Vec::new();
     for line in lines {
         let line = line.as_ref();
-        let bytes = unhex(line).ok_or_else(|| RecordError(format!("not hex: {line}")))?;
+        let bytes = unhex(line)?;
         for frame in frames(&bytes) {
             let frame = frame.map_err(fault)?;
             let message = Message::decode(frame.header.message_type, frame.data).map_err(fault)?;
@@ -234,6 +235,11 @@ pub(super) fn store_log<'l>(
     Ok(())
 }
 
+fn unhex(line: &str) -> Result<Vec<u8>, RecordError> {
+    let bytes = HEXLOWER_PERMISSIVE.decode(line.as_bytes());
+    bytes.map_err(|_| RecordError(format!("not hex: {line}")))
+}
+
 fn fault(cause: impl std::fmt::Display) -> RecordError {
     RecordError(cause.to_string())
 }
@@ -247,7 +253,7 @@ struct UploadedRecord {
     waypoint_of: Vec<u16>,
     legs: Vec<LegRecord>,
     #[serde(default)]
-    curved: Option<CurvedRecord>,
+    curved: Option<Curved>,
     /// As in the record of a plan.
     #[serde(default)]
     messages: Vec<String>,
@@ -269,20 +275,6 @@ struct ItemFields {
     y: i32,
     #[serde(with = "as_bits")]
     z: f32,
-}
-
-#[derive(Serialize, Deserialize)]
-struct CurvedRecord(#[serde(with = "CurvedFields")] Curved);
-
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Curved")]
-struct CurvedFields {
-    legs: usize,
-    chords: usize,
-    tolerance_m: f64,
-    bound_m: f64,
-    predicted_m: Option<f64>,
-    time_s: f64,
 }
 
 /// One of the two altitudes is set.
@@ -381,7 +373,7 @@ pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8
         items: compiled.items.iter().copied().map(ItemRecord).collect(),
         waypoint_of: compiled.waypoint_of.clone(),
         legs: compiled.order.iter().map(LegRecord::from).collect(),
-        curved: compiled.curved.map(CurvedRecord),
+        curved: compiled.curved,
         messages: encode_messages(uploaded.plan.messages(), Id::NULL, vehicle),
     })
 }
@@ -403,35 +395,13 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
             items: record.items.into_iter().map(|item| item.0).collect(),
             waypoint_of: record.waypoint_of,
             order,
-            curved: record.curved.map(|curved| curved.0),
+            curved: record.curved,
             // The operator got these when the route was loaded.
             notes: Vec::new(),
         },
         mission_id: record.mission_id,
         route_type: RouteType::from_raw(record.route_type),
         mission_name: record.mission_name,
-    })
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes
-        .iter()
-        .flat_map(|byte| [byte >> 4, byte & 15])
-        .filter_map(|n| char::from_digit(n.into(), 16))
-        .collect()
-}
-
-pub(crate) fn unhex(text: &str) -> Option<Vec<u8>> {
-    let digits: Option<Vec<u8>> = text
-        .chars()
-        .map(|c| c.to_digit(16).and_then(|n| u8::try_from(n).ok()))
-        .collect();
-    let digits = digits?;
-    (digits.len() % 2 == 0).then(|| {
-        digits
-            .chunks(2)
-            .map(|pair| pair[0] << 4 | pair[1])
-            .collect()
     })
 }
 

@@ -17,7 +17,6 @@ mod step;
 mod tests;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::altitude::{Altimeter, Datum};
@@ -120,13 +119,7 @@ pub(crate) struct Context<'a> {
     pub(crate) altimeter: Altimeter,
 }
 
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
+context::deref_to_common!(Context);
 
 /// What happens to it.
 #[derive(Debug)]

@@ -25,7 +25,6 @@ mod settings;
 mod tests;
 
 use std::collections::BTreeSet;
-use std::ops::Deref;
 use std::time::Duration;
 
 use mapping::configuration::changes;
@@ -93,13 +92,7 @@ pub(crate) struct Context<'a> {
     pub(crate) link: DataLink,
 }
 
-impl<'a> Deref for Context<'a> {
-    type Target = context::Context<'a>;
-
-    fn deref(&self) -> &context::Context<'a> {
-        &self.common
-    }
-}
+context::deref_to_common!(Context);
 
 /// What happens to it.
 #[derive(Debug)]

@@ -24,7 +24,8 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::status;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
+use mavlink_link::service::{Node, command};
 use mavlink_link::store::{Changes, Progress};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, FtMode, FtState, SubsystemId};
@@ -468,28 +469,13 @@ fn armed_s(context: &Context<'_>) -> f64 {
 
 /// The command, whatever else waits for an answer of the vehicle.
 fn command_of(action: Action, system: u8) -> MavMessage {
-    let params = match action {
-        Action::Terminate => (
-            MavCmd::MAV_CMD_DO_FLIGHTTERMINATION,
-            [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        ),
-        Action::Land => (MavCmd::MAV_CMD_DO_SET_MODE, set_mode(Px4Mode::LAND)),
-        Action::Return => (MavCmd::MAV_CMD_DO_SET_MODE, set_mode(Px4Mode::RTL)),
-    };
-    let (command, [param1, param2, param3, param4, param5, param6, param7]) = params;
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command,
-        target_system: system,
-        target_component: AUTOPILOT,
-        confirmation: 0,
-        param1,
-        param2,
-        param3,
-        param4,
-        param5,
-        param6,
-        param7,
-    })
+    let to = Node::new(system, AUTOPILOT);
+    let enter = |mode| command::long(to, MavCmd::MAV_CMD_DO_SET_MODE, set_mode(mode));
+    match action {
+        Action::Terminate => command::long(to, MavCmd::MAV_CMD_DO_FLIGHTTERMINATION, [1.0]),
+        Action::Land => enter(Px4Mode::LAND),
+        Action::Return => enter(Px4Mode::RTL),
+    }
 }
 
 /// Between two commands, until the vehicle shows it.

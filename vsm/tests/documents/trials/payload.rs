@@ -11,7 +11,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Bam16, Bam32, Scaled};
 
 use super::scenes::then_5_s;
-use crate::scene::{Trial, done};
+use crate::scene::Trial;
 
 pub(crate) fn two_payloads() -> Setup {
     Setup {
@@ -27,13 +27,13 @@ pub(crate) fn two_payloads() -> Setup {
 /// All rights, and the devices known.
 pub(super) fn control(rig: &mut Rig) {
     rig.run(3.0);
-    done(rig, orders::request_control());
+    rig.done(orders::request_control());
     rig.run(6.0);
 }
 
 fn in_mode(rig: &mut Rig, mode: Pointing) {
     control(rig);
-    done(rig, by(mode));
+    rig.done(by(mode));
 }
 
 fn by_angle(rig: &mut Rig) {
@@ -47,20 +47,17 @@ fn by_rate(rig: &mut Rig) {
 fn by_place(rig: &mut Rig) {
     control(rig);
     rig.take_off(20.0);
-    done(rig, by(Pointing::AngleToUa));
-    done(rig, angles(0.0, -40.0));
-    done(rig, by(Pointing::LatLongSlaved));
+    rig.done(by(Pointing::AngleToUa));
+    rig.done(angles(0.0, -40.0));
+    rig.done(by(Pointing::LatLongSlaved));
 }
 
 fn focused_by_hand(rig: &mut Rig) {
     control(rig);
-    done(
-        rig,
-        PayloadSteeringCommand {
-            set_focus: Some(SetFocus::FocusCloser),
-            ..steer()
-        },
-    );
+    rig.done(PayloadSteeringCommand {
+        set_focus: Some(SetFocus::FocusCloser),
+        ..steer()
+    });
 }
 
 fn by(mode: Pointing) -> EoIrLaserPayloadCommand {

@@ -8,7 +8,7 @@ use stanag_msgs::messages::{CucsAuthorisationRequest, MissionTransferCommand, Ua
 use stanag_msgs::{Message, Text};
 
 use super::messages::{areas, circle, corner, loiter_there};
-use crate::scene::{done, send};
+use crate::scene::send;
 use kit::bridge::{Rig, Setup, orders};
 
 pub(super) fn one() -> Setup {
@@ -59,7 +59,7 @@ pub(super) fn vtol() -> Setup {
 pub(super) fn nothing(_: &mut Rig) {}
 
 pub(super) fn control(rig: &mut Rig) {
-    done(rig, orders::request_control());
+    rig.done(orders::request_control());
     rig.run(1.0);
 }
 
@@ -75,14 +75,11 @@ pub(super) fn with_a_failing_compass(rig: &mut Rig) {
 }
 
 pub(super) fn control_with_stations(rig: &mut Rig) {
-    done(
-        rig,
-        CucsAuthorisationRequest {
-            controlled_station_1_16: Some(stations_1_16(3)),
-            controlled_station_17_32: Some(stations_17_32(3)),
-            ..orders::request_control()
-        },
-    );
+    rig.done(CucsAuthorisationRequest {
+        controlled_station_1_16: Some(stations_1_16(3)),
+        controlled_station_17_32: Some(stations_17_32(3)),
+        ..orders::request_control()
+    });
 }
 
 pub(super) fn other_controls(rig: &mut Rig) {
@@ -105,7 +102,7 @@ pub(super) fn airborne_and_beating(rig: &mut Rig) {
 pub(super) fn airborne_with_route(rig: &mut Rig) {
     control(rig);
     rig.send_plan(orders::square());
-    done(rig, orders::load());
+    rig.done(orders::load());
     rig.take_off(20.0);
 }
 
@@ -124,7 +121,7 @@ pub(super) fn with_two_routes(rig: &mut Rig) {
 
 pub(super) fn with_two_routes_loaded(rig: &mut Rig) {
     with_two_routes(rig);
-    done(rig, orders::load());
+    rig.done(orders::load());
 }
 
 pub(super) fn then_5_s(rig: &mut Rig, message: &Message) {
@@ -150,7 +147,7 @@ pub(super) fn stream(rig: &mut Rig, message: &Message) {
 
 pub(super) fn then_loiter(rig: &mut Rig, message: &Message) {
     send(rig, message);
-    done(rig, loiter_there(60.0, 0.0));
+    rig.done(loiter_there(60.0, 0.0));
     rig.run(30.0);
 }
 
@@ -199,7 +196,7 @@ pub(super) fn as_payload_action(rig: &mut Rig, message: &Message) {
     ]);
     send(rig, message);
     // Also without the action, where it was refused.
-    done(rig, orders::load());
+    rig.done(orders::load());
 }
 
 /// A curve under trial between two waypoints. 50001 has a stamp of its own kind, which 17000 cannot return.
@@ -218,7 +215,7 @@ pub(super) fn as_curve(rig: &mut Rig, message: &Message) {
 pub(super) fn as_corner(rig: &mut Rig, message: &Message) {
     let corners = [(300.0, 0.0), (-300.0, 300.0)];
     for (number, at) in (1..).zip(corners) {
-        done(rig, corner(number, at));
+        rig.done(corner(number, at));
     }
     send(rig, message);
     send(rig, &areas(AreaPlanMode::Load).into());
@@ -231,7 +228,7 @@ pub(super) fn then_load_areas(rig: &mut Rig, message: &Message) {
 
 pub(super) fn with_areas(rig: &mut Rig) {
     control(rig);
-    done(rig, circle());
+    rig.done(circle());
 }
 
 /// A request that waits has no end yet.

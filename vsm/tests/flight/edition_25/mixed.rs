@@ -29,10 +29,7 @@ fn consent() -> PositiveHandoverAuthorisationRequest {
 #[test]
 fn each_sees_the_other_hold_the_vehicle_and_hands_it_over() {
     let (mut rig, mut station) = rig();
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.run(1.0);
     // The station of Edition 2.5 finds the holder when it discovers.
     station.send(&mut rig, Id::BROADCAST, 1, &json!({ "VSM ID": -1 }));
@@ -52,10 +49,7 @@ fn each_sees_the_other_hold_the_vehicle_and_hands_it_over() {
         }),
     );
     rig.run(1.0);
-    assert_eq!(
-        rig.carry_out(Message::from(consent())),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(Message::from(consent()));
     rig.run(1.0);
     let lines = shown(&rig, &mut station);
     assert!(
@@ -133,10 +127,7 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
     let acquires = json!({ "Acquiring CUCS ID": cucs(0).0 as i32 });
     station.send(&mut rig, vehicle_id(0), 600, &acquires);
     rig.run(0.5);
-    assert_eq!(
-        rig.carry_out(orders::request_control()),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(orders::request_control());
     rig.run(1.0);
     assert!(
         shown(&rig, &mut station)
@@ -145,7 +136,7 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
         "the station of Edition 2.5 sees who holds it now"
     );
     let download = orders::transfer(stanag_msgs::enums::MissionPlanMode::Download);
-    assert_eq!(rig.carry_out(download), Some(AckType::CarriedOut));
+    rig.done(download);
     rig.run(0.5);
     let there = downloaded(&rig);
     let numbers: Vec<_> = there
@@ -181,7 +172,7 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
     let mut plan = vec![orders::route(101).into()];
     plan.extend(there.into_iter().map(Message::from));
     rig.send_plan(plan);
-    assert_eq!(rig.carry_out(orders::load()), Some(AckType::CarriedOut));
+    rig.done(orders::load());
     // And handed back, by the wish of one and the consent of the other.
     station.send(
         &mut rig,
@@ -193,10 +184,7 @@ fn a_route_of_edition_2_5_reaches_a_station_of_edition_4_and_comes_back() {
         }),
     );
     rig.run(1.0);
-    assert_eq!(
-        rig.carry_out(Message::from(consent())),
-        Some(AckType::CarriedOut)
-    );
+    rig.done(Message::from(consent()));
     rig.run(1.0);
     station.take(&rig, 802);
     assert_eq!(transfer(&mut rig, &mut station, 3), Some(1));

@@ -1,7 +1,7 @@
 //! A station of Edition 2.5 as payload operator (#200, #201, #300 to #302), while one of Edition 4 flies.
 
 use super::*;
-use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::CucsAuthorisationRequest;
 
 /// A vehicle with a payload, flown by the station of Edition 4; that of Edition 2.5 holds payload station 1.
@@ -20,7 +20,7 @@ pub(super) fn operating() -> (Rig, StationEd25) {
         requested_handover_access: Some(RequestedAccess::Request),
         ..CucsAuthorisationRequest::default()
     };
-    assert_eq!(rig.carry_out(control), Some(AckType::CarriedOut));
+    rig.done(control);
     rig.take_off(30.0);
     let mut station = StationEd25::new(CUCS, ([127, 0, 0, 2], 41_000).into());
     let fields = json!({
@@ -136,7 +136,7 @@ fn what_a_payload_does_at_a_waypoint_goes_up_and_comes_back() {
         requested_handover_access: Some(RequestedAccess::Relinquish),
         ..CucsAuthorisationRequest::default()
     };
-    assert_eq!(rig.carry_out(release), Some(AckType::CarriedOut));
+    rig.done(release);
     let fields = json!({
         "VSM ID": -1, "Requested/Handover LOI": 0x0e, "Controlled Station": 1, "Controlled Station Mode": 1,
     });

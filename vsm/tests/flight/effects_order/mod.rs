@@ -19,7 +19,7 @@ use std::time::Duration;
 use kit::bridge::{Station, VSM, cucs, key, orders, station_address, vehicle_address, vehicle_id};
 use mavlink::Message as _;
 use mavlink_link::Now;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::frame::{FrameView, MAX_FRAME};
 use mavlink_link::service::Node;
 use px4_sim::{Autopilot, HealthFaults, Signing};

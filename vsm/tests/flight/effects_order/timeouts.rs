@@ -1,6 +1,7 @@
 //! The sixteen steps of `handle_timeout`, in their order.
 
 use super::*;
+use mavlink_link::service::command;
 
 /// Steps 1, 2, 4, 8, 9, 11, 12, 13 and 15: the controller is lost while much else is under way.
 #[test]
@@ -177,15 +178,11 @@ fn timeouts_while_another_station_owns_the_vehicle() {
     let stores_clock = |_: &Scene, trace: &Trace| trace.iter().any(|line| line.starts_with(CLOCK));
     scene.until(11.0, stores_clock).expect("once in 10 s");
     scene.run(7.0);
-    let ask = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        param3: 10.0,
-        param4: 255.0,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let ask = command::long(
+        Node::new(1, 1),
+        MavCmd::MAV_CMD_REQUEST_OPERATOR_CONTROL,
+        [1.0, 0.0, 10.0, 255.0],
+    );
     scene.vehicle.vehicle_mut().handle_message(GROUND, &ask);
     scene.run(1.5);
     scene.give(A, orders::request_control());

@@ -7,6 +7,7 @@ use std::net::Ipv4Addr;
 use std::path::PathBuf;
 use std::process::Command;
 
+use kit::process::from_hex;
 use kit::{Random, tools};
 use serde_json::{Map, Value, json};
 use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap};
@@ -24,7 +25,7 @@ fn every_field_of_every_message_is_shown_as_the_codec_reads_it() {
             lines.push(random_message(message, round == 0, checksum, &mut random));
         }
     }
-    let datagrams: Vec<Vec<u8>> = lines.iter().map(|line| bytes(line)).collect();
+    let datagrams: Vec<Vec<u8>> = lines.iter().map(|line| from_hex(line)).collect();
     let shown = tshark.dissect("fields", PORT, &datagrams, &[]);
     assert_eq!(shown.len(), lines.len());
 
@@ -81,7 +82,7 @@ fn every_field_of_edition_2_5_is_shown_as_the_codec_reads_it() {
         });
         lines.push((message, encode_line(&line.to_string(), true).unwrap()));
     }
-    let datagrams: Vec<Vec<u8>> = lines.iter().map(|(_, line)| bytes(line)).collect();
+    let datagrams: Vec<Vec<u8>> = lines.iter().map(|(_, line)| from_hex(line)).collect();
     // On another port: found by what they carry.
     for port in [PORT, 40_001] {
         let shown = tshark.dissect("ed25", port, &datagrams, &[]);
@@ -119,7 +120,7 @@ fn every_field_of_edition_2_5_is_shown_as_the_codec_reads_it() {
 fn faults_of_edition_2_5_are_expert_warnings_too() {
     let Some(tshark) = Tshark::find() else { return };
     let line = json!({"id": 42, "idd": "2.5", "fields": {"Vehicle ID": 1}}).to_string();
-    let good = bytes(&encode_line(&line, true).unwrap());
+    let good = from_hex(&encode_line(&line, true).unwrap());
     let edited = |at: usize, value: u8| {
         let mut bytes = good.clone();
         bytes[at] = value;
@@ -370,13 +371,6 @@ fn random_message(message: &MessageInfo, full: bool, checksum: u8, random: &mut 
 fn only(mut values: Vec<Value>) -> Value {
     assert_eq!(values.len(), 1);
     values.remove(0)
-}
-
-fn bytes(hex: &str) -> Vec<u8> {
-    (0..hex.len())
-        .step_by(2)
-        .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap())
-        .collect()
 }
 
 fn encode(message: &Message, checksum: ChecksumStyle) -> Vec<u8> {

@@ -4,7 +4,7 @@
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use kit::process::{Running, filter, program};
 use serde_json::Value;
@@ -46,9 +46,7 @@ fn the_metadata_of_a_vehicle_is_read_by_other_decoders_alone_and_beside_a_video(
     let ground = Ground::with_tables(STATION);
     let _bridge = ground.bridge();
     let _aircraft = ground.aircraft_with(&["--payloads", "1"]);
-    let began = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .expect("a clock");
+    let began = kit::clock::wall();
     // The vehicle boots: what it has not reported yet is not in the first sets.
     klv(&ground, "--out alone.klv --seconds 12 --platform sim");
     let report = read(&[&ground.path("alone.klv")]);

@@ -1,19 +1,19 @@
 //! Our end of a signed link, and pymavlink as the other.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
-use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, MISSION_ITEM_INT_DATA, MavCmd, MavMessage, STATUSTEXT_DATA,
-};
+use mavlink_link::dialect::{MISSION_ITEM_INT_DATA, MavCmd, MavMessage, STATUSTEXT_DATA};
 use mavlink_link::frame::{FrameView, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{Auth, Endpoint, Link, LinkConfig, Security};
 use mavlink_link::receiver::KeyState;
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::MemoryDisk;
 use serde_json::Value;
 
+use kit::clock::wall;
 use kit::process::{filter, from_hex, hex};
 use vsm_tests::{here, peers_python, seed_from_clock};
 
@@ -33,9 +33,7 @@ impl End {
         let mut store = MemoryDisk::default();
         let now = Now {
             mono: Duration::ZERO,
-            wall: SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .expect("after 1970"),
+            wall: wall(),
         };
         let key = SigningKey::new(key).expect("a key");
         let key = KeyState::start(key, Origin::KeyFile, Stamp::ZERO, now, &mut store)
@@ -57,13 +55,11 @@ impl End {
     /// A heartbeat by itself, and three messages that were asked for.
     pub(crate) fn frames(&mut self) -> Vec<Vec<u8>> {
         let messages = [
-            MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-                param7: 518.25,
-                command: MavCmd::MAV_CMD_NAV_TAKEOFF,
-                target_system: 1,
-                target_component: 1,
-                ..Default::default()
-            }),
+            command::long(
+                Node::new(1, 1),
+                MavCmd::MAV_CMD_NAV_TAKEOFF,
+                [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 518.25],
+            ),
             MavMessage::MISSION_ITEM_INT(MISSION_ITEM_INT_DATA {
                 x: 473_977_434,
                 y: 85_455_939,
@@ -166,10 +162,7 @@ pub(crate) fn pymavlink_forges(key: [u8; 32], wishes: &[Value]) -> Vec<Vec<u8>> 
 
 /// The stamp of pymavlink's clock: a little ahead of a key that has just been read from its file.
 pub(crate) fn peer_stamp() -> u64 {
-    let wall = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .expect("after 1970");
-    Stamp::from_unix(wall + Duration::from_secs(2)).get()
+    Stamp::from_unix(wall() + Duration::from_secs(2)).get()
 }
 
 /// Runs pymavlink once: a line for each line.

@@ -104,9 +104,7 @@ fn tshark_opens_the_recording_of_the_dli() {
     );
 
     let key = fs::read_to_string(ground.path("uav1.key")).expect("the key");
-    let key: Vec<u8> = (0..32)
-        .map(|at| u8::from_str_radix(&key[2 * at..2 * at + 2], 16).expect("hex"))
-        .collect();
+    let key = kit::process::from_hex(&key);
     let bytes = fs::read(&recording).expect("the recording");
     assert!(!bytes.windows(32).any(|window| window == key));
 }

@@ -5,8 +5,9 @@ use std::net::UdpSocket;
 use std::time::Duration;
 
 use kit::process::Running;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode, encode_raw};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 
 use super::field::Field;
@@ -81,19 +82,9 @@ fn the_agent_relays_and_drops_what_must_not_reach_px4() {
     let attacker = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     let key = SigningKey::new(key).expect("a key");
     let other = SigningKey::new([9; 32]).expect("a key");
-    let now = Stamp::from_unix(
-        std::time::SystemTime::now()
-            .duration_since(std::time::UNIX_EPOCH)
-            .expect("a time"),
-    );
+    let now = Stamp::from_unix(kit::clock::wall());
     let year = now.plus(Duration::from_secs(366 * 86_400));
-    let arm = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        target_system: 1,
-        target_component: 1,
-        param1: 1.0,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let arm = command::long(Node::new(1, 1), MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, [1.0]);
     // Who, under which key and stamp, and the counter that must show it.
     let attacks = [
         (245, 190, None, "unsigned_vehicle"),

@@ -7,8 +7,9 @@ use std::time::Duration;
 
 use kit::network::Faults;
 use kit::relay::Relay;
-use mavlink_link::dialect::{COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd, MavMessage};
+use mavlink_link::dialect::{HEARTBEAT_DATA, MavCmd, MavMessage};
 use mavlink_link::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, STX, encode};
+use mavlink_link::service::{Node, command};
 
 use super::airside::Parts;
 use super::field::Field;
@@ -87,13 +88,11 @@ fn in_the_clear(message: &MavMessage) -> Vec<u8> {
 fn a_flight_over_udp_shows_a_sniffer_nothing_and_takes_nothing_from_it() {
     let (field, _relay, tape) = recorded(Faults::NONE);
     let parts = field.fly_encrypted();
-    let disarm = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        target_system: 1,
-        target_component: 1,
-        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        param2: 21_196.0,
-        ..COMMAND_LONG_DATA::default()
-    });
+    let disarm = command::long(
+        Node::new(1, 1),
+        MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        [0.0, 21_196.0],
+    );
     let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
     let stranger = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     let agent = ("127.0.0.1", field.radio);

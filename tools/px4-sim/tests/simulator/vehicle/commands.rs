@@ -3,7 +3,7 @@
 use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
-use mavlink_link::service::Node;
+use mavlink_link::service::{Node, command};
 
 #[test]
 fn unused_parameters_must_be_unset() {
@@ -47,13 +47,8 @@ fn what_px4_does_not_have_is_unsupported_and_a_missing_device_is_silent() {
 fn a_command_for_somebody_else_is_not_answered() {
     let mut flight = Flight::ready();
     let ask = |system, component| {
-        MavMessage::COMMAND_LONG(mav::COMMAND_LONG_DATA {
-            command: mav::MavCmd::MAV_CMD_REQUEST_MESSAGE,
-            param1: 148.0,
-            target_system: system,
-            target_component: component,
-            ..Default::default()
-        })
+        let to = Node::new(system, component);
+        command::long(to, mav::MavCmd::MAV_CMD_REQUEST_MESSAGE, [148.0])
     };
     for ((system, component), answered) in [
         ((7, 1), false),
@@ -87,13 +82,11 @@ fn a_command_for_somebody_else_is_not_answered() {
 #[test]
 fn a_flood_of_commands_loses_most_answers_and_a_slow_sender_none() {
     let mut flight = Flight::ready();
-    let ask = MavMessage::COMMAND_LONG(mav::COMMAND_LONG_DATA {
-        command: mav::MavCmd::MAV_CMD_REQUEST_MESSAGE,
-        param1: 148.0,
-        target_system: 1,
-        target_component: 1,
-        ..Default::default()
-    });
+    let ask = command::long(
+        Node::new(1, 1),
+        mav::MavCmd::MAV_CMD_REQUEST_MESSAGE,
+        [148.0],
+    );
     let acks = |flight: &Flight, mark: usize| {
         flight.received[mark..]
             .iter()

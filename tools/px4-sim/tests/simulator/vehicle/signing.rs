@@ -7,6 +7,7 @@ use crate::vehicle::support::heartbeat;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::MavMessage;
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
 use px4_sim::{Autopilot, Config, Signing};
 
@@ -70,13 +71,11 @@ fn frame(message: &MavMessage, system: u8, key: Option<(&SigningKey, u8, u64)>) 
 }
 
 fn ask() -> MavMessage {
-    MavMessage::COMMAND_LONG(mav::COMMAND_LONG_DATA {
-        command: mav::MavCmd::MAV_CMD_REQUEST_MESSAGE,
-        param1: 148.0,
-        target_system: 1,
-        target_component: 1,
-        ..Default::default()
-    })
+    command::long(
+        Node::new(1, 1),
+        mav::MavCmd::MAV_CMD_REQUEST_MESSAGE,
+        [148.0],
+    )
 }
 
 fn setup(key: [u8; 32], initial_timestamp: u64) -> MavMessage {
@@ -295,13 +294,11 @@ fn the_first_key_is_accepted_from_anybody_and_later_ones_only_signed() {
 fn a_key_is_refused_while_armed() {
     let mut bench = Bench::new(Signing::off());
     bench.run(6.0);
-    let arm = MavMessage::COMMAND_LONG(mav::COMMAND_LONG_DATA {
-        command: mav::MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        param1: 1.0,
-        target_system: 1,
-        target_component: 1,
-        ..Default::default()
-    });
+    let arm = command::long(
+        Node::new(1, 1),
+        mav::MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        [1.0],
+    );
     bench.send(&frame(&arm, 245, None));
     bench.run(0.1);
     assert!(bench.autopilot.vehicle().truth().armed);

@@ -10,10 +10,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use anyhow::Context as _;
 use cucs::Station;
 use mavlink_link::dialect::{
-    COMMAND_LONG_DATA, MavCmd, MavFrame, MavMessage, PositionTargetTypemask,
-    SET_POSITION_TARGET_LOCAL_NED_DATA,
+    MavCmd, MavFrame, MavMessage, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
+use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
 use stanag_msgs::enums::FlightPathControlMode;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
@@ -146,15 +146,8 @@ fn down() -> MavMessage {
 
 /// DO_SET_MODE, OFFBOARD.
 fn offboard() -> MavMessage {
-    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        target_system: 1,
-        target_component: 1,
-        command: MavCmd::MAV_CMD_DO_SET_MODE,
-        // PX4's custom modes: param1 1 enables them, main mode 6 is OFFBOARD.
-        param1: 1.0,
-        param2: 6.0,
-        ..COMMAND_LONG_DATA::default()
-    })
+    // PX4's custom modes: param1 1 enables them, main mode 6 is OFFBOARD.
+    command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 6.0])
 }
 
 const EVERY: Duration = Duration::from_millis(100);

@@ -47,57 +47,6 @@ enum Input {
     Watch(Duration, Shows),
 }
 
-fn good(by: Id, stamp: u64, plan: Option<Plan>, vehicle: Shows) -> Circumstances {
-    Circumstances {
-        now: NOW,
-        by,
-        stamp: TimeStamp(stamp),
-        controls: true,
-        handover: false,
-        proven: true,
-        delay: Delay::Behind(MAX_DELAY),
-        layout: true,
-        plan,
-        vehicle,
-    }
-}
-
-/// The same, and each of what is wrong with it.
-fn flawed(at: Circumstances) -> Vec<Circumstances> {
-    let late = Duration::from_millis(2_001);
-    vec![
-        at,
-        Circumstances {
-            controls: false,
-            ..at
-        },
-        Circumstances {
-            handover: true,
-            ..at
-        },
-        Circumstances {
-            proven: false,
-            ..at
-        },
-        Circumstances {
-            delay: Delay::Behind(late),
-            ..at
-        },
-        Circumstances {
-            delay: Delay::Ahead(late),
-            ..at
-        },
-        Circumstances {
-            delay: Delay::Unknown,
-            ..at
-        },
-        Circumstances {
-            layout: false,
-            ..at
-        },
-    ]
-}
-
 fn inputs() -> Vec<Input> {
     let mut all = vec![Input::Sent];
     for order in [Order::Reset, Order::Arm, Order::Execute] {
@@ -105,7 +54,12 @@ fn inputs() -> Vec<Input> {
             for stamp in [STAMP - 1, STAMP, STAMP + 1] {
                 for plan in PLANS {
                     for vehicle in SHOWN {
-                        let at = flawed(good(by, stamp, plan, vehicle));
+                        let good = Circumstances::good(NOW, by, stamp, plan, vehicle);
+                        let mut at = good.flawed();
+                        at.push(Circumstances {
+                            layout: false,
+                            ..good
+                        });
                         all.extend(at.into_iter().map(|at| Input::Order(order, at)));
                     }
                 }
@@ -305,7 +259,7 @@ fn nothing_is_commanded_but_by_two_good_orders_in_any_reachable_state() {
 
 #[test]
 fn a_reset_needs_no_layout_and_everything_else_does() {
-    let at = |stamp| good(US, stamp, PLANS[2], Shows::Flying);
+    let at = |stamp| Circumstances::good(NOW, US, stamp, PLANS[2], Shows::Flying);
     let mut rules = Rules::default();
     let without = |stamp| Circumstances {
         layout: false,
@@ -331,7 +285,7 @@ fn a_reset_needs_no_layout_and_everything_else_does() {
 #[test]
 fn one_step_alone_twice_or_in_reverse_commands_nothing() {
     let land = PLANS[2];
-    let at = |stamp| good(US, stamp, land, Shows::Flying);
+    let at = |stamp| Circumstances::good(NOW, US, stamp, land, Shows::Flying);
     let play = |orders: &[(Order, u64)]| {
         let mut rules = Rules::default();
         for (order, stamp) in orders {

@@ -50,34 +50,6 @@ enum Input {
     Watch(Duration, Option<Id>),
 }
 
-fn good(by: Id, stamp: u64, plan: Option<Plan>, vehicle: Fleet) -> Circumstances {
-    Circumstances {
-        now: NOW,
-        by,
-        stamp: TimeStamp(stamp),
-        controls: true,
-        handover: false,
-        proven: true,
-        delay: Delay::Behind(MAX_DELAY),
-        layout: true,
-        plan,
-        vehicle,
-    }
-}
-
-/// The same, and each of what is wrong with it.
-fn flawed(at: Circumstances) -> Vec<Circumstances> {
-    let late = Duration::from_millis(2_001);
-    let mut all = vec![at; 7];
-    all[1].controls = false;
-    all[2].handover = true;
-    all[3].proven = false;
-    all[4].delay = Delay::Behind(late);
-    all[5].delay = Delay::Ahead(late);
-    all[6].delay = Delay::Unknown;
-    all
-}
-
 fn inputs() -> Vec<Input> {
     let mut all = vec![Input::NotStored];
     for order in [Order::Reset, Order::Arm, Order::Execute] {
@@ -85,7 +57,7 @@ fn inputs() -> Vec<Input> {
             for stamp in [STAMP - 1, STAMP, STAMP + 1] {
                 for plan in PLANS {
                     for vehicle in FLEETS {
-                        let at = flawed(good(by, stamp, plan, vehicle));
+                        let at = Circumstances::good(NOW, by, stamp, plan, vehicle).flawed();
                         all.extend(at.into_iter().map(|at| Input::Order(order, at)));
                     }
                 }

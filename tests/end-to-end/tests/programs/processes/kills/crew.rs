@@ -4,7 +4,7 @@
 //! any number of kills. [`Crew::pump`] is where time passes: whatever waits, waits there, and there the kill comes.
 
 use std::net::UdpSocket;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use kit::Random;
 use kit::bridge::{Faults, Station, Ticket, cucs, orders, vehicle_id};
@@ -149,10 +149,9 @@ impl Crew {
     }
 
     fn now(&self) -> Now {
-        let wall = SystemTime::now().duration_since(UNIX_EPOCH);
         Now {
             mono: self.began.elapsed(),
-            wall: wall.expect("after 1970"),
+            wall: kit::clock::wall(),
         }
     }
 
