@@ -395,7 +395,7 @@ impl AirsideServer {
     }
 
     /// Reports what happens at the window to whoever opened it.
-    async fn tell_pairing(&mut self) {
+    async fn report_pairing(&mut self) {
         // A pairing that is not on the disk yet is none.
         while self.disk.is_stored()
             && let Some(news) = self.agent.poll_pairing()
@@ -460,7 +460,7 @@ impl AirsideServer {
                 out.zeroize();
             }
         }
-        self.tell_pairing().await;
+        self.report_pairing().await;
         self.send_encrypted().await?;
         while let Some(note) = self.agent.poll_note() {
             write_log(note.level, &note.text);

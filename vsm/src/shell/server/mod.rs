@@ -35,8 +35,8 @@ use self::forward::ForwardReader;
 use self::guard_thread::Done;
 use self::shared::Shared;
 use self::tasks::{
-    keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
-    tell_status, watch_group,
+    keep_time, receive_dli, receive_forward, receive_vehicle, send, send_settings, send_status,
+    take_stored, watch_group,
 };
 use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
@@ -195,11 +195,11 @@ impl Server {
         tasks.spawn(&local, "disk", |beat| take_stored(of_all, beat));
         let of_all = shared.clone();
         tasks.spawn(&local, "status socket", |beat| {
-            tell_status(of_all, beat, status)
+            send_status(of_all, beat, status)
         });
         let of_all = shared.clone();
         tasks.spawn(&local, "settings socket", |beat| {
-            tell_settings(of_all, beat, settings)
+            send_settings(of_all, beat, settings)
         });
         let of_all = shared.clone();
         tasks.spawn(&local, "file socket", |beat| {

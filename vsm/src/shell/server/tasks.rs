@@ -466,7 +466,7 @@ pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group
     }
 }
 
-pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
+pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         match beat.during(listener.accept()).await {
             Ok((stream, _)) => {
@@ -478,7 +478,7 @@ pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: Un
 }
 
 /// `vsm check-vehicle`: one after the other, each as long as the vehicles take to answer.
-pub(super) async fn tell_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
+pub(super) async fn send_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         let stream = match beat.during(listener.accept()).await {
             Ok((stream, _)) => stream,
