@@ -425,7 +425,7 @@ impl Config {
         let unguarded: Vec<_> = unguarded.map(|cucs| cucs.id.to_string()).collect();
         if !open.is_empty() && !unguarded.is_empty() {
             warnings.push(format!(
-                "DLI on {}: CUCSs are not authenticated without a guard: whoever can send there from the address of {} can command \
+                "DLI on {}: CUCSs are not authenticated without a guard: anyone who can send there from the address of {} can command \
                  its vehicles; give it a guard, or keep the DLI on loopback, or behind a tunnel or firewall",
                 open.join(" and "),
                 unguarded.join(", ")

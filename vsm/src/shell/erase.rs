@@ -374,7 +374,7 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
         return Ok(Some(why));
     }
     if found.is_dir() {
-        return Ok(Some("it is a folder, which is none of ours".into()));
+        return Ok(Some("it is a folder, which vsm did not create".into()));
     }
     if found.is_file() {
         system.overwrite(path)?;

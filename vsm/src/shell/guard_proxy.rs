@@ -198,15 +198,15 @@ impl GuardProxy {
         while let Some(news) = self.agreement.end.poll_news() {
             match &news {
                 CucsNews::InForce(key, _) => tracing::info!("key {key} is in force"),
-                CucsNews::Waiting => tracing::info!("another key is agreed about"),
+                CucsNews::Waiting => tracing::info!("agreeing on a new key"),
                 CucsNews::Dropped(status) => {
                     tracing::warn!(
-                        "the VSM does not have the new key ({status}): the one before stays"
+                        "the VSM does not have the new key ({status}): the previous key stays in force"
                     );
                 }
                 CucsNews::Failed(why) => tracing::error!("the key exchange: {why}"),
                 CucsNews::NotAnswered => {
-                    tracing::info!("the VSM does not answer about another key")
+                    tracing::info!("the VSM does not answer the key exchange")
                 }
                 // Anybody can send these.
                 CucsNews::Rejected(status) => tracing::debug!("unproven answer: {status}"),
@@ -240,7 +240,7 @@ impl GuardProxy {
             set.map_err(|fault| fault.to_string())
         });
         if let Err(why) = kept {
-            tracing::error!("the key cannot be changed, the one before stays: {why}");
+            tracing::error!("the key cannot be changed, the previous one stays in force: {why}");
         }
     }
 

@@ -62,7 +62,7 @@ impl SocketError {
     fn bind(key: &'static str, address: impl ToString, cause: io::Error) -> SocketError {
         let hint = match cause.kind() {
             io::ErrorKind::AddrInUse => {
-                " (another program has it: is a vsm or a ground station running?)"
+                " (another program uses it: is a vsm or a ground station running?)"
             }
             io::ErrorKind::AddrNotAvailable => " (this computer has no such address)",
             io::ErrorKind::PermissionDenied => " (ports below 1024 need rights)",

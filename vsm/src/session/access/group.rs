@@ -139,7 +139,7 @@ impl FromStr for Group {
 
 /// A word that is no group.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no group of messages: expected {EXPECTED}")]
+#[error("{0:?} is not a group of messages: expected {EXPECTED}")]
 pub struct UnknownGroup(String);
 
 pub(super) const EXPECTED: &str =

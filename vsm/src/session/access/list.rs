@@ -404,7 +404,7 @@ pub enum ListError {
     #[error("an access list of {0} bytes, expected {MAX_LIST_BYTES} at most")]
     TooLong(usize),
     /// It is not UTF-8.
-    #[error("the access list is no text")]
+    #[error("the access list is not text")]
     NoText,
     /// A line is none of a list.
     #[error("line {line} of the access list is {found:?}, expected {expected}")]
@@ -444,7 +444,7 @@ pub enum ListError {
         line: usize,
     },
     /// It is spelled in another way than it is written.
-    #[error("line {line} of the access list is spelled otherwise than `vsm access` writes it")]
+    #[error("line {line} of the access list is not spelled as `vsm access` writes it")]
     Form {
         /// Which, from 1.
         line: usize,

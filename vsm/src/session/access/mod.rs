@@ -93,7 +93,7 @@ pub enum RenewError {
     #[error(transparent)]
     List(#[from] ListError),
     /// It is older than the one in force.
-    #[error("the access list is version {found}, and version {in_force} is in force: an older one is not taken; sign it again as {}", .in_force + 1)]
+    #[error("the access list is version {found}, older than version {in_force}, which is in force: sign it as version {}", .in_force + 1)]
     Older {
         /// Of the file.
         found: u64,
@@ -101,7 +101,7 @@ pub enum RenewError {
         in_force: u64,
     },
     /// Two lists were signed as the same version.
-    #[error("the access list is another one of version {version} than the one in force: sign it again as {}", .version + 1)]
+    #[error("this access list differs from the one in force but has the same version ({version}): sign it as version {}", .version + 1)]
     Another {
         /// Which.
         version: u64,

@@ -246,7 +246,7 @@ impl Aircraft {
 }
 
 /// Why nothing else is commanded.
-const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0, reset) where it can be";
+const TERMINATING: &str = "a flight termination is commanded: other commands are refused until it is reset (2005 state 0, reset) where it can be";
 const ZEROIZING: &str = "a zeroize is ordered: the vehicle is on the ground, and stays there";
 const NEVER_HELD: &str =
     "a flight termination is never held, nor is a zeroize: two orders of the moment command it";

@@ -196,11 +196,11 @@ impl Aircraft {
             Some(fault) => effects.warn(
                 Cause::Disk,
                 format!(
-                    "the disk does not keep {fault}; it is tried again, and what depends on it is not answered or is \
-                     refused until then: look at the disk of the VSM"
+                    "cannot store {fault}; retrying. Commands that depend on it are delayed or refused: check the \
+                     VSM's disk"
                 ),
             ),
-            None => effects.clear(Cause::Disk, "the disk of the VSM keeps what is written again"),
+            None => effects.clear(Cause::Disk, "the VSM's disk stores records again"),
         }
         self.authority(dli, authority::Input::Stored);
         self.terminate(dli, termination::Input::Watch);

@@ -279,7 +279,7 @@ fn accept(one: &mut Aircraft, dli: &mut DliEffects<'_>, origin: &Origin, authori
         Err(fault) => effects.warn(
             Cause::CommandLog,
             format!(
-                "commands cannot be logged, one repeated after a restart would be carried out again: {fault}"
+                "commands cannot be logged: a command repeated after a restart would be carried out again ({fault})"
             ),
         ),
     }
@@ -297,7 +297,7 @@ fn refuse_without_right(
     let held = one.authority.rights().held(cucs);
     let needed = Rights::named(right, Stations::NONE);
     let why = format!(
-        "it needs {}, held is {}",
+        "it needs {}; this CUCS holds {}",
         needed.in_words(),
         held.in_words()
     );

@@ -299,7 +299,7 @@ impl Contingencies {
         self.save(effects);
         for trigger in standing {
             let text = format!(
-                "{}: the CUCS in control commands otherwise",
+                "{}: the CUCS in control has sent another command",
                 trigger.text(config)
             );
             self.raise(trigger, AlertPriority::Warning, text, effects);
@@ -421,10 +421,10 @@ impl Contingencies {
         for trigger in Trigger::ALL.into_iter().filter(|one| self.is_present(*one)) {
             let ended = match self.end_of(trigger) {
                 Some(End::Operator) => {
-                    "the CUCS that controlled the vehicle before has commanded otherwise; nothing is flown for that, unless control \
-                     is lost or released"
+                    "the CUCS that controlled the vehicle before has sent another command; no action is flown for this unless \
+                     control is lost or released"
                 }
-                Some(End::Pilot) => "it was left to a pilot, and nothing is flown for that",
+                Some(End::Pilot) => "it was left to a pilot, and no action is flown for this",
                 Some(End::Shown(_) | End::Completed(_)) | None => continue,
             };
             let text = format!("{}: {ended}", trigger.text(config));
@@ -453,7 +453,7 @@ impl Contingencies {
                     format!("the vehicle was brought to {}", action.name())
                 }
                 End::Pilot => "it was left to a pilot".to_owned(),
-                End::Operator => "a CUCS has commanded otherwise".to_owned(),
+                End::Operator => "a CUCS has sent another command".to_owned(),
             };
             let text = format!(
                 "{}: {how} for that; nothing more is commanded",
@@ -462,7 +462,7 @@ impl Contingencies {
             self.raise(trigger, AlertPriority::Warning, text, effects);
         }
         if gone {
-            self.forget(trigger, "what the contingency was for is over", effects);
+            self.forget(trigger, "the cause of the contingency is gone", effects);
         }
     }
 
@@ -672,7 +672,7 @@ impl Contingencies {
             Err(fault) => {
                 self.unsaved = Some(now + SAVE_AGAIN);
                 let text = format!(
-                    "what was done for a contingency cannot be stored: {fault}; a restart of the VSM would command it again"
+                    "the state of a contingency cannot be stored: {fault}; a restart of the VSM would command it again"
                 );
                 effects.warn(Cause::ContingencyRecord, text);
             }
@@ -694,7 +694,7 @@ impl Contingencies {
         if unseen.is_empty() {
             effects.clear(
                 Cause::ContingencyUnwatched,
-                "the vehicle reports what its contingencies are judged by",
+                "the vehicle reports all values that its contingencies need",
             );
         } else if context.now.saturating_sub(since) >= REPORTED_WITHIN {
             let text = format!("contingencies are not watched: {}", unseen.join(", "));

@@ -244,8 +244,8 @@ impl Plans {
                 return Err(Refusal::new(
                     "not supported",
                     format!(
-                        "where waypoint {number} leads on a contingency is not known any more, since the VSM has restarted and \
-                         does not find it on its disk: send it again (#802), then #800"
+                        "the contingency waypoint of waypoint {number} is no longer known: the VSM has restarted and did not find \
+                         it on its disk; send it again (#802), then #800"
                     ),
                 ));
             }

@@ -400,7 +400,7 @@ fn finding(one: &Seen) -> Finding {
             let mut finding = of_cucs(
                 Code::CucsGuard,
                 id,
-                format!("has a guard, and datagrams in its name from {ip} are not believed ({why})"),
+                format!("has a guard, and datagrams in its name from {ip} are dropped ({why})"),
                 "have it send through `vsm guard`, with the key file that its [[cucs]] names and clocks that differ by less \
                  than an hour; if it does, somebody else writes in its name"
                     .to_owned(),
@@ -412,7 +412,7 @@ fn finding(one: &Seen) -> Finding {
             let mut finding = of_cucs(
                 Code::CucsGuard,
                 id,
-                format!("is a web client, and what comes in its name from {ip} is not believed ({why})"),
+                format!("is a web client, and datagrams in its name from {ip} are dropped ({why})"),
                 "have it connect to the page's address by /control, with the key file that its [[cucs]] names; if it does, \
                  somebody else uses its name"
                     .to_owned(),

@@ -291,7 +291,9 @@ impl Held {
         }
         let needed = Rights::named(right, Stations::NONE).in_words();
         let held = context.rights.held(owner).in_words();
-        Err(format!("message {named} needs {needed}, held is {held}"))
+        Err(format!(
+            "message {named} needs {needed}; this CUCS holds {held}"
+        ))
     }
 
     fn cancel(
@@ -307,7 +309,7 @@ impl Held {
         let owner = command.owner_id.unwrap_or(sender);
         if owner != sender && context.controller != Some(sender) {
             let why = format!(
-                "the held commands of {owner} are cancelled by the CUCS that controls the vehicle"
+                "only {owner} and the CUCS that controls the vehicle can cancel the held commands of {owner}"
             );
             return effects.refuse(Some(origin), why);
         }
@@ -325,9 +327,9 @@ impl Held {
                 .iter()
                 .any(|entry| meant(entry) && !entry.state.has_ended());
             let why = if runs {
-                format!("held command {number} is being carried out: command otherwise")
+                format!("held command {number} is being carried out: send another command instead")
             } else {
-                format!("no held command {number} of {owner} waits")
+                format!("{owner} has no waiting held command {number}")
             };
             return effects.refuse(Some(origin), why);
         }
@@ -345,7 +347,7 @@ impl Held {
             None => effects.acknowledge(&origin, AckType::CarriedOut),
             Some(_) => effects.refuse(
                 Some(origin),
-                "cancelled, but that cannot be stored: a restart of the VSM would undo it",
+                "cancelled, but the cancellation cannot be stored: a restart of the VSM would undo it",
             ),
         }
     }
@@ -385,7 +387,13 @@ impl Held {
             return false;
         };
         if entry.until <= context.mono() {
-            self.end(context, index, State::Expired, "its time is over", effects);
+            self.end(
+                context,
+                index,
+                State::Expired,
+                "its Valid For has passed",
+                effects,
+            );
             return false;
         }
         let owner = Id(entry.owner);
@@ -463,7 +471,7 @@ impl Held {
         entry.state = State::BeingCarriedOut;
         // On disk before it is done: a restart must not do it again.
         if let Err(fault) = self.save(effects) {
-            let why = format!("that it is carried out cannot be stored: {fault}");
+            let why = format!("its start could not be stored ({fault})");
             return self.end(context, index, State::Refused, &why, effects);
         }
         let Some(entry) = self.entries.get(index) else {
@@ -495,10 +503,10 @@ impl Held {
                 continue;
             };
             let result = match (durable, context.vehicle.live()) {
-                (false, _) => Err("that it is carried out is not on the disk in time".to_owned()),
-                (true, false) => Err("the vehicle is silent".to_owned()),
+                (false, _) => Err("the disk did not confirm its start in time".to_owned()),
+                (true, false) => Err("no data from the vehicle".to_owned()),
                 (true, true) if self.entries[index].until <= context.mono() => {
-                    Err("its time is over".to_owned())
+                    Err("its Valid For has passed".to_owned())
                 }
                 // What waits for the loss of the CUCS begins with the loss action, all else gives way to it.
                 (true, true) if self.entries[index].condition == Condition::LinkLost => {
@@ -561,7 +569,7 @@ impl Held {
             AckType::Received => {}
             AckType::CarriedOut => self.end(context, index, State::CarriedOut, "", effects),
             _ => {
-                let why = why.unwrap_or_else(|| "no reason is known".to_owned());
+                let why = why.unwrap_or_else(|| "unknown reason".to_owned());
                 self.end(context, index, State::Refused, &why, effects);
             }
         }
@@ -696,7 +704,7 @@ fn right_for(context: &Context<'_>, message: &Message) -> Option<LoiBitmap> {
 
 /// Whether its CUCS may still have it carried out.
 fn may(context: &Context<'_>, entry: &Entry, owner: Id, message: &Message) -> Result<(), String> {
-    let right = right_for(context, message).ok_or("no right is known that it needs")?;
+    let right = right_for(context, message).ok_or("the LOI that it needs is unknown")?;
     if context.rights.holds(owner, right) {
         return Ok(());
     }
@@ -727,7 +735,7 @@ fn check_link_lost(
     }
     if moves(message) && context.settings.authority.on_loss != OnLoss::Continue {
         return Err(
-            "authority.on_loss is flown when its CUCS is lost: set it to \"continue\" for a held command in its place".to_owned(),
+            "authority.on_loss is flown when its CUCS is lost: set it to \"continue\" to use a held command instead".to_owned(),
         );
     }
     Ok(())
@@ -807,4 +815,4 @@ const SAVE_AGAIN: Duration = Duration::from_secs(1);
 const CLOCK_SLACK_MS: u64 = 1_000;
 const CUT_OFF: &str =
     "the VSM restarted while it was carried out: not resumed; check the vehicle's state";
-const CLOCK_WENT_BACK: &str = "the clock of the VSM went back over a restart";
+const CLOCK_WENT_BACK: &str = "the clock of the VSM was set back during a restart";

@@ -244,12 +244,12 @@ impl VehicleLink {
         }
         if !vehicle.live() || vehicle.telemetry.position.is_some() {
             self.unreported = false;
-            let text = "the position is reported again, or nothing is";
+            let text = "position reported again, or link to the vehicle lost";
             return effects.clear(Cause::Unreported, text);
         }
         if vehicle.measured.had_position() {
             let (priority, about) = (AlertPriority::Warning, SubsystemId::Comms);
-            let text = "the vehicle reports its position no more: none is sent, and nothing is judged by it; it is requested again";
+            let text = "vehicle stopped reporting its position: it is not sent or used for checks until it returns; it is requested again";
             effects.raise(Cause::Unreported, priority, about, text);
         }
     }

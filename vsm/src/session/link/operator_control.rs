@@ -71,7 +71,7 @@ impl OperatorControl {
         match owner {
             0 => effects.clear(
                 Cause::OperatorControl,
-                "no MAVLink system has operator control of the vehicle any more",
+                "no MAVLink system has operator control of the vehicle now",
             ),
             system if system == own => effects.clear(
                 Cause::OperatorControl,

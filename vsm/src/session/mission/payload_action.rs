@@ -44,7 +44,7 @@ fn may_point(context: &Context<'_>, by: Id, station: u8) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "it needs LOI 3 (payload) of station {station} beside LOI 4, held is {}",
+        "it needs LOI 3 (payload) of station {station} in addition to LOI 4; this CUCS holds {}",
         context.rights.held(by).in_words()
     ))
 }

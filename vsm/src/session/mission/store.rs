@@ -131,7 +131,7 @@ impl MissionStore {
             "control of the vehicle has changed".to_owned()
         } else if now >= until {
             format!(
-                "nothing more came of it within {} min",
+                "no further message of it arrived within {} min",
                 STAGED_WITHIN.as_secs() / 60
             )
         } else {
@@ -235,7 +235,10 @@ impl MissionStore {
         }
         let written = self.fold_log(cucs, effects);
         written.map_err(|fault| {
-            format!("what was sent is dropped, but a restart of the VSM would find it: {fault}")
+            format!(
+                "the upload is dropped, but could not be deleted from disk: a restart of the VSM would restore it \
+                 ({fault})"
+            )
         })
     }
 
@@ -273,7 +276,7 @@ impl MissionStore {
                 more => format!(" and {more} more"),
             };
             let text = format!(
-                "what is loaded has changed {purpose} route{name} too, which uses the same waypoint numbers: {}{more}; send that route \
+                "this load also changed {purpose} route{name}, which uses the same waypoint numbers: {}{more}; send that route \
                  again, with numbers of its own",
                 shown.join(", ")
             );

@@ -171,7 +171,7 @@ impl Transfers {
         if route_id.is_none() && several {
             let named = route.route_id.as_ref().map_or("", |id| id.as_str());
             effects.advise(format!(
-                "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
+                "13000 has no Route ID: the latest of several flight routes, {named:?}, is loaded"
             ));
         }
         if !store.to_load().defines(&route) {
@@ -749,7 +749,7 @@ fn answer_clear(
     match saved {
         Ok(()) => status::complete(effects, &origin, name, Mode::Clear),
         Err(fault) => {
-            let why = format!("what is left cannot be stored: {fault}");
+            let why = format!("the remaining plan cannot be stored: {fault}");
             status::reject(effects, origin, name, Mode::Clear, None, why);
         }
     }
@@ -804,4 +804,4 @@ fn cucs_of(context: &Context<'_>, origin: &Origin) -> Id {
 }
 
 /// What becomes of an upload that is refused for what is in it.
-const DROPPED: &str = "; nothing of this upload is kept: correct it, and send it whole";
+const DROPPED: &str = "; this upload is discarded: correct it and send the whole route";

@@ -362,7 +362,7 @@ impl Payload {
         };
         if !context.rights.holds_station(by, number) {
             return Err(format!(
-                "it needs LOI 3 (payload) of station {number}, held is {}",
+                "it needs LOI 3 (payload) of station {number}; this CUCS holds {}",
                 context.rights.held(by).in_words()
             ));
         }
@@ -424,7 +424,7 @@ impl Payload {
                     task.advance(context, &station, state, effects)
                 }
                 None => Some(Err(format!(
-                    "the vehicle has no payload station {} any more",
+                    "the vehicle no longer has payload station {}",
                     task.station
                 ))),
             };

@@ -133,7 +133,7 @@ impl ControlWatch {
             return Ok(());
         }
         Err(format!(
-            "parameter {name} is none of the vehicle's controls (vehicle.controls): the configuration of message 50011 lists them"
+            "parameter {name} is not one of the vehicle's controls (vehicle.controls): the configuration of message 50011 lists them"
         ))
     }
 }

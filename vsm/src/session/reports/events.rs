@@ -116,7 +116,7 @@ impl EventAlerts {
         // Its end was lost: what comes now is no part of it.
         self.report.take_if(|(until, _)| *until <= now);
         if context.vehicle.telemetry.armed == Some(true) {
-            let text = "the vehicle is armed: what its checks before arming reported is over";
+            let text = "the vehicle is armed: its earlier arming checks no longer apply";
             effects.clear(Cause::ArmingChecks, text);
         }
     }

@@ -181,11 +181,11 @@ impl Remote {
             }
             let owner = self.etcd.get(&owner)?;
             if owner.is_none_or(|entry| entry.created != right.created) {
-                return Err(io::Error::other("this node does not own the VSM any more"));
+                return Err(io::Error::other("this node no longer owns the VSM"));
             }
             // A request of before has arrived late: behind that.
         }
-        Err(io::Error::other("requests of before are still arriving"))
+        Err(io::Error::other("earlier requests are still arriving"))
     }
 
     /// Stores a file whole: until the last step it is in etcd what it was.

@@ -237,7 +237,7 @@ impl Answers {
         self.files = files;
         let paired = self.files.iter().any(|(_, files)| files.peer().is_some());
         if paired && let Err(why) = self.make_end() {
-            tracing::error!("guards cannot agree about keys: {why}");
+            tracing::error!("guards cannot agree on keys: {why}");
         }
         let now = self.clock.now();
         let Some(end) = &mut self.end else { return };
@@ -252,7 +252,7 @@ impl Answers {
                     );
                     end.set(*id, memory, now.mono);
                 }
-                Err(fault) => tracing::error!("CUCS {id} cannot agree about keys: {fault}"),
+                Err(fault) => tracing::error!("CUCS {id} cannot agree on keys: {fault}"),
             }
         }
         for (id, keys) in paired {

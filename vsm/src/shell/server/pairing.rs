@@ -178,7 +178,7 @@ async fn take(
             });
             ended = !sent;
             let text = match sent {
-                true => format!("CUCS {cucs} is asked to agree about another key"),
+                true => format!("CUCS {cucs} is requested to agree on a new key"),
                 false => format!("refused: nothing of the guard of CUCS {cucs} has verified yet"),
             };
             Some(text)
@@ -190,7 +190,7 @@ async fn take(
             return;
         }
         Done::Agreed(cucs, key, keys) => {
-            tracing::info!("CUCS {cucs}: a new guard key {key} is agreed about");
+            tracing::info!("CUCS {cucs}: agreeing on the new guard key {key}");
             if let Some(one) = waiting.as_mut().filter(|one| one.cucs == cucs) {
                 one.key = Some(key);
                 ended = one.what == Wish::Rotate;

@@ -154,7 +154,7 @@ impl Reading {
         );
         if waits {
             return Err(
-                "an earlier reload still waits for a file or a name server: reload again once it has answered"
+                "an earlier reload is still waiting for a file or a name server: reload again once that has answered"
                     .to_owned(),
             );
         }

@@ -92,7 +92,7 @@ pub(super) fn open_exchange(
     }
     if let Some(next) = keys.next()? {
         tracing::warn!(
-            "a handover of key {} is not finished: finding out which key the vehicle has",
+            "the rotation to key {} is not finished: finding out which key the vehicle has",
             next.id()
         );
         bridge.settle_key(index, next, now, NOT_BEFORE, store)?;

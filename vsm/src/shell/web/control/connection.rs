@@ -213,7 +213,7 @@ impl Connection {
         match opened.map_err(Ended::Refused)? {
             Ok((_, Request::Message(bytes))) => self.report(bytes).await,
             Ok((of, Request::Route(_))) if self.import.is_some() || !self.route.is_empty() => {
-                let why = "route: the one before is still on its way";
+                let why = "route: the previous route is still being sent";
                 self.answer_error(socket, of, why).await
             }
             Ok((of, Request::Route(file))) => {
