@@ -2,10 +2,11 @@
 
 use mavlink_link::service::interval::Rate;
 
-/// What the DLI needs of the vehicle; and off what PX4 streams at up to 50 Hz by default and nobody here needs: a radio has
-/// no room for it.
+/// The messages that the DLI needs. Messages that PX4 streams at up to 50 Hz by default and that are not needed are switched
+/// off: a radio has no room for them.
 pub(super) const RATES: &[(u32, Rate)] = &[
-    // First: with it a lossy link is not mistaken for a silent vehicle (its other source, HEARTBEAT, comes at 1 Hz).
+    // First, because it prevents a lossy link from being mistaken for a silent vehicle (the other source of the mode,
+    // HEARTBEAT, is sent at 1 Hz).
     (436, Rate::Hz(5.0)), // CURRENT_MODE
     (30, Rate::Hz(5.0)),  // ATTITUDE
     (33, Rate::Hz(5.0)),  // GLOBAL_POSITION_INT
@@ -24,7 +25,8 @@ pub(super) const RATES: &[(u32, Rate)] = &[
     (36, Rate::Off),      // SERVO_OUTPUT_RAW
 ];
 
-/// What the bridge cannot do without, and the longest time between two of it, us. HEARTBEAT is of the protocol itself.
+/// Messages that the bridge cannot work without, and the longest interval of each, us. HEARTBEAT is part of the protocol
+/// itself.
 pub(crate) fn needed_every_us() -> impl Iterator<Item = (u32, f32)> {
     let requested = RATES.iter().filter_map(|(id, rate)| match rate {
         Rate::Hz(hz) => Some((*id, 1e6 / hz)),
