@@ -78,5 +78,5 @@ pub(super) fn control_request(
     );
 }
 
-/// 404.06: a release of nothing asks what there is.
+/// 404.06: a release of nothing is a query.
 const RELEASE: u8 = 1;
