@@ -1,13 +1,15 @@
-//! One end of a guarded way between a CUCS and a VSM: what is sealed, and what of what arrives is believed.
+//! One end of a guarded path between a CUCS and a VSM: seals datagrams, and decides which received datagrams are accepted.
 //!
 //! Both ends are the same machine: the bridge has one for each CUCS with a guard key, `vsm guard` one for its VSM. The trailer
 //! itself is [`stanag_msgs::guard`]'s.
 //!
 //! Promised:
-//! - Nothing is believed, and nothing changes, before the trailer has verified.
-//! - Nothing is believed twice: not over a restart, a crash or a step of a clock. Stamps are those of the signing clock of
-//!   MAVLink ([`SigningClock`]): none is sent or accepted beyond a ceiling that is on disk, and a start begins above it.
-//! - What arrives in another order is believed, up to [`WINDOW`] datagrams and [`MAX_DELAY`] late: the DLI has no other repair.
+//! - No datagram is accepted, and no state changes, before its trailer has verified.
+//! - No datagram is accepted twice, not even after a restart, a crash or a step of a clock. Stamps are those of the signing
+//!   clock of MAVLink ([`SigningClock`]): none is sent or accepted beyond a ceiling that is on disk, and a start begins
+//!   above it.
+//! - Reordered datagrams are accepted, up to [`WINDOW`] datagrams and [`MAX_DELAY`] late: the DLI cannot recover them in
+//!   another way.
 //! - The clocks of both computers may differ by an hour. How late a datagram is, is measured against the newest of the same
 //!   sender, carried on by the monotonic clock, and not against this computer's wall clock: a station whose clock is wrong by
 //!   a minute would command nothing.
@@ -52,7 +54,8 @@ pub struct GuardEnd {
     keys: Vec<Keyed>,
     /// Under which the other end sent last: it has that one for certain.
     in_use: usize,
-    /// The key and the stamp of what has verified last and was not believed: it can be lifted under that key.
+    /// The key and stamp of the last datagram that verified but was not accepted: its sender's stamps can be raised under
+    /// that key.
     behind: Option<(usize, Stamp)>,
     /// What has verified first from elsewhere than where its sender is.
     elsewhere: VecDeque<Elsewhere>,
@@ -87,7 +90,7 @@ struct Elsewhere {
     sender: SocketAddr,
 }
 
-/// Why a datagram is not believed.
+/// Why a datagram is not accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GuardRefusal {
     /// It goes the other way: sent back to its sender.
@@ -98,11 +101,11 @@ pub enum GuardRefusal {
     Key,
     /// The trailer is not the sender's, or the datagram was changed.
     Forged,
-    /// It has been believed before.
+    /// It has been accepted before.
     Replayed,
     /// Older than all that are remembered, or from before the start of this end.
     Old,
-    /// It was held back on its way.
+    /// It was delayed in transit.
     Late,
     /// It is stamped over an hour ahead of this computer's clock.
     Ahead,
@@ -127,7 +130,7 @@ impl GuardRefusal {
         }
     }
 
-    /// Whether the other end must learn of this one's stamps before anything of it is believed.
+    /// Whether the other end must learn this end's stamps before any of its datagrams is accepted.
     #[must_use]
     pub const fn wants_lift(self) -> bool {
         matches!(self, GuardRefusal::Old | GuardRefusal::Late)
@@ -137,13 +140,13 @@ impl GuardRefusal {
 /// How an end stands, for the status.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct GuardStatus {
-    /// The id of the key in force; none where there is none, and nothing is believed.
+    /// The id of the key in force; `None` if there is none, so that nothing is accepted.
     pub key_id: Option<String>,
     /// The id of the key before, while it is still accepted.
     pub previous_key_id: Option<String>,
     /// Whether the other end still sends under that.
     pub uses_previous: bool,
-    /// Datagrams that were believed.
+    /// Number of accepted datagrams.
     pub verified: u64,
     /// Since the last of them, s.
     pub verified_s: Option<f64>,
@@ -246,7 +249,7 @@ impl GuardEnd {
         }
     }
 
-    /// What is inside of a datagram that is believed; empty where it only lifts the stamps.
+    /// The content of an accepted datagram; empty if it only raises the stamps.
     ///
     /// # Errors
     /// It is not: why.
@@ -470,7 +473,7 @@ impl GuardEnd {
         Some((id, key))
     }
 
-    /// A frame of a web client has verified in a connection under this key; false where that is not accepted any more.
+    /// A frame of a web client has verified under this key; returns false if the key is no longer accepted.
     pub(crate) fn takes_frame(&mut self, now: Duration, key: KeyId) -> bool {
         let accepted = self.accepts(now, key);
         if accepted {
@@ -486,7 +489,7 @@ impl GuardEnd {
         keys.any(|one| one.id == key && !one.is_over(now))
     }
 
-    /// The keys under which something is believed.
+    /// The accepted keys.
     pub(crate) fn key_ids(&self) -> impl Iterator<Item = KeyId> + '_ {
         self.keys.iter().map(|one| one.id)
     }
@@ -539,7 +542,7 @@ pub enum SealError {
     TooLong(#[from] stanag_msgs::guard::TooLong),
 }
 
-/// The stamps of one key and direction that were believed of late.
+/// The recently accepted stamps of one key and direction.
 #[derive(Debug, Default)]
 struct Window {
     /// In their order, [`WINDOW`] at most.
@@ -590,7 +593,7 @@ fn stamp_of(stamp_us: u64) -> Option<Stamp> {
 
 /// Datagrams of one sender whose order does not matter.
 const WINDOW: usize = 1_024;
-/// How long a datagram may be on its way, against the newest of its sender.
+/// Maximum delay of a datagram, relative to the newest of its sender.
 const MAX_DELAY: Duration = Duration::from_secs(30);
 /// How long after its copy a datagram may come from where its sender is: no longer than what a candidate address holds back.
 const ELSEWHERE: Duration = Duration::from_secs(5);

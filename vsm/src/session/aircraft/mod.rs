@@ -13,7 +13,7 @@
 //! | [`termination`] | flight termination (2005): two orders, and what the vehicle then shows |
 //! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
 //! | [`payload`] | what is done for a payload command on a station: gimbals, cameras |
-//! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
+//! | [`link`] | MAVLink: signatures and keys, which frames are accepted and sent |
 //!
 //! Each input goes to one machine; then [`Aircraft::run_until_idle`] delivers the resulting requests and events until none
 //! is left. `machines`: what each machine borrows for an input; `start`: the start of a vehicle and the state after a
@@ -209,7 +209,7 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// Begins to read the settings that [`mapping::hardening`] judges.
+    /// Begins to read the settings that [`mapping::hardening`] checks.
     pub(super) fn read_settings(&mut self, dli: &mut DliEffects<'_>) {
         self.observe(dli, reports::Input::ReadSettings);
         self.run_until_idle(dli);

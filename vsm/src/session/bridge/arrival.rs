@@ -440,7 +440,7 @@ impl Bridge {
 pub(super) enum Barred {
     /// What we sent to the group came back.
     OurOwn,
-    /// Nobody who is listed.
+    /// Not a listed station.
     Source { to_us: bool },
     /// Listed with a guard, and it came without a trailer.
     Unguarded,

@@ -1,4 +1,4 @@
-//! Whom a message of a station is for: the VSM, one of its vehicles, or all of them; and the right that it needs.
+//! The destination of a station's message (the VSM, one of its vehicles, or all of them), and the right that it needs.
 
 use mapping::support;
 use mavlink_link::Now;

@@ -128,7 +128,7 @@ pub struct Bridge {
     web_ends: Vec<(u64, WebRefusal)>,
     /// The station whose message is being handled.
     asker: Option<usize>,
-    /// What is on its way to stations of Edition 2.5.
+    /// Messages for stations of Edition 2.5.
     translated: VecDeque<Datagram>,
     /// The latest of it that went to the group, by type and instance.
     sent_to_group: VecDeque<(u32, u32)>,
@@ -141,7 +141,7 @@ pub struct Bridge {
     started: Duration,
 }
 
-/// Is shown every frame that is believed with the index of its vehicle, for a recording.
+/// Called with every accepted frame and the index of its vehicle, for a recording.
 pub type Tap<'a> = &'a mut dyn FnMut(usize, &FrameView<'_>);
 
 /// A bridge that cannot start.
@@ -249,7 +249,7 @@ impl Bridge {
         bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
         bridge.restore_contingencies(disk);
-        // Not before what was held is restored: it is judged by the list, once that is there.
+        // Not before the held commands are restored: the list is applied to them once it is loaded.
         bridge.give_permits(now);
         let (mut dli, aircraft) = bridge.effects(now, disk);
         for one in aircraft.iter_mut() {
@@ -308,7 +308,7 @@ impl Bridge {
                 let of = aircraft.find_mut(seen.destination);
                 let answered =
                     of.is_some_and(|aircraft| aircraft.resume_command(&mut dli, index, &seen));
-                // It leads to the same when it comes again, and must not be answered as a duplicate then.
+                // It has the same result when it is sent again, and must not be answered as a duplicate then.
                 if !answered {
                     self.remembered[index].forget(seen.digest);
                 }

@@ -194,7 +194,7 @@ impl Bridge {
             self.paths.take_missed(index);
             self.welcome(now, index, disk);
         }
-        // Each is judged by the key that has sealed it, and so is the one that has led here.
+        // Each is checked against the key that sealed it, including the one that led here.
         let arriving = self.stations[index].sealed_under;
         for (held, key) in self.paths.take_held(index) {
             self.stations[index].sealed_under = key;

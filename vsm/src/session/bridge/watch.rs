@@ -128,7 +128,7 @@ impl Bridge {
         listeners
     }
 
-    /// Who listens to nothing any more is a newcomer when it returns, however soon that is.
+    /// A station that no longer listens is treated as new when it returns, however soon.
     pub(super) fn forget_who_left(&mut self) {
         let listens = |station: &usize| {
             let mut all = self.aircraft.iter();

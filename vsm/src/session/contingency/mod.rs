@@ -111,7 +111,7 @@ pub(crate) struct ContingencyContext {
     pub(crate) controlled: bool,
     /// In a mission it flies its landing.
     pub(crate) lands: bool,
-    /// What the VSM has begun by itself is not done yet.
+    /// An action that the VSM has started is not completed yet.
     pub(crate) busy: bool,
     /// A command of a CUCS waits for its route.
     pub(crate) operator_waits: bool,
@@ -313,7 +313,7 @@ impl Contingencies {
         }
     }
 
-    /// The CUCS in control is lost: whoever has decided otherwise does not see what becomes of the vehicle any more.
+    /// The CUCS in control is lost: an operator who decided otherwise can no longer see the vehicle.
     pub(crate) fn controller_lost(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         // What the vehicle still shows is handled again at once. A route that is flown is not flown again from its start.
@@ -445,7 +445,7 @@ impl Contingencies {
         };
         let before = watch.stands;
         let gone = seen.is_some_and(|seen| watch.look(context.now, seen));
-        // It was configured before, and is no more.
+        // It was removed from the configuration.
         let gone = gone || trigger.action(&context.config).is_none();
         if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
             let how = match end {
@@ -679,7 +679,8 @@ impl Contingencies {
         }
     }
 
-    /// A contingency whose cause the vehicle does not report is none: whoever relies on it must know before the flight.
+    /// A contingency whose cause the vehicle does not report has no effect: operators who rely on it must know before the
+    /// flight.
     fn report_unwatched(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let since = *self.live_since.get_or_insert(context.now);
         let unseen = |one: &Trigger| {

@@ -28,7 +28,7 @@ pub(crate) enum Fault {
     ChangedEdition(Id, Edition),
     /// Its source has a guard, which it did not come from: by this counter.
     Guard(Id, &'static str),
-    /// It is a web client, and what came in its name is not believed: by this counter.
+    /// It is a web client, and a datagram in its name was dropped: with this counter.
     Web(Id, &'static str),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
@@ -213,7 +213,7 @@ impl DliEvidence {
 
     /// A frame that is not for here, or of nobody who may send it.
     pub(crate) fn note(&mut self, mono: Duration, from: SocketAddr, fault: Fault) {
-        // The first of them stays: whoever varies the rest, or only seems to send from elsewhere, makes no new finding.
+        // Keep the first one: a sender that varies the rest, or forges its source address, makes no new finding.
         if let Some(known) = self.seen.iter_mut().find(|one| one.is_same(from, fault)) {
             known.last = mono;
             known.count = known.count.saturating_add(1);

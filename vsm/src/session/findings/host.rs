@@ -12,9 +12,9 @@ pub struct HostFacts {
     pub wall: Duration,
     /// A date that the clock cannot be before.
     pub not_before: Duration,
-    /// Who has the store.
+    /// The process that uses the store.
     pub store: Option<StoreFact>,
-    /// Ports, addresses and devices that cannot be had: the configuration's key, its value, the system's reason.
+    /// Ports, addresses and devices that cannot be used: the configuration's key, its value, the system's reason.
     pub ports: Vec<(&'static str, String, String)>,
     /// The interface of the group where it is none of this computer's, and those that there are.
     pub interface: Option<(String, Vec<String>)>,

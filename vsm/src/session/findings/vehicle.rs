@@ -125,7 +125,7 @@ pub(crate) struct Evidence<'a> {
     /// The key's id; `None` where signing is off.
     pub(crate) key: Option<KeyId>,
     pub(crate) arrivals: &'a Arrivals,
-    /// Who speaks in place of the vehicle, and is none of this link's vehicles.
+    /// A system that sends on the link instead of the vehicle and is not a configured vehicle of the link.
     pub(crate) other: Option<u8>,
     /// Other vehicles have the same link.
     pub(crate) shared: bool,

@@ -140,8 +140,8 @@ struct Record {
 
 vehicle_record!(Record, "altimeter", Process);
 
-/// The setting that a command is judged by: its own where it has one, else the `present` one. 0 is what a full presence
-/// vector carries for none.
+/// The altimeter setting for a command: its own if it has one, otherwise the `present` one. 0 is what a full presence vector
+/// carries for none.
 ///
 /// # Errors
 /// No weather has it.

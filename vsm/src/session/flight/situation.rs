@@ -1,4 +1,4 @@
-//! What a 2016 is judged by, what it can become, and the values that it commands, checked.
+//! The situation in which a 2016 is decided, its possible results, and the checks of its values.
 //!
 //! A field that is absent is not commanded. Neither are the values that a full presence vector carries for "nothing": an
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
@@ -78,7 +78,7 @@ pub(crate) struct Situation<'a> {
     pub(crate) performance: Performance,
     /// As it flies a route: a VTOL on its wings.
     pub(crate) route_performance: Performance,
-    /// Its wings; none of a multicopter.
+    /// Its wings; `None` for a multicopter.
     pub(crate) wings: Option<Wings>,
     /// VTO_LOITER_ALT: how high above its take-off a VTOL loiters after a launch, m.
     pub(crate) vtol_loiter_m: Option<f64>,

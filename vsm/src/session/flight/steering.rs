@@ -158,8 +158,8 @@ impl Steering {
         self.flown.is_some()
     }
 
-    /// The mode is to be entered, whatever the vehicle showed last: what was steered before it was left counts no more, what
-    /// was ordered on the way into it does.
+    /// The mode is to be entered, whatever the vehicle reported last: earlier steering no longer applies, but orders
+    /// received while entering the mode do.
     pub(super) fn enter_again(&mut self) {
         self.flown = self.flown.filter(|flown| !flown.entered);
     }

@@ -345,7 +345,7 @@ impl Payload {
         }))
     }
 
-    /// The one station that a command names, where its sender holds it and it is there.
+    /// The single station that a command names, if its sender holds it and it is present.
     fn station(
         &self,
         context: &Context<'_>,
@@ -694,7 +694,7 @@ impl Task {
     }
 }
 
-/// A payload station that is there.
+/// A present payload station.
 fn station_of<'a>(context: &Context<'a>, number: u8) -> Option<Station<'a>> {
     let all = context.equipment();
     let equipment = all.into_iter().find(|one| one.number == number)?;

@@ -142,7 +142,7 @@ pub(crate) enum Outcome {
     ReleasedTo(Id, Action),
     /// It has left what it was commanded.
     Left(Action),
-    /// It shows no termination any more: PX4 has restarted.
+    /// It no longer reports a termination: PX4 has restarted.
     Restarted,
 }
 
@@ -192,7 +192,7 @@ impl Rules {
 
     fn reset(&self, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
         if self.stage != Stage::Safe {
-            // One that was made before, and was long on its way, must not undo what was ordered since.
+            // An older, delayed order must not undo a newer one.
             two_steps::follows(self.ordered, at)?;
         }
         let outcome = match self.stage {
