@@ -61,7 +61,7 @@ pub enum AirsideError {
     /// The machine.
     #[error(transparent)]
     Agent(#[from] AgentError),
-    /// Keys would be shown to whoever listens on the link.
+    /// Keys would be readable by anyone on the link.
     #[error(
         "px4.link = \"{link}\": PX4's keys go over it, so it must be a serial line or loopback; or vouch for it with \
          px4.i_trust_this_link = true"
@@ -115,7 +115,7 @@ impl AirsideServer {
     /// Opens store, keys and links. Must be called within a tokio runtime.
     ///
     /// # Errors
-    /// Any of them cannot be had; nothing has been sent then.
+    /// Any of them cannot be opened; nothing has been sent in that case.
     pub fn open(config: &AirsideConfig) -> Result<AirsideServer, AirsideError> {
         AirsideServer::open_on(config, &|dir| FileDisk::open(dir))
     }
@@ -262,7 +262,7 @@ impl AirsideServer {
                 asked = self.pairing.accept() => match asked {
                     Ok((stream, _)) => {
                         let greeted = tokio::time::timeout(GREETING_WITHIN, Asker::greet(stream));
-                        // Apart: who is slow to speak holds up no frame. The last to come is listened to.
+                        // In a separate task, so that a slow client delays no frame. The latest client is served.
                         let greeting = async { greeted.await.ok().flatten() };
                         self.greeting = Some(tokio::spawn(greeting));
                     }
@@ -353,7 +353,7 @@ impl AirsideServer {
         }
     }
 
-    /// Stores an order to zeroize before anything of it is acknowledged, and answers who has given it here.
+    /// Stores an order to zeroize before acknowledging it, and answers a client on this computer.
     async fn settle_zeroize(&mut self) {
         if self.agent.zeroize_to_store() {
             // By this thread: whatever else waits for the disk is erased anyway.
@@ -394,9 +394,9 @@ impl AirsideServer {
         }
     }
 
-    /// Reports what happens at the window to whoever opened it.
+    /// Reports the events of the pairing window to the client that opened it.
     async fn report_pairing(&mut self) {
-        // A pairing that is not on the disk yet is none.
+        // A pairing does not exist until it is stored.
         while self.disk.is_stored()
             && let Some(news) = self.agent.poll_pairing()
         {
@@ -490,7 +490,7 @@ impl AirsideServer {
     }
 }
 
-/// Keys for PX4 are shown to whoever can listen on the link.
+/// Keys for PX4 can be read by anyone who can receive the link.
 pub(super) fn may_carry_keys(px4: &Px4) -> Result<(), AirsideError> {
     if px4.i_trust_this_link || key_link::is_local(&px4.link) {
         return Ok(());
@@ -581,7 +581,7 @@ async fn next_ping(pings: &mut Option<Interval>) {
     }
 }
 
-/// Done when whoever stands at the window goes away; never where nobody does.
+/// Completes when the client of the pairing window disconnects; never completes without a client.
 async fn gone(asker: &mut Option<Asker>) {
     match asker {
         Some(asker) => asker.gone().await,

@@ -53,7 +53,7 @@ pub enum OpenError {
         /// The system's reason.
         cause: io::Error,
     },
-    /// Others may read or write it: it holds what decides which frames are believed.
+    /// Others may read or write it: its content decides which frames are accepted.
     #[error("[store] dir {folder} is open to others (mode {mode:03o}), expected 0700: chmod 700 it", folder = folder.display())]
     Permissions {
         /// The folder.

@@ -54,7 +54,7 @@ pub enum KeyLinkError {
         "the vehicle's link is encrypted (vehicle.encrypt): its keys come from its agent, by `vsm pair`"
     )]
     Encrypted,
-    /// The key would be shown to whoever listens on the link.
+    /// The key would be readable by anyone on the link.
     #[error(
         "SETUP_SIGNING shows the key to anyone who can receive {link}: use a serial line or loopback, or \
          vouch for this link with --i-trust-this-link"

@@ -18,7 +18,7 @@ use crate::config::{Config, Dli, ForwardLink, LinkAddress, Vehicle};
 use crate::session::Peer;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 
-/// A socket that cannot be had.
+/// A socket that cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum SocketError {
     /// The address cannot be bound.
@@ -33,7 +33,7 @@ pub enum SocketError {
         /// What to do.
         hint: &'static str,
     },
-    /// The interface of the group is none of this computer's, or has no address of the group's kind.
+    /// The interface of the group does not exist on this computer, or has no address of the group's kind.
     #[error("dli.interface: {0}; for example interface = \"lo\"")]
     Interface(GroupError),
     /// The host of a udpout link has no address.
@@ -175,7 +175,7 @@ impl VehicleReader {
 }
 
 impl VehicleReader {
-    /// A datagram that is there already; `None` where there is none, and on what is no socket of datagrams.
+    /// A datagram that has already arrived; `None` if there is none, or if this is not a datagram socket.
     pub fn try_receive(&mut self, bytes: &mut [u8]) -> Option<(usize, Peer)> {
         let VehicleReader::Udp(socket) = self else {
             return None;
@@ -197,7 +197,7 @@ impl VehicleWriter {
         }
     }
 
-    /// Who is there is the ground station: a connection of TCP that is not is closed after some seconds.
+    /// The other end is the ground station. (A TCP connection that does not prove this is closed after some seconds.)
     pub fn accept(&self, peer: Peer) {
         if let (VehicleWriter::Tcp(connections), Peer::Tcp(peer)) = (self, peer) {
             connections.accept(peer);

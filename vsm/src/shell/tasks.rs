@@ -4,7 +4,7 @@
 //! keeps PX4 from starting its failsafe, and a service manager that still gets its pings never starts it again. So:
 //!
 //! - [`Tasks::run`] returns at the first task that ends, whether it returned or panicked, and names it; only one that has
-//!   reported that nobody needs it any more ([`Beat::finish`]) may return;
+//!   reported that it is no longer needed ([`Beat::finish`]) may return;
 //! - a round goes through every task by its [`Beat`], once a second or faster. Only a round that all have answered
 //!   feeds the service manager's watchdog; a task that does not answer for [`STUCK_AFTER`] ends the program, also where
 //!   no service manager waits.
@@ -59,7 +59,7 @@ pub enum TaskFault {
 /// By which one task shows that it works.
 #[derive(Debug, Default)]
 pub struct Beat {
-    /// It returns because it is not needed any more.
+    /// It returns because it is no longer needed.
     done: Cell<bool>,
     asked: Cell<u64>,
     answered: Cell<u64>,
@@ -80,7 +80,7 @@ impl Beat {
         .await
     }
 
-    /// The task is about to return, and nobody needs it any more.
+    /// The task is about to return because it is no longer needed.
     pub fn finish(&self) {
         self.done.set(true);
     }

@@ -81,12 +81,12 @@ impl Names {
         format!("{}complete", self.prefix)
     }
 
-    /// Who is there, with his lease.
+    /// The present nodes, with their leases.
     pub(super) fn node(&self, node: &str) -> String {
         format!("{}node/{node}", self.prefix)
     }
 
-    /// Who is not to serve.
+    /// The drained nodes.
     pub(super) fn drained(&self, node: &str) -> String {
         format!("{}drained/{node}", self.prefix)
     }

@@ -165,7 +165,7 @@ impl Answers {
     }
 
     fn send(&self, done: Done) {
-        // Nobody reads it any more once the bridge has ended.
+        // After the end of the bridge nobody reads it.
         let _ = self.done.send(done);
     }
 
@@ -201,7 +201,7 @@ impl Answers {
         }
     }
 
-    /// What nobody has paired with costs no more than this look.
+    /// Without any pairing this check is the only cost.
     fn take_step(&mut self, from: SocketAddr, bytes: &[u8]) {
         let Some(step) = ExchangeDatagram::parse(bytes) else {
             return;

@@ -1,5 +1,6 @@
-//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second
-//! thread synchronises the disk, and a third agrees about keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket of who asks for it).
+//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second thread
+//! synchronises the disk, and a third agrees on keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket for
+//! such requests).
 
 mod encryption;
 mod error;
@@ -103,7 +104,7 @@ impl Server {
     /// Lets the file of the configuration be read again while it serves: by SIGHUP, and by `vsm reload`.
     ///
     /// # Errors
-    /// The socket for `vsm reload` cannot be had.
+    /// The socket for `vsm reload` cannot be opened.
     pub fn reload_from(&mut self, path: &Path) -> Result<(), StartError> {
         let listener = {
             let core = self.shared.core.borrow();

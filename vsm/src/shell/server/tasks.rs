@@ -88,7 +88,7 @@ pub(super) async fn receive_vehicle(
             }
         };
         let Some(received) = beat.during(received).await else {
-            // No vehicle is on this link any more; its socket closes with this task.
+            // No vehicle uses this link now; its socket closes with this task.
             return beat.finish();
         };
         match received {
@@ -137,7 +137,7 @@ pub(super) async fn receive_forward(
             }
         };
         let Some(received) = beat.during(received).await else {
-            // The configuration has it no more; its socket closes with this task.
+            // It was removed from the configuration; its socket closes with this task.
             return beat.finish();
         };
         match received {
@@ -164,7 +164,7 @@ pub(super) async fn receive_forward(
             }),
             Err(cause) => pause_after("the link of a ground station", &cause).await,
         }
-        // Who sends without a pause must not keep the vehicles and the clock from their turn.
+        // A station that sends continuously must not block vehicles and timers.
         beat.during(tokio::task::yield_now()).await;
     }
 }

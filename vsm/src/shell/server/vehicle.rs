@@ -164,7 +164,7 @@ pub(super) fn vehicle_keys(
         keys.commit()?;
     }
     if keys.current()?.is_none() && mode == ExchangeMode::Legacy {
-        // Until there is an agreed key the link has one that nobody else holds: nothing unsigned is believed.
+        // Until a key is agreed the link has a random key that nobody else holds, so that no unsigned frame is accepted.
         keys.stage(&key_file::random().map_err(StartError::Random)?)?;
         keys.commit()?;
     }

@@ -34,7 +34,7 @@ pub(super) enum Query {
 type Moment = Option<Duration>;
 
 impl Query {
-    /// Answers it; whoever asked may have left.
+    /// Answers it; the client may be gone.
     pub(super) fn answer(self, source: &impl Source, kept: &mut Kept) {
         let _ = match self {
             Query::Page(to) => {
@@ -184,7 +184,7 @@ async fn ask(
     }
 }
 
-/// A picture of the ground; none where there is none, which a map shows as the grid.
+/// A map tile; `None` if there is none, where the map shows its grid.
 async fn tile(tiles: Option<Arc<Tiles>>, (zoom, x, y): (u8, u32, u32)) -> Response<Body> {
     let Some(tiles) = tiles else {
         return text(StatusCode::NOT_FOUND, THERE_ARE);

@@ -267,7 +267,7 @@ impl Connection {
         sent.map_err(|_| Ended::ByBridge(WebRefusal::Ends))
     }
 
-    /// The next messages of a route: no more than a station may send, or they would be dropped.
+    /// The next messages of a route: only as many as the station's rate limit allows, since others would be dropped.
     async fn send_route(&mut self) -> Result<(), Ended> {
         for _ in 0..ROUTE_BATCH {
             let Some(bytes) = self.route.pop_front() else {
@@ -281,7 +281,7 @@ impl Connection {
     async fn ping(&mut self, socket: &mut WebSocket) -> Result<(), Ended> {
         let now = Instant::now();
         if now.saturating_duration_since(self.answered) > SILENCE {
-            // Who sends and answers no ping reads nothing.
+            // A client that sends but answers no ping is not reading.
             let sends = now.saturating_duration_since(self.received) <= SILENCE;
             return Err(Ended::Refused(if sends {
                 WebRefusal::TooSlow

@@ -20,7 +20,7 @@ pub(super) struct Taken {
 /// Reads it.
 ///
 /// # Errors
-/// It is none, or cannot be sent as it is: what was found, and where.
+/// The file is not a route, or cannot be sent unchanged: with what was found, and where.
 pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
     // Of the name its ending is used, and it stands in errors: it names no file here.
     let name = Path::new(&file.file)
@@ -46,7 +46,7 @@ pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
     })
 }
 
-/// A frame has an end: of many the first are named, and how many more there are.
+/// A frame is bounded: names the first losses, and the number of the others.
 fn lost_of(losses: &Losses) -> Vec<String> {
     let named = losses.lost.iter().take(MAX_NAMED);
     let mut named: Vec<String> = named.map(|loss| lost(loss, losses)).collect();
