@@ -83,7 +83,7 @@ table! {
         /// Interface of the group: its name, such as `"eth0"`, or an address of it
         #[serde(default, deserialize_with = "interface")]
         pub interface: Option<Interface> => Nothing("the system's"),
-        /// Hops that what is sent to the group may take, 0 to 255: 0 stays on this computer, 1 in the network at hand
+        /// Maximum number of hops of datagrams to the group, 0 to 255: 0 stays on this computer, 1 in the network at hand
         #[serde(default = "ttl", deserialize_with = "hops")]
         pub ttl: u8 => Value("1"),
         /// Addresses that may send to the group; with none, all. IPv4: the network is asked for these alone (IGMPv3)

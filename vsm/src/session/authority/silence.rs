@@ -112,7 +112,7 @@ fn what_follows(context: &Context<'_>) -> String {
     let on_loss = context.settings.authority.on_loss;
     let telemetry = &context.vehicle.telemetry;
     if context.termination.holds {
-        return "a flight termination is commanded, nothing else is".to_owned();
+        return "a flight termination is commanded: no other command is sent".to_owned();
     }
     if !context.vehicle.live() {
         return match on_loss {
@@ -214,6 +214,9 @@ mod tests {
         assert_eq!(text, "vehicle is in AUTO.RTL already, nothing is commanded");
         world.termination.holds = true;
         let text = announced(&mut world, None);
-        assert_eq!(text, "a flight termination is commanded, nothing else is");
+        assert_eq!(
+            text,
+            "a flight termination is commanded: no other command is sent"
+        );
     }
 }
