@@ -129,12 +129,12 @@ pub enum VehicleWriter {
     Udp(std::rc::Rc<UdpSocket>),
     /// Connections of TCP, each with a queue.
     Tcp(TcpWriter),
-    /// A stream of bytes, written by a task of its own: a port that takes nothing (flow control, a pulled plug) holds
-    /// up no other link. What it has no room for is lost, as on any link.
+    /// A stream of bytes, written by a separate task, so that a blocked port (flow control, an unplugged device) delays no
+    /// other link. Frames beyond its queue are lost, as on any link.
     Serial(SerialQueue),
 }
 
-/// Frames on their way to a serial port, each with the time it was queued.
+/// Frames queued for a serial port, each with its time.
 #[derive(Debug, Clone)]
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
@@ -149,8 +149,7 @@ impl SerialQueue {
 }
 
 impl VehicleReader {
-    /// What came, and from where, at most `MAX_AT_ONCE` bytes. A datagram that is longer is not the vehicle's, and is
-    /// passed over.
+    /// Receives at most `MAX_AT_ONCE` bytes, with their source. A longer datagram is not the vehicle's and is dropped.
     ///
     /// # Errors
     /// The system's.
@@ -204,7 +203,7 @@ impl VehicleWriter {
         }
     }
 
-    /// Sends one frame, or loses it: nobody waits.
+    /// Sends one frame or drops it, without waiting.
     ///
     /// # Errors
     /// The system's; [`io::ErrorKind::WouldBlock`] where there is no room.
@@ -251,8 +250,8 @@ const SERIAL_QUEUE: usize = 64;
 /// is repeated by the protocols above.
 const SERIAL_PATIENCE: Duration = Duration::from_secs(2);
 
-/// Writes what is queued, in its order, until nobody sends any more. A frame that the port does not take is lost, as on
-/// any link: a task that ended here would be a link that is dead for good while the rest of the program lives on.
+/// Writes the queue in order until all senders are gone. A frame that the port does not accept is lost, as on any link: if
+/// this task ended on an error, the link would be dead while the rest of the program runs.
 fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueue {
     let (queue, mut frames) = mpsc::channel::<(Instant, Zeroizing<Vec<u8>>)>(SERIAL_QUEUE);
     tokio::spawn(async move {
@@ -323,7 +322,7 @@ fn found(
     })
 }
 
-/// What knows the address of a host and port, and may take its time.
+/// Resolves host and port; may be slow.
 pub type Resolver = fn(&str) -> io::Result<Option<SocketAddr>>;
 
 /// The system's resolver.

@@ -62,7 +62,7 @@ pub struct Server {
     zeroize: UnixListener,
     /// Where a person pairs the guard of a CUCS.
     pairing: UnixListener,
-    /// What has come of it.
+    /// The results of pairings.
     agreed: UnboundedReceiver<Done>,
     page: Option<(TcpListener, Page)>,
     /// The WebSocket of the page, where web clients may control.
@@ -249,5 +249,5 @@ impl Server {
     }
 }
 
-/// What is left to write gets so long at the end: longer than a slow disk takes, shorter than a service manager waits.
+/// Time limit for remaining writes at the end: longer than a slow disk takes, shorter than a service manager waits.
 const LAST_WRITES: Duration = Duration::from_secs(10);
