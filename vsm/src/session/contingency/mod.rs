@@ -2,10 +2,10 @@
 //! VSM (`vehicle.contingency`, or 50023), or, without a link to the ground, by the air-side agent (`contingency` of `airside.toml`).
 //! One machine for both, which writes by an [`Outlet`].
 //!
-//! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
-//! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
-//! sent what is flown, and has the last word: a new decision, taken 3 s or more after the alert, ends the action, and it is
-//! not flown again before the cause was gone, unless that CUCS is lost or releases control.
+//! PX4 has its own failsafes for each of these, which take precedence, as does a pilot. A contingency adds what PX4's
+//! parameters cannot do: a route home instead of a straight line, or an action before PX4's own thresholds. The controlling
+//! CUCS is notified and has the final decision: a new command, 3 s or more after the alert, ends the action, and it is not
+//! flown again until the cause was gone, unless that CUCS is lost or releases control.
 //!
 //! ```text
 //! clear --confirmed by reports--> stands --commanded--> trying(action, n) --shown / a pilot's / an operator's--> handled
@@ -14,12 +14,12 @@
 //!   +------------------------- the cause is gone for CLEAR_AFTER, or the vehicle is on the ground ------------------+
 //! ```
 //!
-//! A contingency route that was flown to its end is not flown again from its start: the vehicle holds there for whoever controls
-//! it, and returns where nobody does. What was handled is on disk: a restart neither flies it again nor forgets what has not been
-//! flown. A failsafe of PX4 ends nothing: the action waits for its end, of one that only holds not for long. Which goes first,
-//! this or the loss action, is decided in `priority`; `cause`: whether one stands; `reported`: what a vehicle reports of each; `setting`: what
-//! CUCSs have set; `outlet`: what the machine needs of whoever runs it; `provision`: what is to be
-//! flown for each cause; `record`: what is kept over a restart.
+//! A completed contingency route is not flown again: the vehicle holds at its end for the controlling CUCS, or returns if
+//! nobody is in control. Handled causes are stored on disk: a restart neither flies an action again nor forgets one that has
+//! not been flown. A PX4 failsafe does not end a contingency: the action waits for the end of the failsafe, but only for a
+//! limited time if that merely holds. Which goes first, this or the loss action, is decided in `priority`; `cause`: whether
+//! one stands; `reported`: what a vehicle reports of each; `setting`: what CUCSs have set; `outlet`: what the machine needs
+//! of whoever runs it; `provision`: what is to be flown for each cause; `record`: what is kept over a restart.
 
 mod cause;
 mod outlet;
@@ -61,13 +61,13 @@ pub(crate) struct Contingencies {
     trying: Option<Trying>,
     /// When the first alert about each was raised, since it stands.
     alerted: [Option<Duration>; Trigger::ALL.len()],
-    /// The record could not be written, and is written again then.
+    /// When to retry writing the record; `None` if it is stored.
     unsaved: Option<Duration>,
     /// Data is received from the vehicle since then.
     live_since: Option<Duration>,
 }
 
-/// What has become of a contingency, for 50023.
+/// The state of a contingency, for 50023.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Standing {
     Absent,
@@ -177,7 +177,7 @@ impl ContingencyContext {
 }
 
 impl Contingencies {
-    /// What a restart finds.
+    /// Restores the record after a restart.
     pub(crate) fn restore(&mut self, effects: &mut dyn Outlet) -> Result<(), StoreError> {
         let record = effects.load()?.unwrap_or_default();
         (self.handled, self.set) = (record.handled, record.set);
@@ -194,13 +194,13 @@ impl Contingencies {
         }
     }
 
-    /// How urgent what is being tried is.
+    /// The urgency of the action being tried.
     pub(crate) fn urgency(&self) -> Option<Urgency> {
         self.trying
             .map(|trying| Urgency::of_contingency(trying.action))
     }
 
-    /// How urgent what the vehicle flies is, where a contingency whose cause lasts has led to it.
+    /// The urgency of what the vehicle flies, if it is the action of a contingency whose cause persists.
     pub(crate) fn flown(
         &self,
         mode: Option<Px4Mode>,
@@ -240,7 +240,7 @@ impl Contingencies {
         !self.handled.is_empty()
     }
 
-    /// A cause stands, and neither a pilot nor an operator has decided otherwise.
+    /// A cause is active, and neither a pilot nor an operator has taken over.
     pub(crate) fn stands(&self) -> bool {
         let flown = |one: &Handled| one.end.flown().is_some() && self.is_present(one.trigger);
         self.trying.is_some() || self.handled.iter().any(flown)
@@ -279,7 +279,7 @@ impl Contingencies {
         })
     }
 
-    /// The CUCS in control commands something else in the knowledge of what stands: it decides.
+    /// The CUCS in control, which knows of the contingency, sends another command: its decision applies.
     pub(crate) fn overridden(&mut self, config: &Provision, effects: &mut dyn Outlet) {
         let standing = Trigger::ALL
             .into_iter()
@@ -324,7 +324,7 @@ impl Contingencies {
         }
     }
 
-    /// The CUCS in control has released the vehicle, and nobody has taken it: what it has ended is flown again.
+    /// The CUCS in control has released the vehicle and nobody has taken it: actions that it ended are flown again.
     pub(crate) fn released(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         self.handled.retain(|one| one.end != End::Operator);
@@ -345,7 +345,7 @@ impl Contingencies {
         self.alerted = Default::default();
     }
 
-    /// The vehicle gets no further on what a contingency has led to: it returns, or lands. False where none has.
+    /// The vehicle makes no progress on a contingency action: it returns or lands. Returns false if it flies none.
     pub(crate) fn begin_again(&mut self, now: Duration) -> bool {
         let flown = |one: &&Handled| one.end.flown().is_some();
         let flown = self.handled.iter().find(flown).map(|one| one.trigger);
@@ -358,7 +358,7 @@ impl Contingencies {
         true
     }
 
-    /// Looks at what the vehicle reports: which causes stand, and what is done with them.
+    /// Checks the vehicle's reports: determines the active causes and their actions.
     pub(crate) fn watch(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         if self.unsaved.is_some_and(|at| at <= context.now) {
             self.save(effects);
@@ -548,7 +548,7 @@ impl Contingencies {
             self.raise(before.trigger, AlertPriority::Warning, text, effects);
         }
         if waits || why.is_some() {
-            // Not counted as a try: the vehicle did not get the chance to refuse.
+            // Not counted as an attempt: the vehicle had no chance to refuse.
             self.trying = Some(Trying { next_at, ..before });
             return None;
         }
@@ -739,11 +739,11 @@ pub(crate) fn modes(action: Action) -> &'static [Px4Mode] {
     }
 }
 
-/// Tries of an action before the next.
+/// Attempts of an action before the next one.
 const MAX_TRIES: u32 = 2;
-/// From one try, or look, to the next.
+/// Time between two attempts or checks.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
-/// Nobody has read an alert, and decided, in less.
+/// The minimum time to read an alert and decide.
 const READ_WITHIN: Duration = Duration::from_secs(3);
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
 /// ESTIMATOR_STATUS comes every two seconds, and may be lost.

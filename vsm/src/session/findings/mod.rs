@@ -1,9 +1,9 @@
-//! What does not work, and why: for each fault one line of cause and one of cure.
+//! Findings: for each fault, one line with the cause and one with the remedy.
 //!
-//! A finding is judged from what was counted and seen, by pure functions, and from nothing else: `vsm doctor`, the status,
-//! the log and the alerts all show the same. It stands as long as its evidence is fresh. Parts:
+//! Findings are derived by pure functions from counters and other evidence only, so that `vsm doctor`, the status, the log
+//! and the alerts all show the same. A finding is active as long as its evidence is fresh. Parts:
 //!
-//! - `dli`: what arrived from ground stations and could not be used; filled in as datagrams arrive
+//! - `dli`: unusable data from ground stations; recorded as datagrams arrive
 //! - `vehicle`: what arrives on a vehicle's link in place of verified frames
 //! - `host`: this computer: clock, store, ports, interfaces, key files; looked at by the shell
 //!
