@@ -22,7 +22,7 @@ const NOTICE: Duration = Duration::from_millis(100);
 /// Datagrams a second that are looked at. What a subject may answer to the floods of the suite's own rules is below it.
 const MAX_RECEIVED_PER_S: usize = 10_000;
 /// How far stamps may be ahead of the clock, ms: far less than any VSM allows.
-const MOST_AHEAD_MS: u64 = 100;
+const MAX_AHEAD_MS: u64 = 100;
 
 /// A datagram of the run.
 #[derive(Clone, Debug)]
@@ -198,7 +198,7 @@ impl Net {
     /// A time stamp for a message: the time, but later than every one before. Waits a millisecond where more messages than
     /// milliseconds have gone by: a VSM may refuse what comes from the future, and that is no part of the rule that is played next.
     pub fn stamp(&self) -> i64 {
-        if self.last_stamp.load(Ordering::SeqCst) > self.wall_ms() + MOST_AHEAD_MS {
+        if self.last_stamp.load(Ordering::SeqCst) > self.wall_ms() + MAX_AHEAD_MS {
             std::thread::sleep(Duration::from_millis(1));
         }
         let now = self.wall_ms();

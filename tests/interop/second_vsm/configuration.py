@@ -123,7 +123,7 @@ class Configuration:
             answers += [self.value(2016, MODE_FIELD, mode, AVAILABLE if now else UNAVAILABLE)
                         for mode, now in self.vehicle.steering.availability().items() if (mode in steering.NEEDS_LOI_5) == five]
         if kind == OF_LOI_4:
-            answers += [(43001, {"Route Type": kind, "Instances": 4, "Maximum Number of Waypoints": mission.MOST_WAYPOINTS,
+            answers += [(43001, {"Route Type": kind, "Instances": 4, "Maximum Number of Waypoints": mission.MAX_WAYPOINTS,
                                  "Location Type Support": 0}) for kind in range(5)]
         if kind == OF_LOI_3:
             answers += [(21000, fields) for fields in self.vehicle.payloads.configuration(stations)]

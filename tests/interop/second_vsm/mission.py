@@ -13,7 +13,7 @@ CLEAR, LOAD, DOWNLOAD, DOWNLOAD_ONE, CANCEL = 1, 2, 3, 4, 5
 IN_PROGRESS, COMPLETE, REJECTED = 0, 1, 2
 LAUNCH_ROUTE, APPROACH, FLIGHT, CONTINGENCY_A, CONTINGENCY_B = range(5)
 LOWEST_M, HIGHEST_M, FASTEST_MPS = -500.0, 5000.0, 25.0
-LONGEST_LEG_M, MOST_WAYPOINTS = 50_000.0, 600
+LONGEST_LEG_M, MAX_WAYPOINTS = 50_000.0, 600
 CURVE_PARTS = 24
 # The link to the aircraft: what a transfer takes.
 UPLOAD_S, UPLOAD_PER_WAYPOINT_S = 0.4, 0.002
@@ -223,8 +223,8 @@ class Mission:
             return plan.problem
         if not plan.waypoints:
             return "no waypoint has been sent"
-        if len(plan.waypoints) > MOST_WAYPOINTS:
-            return f"{len(plan.waypoints)} waypoints: expected up to {MOST_WAYPOINTS}"
+        if len(plan.waypoints) > MAX_WAYPOINTS:
+            return f"{len(plan.waypoints)} waypoints: expected up to {MAX_WAYPOINTS}"
         for route, fields in plan.routes.items():
             if fields["Initial Waypoint Number"] not in plan.waypoints:
                 return f"route {route!r} begins at waypoint {fields['Initial Waypoint Number']}, which has not been sent"

@@ -144,9 +144,9 @@ class Vehicle:
         self.alerts.tick(now)
         self.confirm(now)
         self.lapse(now)
-        self.tell_changes()
+        self.report_changes()
 
-    def tell_changes(self):
+    def report_changes(self):
         mode = self.steering.reported_mode()
         if mode != self._mode_sent and self.status_is_fresh():
             self._mode_sent = mode

@@ -46,7 +46,7 @@ struct Arguments {
     /// Edition of STANAG 4586 to speak: 2.5, 3 or 4.
     #[arg(long, value_name = "2.5|3|4", default_value = "4", global = true)]
     edition: Edition,
-    /// Hops that what is sent to the group may take, 0 to 255.
+    /// Maximum number of hops for datagrams to the group, 0 to 255.
     #[arg(long, value_name = "HOPS", default_value_t = 1, global = true)]
     ttl: u8,
     /// Id of this CUCS; the VSM's configuration must list it.
@@ -74,7 +74,7 @@ enum Command {
         /// Script file; route files in it are relative to it.
         file: PathBuf,
     },
-    /// Interactive shell: run subcommands, print alerts as they arrive.
+    /// Start an interactive shell: run subcommands, print alerts as they arrive.
     Shell,
 }
 

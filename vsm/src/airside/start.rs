@@ -128,7 +128,7 @@ impl Agent {
             self.reports.note(
                 LogLevel::Warning,
                 format!(
-                    "the handover of key {} is not finished: resuming it",
+                    "the rotation to key {} is not finished: resuming it",
                     next.id()
                 ),
             );

@@ -83,7 +83,7 @@ table! {
         /// Interface of the group: its name, such as `"eth0"`, or an address of it
         #[serde(default, deserialize_with = "interface")]
         pub interface: Option<Interface> => Nothing("the system's"),
-        /// Hops that what is sent to the group may take, 0 to 255: 0 stays on this computer, 1 in the network at hand
+        /// Maximum number of hops of datagrams to the group, 0 to 255: 0 stays on this computer, 1 in the network at hand
         #[serde(default = "ttl", deserialize_with = "hops")]
         pub ttl: u8 => Value("1"),
         /// Addresses that may send to the group; with none, all. IPv4: the network is asked for these alone (IGMPv3)
@@ -425,7 +425,7 @@ impl Config {
         let unguarded: Vec<_> = unguarded.map(|cucs| cucs.id.to_string()).collect();
         if !open.is_empty() && !unguarded.is_empty() {
             warnings.push(format!(
-                "DLI on {}: CUCSs are not authenticated without a guard: whoever can send there from the address of {} can command \
+                "DLI on {}: CUCSs are not authenticated without a guard: anyone who can send there from the address of {} can command \
                  its vehicles; give it a guard, or keep the DLI on loopback, or behind a tunnel or firewall",
                 open.join(" and "),
                 unguarded.join(", ")

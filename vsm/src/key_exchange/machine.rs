@@ -647,7 +647,7 @@ impl KeyExchange {
 
     fn notify(&self, now: Now, notice: ExchangeNotice, with: &mut Surroundings<'_>) {
         with.bridge
-            .tell_of_exchange(self.index, now, notice, with.store);
+            .notify_of_exchange(self.index, now, notice, with.store);
     }
 }
 

@@ -142,7 +142,7 @@ fn provision(
         Some(_) => Wish::This,
     };
     let link = (&config, &vehicle, path.as_path());
-    hand_over(link, &key, over, wish)
+    rotate_to(link, &key, over, wish)
 }
 
 fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
@@ -155,7 +155,7 @@ fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
     }
     let wish = if revoke { Wish::Revoke } else { Wish::AnyNew };
     let link = (&config, &vehicle, path.as_path());
-    hand_over(link, &random, over, wish)
+    rotate_to(link, &random, over, wish)
 }
 
 fn random() -> Result<SigningKey, Failure> {
@@ -165,7 +165,7 @@ fn random() -> Result<SigningKey, Failure> {
 /// Which key the vehicle must have in the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wish {
-    /// Another one: that of an earlier, unfinished handover too.
+    /// Any key other than the present one, also that of an earlier, unfinished rotation.
     AnyNew,
     /// The given one.
     This,
@@ -176,9 +176,9 @@ enum Wish {
 /// The configuration, the vehicle and its key file.
 type Link<'a> = (&'a Config, &'a Vehicle, &'a Path);
 
-/// A rollover that an earlier command did not finish is finished first, and a vehicle that fell back is given the key in
-/// force again. Where the key that it has then is not the one that is wished, another handover follows.
-fn hand_over(
+/// Finishes first a rotation that an earlier command left unfinished, and gives a vehicle that fell back the key in force
+/// again. If the vehicle's key is then not the wished one, another rotation follows.
+fn rotate_to(
     link: Link<'_>,
     key: &dyn Fn() -> Result<SigningKey, Failure>,
     over: &Over,
@@ -218,7 +218,7 @@ fn holds_previous(path: &Path) -> Result<bool, Failure> {
     Ok(previous.is_some())
 }
 
-/// One handover, from its opening to its end; returns whether it was of another key, which an earlier command had left.
+/// One rotation, from opening the link to its end; returns whether it was for another key, left by an earlier command.
 fn round(
     (config, vehicle, path): Link<'_>,
     what: What,
@@ -339,7 +339,7 @@ fn conclude(ending: Ending, path: &Path) -> anyhow::Result<()> {
         Ending::Ended(Outcome::SeveralAutopilots) => {
             bail!("nothing was sent: leave only one vehicle on the link")
         }
-        Ending::NotHeard => bail!("nothing was sent: no data from the vehicle"),
+        Ending::NotReceived => bail!("nothing was sent: no data from the vehicle"),
         Ending::ForeignKey => bail!(
             "nothing was sent: the vehicle signs with a key that is neither in {} nor the one before",
             path.display()
@@ -437,7 +437,7 @@ fn list(config: &Path) -> Result<(), Failure> {
         };
         for (part, meaning) in [
             ("", "in force"),
-            (".next", "being handed over: the vehicle may have it"),
+            (".next", "rotation not finished: the vehicle may have it"),
             (".previous", "the one before"),
         ] {
             let file = beside(path, part);

@@ -101,7 +101,7 @@ enum Command {
     #[cfg(feature = "klv")]
     Klv(klv::Klv),
     Replay(replay::Arguments),
-    /// Let a running bridge read its configuration again, and show what of it is applied
+    /// Reload the configuration of a running bridge, and show which changes it applies
     Reload {
         #[command(flatten)]
         config: ConfigArg,

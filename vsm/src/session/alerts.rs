@@ -1,4 +1,4 @@
-//! Which alerts stand, and which id each has: raised once, updated when it changes, cleared when its cause goes.
+//! The active alerts and their ids: an alert is raised once, updated when it changes, and cleared when its cause is gone.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,67 +12,67 @@ use super::allowance::{Allowance, Rate};
 use super::findings::Code;
 use super::trigger::Trigger;
 
-/// A cause that lasts. One alert stands for each at a time, per vehicle.
+/// A lasting cause. Each has at most one active alert per vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
-    /// No verified word of the vehicle about its state.
+    /// No verified data from the vehicle.
     VehicleSilent,
     /// Signing is off by configuration.
     SigningOff,
     /// The controlling CUCS is silent.
     CucsSilent,
-    /// The controlling CUCS is lost, and the vehicle does not do what is configured for that.
+    /// The controlling CUCS is lost, and the vehicle does not carry out the configured loss action.
     LossAction,
-    /// What a contingency is for, and what is flown for it.
+    /// The cause of a contingency, and the action flown for it.
     Contingency(Trigger),
-    /// The vehicle does not report what a contingency is judged by.
+    /// The vehicle does not report the values that a contingency needs.
     ContingencyUnwatched,
-    /// What was done for one cannot be stored.
+    /// The state of a contingency cannot be stored.
     ContingencyRecord,
     /// A record could not be written.
     Store,
-    /// What was written cannot be brought to the disk.
+    /// Written data cannot be made durable on the disk.
     Disk,
-    /// Commands cannot be written down.
+    /// Commands cannot be logged.
     CommandLog,
-    /// Held commands cannot be.
+    /// Held commands cannot be stored.
     HeldCommands,
-    /// What the vehicle does by itself when it receives no ground station.
+    /// What the vehicle does by itself when its link to the ground is lost.
     OwnFailsafe,
     /// Another MAVLink system has operator control of the vehicle.
     OperatorControl,
-    /// Its mission does not get on, and it was commanded to hold.
+    /// The mission makes no progress, and the vehicle was commanded to hold.
     Stalled,
-    /// It sank below its mission, and was commanded to hold.
+    /// The vehicle sank below its mission and was commanded to hold.
     Sinking,
-    /// The audit log does not follow from itself.
+    /// The audit log's hash chain is broken.
     Audit,
-    /// A key that waits, or an exchange that cannot be.
+    /// A new key is waiting, or the key exchange fails.
     KeyExchange,
-    /// It is outside the altitudes of its limits.
+    /// The vehicle is outside its altitude limits.
     AltitudeBand,
-    /// The geofence aboard is not what it should be.
+    /// The geofence aboard is not the loaded one.
     Fence,
     /// The rally points aboard are not those of the configuration.
     Rally,
-    /// The vehicle's RTL_TYPE ignores them.
+    /// The vehicle's RTL_TYPE ignores the rally points.
     RallyIgnored,
-    /// A flight termination is armed, commanded or done.
+    /// A flight termination is armed, commanded or executed.
     Termination,
-    /// The vehicle's own checks keep it from being armed.
+    /// The vehicle's own checks prevent arming.
     ArmingChecks,
-    /// The vehicle reports where it is no more.
+    /// The vehicle no longer reports its position.
     Unreported,
     /// A zeroize is armed or ordered.
     Zeroize,
-    /// Something that the vehicle itself reports as wrong.
+    /// A fault that the vehicle itself reports.
     HealthFault(HealthFault),
-    /// Something that does not work, distinguished from others of its code by a number.
+    /// A finding; the number distinguishes several with the same code.
     Finding(Code, u32),
 }
 
 impl Cause {
-    /// Whether it explains why the vehicle is not received. A vehicle that receives nothing itself is.
+    /// Whether it explains why no data of the vehicle is received. (A vehicle that does not receive us is itself received.)
     fn explains_silence(self) -> bool {
         matches!(
             self,
@@ -98,24 +98,26 @@ impl Cause {
 pub(crate) struct Alerts {
     next_id: i32,
     standing: Vec<(Cause, Alert)>,
-    /// Texts sent lately, so that a repeated one is not sent a hundred times.
+    /// Texts sent recently, so that a repeated text is not sent a hundred times.
     lately: Vec<(Duration, AlertPriority, String)>,
-    /// Answers that stand, the oldest first.
+    /// Answers that are shown, the oldest first.
     answers: VecDeque<Answered>,
-    /// By station.
+    /// Refusals, by station.
     refusals: Vec<Refusals>,
-    /// That AGL is flown as height above home has been sent.
+    /// Whether the notice was sent that AGL is flown as height above home.
     agl_sent: bool,
-    /// That the vehicle is silent, while a finding stands in its place that explains why: one fault is one alert.
+    /// The alert that the vehicle is silent, while a finding that explains the silence is shown in its place: one fault, one
+    /// alert.
     silence: Option<Alert>,
-    /// Which of those that stand a person has seen.
+    /// Active alerts that a station has acknowledged.
     acknowledged: Vec<Acknowledged>,
-    /// What happens once: of emergencies, and of the rest.
+    /// Rate limits of one-time notices: emergencies, and all others.
     notices: [Allowance; 2],
     left_out: u32,
-    /// What begins, changes and ends.
+    /// Rate limit of alerts that begin, change and end.
     changes: Allowance,
-    /// What of that waits: a vehicle that flutters at the rate of its frames keeps no station from what others report.
+    /// Changes delayed by the rate limit, so that one vehicle changing with every frame cannot crowd out other vehicles'
+    /// alerts.
     late: Vec<Raised>,
 }
 
@@ -128,25 +130,25 @@ pub(crate) struct Acknowledged {
     pub(crate) at: Duration,
 }
 
-/// What stations are sent of the commands that were refused to them.
+/// The rate-limited refusals sent to a group of stations.
 #[derive(Debug, Default)]
 struct Refusals {
     to: Vec<usize>,
-    /// Of all texts.
+    /// Rate limit of all texts.
     all: Allowance,
-    /// Of each that was sent lately.
+    /// Rate limit of each text that was sent recently.
     texts: Vec<(String, Allowance)>,
     left_out: u32,
 }
 
 impl Refusals {
-    /// Whether one more with this text is sent.
+    /// Whether another refusal with this text may be sent.
     fn takes(&mut self, now: Duration, text: &str) -> bool {
         self.texts.retain(|(_, same)| !same.is_full(now));
         let known = self.texts.iter().position(|(known, _)| known == text);
         let mut same = known.map_or_else(Allowance::default, |at| self.texts.swap_remove(at).1);
         let sent = same.take(now, SAME_REFUSAL) && self.all.take(now, REFUSALS);
-        // No more of them than the other bucket lets through.
+        // Store only texts that were sent: the other rate limit then bounds their number.
         if sent || known.is_some() {
             self.texts.push((text.to_owned(), same));
         }
@@ -157,7 +159,7 @@ impl Refusals {
 /// An answer to one message.
 #[derive(Debug)]
 struct Answered {
-    /// When it is over.
+    /// When it is cleared.
     until: Duration,
     id: i32,
     /// The stations that were notified.
@@ -168,12 +170,12 @@ struct Answered {
 #[derive(Debug, Clone)]
 pub(crate) struct Raised {
     pub(crate) alert: Alert,
-    /// The first instance of its id.
+    /// Whether it is the first message with this id.
     pub(crate) first: bool,
 }
 
 impl Alerts {
-    /// `seed` sets ids of different vehicles of one VSM apart.
+    /// `seed` keeps the alert ids of the vehicles of one VSM apart.
     pub(crate) fn new(seed: i32) -> Alerts {
         Alerts {
             next_id: seed * IDS_A_VEHICLE + 1,
@@ -191,8 +193,8 @@ impl Alerts {
         }
     }
 
-    /// What has begun, changed or ended, if it is sent now. What waits is sent as it stands then: of what has ended before
-    /// its beginning was sent nothing.
+    /// Returns the change if the rate limit allows it now; otherwise its latest state is sent later. An alert that ends
+    /// before its start was sent is never sent.
     pub(crate) fn paced(&mut self, now: Duration, raised: Raised) -> Option<Raised> {
         if let Some(at) = self
             .late
@@ -214,7 +216,7 @@ impl Alerts {
         None
     }
 
-    /// The next of what waits, once it may be sent.
+    /// The next delayed change, once the rate limit allows it.
     pub(crate) fn next_late(&mut self, now: Duration) -> Option<Raised> {
         let due = !self.late.is_empty() && self.changes.take(now, CHANGES);
         due.then(|| self.late.remove(0))
@@ -225,7 +227,7 @@ impl Alerts {
         !std::mem::replace(&mut self.agl_sent, true)
     }
 
-    /// A cause that lasts; `None` where it already stands with this text.
+    /// Raises a lasting cause; returns `None` if it is already active with this text.
     pub(crate) fn raise(
         &mut self,
         cause: Cause,
@@ -237,7 +239,7 @@ impl Alerts {
             if standing.text == text && standing.priority == priority {
                 return None;
             }
-            // What was seen was another text.
+            // The station acknowledged another text.
             self.acknowledged.retain(|one| one.id != standing.id);
             // The id stays: a CUCS updates the alert that it shows instead of adding another.
             standing.text = text;
@@ -282,10 +284,10 @@ impl Alerts {
         Some(Raised { alert, first: true })
     }
 
-    /// The cause is gone; `None` where it did not stand.
+    /// Clears a cause; returns `None` if it was not active.
     pub(crate) fn clear(&mut self, cause: Cause, text: &str) -> Option<Raised> {
         if cause == Cause::VehicleSilent {
-            // The finding in its place is looked at by itself, within a second.
+            // The finding in its place is checked separately, within a second.
             self.silence = None;
         }
         let at = self
@@ -296,7 +298,7 @@ impl Alerts {
         if cause.explains_silence()
             && let Some(silence) = self.silence.take()
         {
-            // Why is not known any more, and that it is silent still is.
+            // The reason is gone, but the vehicle is still silent.
             self.standing.push((Cause::VehicleSilent, silence.clone()));
             return Some(Raised {
                 alert: silence,
@@ -311,10 +313,10 @@ impl Alerts {
         })
     }
 
-    /// Something that happened; `None` where the same text went out less than [`QUIET`] ago. Of many at once those
-    /// that ask for nothing are left out first. Of a flood of others [`NOTICES`] are sent, emergencies by themselves, and the
-    /// next one says how many were not: a vehicle that sends thousands of texts must not use up what a station may be sent of
-    /// the others.
+    /// Reports a one-time event; returns `None` if the same text was sent less than [`QUIET`] ago. If there are too many at
+    /// once, those that need no action are dropped first. The rest is limited to [`NOTICES`], separately for emergencies,
+    /// and the next notice says how many were dropped: a vehicle that sends thousands of texts must not use up the rate at
+    /// which a station receives alerts of other vehicles.
     pub(crate) fn notice(
         &mut self,
         now: Duration,
@@ -329,7 +331,7 @@ impl Alerts {
             if !matters(priority) {
                 return None;
             }
-            // What is forgotten here has been sent; it may only come twice.
+            // The forgotten text has been sent; it may only be sent a second time.
             let lesser = |(_, known, _): &(Duration, AlertPriority, String)| !matters(*known);
             let forgotten = self.lately.iter().position(lesser).unwrap_or(0);
             self.lately.remove(forgotten);
@@ -356,8 +358,8 @@ impl Alerts {
         })
     }
 
-    /// The answer to one command: never held back, also where the same text went out just now. What it is about is
-    /// past at once: it stands for [`ANSWER_STANDS`], so that it is read, and is cleared by [`Alerts::next_over`].
+    /// The answer to one command: always sent, even if the same text was sent just now. It is shown for [`ANSWER_STANDS`],
+    /// so that it can be read, and cleared by [`Alerts::next_over`].
     pub(crate) fn answer(&mut self, now: Duration, to: &[usize], text: String) -> Raised {
         let id = self.take_id();
         self.answers.push_back(Answered {
@@ -377,8 +379,8 @@ impl Alerts {
         }
     }
 
-    /// The reason why a command is refused. Of a storm of refusals only some are sent, so that an alarm between them is
-    /// seen: `None` for the others, which the next one that is sent counts. 17000 answers each of them all the same.
+    /// The reason why a command is refused. In a storm of refusals only some are sent, so that an alarm among them is seen:
+    /// `None` for the others, which the next refusal counts. Each command is still answered by 17000.
     pub(crate) fn refusal(
         &mut self,
         now: Duration,
@@ -405,8 +407,8 @@ impl Alerts {
         Some(self.answer(now, to, text))
     }
 
-    /// The same for messages that nothing keeps a station from repeating: `None` where the same text went out less
-    /// than [`QUIET`] ago.
+    /// The same for messages that a station may repeat without limit: `None` if the same text was sent less than [`QUIET`]
+    /// ago.
     pub(crate) fn answer_sometimes(
         &mut self,
         now: Duration,
@@ -423,7 +425,7 @@ impl Alerts {
         Some(self.answer(now, to, text))
     }
 
-    /// The next answer that has stood long enough, and who was sent it.
+    /// The next answer that was shown long enough, and the stations that received it.
     pub(crate) fn next_over(&mut self, now: Duration) -> Option<(Vec<usize>, Raised)> {
         let full = self.answers.len() > MAX_ANSWERS;
         let over = self
@@ -445,7 +447,7 @@ impl Alerts {
         Some((answered.to, raised))
     }
 
-    /// When the next answer is over, or what waits may be sent.
+    /// When the next answer is cleared, or a delayed change may be sent.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let over = self.answers.front().map(|oldest| oldest.until);
         let late = (!self.late.is_empty()).then(|| self.changes.next_at(CHANGES));
@@ -459,7 +461,7 @@ impl Alerts {
         lately.any(|(_, known, same)| *known == priority && same == text)
     }
 
-    /// A finding that stands and is none of these any more: its cause, and its text.
+    /// An active finding that is no longer in `found`: its cause and its text.
     pub(crate) fn ended_finding(&self, found: &[(Code, u32)]) -> Option<(Cause, String)> {
         let ended = self.standing.iter().find(|(cause, _)| match cause {
             Cause::Finding(code, key) => !found.contains(&(*code, *key)),
@@ -468,7 +470,7 @@ impl Alerts {
         ended.map(|(cause, alert)| (*cause, alert.text.clone()))
     }
 
-    /// A station acknowledges one that stands: its text, where this station has not done so before.
+    /// A station acknowledges an active alert. Returns the alert's text if this station had not acknowledged it before.
     pub(crate) fn acknowledge(&mut self, id: i32, cucs: Id, at: Duration) -> Option<&str> {
         let (standing, acknowledged) = (&self.standing, &mut self.acknowledged);
         acknowledged.retain(|one| standing.iter().any(|(_, alert)| alert.id == one.id));
@@ -481,13 +483,13 @@ impl Alerts {
         Some(&alert.text)
     }
 
-    /// Who has acknowledged an alert that stands, the first one first.
+    /// The stations that have acknowledged an active alert, in order.
     pub(crate) fn acknowledged(&self, alert: &Alert) -> impl Iterator<Item = &Acknowledged> {
         let id = alert.id;
         self.acknowledged.iter().filter(move |one| one.id == id)
     }
 
-    /// What stands, for a CUCS that starts to listen.
+    /// The active alerts, for a CUCS that starts to listen.
     pub(crate) fn standing(&self) -> impl Iterator<Item = &Alert> {
         self.standing.iter().map(|(_, alert)| alert)
     }
@@ -495,29 +497,29 @@ impl Alerts {
     fn take_id(&mut self) -> i32 {
         let id = self.next_id;
         let base = (id - 1) / IDS_A_VEHICLE * IDS_A_VEHICLE;
-        // After its last id a vehicle starts again with its first, and never takes one of another vehicle.
+        // After its last id a vehicle starts again with its first one, so it never uses an id of another vehicle.
         self.next_id = base + 1 + (id - base) % (IDS_A_VEHICLE - 1);
         id
     }
 }
 
-/// Whether a person must know of it: all but what is nominal or over.
+/// Whether an operator must see it: every priority but nominal and cleared.
 fn matters(priority: AlertPriority) -> bool {
     !matches!(priority, AlertPriority::Cleared | AlertPriority::Nominal)
 }
 
-/// The vehicle that a text is about is the wrapper's source; this only keeps ids apart.
+/// Ids reserved for each vehicle. (Stations know an alert's vehicle from the source in the wrapper.)
 const IDS_A_VEHICLE: i32 = 1_000_000;
 /// The same text is not repeated within this time.
 const QUIET: Duration = Duration::from_secs(2);
-/// Most different texts within [`QUIET`].
+/// Maximum number of different texts within [`QUIET`].
 const MAX_LATELY: usize = 50;
-/// The same reason of a refusal to one station: one a second, two at once.
+/// The same refusal to one station: one a second, two at once.
 const SAME_REFUSAL: Rate = Rate {
     cost: Duration::from_secs(1),
     burst: Duration::from_secs(2),
 };
-/// All of them: four a second, 32 at once.
+/// All refusals to one station: four a second, 32 at once.
 const REFUSALS: Rate = Rate {
     cost: Duration::from_millis(250),
     burst: Duration::from_secs(8),
@@ -532,9 +534,9 @@ const CHANGES: Rate = Rate {
     cost: Duration::from_millis(50),
     burst: Duration::from_secs(10),
 };
-/// The answer to a command is shown for so long.
+/// How long the answer to a command is shown.
 const ANSWER_STANDS: Duration = Duration::from_secs(15);
-/// Answers that stand at once, at most: the oldest is cleared before its time.
+/// Maximum number of answers shown at once: beyond it the oldest is cleared early.
 const MAX_ANSWERS: usize = 256;
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! What a machine reads: the time, the configuration, which stations there are, and what the vehicle shows.
+//! What a machine reads: the time, the configuration, the stations, and the vehicle's state.
 //!
-//! Read-only, and borrowed for one call. What a machine must know of a sibling comes beside it as a view (such as
-//! [`FlightView`]) that the router takes just before the call: a machine never holds on to another.
+//! Read-only, and borrowed for one call. The state of a sibling is provided as a view (such as [`FlightView`]), which the
+//! router takes just before the call: a machine never keeps a reference to another.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -44,9 +44,9 @@ pub(crate) struct Context<'a> {
     pub(crate) stations: &'a [GroundStation],
     /// The CUCS that holds LOI 4 or 5.
     pub(crate) controller: Option<Id>,
-    /// As the vehicle last showed it, never as commanded.
+    /// As last reported by the vehicle, never as commanded.
     pub(crate) vehicle: &'a VehicleState,
-    /// How far a flight termination has gone.
+    /// The progress of a flight termination.
     pub(crate) termination: TerminationView,
 }
 
@@ -64,7 +64,7 @@ macro_rules! deref_to_common {
 }
 pub(crate) use deref_to_common;
 
-/// What the configuration sets that is the same for every vehicle.
+/// Configuration values common to all vehicles.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     pub(crate) authority: config::Authority,
@@ -77,13 +77,13 @@ pub(crate) struct Settings {
 pub(crate) struct Bounds {
     pub(crate) agl: Agl,
     pub(crate) limits: Limits,
-    /// What follows where the vehicle itself leaves them.
+    /// The action if the vehicle leaves these limits.
     pub(crate) outside: config::Outside,
-    /// What routes are compared with beside home, where that is configured.
+    /// The terrain and site data for checking routes, if configured.
     pub(crate) terrain: Option<Arc<Terrain>>,
-    /// Without what the vehicle's parameters add to it.
+    /// Without the limits from the vehicle's parameters.
     pub(crate) curving: Curving,
-    /// Where wings land without an approach route.
+    /// Where a fixed wing lands without an approach route.
     pub(crate) landing: Option<Pattern>,
 }
 
@@ -95,62 +95,62 @@ pub(crate) struct Origin {
     pub(crate) message_type: u16,
     pub(crate) stamp: Option<TimeStamp>,
     pub(crate) ack_requested: bool,
-    /// It was held until now, with this serial number: what it is answered goes to the machine that held it.
+    /// The serial number of a held command: its answer is passed to the held machine.
     pub(crate) held: Option<u32>,
-    /// It continues the command before it, of the same station: Edition 2.5 commands a mode (#42) and its values (#43) by two messages.
-    /// What it commands, as a number: another demand of the same number commands the same.
+    /// It continues the previous command of the same station: Edition 2.5 commands a mode (#42) and its values (#43) by two
+    /// messages. A hash of its values: a demand with the same hash commands the same.
     pub(crate) continues: Option<u64>,
 }
 
-/// What the other machines may know of the mission.
+/// The mission state that other machines may read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MissionView<'a> {
-    /// What CUCSs have sent, and 13000 has loaded.
+    /// The stored plan, as received from CUCSs and loaded by 13000.
     pub(crate) plan: &'a Plan,
-    /// What the vehicle carries, as it was read back from it.
+    /// The mission that the vehicle carries, as read back from it.
     pub(crate) uploaded: Option<&'a UploadedMission>,
-    /// What 13000 has loaded: flown by mode 11, also after another route was uploaded for another mode.
+    /// The route that 13000 loaded: flown by mode 11, also after another route was uploaded for another mode.
     pub(crate) loaded: Option<&'a UploadedMission>,
     pub(crate) progress: &'a RouteProgress,
     pub(crate) transfer: Transfer,
-    /// The mode of the command that waits for its route, where one does and names it.
+    /// The mode of the command that waits for its route, if any.
     pub(crate) waiting_mode: Option<FlightPathControlMode>,
     /// A fence is being uploaded.
     pub(crate) fence_busy: bool,
-    /// What CUCSs have sent by 50016.
+    /// The areas received by 50016.
     pub(crate) areas: &'a Areas,
-    /// The fence: the areas of the configuration, and what 50017 has loaded.
+    /// The fence: the areas of the configuration and those loaded by 50017.
     pub(crate) fence: (&'a [Area], &'a Areas),
     /// Why no upload, download or clearing can begin now.
     pub(crate) may_change: Result<(), &'static str>,
 }
 
-/// What is on its way to the vehicle's mission store.
+/// The transfer in progress to the vehicle's mission store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Transfer {
     /// Nothing.
     None,
     /// A load or a clearing.
     Running {
-        /// The station that asked for it; `None` where the VSM does by itself.
+        /// The requesting station; `None` for the VSM itself.
         owner: Option<usize>,
-        /// A mode command is carried out once it is done: who gave it, `None` within for the VSM itself.
+        /// The sender of a mode command that follows it; the inner `None` means the VSM itself.
         waiting_command: Option<Option<Origin>>,
     },
 }
 
-/// What the other machines may know of how the vehicle is being flown.
+/// The flight state that other machines may read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FlightView<'a> {
     /// A maneuver is in progress.
     pub(crate) maneuver: bool,
-    /// The VSM flies the loss action, for a CUCS that was lost.
+    /// The VSM is flying the loss action.
     pub(crate) loss_action: bool,
     /// A contingency is being commanded, or the vehicle was brought to what it flies by one whose cause lasts.
     pub(crate) contingency: bool,
     /// Until then a wing may be on its final approach: no MISSION_CURRENT has named its item since a silence.
     pub(crate) item_unknown_until: Option<Duration>,
-    /// The VSM commands the vehicle by itself: the loss action, or a contingency.
+    /// The VSM itself is commanding the vehicle: the loss action or a contingency.
     pub(crate) commands_by_itself: bool,
     /// What 3002 and 3004 report as commanded.
     pub(crate) commanded: Commanded,
@@ -162,7 +162,7 @@ pub(crate) struct FlightView<'a> {
     pub(crate) sticks: Option<&'a UaStickCommand>,
 }
 
-/// What the other machines may know of a flight termination.
+/// The state of a flight termination that other machines may read.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct TerminationView {
     /// Reported Flight Termination State of 3005; `None` where nothing was received of the vehicle: it may have ended its
@@ -176,7 +176,7 @@ pub(crate) struct TerminationView {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ParameterView<'a> {
     pub(crate) values: &'a Parameters,
-    /// More of them are on their way.
+    /// More of them are being read.
     pub(crate) reading: bool,
 }
 
@@ -186,7 +186,7 @@ impl Context<'_> {
         self.config.id
     }
 
-    /// The time on a clock that does not go back.
+    /// The monotonic time.
     pub(crate) fn mono(&self) -> Duration {
         self.now.mono
     }
@@ -203,7 +203,7 @@ impl Context<'_> {
         Some(station.sender(self.id()))
     }
 
-    /// The levels that a station may give up, or hand over, by that message.
+    /// The levels that a station may release or hand over by that message.
     pub(crate) fn disposes_of(&self, index: usize) -> LoiBitmap {
         let station = self.stations.get(index);
         station.map_or(LoiBitmap::NONE, |one| one.disposes_of(self.id()))
@@ -270,14 +270,14 @@ impl Context<'_> {
         }
     }
 
-    /// Whether a vehicle that must be stopped on its way returns in place of a hold, which nothing would end. `contingency`: one
-    /// has sent it there.
+    /// Whether a vehicle that must be stopped returns instead of holding, because nothing would end the hold. `contingency`:
+    /// a contingency has sent it there.
     pub(crate) fn returns_instead(&self, contingency: bool) -> bool {
         let on_loss = self.settings.authority.on_loss;
         contingency || (self.controller.is_none() && on_loss != config::OnLoss::Continue)
     }
 
-    /// Whether a message that names a VSM in a field is for this one: it names this VSM, everybody or nobody.
+    /// Whether a message with a VSM ID field is for this VSM: it names this VSM, the broadcast id or the null id.
     pub(crate) fn is_addressed(&self, vsm: Option<Id>) -> bool {
         vsm.is_none_or(|id| [self.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&id))
     }
@@ -289,24 +289,24 @@ impl ParameterView<'_> {
         self.values.get(name)
     }
 
-    /// What a command or a route must stay within, as 41000 declares it: the configuration, and the vehicle's own fence.
+    /// The limits for commands and routes, as declared by 41000: from the configuration and the vehicle's own fence.
     pub(crate) fn limits(&self, context: &Context<'_>) -> Limits {
         context.bounds.limits.of(self.values)
     }
 
-    /// How fast the vehicle may be commanded to fly, as 41003 reports it, and what it does by itself.
+    /// The limits of commanded speeds, as reported by 41003, and the vehicle's own speeds.
     pub(crate) fn performance(&self, context: &Context<'_>) -> Performance {
         let hovers = context.vehicle.telemetry.hovers();
         Performance::of(hovers, self.values, &context.bounds.limits)
     }
 
-    /// The same along a route: a VTOL flies it on its wings, whatever it does now.
+    /// The same along a route: a VTOL flies it on its wings, whatever its present state.
     pub(crate) fn route_performance(&self, context: &Context<'_>) -> Performance {
         let hovers = !context.vehicle.telemetry.airframe().has_wings();
         Performance::of(hovers, self.values, &context.bounds.limits)
     }
 
-    /// What a route must respect on wings; `None` of a multicopter.
+    /// The limits of a route flown on wings; `None` for a multicopter.
     pub(crate) fn wings(&self, context: &Context<'_>) -> Option<Wings> {
         let vtol = match context.vehicle.telemetry.airframe() {
             Airframe::Multicopter => return None,
@@ -319,7 +319,7 @@ impl ParameterView<'_> {
         Some(Wings::of(vtol, self.values, limits, *landing))
     }
 
-    /// Whether parameters that bound a route are still on their way.
+    /// Whether parameters that limit a route are still being read.
     pub(crate) fn awaits_performance(&self, context: &Context<'_>) -> bool {
         let wings: &[&str] = if context.vehicle.telemetry.airframe().has_wings() {
             &Wings::NAMES
@@ -331,7 +331,7 @@ impl ParameterView<'_> {
     }
 }
 
-/// Whether a wing flies a mission whose item is not known, as after each silence: it may be the touch-down.
+/// Whether a fixed wing flies a mission whose current item is unknown, as after each silence: it may be the touch-down.
 pub(crate) fn may_be_on_final(telemetry: &Telemetry) -> bool {
     telemetry.airframe().has_wings()
         && telemetry.mode == Some(Px4Mode::MISSION)
@@ -344,7 +344,7 @@ impl MissionView<'_> {
         self.transfer != Transfer::None
     }
 
-    /// The mode command that waits for its route to be uploaded: who gave it.
+    /// The sender of the mode command that waits for its route.
     pub(crate) fn waiting_command(&self) -> Option<Option<Origin>> {
         match self.transfer {
             Transfer::Running {
@@ -354,7 +354,7 @@ impl MissionView<'_> {
         }
     }
 
-    /// Whether the vehicle flies the landing of the mission aboard: the touch-down, or what leads to it.
+    /// Whether the vehicle flies the landing of the mission aboard: the touch-down or the approach.
     pub(crate) fn lands(&self, telemetry: &Telemetry) -> bool {
         self.uploaded
             .is_some_and(|uploaded| uploaded.lands(telemetry))
@@ -372,7 +372,7 @@ impl MissionView<'_> {
         !(configured.is_empty() && loaded.is_empty())
     }
 
-    /// Whether a place, degrees north and east, is outside of the fence.
+    /// Whether a position, degrees north and east, is outside the fence.
     pub(crate) fn is_outside_fence(&self, at: (f64, f64)) -> bool {
         let (configured, loaded) = self.fence;
         let loaded = loaded.whole().unwrap_or_default();
@@ -386,8 +386,8 @@ impl MissionView<'_> {
         self.plan.route_of_type(route_type).is_some() || self.carries(route_type)
     }
 
-    /// The type of the route that the vehicle flies in AUTO.MISSION; none where it does not name the mission that was read
-    /// back from it: another station's is no route of this VSM.
+    /// The type of the route that the vehicle flies in AUTO.MISSION; `None` if it reports a mission id other than the one
+    /// read back from it, since another station's mission is not a route of this VSM.
     pub(crate) fn flies(&self, telemetry: &Telemetry) -> Option<RouteType> {
         let flown = telemetry.mode == Some(Px4Mode::MISSION);
         let mission = telemetry.mission.filter(|_| flown)?;
@@ -405,7 +405,7 @@ impl MissionView<'_> {
 }
 
 impl Settings {
-    /// What a configuration sets.
+    /// The values of a configuration.
     pub(crate) fn of(config: &config::Config) -> Settings {
         let page = |http: &config::Http| format!("http://{}/", http.listen);
         Settings {
@@ -416,7 +416,7 @@ impl Settings {
 }
 
 impl Bounds {
-    /// What the configuration of a vehicle sets.
+    /// The values of a vehicle's configuration.
     pub(crate) fn of(config: &config::Vehicle) -> Bounds {
         let config::Limits {
             first_m,
@@ -469,6 +469,6 @@ impl Bounds {
     }
 }
 
-/// Watches that nothing else wakes are looked at this long after their time: alerts may be late by as much, and so share
-/// the wake-ups of the reports that go out anyway.
+/// Checks without another wake-up run this long after they are due: alerts may be late by as much, and so share the wake-ups
+/// of the regular reports.
 pub(crate) const WATCH_SLACK: Duration = Duration::from_millis(250);

@@ -1,14 +1,15 @@
-//! What a machine may do: send, acknowledge, alert, command the vehicle, persist, and ask a sibling through the router.
+//! The effects of a machine: send, acknowledge, alert, command the vehicle, persist, and send requests to a sibling through
+//! the router.
 //!
-//! Nothing can be read back through it but whether an effect was possible. Two rules hold for every machine, because
-//! they are kept here and nowhere else:
+//! A machine can read back only whether an effect was possible. Two rules hold for every machine, because they are
+//! implemented only here:
 //!
-//! - **Persist, then answer.** [`Effects::disk`] writes before it returns, or queues the change: what a machine sends
-//!   after that in the same call, and every acknowledgement of it, is held until the change is durable
-//!   ([`DliEffects::release`]). A message only joins the queue of the bridge, and the shell takes it from there after
-//!   the call: no answer can leave before what it promises is stored.
-//! - **A request to a sibling is carried out after the call**, by the router, in the order of the requests: a machine
-//!   never finds itself called again in the middle of a change.
+//! - **Persist, then answer.** [`Effects::disk`] writes before it returns, or queues the change. Messages that a machine
+//!   sends after that in the same call, and every acknowledgement, are held until the change is durable
+//!   ([`DliEffects::release`]). Messages are only queued in the bridge, and the shell takes them after the call: no answer
+//!   can leave before its promise is stored.
+//! - **A request to a sibling is carried out after the call**, by the router, in the order of the requests: a machine is
+//!   never called again in the middle of a change.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -30,99 +31,100 @@ use super::outbox::{Datagram, Destination, Instance, Outbox, Waiting};
 use super::paths::{Kind, Paths, Verdict};
 use super::station::GroundStation;
 
-/// What a machine of one vehicle may do. Borrowed for one call.
+/// The effects of a machine of one vehicle. Borrowed for one call.
 pub(crate) struct Effects<'a> {
     pub(crate) dli: DliEffects<'a>,
-    /// The vehicle in whose name is answered.
+    /// The vehicle that answers.
     pub(crate) id: Id,
     pub(crate) alerts: &'a mut Alerts,
-    /// The stations that hold LOI 2; written by the authority machine alone.
+    /// The stations that hold LOI 2; only the authority machine writes it.
     pub(crate) listeners: &'a mut Vec<usize>,
-    /// What is asked of the vehicle.
+    /// Requests to the vehicle.
     pub(crate) vehicle: &'a mut Services,
     pub(crate) requests: &'a mut VecDeque<Request>,
 }
 
-/// What goes to the DLI side, to the log and to the disk: the same for all vehicles of a bridge.
+/// The DLI side, the log and the disk: common to all vehicles of a bridge.
 pub(crate) struct DliEffects<'a> {
     pub(crate) now: Now,
     pub(crate) vsm: Id,
     pub(crate) multicast: bool,
     pub(crate) stations: &'a [GroundStation],
-    /// Vehicles that are not there yet, each with the logical id that stands for it.
+    /// Vehicles that were not received yet, each with its logical id.
     pub(crate) logical: &'a [(Id, Id)],
-    /// What each station has sent lately, and what it was answered.
+    /// Recent messages of each station, and their answers.
     pub(crate) remembered: &'a mut [Remembered],
     /// Alerts of the VSM itself, not of a vehicle.
     pub(crate) alerts: &'a mut Alerts,
     pub(crate) outbox: &'a mut Outbox,
-    /// How much each station may be sent.
+    /// Rate limits of messages to each station.
     pub(crate) paths: &'a mut Paths,
     pub(crate) counters: &'a mut Counters,
     pub(crate) log: &'a mut VecDeque<LogEntry>,
     pub(crate) disk: &'a mut dyn Disk,
     /// The station whose message is being handled.
     pub(crate) asker: Option<usize>,
-    /// The last change that the disk had queued when this began: what is sent after another waits for that.
+    /// The last change that the disk had queued at the start of the call: messages sent after a later change wait for it.
     pub(crate) mark: u64,
 }
 
-/// What one machine asks of another.
+/// A request of one machine to another.
 #[derive(Debug)]
 pub(crate) enum Request {
-    /// Of flight: carry out a 2016; without origin it is the VSM's own. `just_loaded`: the mission that it needs was
-    /// uploaded for it.
+    /// To flight: carry out a 2016; without origin it is a command of the VSM. `just_loaded`: its mission was uploaded for
+    /// it.
     Fly {
         origin: Option<Origin>,
         command: Box<VehicleOperatingModeCommand>,
         just_loaded: bool,
     },
-    /// Of flight: put the vehicle on hold, whatever runs (the mission watchdog).
+    /// To flight: put the vehicle on hold, whatever is in progress (the mission watchdog).
     Hold,
-    /// Of flight and link: control has passed to another CUCS, or to nobody.
+    /// To flight and link: control has passed to another CUCS, or to nobody.
     ControlChanged,
-    /// Of flight: the controlling CUCS was lost, and nobody has control.
+    /// To flight: the controlling CUCS was lost, and nobody has control.
     ControllerLost,
-    /// Of mission: upload a route of this type, or again what 13000 has loaded where it is `None`; then fly this.
+    /// To mission: upload a route of this type, or if `None` the one that 13000 loaded, then fly this.
     LoadAndFly {
         origin: Option<Origin>,
         route_type: Option<RouteType>,
         command: Box<VehicleOperatingModeCommand>,
     },
-    /// Of mission: refuse the mode command that waits for its route, for this reason. `without_right`: only where its
-    /// sender does not control the vehicle.
+    /// To mission: refuse the mode command that waits for its route, for this reason. `without_right`: only if its sender
+    /// does not control the vehicle.
     DropWaitingCommand { why: String, without_right: bool },
-    /// Of the router: carry out a command that was held until now, in the way of one that arrives. `contingency`: also for
-    /// a CUCS that has lost control, where nobody has it.
+    /// To the router: carry out a held command as if it arrived now. `contingency`: also for a CUCS that has lost control,
+    /// if nobody has it.
     CarryOut {
         origin: Origin,
         message: Box<Message>,
         contingency: bool,
     },
-    /// Of held: what a command that was held is answered, and why.
+    /// To held: the answer to a held command, and the reason.
     HeldEnded {
         serial: u32,
         answer: AckType,
         why: Option<String>,
     },
-    /// Of flight and mission: a flight termination is commanded, end what is flown and uploaded for it.
+    /// To flight and mission: a flight termination is commanded; end maneuvers and uploads.
     YieldToTermination,
-    /// Of authority: write this about a flight termination into the audit log; answered to the termination.
+    /// To authority: write this about a flight termination into the audit log; the result is reported to the termination
+    /// machine.
     Audit {
         what: &'static str,
         by: Option<Id>,
         why: String,
     },
-    /// Of the termination: its entry is written, up to this change of the disk, or cannot be.
+    /// To termination: its entry is written, up to this change of the disk, or cannot be written.
     Audited(Result<Changes, String>),
-    /// Of reports and the termination: the station has begun or ceased to hold LOI 2.
+    /// To reports and termination: the station has gained or lost LOI 2.
     ListenerChanged { station: usize },
-    /// Of reports: these configuration values have changed; `by` knows already.
+    /// To reports: these configuration values have changed; `by` already knows.
     Configured {
         changed: Vec<Message>,
         by: Option<usize>,
     },
-    /// Of reports: send these a few at a time, then acknowledge `origin` as carried out.
+    /// To reports: send these a few at a time, then acknowledge `origin` as carried out.
     AnswerLater {
         station: usize,
         answers: Vec<Message>,
@@ -178,7 +180,7 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn publish(&mut self, station: usize, source: Id, message: &Message) {
         let report = Kind::Report(message.id());
         let kind = match message {
-            // What happens once is not sent again: it waits rather than being dropped.
+            // A one-time event is not sent again, so it waits instead of being dropped.
             Message::SubsystemStatusAlert(_) | Message::HandoverStatusReport(_) => Kind::Answer,
             _ => report,
         };
@@ -248,7 +250,7 @@ impl<'a> DliEffects<'a> {
     /// Sends a datagram to a station, within what it may be sent.
     fn convey(&mut self, station: usize, datagram: Datagram, kind: Kind) {
         if self.held_until(station).is_some() {
-            // Its allowance is looked at when it goes.
+            // Its rate limit is checked when it is sent.
             return self.post(station, datagram);
         }
         self.admit(station, datagram, kind);
@@ -282,7 +284,7 @@ impl<'a> DliEffects<'a> {
     /// The change of the disk that what this station is sent now waits for.
     fn held_until(&self, station: usize) -> Option<Changes> {
         let behind = || {
-            // What a station is answered keeps its order; others do not wait for what it has led to.
+            // Answers to one station keep their order; other stations do not wait for its changes.
             let asked = self.asker.filter(|asker| *asker == station);
             asked.and_then(|asker| self.outbox.held_for(asker))
         };
@@ -300,8 +302,8 @@ impl<'a> DliEffects<'a> {
         }
     }
 
-    /// The message that arrived last is to be carried out: it is on disk before that. `authorised`: its Time Stamp is
-    /// used from here on. `None` where it is not logged; an error where that could not be written.
+    /// Logs the last message before it is carried out. `authorised`: its Time Stamp is used from here on. `None` if such
+    /// messages are not logged; an error if the write failed.
     pub(crate) fn accept(
         &mut self,
         origin: &Origin,
@@ -314,14 +316,14 @@ impl<'a> DliEffects<'a> {
         remembered.accept(station, of, stamp, authorised, now, self.disk)
     }
 
-    /// Queues what has waited for the disk, within what may be sent to where it goes.
+    /// Queues messages that have waited for the disk, within the rate limits of their destinations.
     fn send_held(&mut self, datagram: Datagram) {
         let Destination::Unicast(to) = datagram.to else {
             return self.outbox.push(datagram);
         };
         let mut stations = self.stations.iter();
         let id = datagram.destination();
-        // Of a station that has moved since it is dropped: it will ask again.
+        // If the station has moved since, it is dropped: the station will ask again.
         let is_there = |one: &GroundStation| one.id() == id && one.peer == Some(to);
         let Some(station) = stations.position(is_there) else {
             return self.counters.count("no address");
@@ -353,7 +355,7 @@ impl<'a> DliEffects<'a> {
     }
 
     fn send_acknowledgement(&mut self, source: Id, origin: &Origin, answer: AckType) {
-        // Also where no 17000 was requested: a restart must find that the command has ended.
+        // Even if no 17000 was requested: after a restart the command must be known as ended.
         if let (Some(station), Some(remembered), Some(stamp)) = (
             self.stations.get(origin.station),
             self.remembered.get_mut(origin.station),
@@ -375,7 +377,7 @@ impl<'a> DliEffects<'a> {
         let (message, delivery) = (Message::from(message), one.profile.delivery);
         let envelope = one.profile.envelope(self.shown_as(source), one.id());
         let compose = |to| Outbox::compose(to, &one.profile, &envelope, &message);
-        // It has waited for the disk where it had to: neither of the two is held again.
+        // It has already waited for the disk: neither message is held again.
         if let (true, Some(peer)) = (delivery.to_address(), one.peer)
             && let Some(datagram) = compose(Destination::Unicast(peer))
         {
@@ -477,7 +479,7 @@ impl<'a> DliEffects<'a> {
         self.alert(vsm, &to, raised);
     }
 
-    /// Clears the VSM's own answers whose time is over.
+    /// Clears the VSM's own answers that have expired.
     pub(crate) fn clear_answers(&mut self) {
         while let Some((to, raised)) = self.alerts.next_over(self.now.mono) {
             self.show(self.vsm, &to, &raised);
@@ -539,7 +541,7 @@ impl Effects<'_> {
         }
     }
 
-    /// What a held command is answered goes to the machine that held it, which answers its 50020. False of other commands.
+    /// Passes the answer of a held command to the held machine, which answers its 50020. Returns false for other commands.
     fn answer_held(&mut self, origin: &Origin, answer: AckType, why: Option<&str>) -> bool {
         let Some(serial) = origin.held else {
             return false;
@@ -553,8 +555,8 @@ impl Effects<'_> {
         true
     }
 
-    /// Refuses a command: 17000 where it was requested, 16000 with the reason to its sender. The reason of a command of
-    /// the VSM itself goes to all who listen.
+    /// Refuses a command: 17000 if requested, and 16000 with the reason to its sender. The reason for a command of the VSM
+    /// itself is sent to all listening stations.
     pub(crate) fn refuse(&mut self, origin: Option<Origin>, why: impl Into<String>) {
         let why = why.into();
         match origin {
@@ -573,8 +575,8 @@ impl Effects<'_> {
         }
     }
 
-    /// Refuses a message that any listed CUCS may send, with any right or none. Of many that are alike only some are
-    /// answered with the reason, since nothing keeps a station from sending them.
+    /// Refuses a message that any listed CUCS may send, with or without rights. Only some of many similar ones are answered
+    /// with the reason, since a station may send them without limit.
     pub(crate) fn refuse_unprivileged(&mut self, origin: &Origin, why: &str) {
         if self.answer_held(origin, AckType::Refused, Some(why)) {
             return;
@@ -588,7 +590,7 @@ impl Effects<'_> {
         self.answer_sometimes(&[origin.station], text);
     }
 
-    /// As [`Effects::answer`], but only now and then of many that are alike.
+    /// As [`Effects::answer`], but rate-limited for similar ones.
     pub(crate) fn answer_sometimes(&mut self, to: &[usize], text: String) {
         let raised = self.alerts.answer_sometimes(self.dli.now.mono, to, text);
         self.dli.alert(self.id, to, raised);
@@ -600,7 +602,7 @@ impl Effects<'_> {
         self.dli.alert(self.id, to, Some(raised));
     }
 
-    /// Raises an alert that stands until it is cleared, or changes its text.
+    /// Raises an alert that is active until it is cleared, or changes its text.
     pub(crate) fn raise(
         &mut self,
         cause: Cause,
@@ -612,27 +614,27 @@ impl Effects<'_> {
         self.show(raised);
     }
 
-    /// Clears an alert, where it stands.
+    /// Clears an alert, if it is active.
     pub(crate) fn clear(&mut self, cause: Cause, text: &str) {
         let raised = self.alerts.clear(cause, text);
         self.show(raised);
     }
 
-    /// Sends what has begun, changed or ended, now or once it may.
+    /// Sends a begun, changed or ended alert, now or once the rate limit allows it.
     fn show(&mut self, raised: Option<Raised>) {
         let now = self.dli.now.mono;
         let raised = raised.and_then(|raised| self.alerts.paced(now, raised));
         self.dli.alert(self.id, self.listeners, raised);
     }
 
-    /// Sends what of that has waited long enough.
+    /// Sends delayed alerts that the rate limit now allows.
     pub(crate) fn show_late(&mut self) {
         while let Some(raised) = self.alerts.next_late(self.dli.now.mono) {
             self.dli.alert(self.id, self.listeners, Some(raised));
         }
     }
 
-    /// Alerts of something that happened once.
+    /// Alerts of a one-time event.
     pub(crate) fn notify(
         &mut self,
         priority: AlertPriority,
@@ -671,23 +673,23 @@ impl Effects<'_> {
         self.dli.note(level, self.id, text.into());
     }
 
-    /// What is answered from here on in this call depends on a change of the disk that an earlier call has queued.
+    /// Answers from here on in this call depend on a change of the disk that an earlier call has queued.
     pub(crate) fn answer_after(&mut self, changes: Changes) {
         self.dli.outbox.answer_after = changes;
     }
 
-    /// Whether what is answered now waits for the disk.
+    /// Whether answers sent now wait for the disk.
     pub(crate) fn answers_later(&self) -> bool {
         self.dli.waits_for().is_some()
     }
 
-    /// Where records are stored, as durable as the record asks for: when the call returns, or once the disk has done
-    /// what it queued.
+    /// The disk. Records are stored as durably as their type requires: when the call returns, or once the disk has completed
+    /// its queue.
     pub(crate) fn disk(&mut self) -> &mut dyn Disk {
         self.dli.disk
     }
 
-    /// Asks a sibling, after this call.
+    /// Sends a request to a sibling, delivered after this call.
     pub(crate) fn request(&mut self, request: Request) {
         self.requests.push_back(request);
     }

@@ -1,22 +1,24 @@
-//! One end of a guarded way between a CUCS and a VSM: what is sealed, and what of what arrives is believed.
+//! One end of a guarded path between a CUCS and a VSM: seals datagrams, and decides which received datagrams are accepted.
 //!
 //! Both ends are the same machine: the bridge has one for each CUCS with a guard key, `vsm guard` one for its VSM. The trailer
 //! itself is [`stanag_msgs::guard`]'s.
 //!
 //! Promised:
-//! - Nothing is believed, and nothing changes, before the trailer has verified.
-//! - Nothing is believed twice: not over a restart, a crash or a step of a clock. Stamps are those of the signing clock of
-//!   MAVLink ([`SigningClock`]): none is sent or accepted beyond a ceiling that is on disk, and a start begins above it.
-//! - What arrives in another order is believed, up to [`WINDOW`] datagrams and [`MAX_DELAY`] late: the DLI has no other repair.
+//! - No datagram is accepted, and no state changes, before its trailer has verified.
+//! - No datagram is accepted twice, not even after a restart, a crash or a step of a clock. Stamps are those of the signing
+//!   clock of MAVLink ([`SigningClock`]): none is sent or accepted beyond a ceiling that is on disk, and a start begins
+//!   above it.
+//! - Reordered datagrams are accepted, up to [`WINDOW`] datagrams and [`MAX_DELAY`] late: the DLI cannot recover them in
+//!   another way.
 //! - The clocks of both computers may differ by an hour. How late a datagram is, is measured against the newest of the same
 //!   sender, carried on by the monotonic clock, and not against this computer's wall clock: a station whose clock is wrong by
 //!   a minute would command nothing.
 //!
-//! An end whose stamps the other has left behind (a restart, a computer that slept) is lifted: what verified and is too old is
-//! answered by an empty datagram, above whose stamp its next one will be. That is no longer than what it answers, and is sent
-//! at most five times a second.
+//! If one end's stamps are too old for the other (after a restart, or when a computer slept), the other raises them: it
+//! answers a verified datagram that is too old with an empty datagram, and the next stamp will be above that of the answer.
+//! The answer is no longer than the datagram it answers, and is sent at most five times a second.
 //!
-//! `group` is the way to a multicast group, which goes one way only.
+//! `group` is the one-way path to a multicast group.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -50,21 +52,22 @@ pub struct GuardEnd {
     sends: Direction,
     /// The one in force first.
     keys: Vec<Keyed>,
-    /// Under which the other end sent last: it has that one for certain.
+    /// The key under which the other end last sent: it certainly has that one.
     in_use: usize,
-    /// The key and the stamp of what has verified last and was not believed: it can be lifted under that key.
+    /// The key and stamp of the last datagram that verified but was not accepted: its sender's stamps can be raised under
+    /// that key.
     behind: Option<(usize, Stamp)>,
-    /// What has verified first from elsewhere than where its sender is.
+    /// A datagram that first verified from another address than its sender's.
     elsewhere: VecDeque<Elsewhere>,
     /// When an empty datagram may be sent again.
     lift_at: Duration,
     verified: u64,
-    /// When a frame of a web client has verified last.
+    /// When a frame of a web client last verified.
     framed: Option<Duration>,
     refused: Counters,
 }
 
-/// One key with what is known of its stamps.
+/// One key and the state of its stamps.
 #[derive(Debug)]
 struct Keyed {
     key: GuardKey,
@@ -72,12 +75,12 @@ struct Keyed {
     until: Option<Duration>,
     clock: SigningClock,
     window: Window,
-    /// The newest stamp that a lift has answered.
+    /// The newest stamp that was answered by raising it.
     lifted: Stamp,
 }
 
-/// A datagram that has come from elsewhere than where its sender is: it is believed once more from there, for a moment. Who
-/// copies what he receives, and is faster, would silence the sender otherwise.
+/// A datagram that arrived from another address than its sender's: for a moment it is accepted once more from the sender's
+/// own address. Otherwise an attacker who sends copies faster than the originals could silence the sender.
 #[derive(Debug)]
 struct Elsewhere {
     trailer: Trailer,
@@ -87,10 +90,10 @@ struct Elsewhere {
     sender: SocketAddr,
 }
 
-/// Why a datagram is not believed.
+/// Why a datagram is not accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GuardRefusal {
-    /// It goes the other way: sent back to its sender.
+    /// It has the opposite direction: it was sent back to its sender.
     Direction,
     /// It is of another sender.
     Sender,
@@ -98,11 +101,11 @@ pub enum GuardRefusal {
     Key,
     /// The trailer is not the sender's, or the datagram was changed.
     Forged,
-    /// It has been believed before.
+    /// It has been accepted before.
     Replayed,
     /// Older than all that are remembered, or from before the start of this end.
     Old,
-    /// It was held back on its way.
+    /// It was delayed in transit.
     Late,
     /// It is stamped over an hour ahead of this computer's clock.
     Ahead,
@@ -127,23 +130,23 @@ impl GuardRefusal {
         }
     }
 
-    /// Whether the other end must learn of this one's stamps before anything of it is believed.
+    /// Whether the other end must learn this end's stamps before any of its datagrams is accepted.
     #[must_use]
     pub const fn wants_lift(self) -> bool {
         matches!(self, GuardRefusal::Old | GuardRefusal::Late)
     }
 }
 
-/// How an end stands, for the status.
+/// The state of an end, for the status.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct GuardStatus {
-    /// The id of the key in force; none where there is none, and nothing is believed.
+    /// The id of the key in force; `None` if there is none, so that nothing is accepted.
     pub key_id: Option<String>,
     /// The id of the key before, while it is still accepted.
     pub previous_key_id: Option<String>,
     /// Whether the other end still sends under that.
     pub uses_previous: bool,
-    /// Datagrams that were believed.
+    /// Number of accepted datagrams.
     pub verified: u64,
     /// Since the last of them, s.
     pub verified_s: Option<f64>,
@@ -152,7 +155,7 @@ pub struct GuardStatus {
 }
 
 impl GuardEnd {
-    /// An end that believes `peer` under these keys, the one in force first, and sends as `own`.
+    /// An end that accepts `peer` under these keys, the one in force first, and sends as `own`.
     ///
     /// # Errors
     /// The clock of a key cannot be read.
@@ -181,7 +184,7 @@ impl GuardEnd {
         Ok(end)
     }
 
-    /// Continues with these keys; what is known of one that stays is kept.
+    /// Continues with these keys; keeps the state of those that stay.
     ///
     /// # Errors
     /// The clock of a key cannot be read; nothing has changed then.
@@ -246,7 +249,7 @@ impl GuardEnd {
         }
     }
 
-    /// What is inside of a datagram that is believed; empty where it only lifts the stamps.
+    /// The content of an accepted datagram; empty if it only raises the stamps.
     ///
     /// # Errors
     /// It is not: why.
@@ -280,7 +283,7 @@ impl GuardEnd {
         if opened == Err(GuardRefusal::Replayed)
             && let Some(place) = self.elsewhere.iter().position(copied)
         {
-            // Under its own key, whatever has verified since: what it may command is that key's.
+            // Report its own key, whatever has verified since: its permissions are those of that key.
             let known = self.elsewhere.remove(place);
             opened = known
                 .map(|one| (guarded.datagram, one.key))
@@ -337,7 +340,7 @@ impl GuardEnd {
             return Err(GuardRefusal::Forged);
         };
         let stamp = stamp_of(trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
-        // Not the key in use: a recording under the key before would have everything sealed under that.
+        // Do not update the key in use: a replay under the previous key would cause everything to be sealed under that.
         self.behind = Some((place, stamp));
         if !keyed.clock.allows(stamp, now) {
             return Err(GuardRefusal::Ahead);
@@ -351,15 +354,15 @@ impl GuardEnd {
         keyed.window.take(now.mono, stamp);
         let key = keyed.id;
         self.behind = None;
-        // A VSM answers under the key that its CUCS uses. A CUCS sends under the one in force: were it to follow too, what was on its way
-        // when a key was replaced would have both follow each other to and fro.
+        // A VSM answers under the key that its CUCS uses. A CUCS sends under the key in force: if it followed too, datagrams
+        // in transit during a key rotation would make both ends switch back and forth.
         if self.sends == Direction::ToCucs {
             self.in_use = place;
         }
         Ok((guarded.datagram, key))
     }
 
-    /// Seals an empty datagram under a key that the other end may have: what it answers shows whether it does. The length.
+    /// Seals an empty datagram under a key that the other end may have, to find out by its answer; returns the length.
     ///
     /// # Errors
     /// As [`seal`](Self::seal).
@@ -388,7 +391,7 @@ impl GuardEnd {
         self.drop_expired(now.mono);
         let place = self.in_use;
         let keyed = self.keys.get_mut(place).ok_or(SealError::NoKey)?;
-        // A stamp is taken once, over restarts too: no nonce is used twice.
+        // A stamp is used once, also after restarts, so no nonce is used twice.
         let stamp = micros(keyed.clock.take(now, disk)?);
         let inside = keyed.key.wrap(stamp, offer).ok_or(SealError::NoKey)?;
         self.seal_under(place, now, &inside, out, disk)
@@ -436,7 +439,8 @@ impl GuardEnd {
         Ok(sealed?)
     }
 
-    /// The empty datagram by which the other end is lifted, after what was refused last, where it is time for one; its length.
+    /// Seals the empty datagram that raises the other end's stamps after the last refusal, if one is due; returns its
+    /// length.
     pub fn lift(
         &mut self,
         now: Now,
@@ -445,8 +449,8 @@ impl GuardEnd {
     ) -> Option<usize> {
         let (place, stamp) = self.behind.take()?;
         let keyed = self.keys.get_mut(place)?;
-        // No stamp twice, and the sender's own lies above all that were recorded of it: whoever replays those gets the lift of each
-        // once, and cannot take the one of the sender. Five a second, by either end's time.
+        // Each stamp is answered once, and the sender's current stamp is above all recorded ones: replays get one answer
+        // each and cannot use up the answer to the sender. Five a second, by the time of either end.
         let later = stamp >= keyed.lifted.plus(LIFT_EVERY);
         if stamp <= keyed.lifted || (now.mono < self.lift_at && !later) {
             return None;
@@ -470,7 +474,7 @@ impl GuardEnd {
         Some((id, key))
     }
 
-    /// A frame of a web client has verified in a connection under this key; false where that is not accepted any more.
+    /// A frame of a web client has verified under this key; returns false if the key is no longer accepted.
     pub(crate) fn takes_frame(&mut self, now: Duration, key: KeyId) -> bool {
         let accepted = self.accepts(now, key);
         if accepted {
@@ -486,12 +490,12 @@ impl GuardEnd {
         keys.any(|one| one.id == key && !one.is_over(now))
     }
 
-    /// The keys under which something is believed.
+    /// The accepted keys.
     pub(crate) fn key_ids(&self) -> impl Iterator<Item = KeyId> + '_ {
         self.keys.iter().map(|one| one.id)
     }
 
-    /// Whether the other end may have this key, and what it seals under it is believed.
+    /// Whether the other end may have this key, so that datagrams under it are accepted.
     #[must_use]
     pub fn has(&self, key: KeyId) -> bool {
         self.key_ids().any(|known| known == key)
@@ -503,7 +507,7 @@ impl GuardEnd {
         self.keys.first().map(|one| one.id)
     }
 
-    /// How it stands.
+    /// Its status.
     #[must_use]
     pub fn status(&self, now: Duration) -> GuardStatus {
         let newest = self.keys.iter().filter_map(|one| one.window.newest);
@@ -539,7 +543,7 @@ pub enum SealError {
     TooLong(#[from] stanag_msgs::guard::TooLong),
 }
 
-/// The stamps of one key and direction that were believed of late.
+/// The recently accepted stamps of one key and direction.
 #[derive(Debug, Default)]
 struct Window {
     /// In their order, [`WINDOW`] at most.
@@ -590,7 +594,7 @@ fn stamp_of(stamp_us: u64) -> Option<Stamp> {
 
 /// Datagrams of one sender whose order does not matter.
 const WINDOW: usize = 1_024;
-/// How long a datagram may be on its way, against the newest of its sender.
+/// Maximum delay of a datagram, relative to the newest of its sender.
 const MAX_DELAY: Duration = Duration::from_secs(30);
 /// How long after its copy a datagram may come from where its sender is: no longer than what a candidate address holds back.
 const ELSEWHERE: Duration = Duration::from_secs(5);

@@ -1,9 +1,9 @@
-//! The sessions: sans-I/O machines that know time, and nothing of sockets, clocks or files.
+//! The sessions: sans-I/O state machines. They are given the time, and know no sockets, clocks or files.
 //!
-//! [`Bridge`] is the whole of it: datagrams of both sides and the time go in, datagrams and log entries come out.
-//! What must survive a restart goes to the [`Disk`](mavlink_link::store::Disk) that is handed in, before it is answered.
+//! [`Bridge`] combines them: datagrams of both sides and the time go in, datagrams and log entries come out. What must
+//! survive a restart is written to the [`Disk`](mavlink_link::store::Disk) that the caller passes in, before it is answered.
 //!
-//! A CUCS asks for control, and gets its answer before anything was received from the vehicle:
+//! A CUCS requests control and gets its answer before any data of the vehicle arrives:
 //!
 //! ```
 //! use std::net::SocketAddr;

@@ -20,7 +20,7 @@ use mavlink_link::dialect::MavState;
 pub(crate) enum Other {
     /// PX4 flies a failsafe.
     Failsafe(Px4Mode),
-    /// It returns or lands: by a command, or by whoever has it.
+    /// It returns or lands: by a command, or by its pilot or failsafe.
     Ending(Px4Mode),
     /// A pilot or another station: nothing enters this mode from here.
     Pilot(Px4Mode),

@@ -28,7 +28,7 @@ pub(crate) struct GroundStation {
     pub(crate) config: Cucs,
     /// How it is spoken to.
     pub(crate) profile: StationProfile,
-    /// The configuration has it no more. It keeps its place: other machines know it by its index.
+    /// It was removed from the configuration. It keeps its place, since other machines refer to it by index.
     pub(crate) removed: bool,
     /// Where it is (`paths`): where answers and status go.
     pub(crate) peer: Option<SocketAddr>,
@@ -38,7 +38,7 @@ pub(crate) struct GroundStation {
     pub(crate) received: Option<Duration>,
     /// Its clock against this computer's.
     pub(crate) clock: ClockOffset,
-    /// How long its latest message was on its way.
+    /// The delay of its latest message.
     pub(crate) delay: Delay,
     /// It has sent 16002 from a proven address: only then can silence cost it control.
     pub(crate) sends_heartbeats: bool,
@@ -46,7 +46,7 @@ pub(crate) struct GroundStation {
     pub(crate) guard: Option<GuardEnd>,
     /// The guard key that has sealed what is handled now.
     pub(crate) sealed_under: Option<KeyId>,
-    /// Its connection, where it is a web client and is there.
+    /// Its connection, if it is a connected web client.
     pub(crate) web: Option<WebLink>,
     /// What the access list allows it.
     pub(crate) permits: Permits,

@@ -35,7 +35,7 @@ impl<T> Turns<T> {
         self.queues.is_empty()
     }
 
-    /// Lets something wait behind what of the same station waits already.
+    /// Queues an item behind the other items of the same station.
     pub(crate) fn push(&mut self, station: usize, one: T) {
         self.queues.entry(station).or_default().push_back(one);
     }
@@ -53,7 +53,7 @@ impl<T> Turns<T> {
         Some((station, first))
     }
 
-    /// All that waits of a station: nothing does any more.
+    /// Removes all queued items of a station.
     pub(crate) fn take(&mut self, station: usize) -> VecDeque<T> {
         self.queues.remove(&station).unwrap_or_default()
     }

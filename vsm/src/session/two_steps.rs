@@ -177,7 +177,7 @@ impl Refusal {
     }
 }
 
-/// An order to arm or to execute that was longer on its way is refused.
+/// Maximum delay of an order to arm or to execute.
 pub(crate) const MAX_DELAY: Duration = Duration::from_secs(2);
 
 /// For the tests of every state of either.

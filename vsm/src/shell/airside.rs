@@ -61,7 +61,7 @@ pub enum AirsideError {
     /// The machine.
     #[error(transparent)]
     Agent(#[from] AgentError),
-    /// Keys would be shown to whoever listens on the link.
+    /// Keys would be readable by anyone on the link.
     #[error(
         "px4.link = \"{link}\": PX4's keys go over it, so it must be a serial line or loopback; or vouch for it with \
          px4.i_trust_this_link = true"
@@ -86,7 +86,7 @@ pub enum AirsideError {
 pub struct AirsideServer {
     agent: Agent,
     disk: AirsideDisk,
-    /// The disk has made something durable, or cannot.
+    /// The disk has made changes durable, or has failed to.
     stored: Arc<Notify>,
     clock: Clock,
     vehicle: String,
@@ -101,11 +101,11 @@ pub struct AirsideServer {
     zeroize: UnixListener,
     /// What an order to zeroize erases.
     order: Order,
-    /// Somebody at this computer whose request has not arrived yet.
+    /// A client on this computer whose request has not arrived yet.
     greeting: Option<Greeting>,
-    /// Whoever stands at the open pairing window.
+    /// The client of the open pairing window.
     asker: Option<Asker>,
-    /// Who at this computer has ordered a zeroize, and waits for what it comes to.
+    /// The client on this computer that has ordered a zeroize and waits for its result.
     orderer: Option<UnixStream>,
 }
 
@@ -115,7 +115,7 @@ impl AirsideServer {
     /// Opens store, keys and links. Must be called within a tokio runtime.
     ///
     /// # Errors
-    /// Any of them cannot be had; nothing has been sent then.
+    /// Any of them cannot be opened; nothing has been sent in that case.
     pub fn open(config: &AirsideConfig) -> Result<AirsideServer, AirsideError> {
         AirsideServer::open_on(config, &|dir| FileDisk::open(dir))
     }
@@ -262,7 +262,7 @@ impl AirsideServer {
                 asked = self.pairing.accept() => match asked {
                     Ok((stream, _)) => {
                         let greeted = tokio::time::timeout(GREETING_WITHIN, Asker::greet(stream));
-                        // Apart: who is slow to speak holds up no frame. The last to come is listened to.
+                        // In a separate task, so that a slow client delays no frame. The latest client is served.
                         let greeting = async { greeted.await.ok().flatten() };
                         self.greeting = Some(tokio::spawn(greeting));
                     }
@@ -295,7 +295,8 @@ impl AirsideServer {
                 break;
             }
         }
-        // Whoever has the store next only erases: PX4 has been given another key, or this agent is ended before that.
+        // The next process that opens the store only erases it: PX4 has received another key, or this agent was ended before
+        // that.
         erase::claim(&mut self.disk.store.files().shared());
         let end = Instant::now() + LAST_WRITES;
         self.disk.store.wait(LAST_WRITES);
@@ -303,7 +304,7 @@ impl AirsideServer {
         Ok(self.picture())
     }
 
-    /// Takes what came from the ground: of an encrypted link what is inside.
+    /// Takes data from the ground; on an encrypted link, the decrypted content.
     fn take_radio(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
         let mut encryption = self.encryption.take();
@@ -340,7 +341,7 @@ impl AirsideServer {
         status
     }
 
-    /// Somebody at this computer wants to zeroize.
+    /// A client on this computer requests a zeroize.
     async fn take_zeroize(&mut self, mut stream: UnixStream) {
         let read = tokio::time::timeout(STATUS_WITHIN, stream.read_u8()).await;
         let Ok(Ok(word)) = read else {
@@ -353,10 +354,10 @@ impl AirsideServer {
         }
     }
 
-    /// Stores an order to zeroize before anything of it is acknowledged, and answers who has given it here.
+    /// Stores an order to zeroize before acknowledging it, and answers a client on this computer.
     async fn settle_zeroize(&mut self) {
         if self.agent.zeroize_to_store() {
-            // By this thread: whatever else waits for the disk is erased anyway.
+            // On this thread: everything else that waits for the disk is erased anyway.
             let mut disk = self.disk.store.files().shared();
             let stored = erase::begin(&mut disk, &self.order).map_err(|fault| fault.to_string());
             let now = self.clock.now();
@@ -375,7 +376,7 @@ impl AirsideServer {
         }
     }
 
-    /// Somebody at this computer wants to pair.
+    /// A client on this computer requests a pairing.
     async fn open_window(&mut self, mut asker: Asker, code: PairingCode) {
         let now = self.clock.now();
         match self.agent.open_window(now, &code, &mut self.disk) {
@@ -394,9 +395,9 @@ impl AirsideServer {
         }
     }
 
-    /// Reports what happens at the window to whoever opened it.
-    async fn tell_pairing(&mut self) {
-        // A pairing that is not on the disk yet is none.
+    /// Reports the events of the pairing window to the client that opened it.
+    async fn report_pairing(&mut self) {
+        // A pairing does not exist until it is stored.
         while self.disk.is_stored()
             && let Some(news) = self.agent.poll_pairing()
         {
@@ -460,7 +461,7 @@ impl AirsideServer {
                 out.zeroize();
             }
         }
-        self.tell_pairing().await;
+        self.report_pairing().await;
         self.send_encrypted().await?;
         while let Some(note) = self.agent.poll_note() {
             write_log(note.level, &note.text);
@@ -490,7 +491,7 @@ impl AirsideServer {
     }
 }
 
-/// Keys for PX4 are shown to whoever can listen on the link.
+/// Keys for PX4 can be read by anyone who can receive the link.
 pub(super) fn may_carry_keys(px4: &Px4) -> Result<(), AirsideError> {
     if px4.i_trust_this_link || key_link::is_local(&px4.link) {
         return Ok(());
@@ -581,7 +582,7 @@ async fn next_ping(pings: &mut Option<Interval>) {
     }
 }
 
-/// Done when whoever stands at the window goes away; never where nobody does.
+/// Completes when the client of the pairing window disconnects; never completes without a client.
 async fn gone(asker: &mut Option<Asker>) {
     match asker {
         Some(asker) => asker.gone().await,
@@ -589,13 +590,13 @@ async fn gone(asker: &mut Option<Asker>) {
     }
 }
 
-/// A link that fails again and again is logged once in a while, and takes no whole core.
+/// Pauses after an error, so that a link that keeps failing does not flood the log or use a whole core.
 async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
     tokio::time::sleep(PAUSE).await;
 }
 
-/// What is left to write gets so long at the end: longer than a slow disk takes, shorter than a service manager waits.
+/// Time limit for remaining writes at the end: longer than a slow disk takes, shorter than a service manager waits.
 pub(super) const LAST_WRITES: Duration = Duration::from_secs(10);
 
 /// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
@@ -603,7 +604,7 @@ pub(super) const FOREIGN: &str = "PX4's link: not a permitted user's socket";
 pub(super) const NOT_SENT: &str = "PX4's key is NOT sent";
 const RADIO_WRITER: &str = "writer of the ground's serial port";
 pub(super) const LARGEST: usize = 65_536;
-/// A socket takes a whole status at once: the links wait no longer for one who does not read.
+/// A socket buffers a whole status: a client that does not read delays the links for at most this long.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
 const GREETING_WITHIN: Duration = Duration::from_secs(5);
 pub(super) const PAUSE: Duration = Duration::from_millis(100);

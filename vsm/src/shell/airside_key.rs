@@ -30,7 +30,7 @@ use crate::key_exchange;
 /// tokio runtime.
 ///
 /// # Errors
-/// Keys or the link to PX4 cannot be had, or the link is open to others; nothing has been sent then.
+/// Keys or the link to PX4 cannot be opened, or the link is open to others; nothing has been sent in that case.
 pub async fn discard(
     config: &AirsideConfig,
     mut store: FileDisk,

@@ -1,8 +1,8 @@
-//! The disk of the program: files that are replaced whole, in a folder that one process holds.
+//! The program's disk: files that are replaced as a whole, in a folder that one process has locked.
 //!
-//! After a power cut there are the old bytes or the new, never a part: written beside, synchronised, renamed, and the
-//! folder synchronised. Whatever step fails, the file that was there before can still be read. The steps go through
-//! [`FileSystem`], so that a test can let each of them fail, or take its time.
+//! After a power cut a file has the old or the new content, never a part: it is written beside, synchronised and renamed,
+//! and the folder is synchronised. If any step fails, the previous file can still be read. The steps go through
+//! [`FileSystem`], so that a test can make each of them fail or delay it.
 
 use std::fmt;
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -36,9 +36,9 @@ pub struct FileDisk {
 pub(super) struct Added {
     /// The log, open.
     pub(super) file: File,
-    /// How long it was before.
+    /// Its previous length.
     pub(super) start: u64,
-    /// It is a new one, whose name is not durable.
+    /// It is a new log, whose name is not durable yet.
     pub(super) new: bool,
 }
 
@@ -53,7 +53,7 @@ pub enum OpenError {
         /// The system's reason.
         cause: io::Error,
     },
-    /// Others may read or write it: it holds what decides which frames are believed.
+    /// Others may read or write it: its content decides which frames are accepted.
     #[error("[store] dir {folder} is open to others (mode {mode:03o}), expected 0700: chmod 700 it", folder = folder.display())]
     Permissions {
         /// The folder.
@@ -61,10 +61,10 @@ pub enum OpenError {
         /// Its mode.
         mode: u32,
     },
-    /// It is somebody else's.
+    /// It belongs to another user.
     #[error("[store] dir: {0}")]
     Ownership(#[from] OwnershipError),
-    /// What is in it is to be erased, and has not been yet: nothing is served from it.
+    /// Its content is to be erased, which is not finished: nothing is served from it.
     #[error("[store] dir {folder} is being zeroized: start `vsm run`, `vsm airside` or `vsm zeroize` on it, each of which finishes that first", folder = folder.display())]
     Zeroizing {
         /// The folder.
@@ -76,7 +76,7 @@ pub enum OpenError {
         /// The folder.
         folder: PathBuf,
     },
-    /// Another process has it.
+    /// Another process has locked it.
     #[error("[store] dir {folder} is in use by another vsm, such as `vsm run`: two must not share one signing clock. Stop that one first (a service: `systemctl stop vsm`), and start it again afterwards", folder = folder.display())]
     Locked {
         /// The folder.
@@ -85,10 +85,10 @@ pub enum OpenError {
 }
 
 impl FileDisk {
-    /// Opens a folder, made with mode 0700 where it is missing, and locks it for this process.
+    /// Opens a folder and locks it for this process; creates it with mode 0700 if it is missing.
     ///
     /// # Errors
-    /// It cannot be made or written, others may use it, or another process has it.
+    /// It cannot be created or written, it is open to others, or another process has locked it.
     pub fn open(folder: &Path) -> Result<FileDisk, OpenError> {
         let disk = FileDisk::open_on(folder, Box::new(NativeFileSystem))?;
         if disk.has(FLEET_EPOCH) {
@@ -111,13 +111,13 @@ impl FileDisk {
         Ok(disk)
     }
 
-    /// Whether an order to zeroize stands in it.
+    /// Whether it contains an order to zeroize.
     #[must_use]
     pub fn is_ordered(&self) -> bool {
         is_to_be_erased(&self.folder)
     }
 
-    /// As [`FileDisk::open_on`], also where an order to erase it stands.
+    /// As [`FileDisk::open_on`], but also opens a store with an order to zeroize.
     pub(super) fn open_to_erase(
         folder: &Path,
         system: Box<dyn FileSystem>,
@@ -200,8 +200,8 @@ impl FileDisk {
         self.folder.join(name).exists()
     }
 
-    /// Adds to a log without synchronising it. After a failure nothing has been added, or, where that cannot be undone
-    /// either, a part: the next start finds a line without end, and closes it.
+    /// Appends to a log without synchronising it. After a failure nothing has been appended, or, if that cannot be undone
+    /// either, a part: the next start finds an incomplete line and closes it.
     pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<Added> {
         let path = self.folder.join(name);
         let new = !path.exists();
@@ -210,15 +210,15 @@ impl FileDisk {
         let mut file = ownership::open_no_link(&mut how, &path)?;
         let start = file.metadata()?.len();
         if let Err(cause) = file.write_all(bytes) {
-            // The next line would follow half of this one.
+            // Otherwise the next line would follow a part of this one.
             let _ = file.set_len(start);
             return Err(cause);
         }
         Ok(Added { file, start, new })
     }
 
-    /// Puts a file in the place of another without synchronising the folder; false where there is none to be moved: the
-    /// rotation of logs counts on that being no fault.
+    /// Renames a file over another without synchronising the folder. Returns false if the file does not exist: the rotation
+    /// of logs relies on that not being an error.
     pub(super) fn move_file(&self, from: &str, to: &str) -> io::Result<bool> {
         let (from, to) = (self.folder.join(from), self.folder.join(to));
         match self.system.rename(&from, &to) {
@@ -260,8 +260,8 @@ impl Disk for FileDisk {
             if durability == Durability::Power
                 && let Err(cause) = self.system.sync_open(&file)
             {
-                // It is refused, and must not be in the log then. What is added next is written by its own
-                // synchronisation, since that makes it new.
+                // The append is refused, so it must not stay in the log. The next append synchronises the log itself, since
+                // it creates it.
                 let _ = file.set_len(start);
                 return Err(cause);
             }
@@ -299,10 +299,10 @@ impl Disk for FileDisk {
     }
 }
 
-/// A record of a store that another process may hold, to be shown.
+/// Reads a record of a store that another process may be using, to show it.
 ///
 /// # Errors
-/// It is there and cannot be read.
+/// It exists but cannot be read.
 pub fn peek<R: Record>(folder: &Path, key: &R::Key) -> Result<Option<R>, StoreError> {
     let name = R::name(key);
     let read = NativeFileSystem.read(&folder.join(&name), MAX_RECORD_BYTES);
@@ -320,14 +320,14 @@ pub fn peek_identity(folder: &Path) -> Option<PublicKey> {
     Some(parse_identity(&bytes)?.public())
 }
 
-/// The folder of a store that another process may hold: to be looked at.
+/// The folder of a store that another process may be using, opened for reading.
 #[derive(Debug)]
 pub struct ReadOnlyDisk {
     folder: PathBuf,
 }
 
 impl ReadOnlyDisk {
-    /// Looks at a folder.
+    /// Opens a folder for reading.
     ///
     /// # Errors
     /// There is none that can be read.
@@ -368,7 +368,7 @@ impl Disk for ReadOnlyDisk {
 
 /// The steps of writing and reading a file.
 pub trait FileSystem: fmt::Debug + Send + Sync {
-    /// Writes a new file, mode 0600, in place of what bears its name.
+    /// Writes a new file, mode 0600, replacing any file with its name.
     ///
     /// # Errors
     /// The system's; part of the bytes may have been written.
@@ -388,7 +388,7 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
         file.sync_data()
     }
 
-    /// Puts a file in the place of another.
+    /// Renames a file over another.
     ///
     /// # Errors
     /// The system's; nothing has changed then.
@@ -411,18 +411,18 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// Overwrites a file in its place, whole, and brings that to the disk. A link is not followed.
     ///
     /// # Errors
-    /// It is not this user's or no file, or the system's; part of it may have been overwritten.
+    /// It does not belong to this user or is not a file, or the system's; part of it may have been overwritten.
     fn overwrite(&self, path: &Path) -> io::Result<()> {
         overwrite(path)
     }
 
-    /// Deletes a file; one that is not there is deleted already.
+    /// Deletes a file; a missing file is no error.
     ///
     /// # Errors
     /// The system's.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
-    /// Whether the end of this computer is to be survived as the end of the process is: by another that continues.
+    /// Whether the loss of this computer must be survived like the end of the process, because another computer continues.
     fn is_shared(&self) -> bool {
         false
     }
@@ -432,7 +432,7 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
         0
     }
 
-    /// How far these steps are.
+    /// The progress of these steps.
     fn progress(&self, of: Changes) -> Progress {
         let _ = of;
         Progress::Durable
@@ -451,7 +451,7 @@ pub struct NativeFileSystem;
 
 impl FileSystem for NativeFileSystem {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        // One that is there has a mode and an owner of its own, or is a link to somewhere else.
+        // An existing file may have another mode or owner, or be a link.
         self.remove(path)?;
         OpenOptions::new()
             .write(true)
@@ -504,7 +504,7 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
         .and_then(|()| if power { system.sync(beside) } else { Ok(()) })
         .and_then(|()| system.rename(beside, path));
     if written.is_err() {
-        // What lies there may be part of a key. On a disk that fails, that may fail too.
+        // It may contain part of a key. On a failing disk the deletion may fail too.
         let _ = system.remove(beside);
         return written;
     }
@@ -515,15 +515,14 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
     Ok(())
 }
 
-/// Makes a file that does not exist yet. It has survived a power cut when this returns, and is whole whenever it is
-/// there.
+/// Creates a file that does not exist yet. When this returns it is durable, and whenever it exists it is complete.
 ///
 /// # Errors
 /// It exists, or a step fails; where only the folder's names could not be synchronised it is there.
 pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let beside = &beside(path);
     let system = NativeFileSystem;
-    // A second name, and not a new name: that would take the place of a file that is there.
+    // A hard link, not a rename: a rename would replace an existing file.
     let made = system
         .write(beside, bytes)
         .and_then(|()| system.sync(beside))
@@ -533,8 +532,7 @@ pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
         .and_then(|()| system.sync(folder_of(path)))
 }
 
-/// Whether an order to erase what belongs to a store stands in it. Also one that cannot be looked at: what it orders must
-/// not be served.
+/// Whether a store contains an order to zeroize. An unreadable one counts too: such a store must not be served.
 pub(super) fn is_to_be_erased(store: &Path) -> bool {
     let found = fs::symlink_metadata(store.join(ERASE_ORDER));
     !matches!(found, Err(cause) if cause.kind() == io::ErrorKind::NotFound)
@@ -565,7 +563,8 @@ fn overwrite(path: &Path) -> io::Result<()> {
 /// The order to erase what belongs to a store, in its folder: nothing is served from a store that has one.
 pub(super) const ERASE_ORDER: &str = "zeroize.order";
 
-/// The mark of a store that a fleet shares: in which epoch this folder was served last, and what etcd had seen by then.
+/// The mark of a store that a fleet shares: the epoch in which this folder was last served, and etcd's revision at that
+/// time.
 pub(super) const FLEET_EPOCH: &str = "fleet-epoch";
 
 /// `uav1.key` while it is being written: `uav1.key.new`.

@@ -127,11 +127,11 @@ impl Encryption {
             ),
             EncryptedEvent::UnderAttack => (
                 LogLevel::Warning,
-                "encrypted link: many packets of late were changed, replayed or made up".to_owned(),
+                "encrypted link: many recent packets were modified, replayed or forged".to_owned(),
             ),
             EncryptedEvent::Fault(cause) => (
                 LogLevel::Warning,
-                format!("encrypted link: no keys can be agreed on: {cause}"),
+                format!("encrypted link: no session keys could be agreed on: {cause}"),
             ),
         })
     }

@@ -360,7 +360,7 @@ fn finish(store: &Path, system: &dyn FileSystem) -> Result<Option<Erased>, Erase
     Ok(Some(erased))
 }
 
-/// Erases one file; why it is left where it is none of ours.
+/// Erases one file; returns the reason if a file that is not ours is left.
 fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
     let found = match fs::symlink_metadata(path) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -374,7 +374,7 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
         return Ok(Some(why));
     }
     if found.is_dir() {
-        return Ok(Some("it is a folder, which is none of ours".into()));
+        return Ok(Some("it is a folder, which vsm did not create".into()));
     }
     if found.is_file() {
         system.overwrite(path)?;
@@ -408,7 +408,8 @@ fn named(path: &Path, is: impl Fn(&str) -> bool) -> bool {
     name.is_some_and(|name| is(&name.to_string_lossy()))
 }
 
-/// Whether a bridge has written a file of this name, in this run or before, for a vehicle that is configured no more too.
+/// Whether a bridge has written a file with this name, in this run or earlier, also for a vehicle that is no longer
+/// configured.
 fn is_recording(name: &str) -> bool {
     let of_vehicle = || {
         let id = name.split_once('-').map(|(id, _)| id);

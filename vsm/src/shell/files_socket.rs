@@ -1,4 +1,5 @@
-//! `vsm files`: a Unix socket in the store folder, over which whoever may enter the folder reaches the files of a vehicle.
+//! `vsm files`: a Unix socket in the store folder, over which any user who may enter the folder reaches the files of a
+//! vehicle.
 //!
 //! The asker sends one line of JSON, a [`Request`], and the content of a file that it writes. It is answered by lines of
 //! JSON, [`Reply`]s; a [`Reply::Data`] is followed by its bytes. [`Reply::Refused`], [`Reply::Listing`] and
@@ -113,7 +114,7 @@ impl Asker {
     /// The next answer, with the bytes that follow it; `None` once the bridge has hung up.
     ///
     /// # Errors
-    /// The system's, or an answer that is none.
+    /// An error of the system, or an invalid answer.
     pub fn receive(&mut self) -> io::Result<Option<(Reply, Vec<u8>)>> {
         let mut line = String::new();
         if self.0.read_line(&mut line)? == 0 {

@@ -1,8 +1,8 @@
 //! The key files of one guarded CUCS at the VSM, as the exchange writes them: `a0.key`, `a0.key.previous`, and `a0.key.pairing`,
 //! which names the guard that it is paired with.
 //!
-//! The pairing lies beside the key, so that whoever revokes the key ends the pairing too (`vsm guard revoke`): a guard that was
-//! locked out could agree about another key otherwise. `a0.key.lock` is held by whoever changes any of them.
+//! The pairing is stored beside the key, so that revoking the key ends the pairing too (`vsm guard revoke`): otherwise a
+//! revoked guard could agree on another key. A process holds `a0.key.lock` while it changes any of these files.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ use crate::key_exchange::ExchangeRecord;
 pub struct AgreedFiles {
     path: PathBuf,
     system: Arc<dyn FileSystem>,
-    /// A window is open: who knows the code may take the place of the guard of before.
+    /// A pairing window is open: a guard with the code may replace the previous one.
     pairs: bool,
 }
 
@@ -55,7 +55,7 @@ impl AgreedFiles {
         self.pairs = pairs;
     }
 
-    /// What the machine must know of them. A key that is not there yet is none.
+    /// The state of these files for the machine. A key file that does not exist yet counts as no key.
     ///
     /// # Errors
     /// One of them is there and cannot be used.

@@ -81,7 +81,7 @@ pub(super) fn put_in_force(
     write(system, path, new)
 }
 
-/// Replaces the key by a new one, and deletes all before it, with the pairing: whoever has only those is locked out.
+/// Replaces the key by a new one, and deletes all earlier keys and the pairing: a holder of only those is locked out.
 ///
 /// # Errors
 /// As [`rotate`].

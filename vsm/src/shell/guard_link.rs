@@ -110,7 +110,7 @@ impl Agreement {
     ) {
         let Agreement { end, keys } = self;
         let mut files = CucsFiles { store: disk, keys };
-        // Why a step was ignored concerns nobody but who has sent it.
+        // The reason for ignoring a step matters only to its sender.
         let _ = end.handle(now, verified, step, &mut files);
     }
 
@@ -143,7 +143,7 @@ pub(super) async fn bind(at: SocketAddr) -> Result<UdpSocket, GuardError> {
     bound.map_err(|cause| GuardError::Bind { at, cause })
 }
 
-/// A pairing on its way.
+/// A pairing in progress.
 #[derive(Debug)]
 pub struct GuardPairing {
     side: GuardSide,
@@ -172,7 +172,7 @@ impl GuardPairing {
     /// Opens files and socket.
     ///
     /// # Errors
-    /// Any of them cannot be had; nothing has been sent then.
+    /// Any of them cannot be opened; nothing has been sent in that case.
     pub async fn open(side: GuardSide, code: PairingCode) -> Result<GuardPairing, GuardError> {
         let clock = Clock::default();
         let mut disk = FileDisk::open(&side.store)?;

@@ -70,7 +70,7 @@ impl GuardProxy {
     /// Opens key, store and sockets.
     ///
     /// # Errors
-    /// Any of them cannot be had.
+    /// Any of them cannot be opened.
     pub async fn open(config: GuardConfig) -> Result<GuardProxy, GuardError> {
         if !config.listen.ip().is_loopback() {
             return Err(GuardError::Open(config.listen));
@@ -198,15 +198,15 @@ impl GuardProxy {
         while let Some(news) = self.agreement.end.poll_news() {
             match &news {
                 CucsNews::InForce(key, _) => tracing::info!("key {key} is in force"),
-                CucsNews::Waiting => tracing::info!("another key is agreed about"),
+                CucsNews::Waiting => tracing::info!("agreeing on a new key"),
                 CucsNews::Dropped(status) => {
                     tracing::warn!(
-                        "the VSM does not have the new key ({status}): the one before stays"
+                        "the VSM does not have the new key ({status}): the previous key stays in force"
                     );
                 }
                 CucsNews::Failed(why) => tracing::error!("the key exchange: {why}"),
                 CucsNews::NotAnswered => {
-                    tracing::info!("the VSM does not answer about another key")
+                    tracing::info!("the VSM does not answer the key exchange")
                 }
                 // Anybody can send these.
                 CucsNews::Rejected(status) => tracing::debug!("unproven answer: {status}"),
@@ -220,8 +220,8 @@ impl GuardProxy {
         }
     }
 
-    /// Seals and verifies under what is in the key files now; what was in force just before is believed for a while, since some of
-    /// it may still be on its way.
+    /// Seals and verifies with the present key files. The previous key is accepted for a while, since datagrams under it may
+    /// still be in transit.
     fn take_keys(&mut self, now: Now) {
         let kept = keys(&self.agreement).map_err(|fault| fault.to_string());
         let kept = kept.and_then(|mut kept| {
@@ -240,7 +240,7 @@ impl GuardProxy {
             set.map_err(|fault| fault.to_string())
         });
         if let Err(why) = kept {
-            tracing::error!("the key cannot be changed, the one before stays: {why}");
+            tracing::error!("the key cannot be changed, the previous one stays in force: {why}");
         }
     }
 
@@ -260,7 +260,7 @@ impl GuardProxy {
             self.dropped.count("of another length than 1 to 548 bytes");
             return None;
         }
-        // In Edition 2.5 the wrapper does not say who sends: there the VSM looks.
+        // In Edition 2.5 the wrapper does not name the sender: the VSM checks it.
         let other = |source: Id| source != self.config.side.cucs;
         if !ed25::is_ed25(bytes) && frames(bytes).next_source().is_some_and(other) {
             self.dropped.count("source is not the CUCS of this guard");
@@ -454,5 +454,5 @@ fn total(counters: &Counters) -> u64 {
 const ROOM: usize = MAX_GUARDED + 1;
 const IDLE: Duration = Duration::from_secs(60);
 const SHORTEST: Duration = Duration::from_millis(1);
-/// How long what the VSM has sealed under the key before is believed after a change.
+/// How long datagrams of the VSM under the previous key are accepted after a change.
 const STILL_BELIEVED: Duration = Duration::from_secs(60);

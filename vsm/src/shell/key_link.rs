@@ -1,8 +1,8 @@
-//! `vsm key provision | rotate | revoke`, and a zeroize with `zeroize.px4_key`: a vehicle's link, held by this process alone, and the handover of a key on it.
+//! Key rotation on a vehicle's link: `vsm key provision | rotate | revoke`, and a zeroize with `zeroize.px4_key`.
 //!
-//! The store's lock and the key's are held, so no bridge shares the stream of stamps. SETUP_SIGNING shows the key to
-//! whoever reads the line: it goes over loopback and serial lines only, unless the operator vouches for the link; on
-//! loopback only to a program of this command's user or of root.
+//! This process holds the store's lock and the key's lock, so no bridge signs in the same stream of timestamps meanwhile.
+//! SETUP_SIGNING carries the key in the clear, so it is sent over loopback and serial lines only, unless the operator
+//! vouches for the link. On loopback it is sent only to a program of this command's user or of root.
 
 use std::net::ToSocketAddrs;
 use std::time::Duration;
@@ -28,7 +28,7 @@ use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use crate::config::{Config, ExchangeMode, LinkAddress, Signing, Vehicle};
 use crate::session::Peer;
 
-/// Why a key cannot be handed over.
+/// Why a key rotation cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyLinkError {
     /// The store.
@@ -54,7 +54,7 @@ pub enum KeyLinkError {
         "the vehicle's link is encrypted (vehicle.encrypt): its keys come from its agent, by `vsm pair`"
     )]
     Encrypted,
-    /// The key would be shown to whoever listens on the link.
+    /// The key would be readable by anyone on the link.
     #[error(
         "SETUP_SIGNING shows the key to anyone who can receive {link}: use a serial line or loopback, or \
          vouch for this link with --i-trust-this-link"
@@ -65,65 +65,65 @@ pub enum KeyLinkError {
     },
 }
 
-/// What is to be handed over.
+/// The key to install.
 #[derive(Debug)]
 pub enum What {
     /// Another key than the one in force, or the vehicle's first.
     New(SigningKey),
-    /// The key in force, once more: the vehicle has fallen back to the one before.
+    /// The key in force, again: the vehicle fell back to the previous one.
     InForceAgain,
-    /// One that nobody keeps, in place of the one in force: a zeroize.
+    /// A key that nobody keeps, in place of the one in force: a zeroize.
     Discarded(SigningKey),
 }
 
 /// What the operator vouches for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Trust {
-    /// The link may show the key, though it is neither a serial line nor loopback.
+    /// The key may be sent over this link, though it is neither a serial line nor loopback.
     pub open_link: bool,
-    /// A vehicle that should sign and does not is the vehicle: it has lost its key.
+    /// A vehicle that sends unsigned is accepted as the vehicle: it has lost its key.
     pub lost_key: bool,
 }
 
 /// How it ended, for a person.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Ending {
-    /// The machine's own end.
+    /// The rollover ended with this outcome.
     Ended(Outcome),
-    /// Nothing of the vehicle was received.
-    NotHeard,
+    /// No data from the vehicle.
+    NotReceived,
     /// The vehicle signs, but with neither key.
     ForeignKey,
-    /// Somebody in the vehicle's name does not sign, and was not believed.
+    /// Frames with the vehicle's system id arrived unsigned and were ignored.
     Unsigned,
-    /// Only a program that may not have the key spoke in the vehicle's name.
+    /// Only a program that may not receive the key sent frames with the vehicle's system id.
     Stranger(Stranger),
     /// The vehicle stayed armed.
     StayedArmed,
-    /// The vehicle fell silent after the key was sent: both keys are kept, and `vsm run` finds out which it has.
+    /// No data from the vehicle after the key was sent: both keys are kept, and `vsm run` finds out which one it has.
     Unknown,
-    /// The vehicle speaks with stamps far ahead, and takes nothing of ours: somebody who has the key has dragged its clock.
+    /// The vehicle's timestamps are far ahead and it ignores our frames: somebody with the key has moved its clock.
     /// Both keys are kept.
     Dragged,
 }
 
-/// Something that whoever waits is shown.
+/// Progress to show to the operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// Of the handover.
+    /// An event of the rollover.
     Event(Event),
-    /// Frames in the vehicle's name arrive that are signed with another key; those of the vehicle are still waited for.
+    /// Frames with the vehicle's system id arrive that are signed with another key; still waiting for the vehicle's own.
     OtherKey,
-    /// Frames in the vehicle's name arrive that are not signed, and are not believed.
+    /// Frames with the vehicle's system id arrive unsigned and are ignored.
     Unsigned,
 }
 
-/// A handover on its way.
+/// A key rotation in progress.
 #[derive(Debug)]
 pub struct KeyLink {
-    handover: KeyRollover<Peer>,
+    rollover: KeyRollover<Peer>,
     keys: KeyStore,
-    /// The key is the one in force already, or is kept by nobody: the files stay as they are, however it ends.
+    /// The key is already the one in force, or is not kept at all: the files stay unchanged, however the rotation ends.
     keeps_files: bool,
     store: FileDisk,
     clock: Clock,
@@ -139,8 +139,8 @@ impl KeyLink {
     /// Must be called within a tokio runtime.
     ///
     /// # Errors
-    /// The link is open to others, another process has store or key, or a file or socket cannot be had. Nothing has
-    /// been sent then.
+    /// The link is open to others, another process holds the store or the key, or a file or socket cannot be opened.
+    /// Nothing has been sent in that case.
     pub fn open(
         config: &Config,
         vehicle: &Vehicle,
@@ -218,9 +218,9 @@ impl KeyLink {
             may_send_key: true,
             believe_unsigned: trust.lost_key,
         };
-        let handover = KeyRollover::start(settings, old, new, now, &mut store)?;
+        let rollover = KeyRollover::start(settings, old, new, now, &mut store)?;
         Ok(KeyLink {
-            handover,
+            rollover,
             keys,
             keeps_files,
             store,
@@ -232,7 +232,7 @@ impl KeyLink {
         })
     }
 
-    /// Works until it is known how it ends, at most `patience`. `report` is given what happens, as it happens.
+    /// Runs until the rotation has ended, at most `patience`. Progress is passed to `report` as it happens.
     ///
     /// # Errors
     /// The vehicle has the key and the files could not be changed: both keys are kept.
@@ -245,14 +245,14 @@ impl KeyLink {
         let (mut other_key, mut unsigned) = (false, false);
         let mut unknown_since = None;
         loop {
-            let until = self.handover.poll_timeout().min(self.clock.mono() + LOOK);
+            let until = self.rollover.poll_timeout().min(self.clock.mono() + LOOK);
             tokio::select! {
                 received = self.reader.receive(&mut bytes) => match received {
                     Ok((length, from)) => {
                         let now = self.clock.now();
                         let bytes = bytes.get(..length).unwrap_or_default();
                         if self.peers.admits(now.mono, from) {
-                            self.handover.handle_datagram(now, from, bytes, &mut self.store);
+                            self.rollover.handle_datagram(now, from, bytes, &mut self.store);
                         } else if self.stranger.is_none() {
                             self.stranger = self.peers.may_have_key(from).err();
                         }
@@ -261,9 +261,9 @@ impl KeyLink {
                 },
                 () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
             }
-            self.handover.handle_timeout(self.clock.now());
+            self.rollover.handle_timeout(self.clock.now());
             self.send().await;
-            while let Some(event) = self.handover.poll_event() {
+            while let Some(event) = self.rollover.poll_event() {
                 report(Progress::Event(event));
                 match event {
                     _ if self.keeps_files => {}
@@ -279,25 +279,25 @@ impl KeyLink {
                     _ => {}
                 }
             }
-            if !self.handover.has_received() {
-                // Nothing is concluded from them, since anybody can send them: whoever waits only learns why it lasts.
-                if self.handover.foreign_frames() > 0 && !std::mem::replace(&mut other_key, true) {
+            if !self.rollover.has_received() {
+                // Anybody can send such frames, so nothing is concluded from them: they only show the operator why it takes long.
+                if self.rollover.foreign_frames() > 0 && !std::mem::replace(&mut other_key, true) {
                     report(Progress::OtherKey);
                 }
-                if self.handover.disbelieved_frames() > 0 && !std::mem::replace(&mut unsigned, true)
+                if self.rollover.disbelieved_frames() > 0 && !std::mem::replace(&mut unsigned, true)
                 {
                     report(Progress::Unsigned);
                 }
             }
             let mono = self.clock.mono();
-            let settled = mono.saturating_sub(self.handover.entered_at());
-            match self.handover.outcome() {
-                // Its file may not be on its disk yet: until then it is watched.
+            let settled = mono.saturating_sub(self.rollover.entered_at());
+            match self.rollover.outcome() {
+                // PX4 may not have written its key file yet: watch it until then.
                 Some(Outcome::Committed) if settled < KEEP_POWER => {}
                 Some(outcome) => return Ok(Ending::Ended(outcome)),
                 None => {}
             }
-            if self.handover.state() == State::Unknown {
+            if self.rollover.state() == State::Unknown {
                 let since = *unknown_since.get_or_insert(mono);
                 if mono.saturating_sub(since) > UNKNOWN_FOR {
                     return Ok(self.unknown());
@@ -305,7 +305,7 @@ impl KeyLink {
             } else {
                 unknown_since = None;
             }
-            if mono > patience && self.handover.outcome().is_none() {
+            if mono > patience && self.rollover.outcome().is_none() {
                 return Ok(self.impatient());
             }
         }
@@ -326,17 +326,17 @@ impl KeyLink {
         }
     }
 
-    /// Names the key that is handed over.
+    /// The id of the key to install.
     #[must_use]
     pub fn new_id(&self) -> KeyId {
-        self.handover.new_id()
+        self.rollover.new_id()
     }
 
     async fn send(&mut self) {
         let mut out = [0; MAX_FRAME];
         loop {
             let now = self.clock.now();
-            let sent = self.handover.poll_transmit(now, &mut self.store, &mut out);
+            let sent = self.rollover.poll_transmit(now, &mut self.store, &mut out);
             let Some(sent) = sent else { return };
             let frame = out.get(..sent.len).unwrap_or_default();
             let allowed = if sent.secret {
@@ -356,21 +356,21 @@ impl KeyLink {
     }
 
     fn impatient(&mut self) -> Ending {
-        match self.handover.state() {
+        match self.rollover.state() {
             State::Staged if self.stranger.is_some() => self
                 .stranger
                 .take()
-                .map_or(Ending::NotHeard, Ending::Stranger),
+                .map_or(Ending::NotReceived, Ending::Stranger),
             State::WaitDisarm => Ending::StayedArmed,
-            State::Staged if self.handover.foreign_frames() > 0 => Ending::ForeignKey,
-            State::Staged if self.handover.disbelieved_frames() > 0 => Ending::Unsigned,
-            State::Staged => Ending::NotHeard,
+            State::Staged if self.rollover.foreign_frames() > 0 => Ending::ForeignKey,
+            State::Staged if self.rollover.disbelieved_frames() > 0 => Ending::Unsigned,
+            State::Staged => Ending::NotReceived,
             _ => self.unknown(),
         }
     }
 
     fn unknown(&self) -> Ending {
-        if self.handover.is_dragged() {
+        if self.rollover.is_dragged() {
             Ending::Dragged
         } else {
             Ending::Unknown
@@ -390,8 +390,8 @@ fn may_carry_a_key(vehicle: &Vehicle, trust: Trust) -> Result<(), KeyLinkError> 
     Ok(())
 }
 
-/// An order to zeroize stands in this store: PX4 of each vehicle without an agent is given a key that nobody keeps, where the
-/// configuration says so. What has become of each.
+/// Carries out the part of a zeroize that replaces PX4's keys: each PX4 without an agent gets a key that nobody keeps,
+/// where the configuration requires it. Returns the outcome for each vehicle.
 pub async fn discard_keys(config: &Config, store: &FileDisk) -> Vec<String> {
     let mut outcomes = vec![];
     for vehicle in config.vehicles().filter(|_| config.zeroize.px4_key) {
@@ -437,7 +437,7 @@ async fn discard(
             AutopilotKey::NotTaken
         }
         Ending::StayedArmed => AutopilotKey::Armed,
-        Ending::NotHeard | Ending::Stranger(_) | Ending::Unknown => AutopilotKey::NotReached,
+        Ending::NotReceived | Ending::Stranger(_) | Ending::Unknown => AutopilotKey::NotReached,
     })
 }
 
@@ -460,11 +460,11 @@ pub fn is_local(link: &LinkAddress) -> bool {
 
 /// The least pause between looks at the clock.
 const LOOK: Duration = Duration::from_millis(50);
-/// How long the vehicle must keep its power after it has taken the key: it writes its file without synchronising it.
+/// How long the vehicle must stay powered after it has accepted the key: PX4 writes its key file without synchronising it.
 pub const KEEP_POWER: Duration = Duration::from_secs(5);
 /// Two seconds.
 const MAX_OPENS: u32 = 40;
 /// 10 s of them to see that only one autopilot is on the link, then three tries.
 const DISCARD_WITHIN: Duration = Duration::from_secs(20);
-/// How long a silent vehicle is asked before the rest is left to `vsm run`.
+/// How long a silent vehicle is queried before the rest is left to `vsm run`.
 pub const UNKNOWN_FOR: Duration = Duration::from_secs(60);

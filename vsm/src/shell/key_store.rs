@@ -1,4 +1,4 @@
-//! The keys of one vehicle: the current one, one being handed over, and the one before.
+//! The keys of one vehicle: the current one, the next one during a rotation, and the previous one.
 //!
 //! `uav1.key` is the key in force, `uav1.key.next` one that the vehicle may have been sent, and
 //! `uav1.key.previous` the one before it; `uav1.key.revoked` names one that is deleted as soon as it is not in
@@ -7,9 +7,9 @@
 //! link is followed first, and a hard link is the same file. A copy is not noticed here. Every change is durable
 //! when it returns, and a change that fails leaves a key file that can be used.
 //!
-//! A key that is in none of these files any more is dead, and its signing clock is deleted: before each change
-//! `uav1.key.dead` names the keys that it may end, and [`KeyStore::bury`] deletes the clocks of those that it has, now
-//! or after a restart.
+//! A key that is no longer in any of these files is dead, and its signing clock is deleted: before each change
+//! `uav1.key.dead` names the keys that it may end, and [`KeyStore::bury`] deletes the clocks of those that it has, now or
+//! after a restart.
 
 use std::cell::RefCell;
 use std::fs::{self, File, OpenOptions};
@@ -93,7 +93,7 @@ impl KeyStore {
             Err(cause) => Err(change(cause)),
         };
         let real = real_path(path).map_err(change)?;
-        // The folder of a link, and that of the file: whoever may write either decides which key is in force.
+        // The folder of a link and that of its target: anyone who can write either decides which key is in force.
         for folder in [disk::folder_of(path), disk::folder_of(&real)] {
             ownership::check_folder(folder).map_err(KeyFileError::from)?;
         }
@@ -167,7 +167,7 @@ impl KeyStore {
         Ok(keys.iter().flatten().map(SigningKey::id).collect())
     }
 
-    /// The same keys for another thread, to be looked at: who holds the store changes them.
+    /// The same keys for reading in another thread: only the holder of the store changes them.
     #[must_use]
     pub(super) fn view(&self, system: Box<dyn FileSystem>) -> KeyStore {
         KeyStore {
@@ -183,8 +183,8 @@ impl KeyStore {
         files_of(&self.path)
     }
 
-    /// Deletes the signing clocks of keys that are in none of the files any more. Without it every change of a key
-    /// would leave a file behind, for good. To be called after each change, and at the start.
+    /// Deletes the signing clocks of keys that are no longer in any of the files. Without it every change of a key would
+    /// leave a file behind, for good. To be called after each change, and at the start.
     ///
     /// # Errors
     /// A clock could not be deleted, or a key file not be read: done at the next call.
@@ -260,7 +260,7 @@ impl KeyStore {
         Ok(bytes.map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned()))
     }
 
-    /// Deletes a revoked key that is not in force any more.
+    /// Deletes a revoked key that is no longer in force.
     fn finish_revocation(&self) -> Result<(), KeyStoreError> {
         if self.revoked()?.is_none() {
             return Ok(());
@@ -288,7 +288,7 @@ impl KeyStore {
         }
     }
 
-    /// Stores a key as the next one in place of any other: one that the vehicle cannot be sent any more.
+    /// Stores a key as the next one, replacing any other, which can then no longer be sent to the vehicle.
     ///
     /// # Errors
     /// It could not be made durable; what was there before still is.
@@ -350,7 +350,7 @@ impl KeyStore {
         }
     }
 
-    /// Nobody needs the previous key any more, or nobody may: it is deleted.
+    /// Deletes the previous key: it is no longer needed, or must not be used.
     ///
     /// # Errors
     /// It could not be deleted.

@@ -57,7 +57,7 @@ fn list(uids: &[u32]) -> String {
 /// The check for one link.
 #[derive(Debug)]
 pub struct LocalPeers {
-    /// `None`: whoever is on the link may have the key.
+    /// `None`: anyone on the link may have the key.
     permitted: Option<Vec<u32>>,
     sockets: Vec<(SocketAddr, u32)>,
     read_at: Option<Duration>,

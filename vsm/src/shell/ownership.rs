@@ -1,4 +1,5 @@
-//! Whose files are believed: keys, clocks and authority come from files, and whoever could write one decides what flies.
+//! Checks the ownership of files: keys, clocks and authority come from files, and anyone who can write them controls the
+//! aircraft.
 //!
 //! A file or folder must belong to this process's user or to root, and nobody else may write the folder: the right to write
 //! a folder is the right to put another file in the place of one in it. A folder with the sticky bit (/tmp) is not open in
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::OFlags;
 
-/// A file or folder that must not be believed.
+/// A file or folder that must not be trusted.
 #[derive(Debug, thiserror::Error)]
 pub enum OwnershipError {
     /// It belongs to somebody else.
@@ -60,7 +61,7 @@ impl From<OwnershipError> for io::Error {
     }
 }
 
-/// Whether a file that was opened may be believed. It is asked of the open file: a name could lead elsewhere by now.
+/// Checks whether an opened file may be trusted. It checks the open file, since its name may lead to another file by now.
 ///
 /// # Errors
 /// It may not.
@@ -75,7 +76,7 @@ pub(super) fn check_file(file: &File, path: &Path) -> Result<(), OwnershipError>
     }
 }
 
-/// Whether what is in a folder may be believed.
+/// Checks whether the content of a folder may be trusted.
 ///
 /// # Errors
 /// It may not.

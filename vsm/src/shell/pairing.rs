@@ -43,7 +43,7 @@ pub enum PairingError {
     Socket(#[from] SocketError),
 }
 
-/// A pairing on its way.
+/// A pairing in progress.
 #[derive(Debug)]
 pub struct Pairing {
     initiator: Initiator,
@@ -82,7 +82,7 @@ impl Pairing {
     /// Opens the vehicle's link. Must be called within a tokio runtime.
     ///
     /// # Errors
-    /// Another process has store or key, or a file or socket cannot be had.
+    /// Another process uses the store or the key, or a file or socket cannot be opened.
     pub fn open(
         config: &Config,
         vehicle: &Vehicle,
@@ -244,7 +244,7 @@ impl Pairing {
         }
     }
 
-    /// Only KEY_EXCHANGE counts, signed or not: what is believed is proven by the code.
+    /// Only KEY_EXCHANGE is used, signed or not: the code authenticates it.
     fn take(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
         let (_, bytes) = match &mut self.encryption {

@@ -102,7 +102,8 @@ pub fn ask(store: &Path, request: &str, mut show: impl FnMut(&str)) -> io::Resul
 
 /// More than a code with its hyphens has.
 const LINE: u64 = 256;
-/// A socket takes thousands of lines at once; whoever does not read them holds the agent up so long, for each.
+/// Time limit for each line: a client that does not read blocks the agent for at most this long. (A socket buffers thousands
+/// of lines.)
 const TELL_WITHIN: Duration = Duration::from_millis(100);
 
 #[cfg(test)]

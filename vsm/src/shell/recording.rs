@@ -39,7 +39,7 @@ impl Quota {
 
 /// A series of files that is written for as long as that works: a recording must not stop a flight.
 ///
-/// What is recorded is partly up to whoever can send to us, so it is bounded in time and in all: beyond
+/// Anyone who can send to this computer influences the size of a recording, so its rate and total size are bounded: beyond
 /// [`RATE`] bytes a second what comes is not recorded, and the oldest files of the series make room for new ones.
 #[derive(Debug)]
 pub(super) struct RecordFile {
@@ -207,7 +207,7 @@ impl RecordFile {
         }
     }
 
-    /// The other files of the series, with their time and length. A name that a person gave is none of them, nor is a link.
+    /// The other files of the series, with their time and length. Renamed files and links do not belong to it.
     fn files_before(&self) -> Vec<(SystemTime, PathBuf, u64)> {
         let Ok(entries) = fs::read_dir(&self.folder) else {
             return Vec::new();

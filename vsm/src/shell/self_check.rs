@@ -97,7 +97,7 @@ pub async fn before_a_start(config: &Config, listen_for: Duration) -> HostFacts 
     facts.store = match folder.exists().then(|| open(config)) {
         None | Some(Ok(_)) => None,
         Some(Err(OpenError::Locked { folder })) => {
-            // Nothing was asked of the ports: who has the store has them, too.
+            // The ports were not checked: the process that uses the store uses them too.
             facts.store = Some(StoreFact::Locked(folder.display().to_string()));
             return facts;
         }

@@ -58,7 +58,7 @@ pub struct SettingsLink {
     key: Option<KeyState>,
     parameters: param::Client,
     vehicle: Node,
-    /// The stamp of the request on its way: no answer is stamped below it.
+    /// The timestamp of the outstanding request: no answer has an older one.
     requested: Option<Stamp>,
     found: VehicleSettings,
     store: FileDisk,
@@ -73,7 +73,8 @@ impl SettingsLink {
     /// Opens the vehicle's link. Must be called within a tokio runtime.
     ///
     /// # Errors
-    /// Another process has store or key, there is no key, or a file or socket cannot be had. Nothing has been sent then.
+    /// Another process uses the store or the key, there is no key, or a file or socket cannot be opened. Nothing has been
+    /// sent in that case.
     pub fn open(config: &Config, vehicle: &Vehicle) -> Result<SettingsLink, SettingsLinkError> {
         if vehicle.encrypt {
             return Err(SettingsLinkError::Encrypted);

@@ -18,7 +18,7 @@ use crate::config::{Config, Dli, ForwardLink, LinkAddress, Vehicle};
 use crate::session::Peer;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 
-/// A socket that cannot be had.
+/// A socket that cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum SocketError {
     /// The address cannot be bound.
@@ -33,7 +33,7 @@ pub enum SocketError {
         /// What to do.
         hint: &'static str,
     },
-    /// The interface of the group is none of this computer's, or has no address of the group's kind.
+    /// The interface of the group does not exist on this computer, or has no address of the group's kind.
     #[error("dli.interface: {0}; for example interface = \"lo\"")]
     Interface(GroupError),
     /// The host of a udpout link has no address.
@@ -62,7 +62,7 @@ impl SocketError {
     fn bind(key: &'static str, address: impl ToString, cause: io::Error) -> SocketError {
         let hint = match cause.kind() {
             io::ErrorKind::AddrInUse => {
-                " (another program has it: is a vsm or a ground station running?)"
+                " (another program uses it: is a vsm or a ground station running?)"
             }
             io::ErrorKind::AddrNotAvailable => " (this computer has no such address)",
             io::ErrorKind::PermissionDenied => " (ports below 1024 need rights)",
@@ -129,12 +129,12 @@ pub enum VehicleWriter {
     Udp(std::rc::Rc<UdpSocket>),
     /// Connections of TCP, each with a queue.
     Tcp(TcpWriter),
-    /// A stream of bytes, written by a task of its own: a port that takes nothing (flow control, a pulled plug) holds
-    /// up no other link. What it has no room for is lost, as on any link.
+    /// A stream of bytes, written by a separate task, so that a blocked port (flow control, an unplugged device) delays no
+    /// other link. Frames beyond its queue are lost, as on any link.
     Serial(SerialQueue),
 }
 
-/// Frames on their way to a serial port, each with the time it was queued.
+/// Frames queued for a serial port, each with its time.
 #[derive(Debug, Clone)]
 pub struct SerialQueue(mpsc::Sender<(Instant, Zeroizing<Vec<u8>>)>);
 
@@ -149,8 +149,7 @@ impl SerialQueue {
 }
 
 impl VehicleReader {
-    /// What came, and from where, at most `MAX_AT_ONCE` bytes. A datagram that is longer is not the vehicle's, and is
-    /// passed over.
+    /// Receives at most `MAX_AT_ONCE` bytes, with their source. A longer datagram is not the vehicle's and is dropped.
     ///
     /// # Errors
     /// The system's.
@@ -175,7 +174,7 @@ impl VehicleReader {
 }
 
 impl VehicleReader {
-    /// A datagram that is there already; `None` where there is none, and on what is no socket of datagrams.
+    /// A datagram that has already arrived; `None` if there is none, or if this is not a datagram socket.
     pub fn try_receive(&mut self, bytes: &mut [u8]) -> Option<(usize, Peer)> {
         let VehicleReader::Udp(socket) = self else {
             return None;
@@ -197,14 +196,14 @@ impl VehicleWriter {
         }
     }
 
-    /// Who is there is the ground station: a connection of TCP that is not is closed after some seconds.
+    /// The other end is the ground station. (A TCP connection that does not prove this is closed after some seconds.)
     pub fn accept(&self, peer: Peer) {
         if let (VehicleWriter::Tcp(connections), Peer::Tcp(peer)) = (self, peer) {
             connections.accept(peer);
         }
     }
 
-    /// Sends one frame, or loses it: nobody waits.
+    /// Sends one frame or drops it, without waiting.
     ///
     /// # Errors
     /// The system's; [`io::ErrorKind::WouldBlock`] where there is no room.
@@ -251,8 +250,8 @@ const SERIAL_QUEUE: usize = 64;
 /// is repeated by the protocols above.
 const SERIAL_PATIENCE: Duration = Duration::from_secs(2);
 
-/// Writes what is queued, in its order, until nobody sends any more. A frame that the port does not take is lost, as on
-/// any link: a task that ended here would be a link that is dead for good while the rest of the program lives on.
+/// Writes the queue in order until all senders are gone. A frame that the port does not accept is lost, as on any link: if
+/// this task ended on an error, the link would be dead while the rest of the program runs.
 fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueue {
     let (queue, mut frames) = mpsc::channel::<(Instant, Zeroizing<Vec<u8>>)>(SERIAL_QUEUE);
     tokio::spawn(async move {
@@ -323,7 +322,7 @@ fn found(
     })
 }
 
-/// What knows the address of a host and port, and may take its time.
+/// Resolves host and port; may be slow.
 pub type Resolver = fn(&str) -> io::Result<Option<SocketAddr>>;
 
 /// The system's resolver.

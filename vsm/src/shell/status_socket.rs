@@ -1,5 +1,6 @@
-//! `vsm status`, `vsm reload` and `vsm check-vehicle`: Unix sockets in the store folder that answer in JSON whoever may enter
-//! the folder. One gives the status, one what came of a configuration that is read again, one the settings of the vehicles.
+//! `vsm status`, `vsm reload` and `vsm check-vehicle`: Unix sockets in the store folder that answer in JSON any user who may
+//! enter the folder. One gives the status, one what came of a configuration that is read again, one the settings of the
+//! vehicles.
 
 use std::io::{self, Read, Write as _};
 use std::os::unix::fs::PermissionsExt;
@@ -60,7 +61,7 @@ pub fn listen(store: &Path, name: &str) -> io::Result<UnixListener> {
     Ok(listener)
 }
 
-/// Answers one who asks, `within` which they must have read: whoever asks and does not read holds up nothing else for
+/// Answers a client, which must read the answer `within` this time: a client that does not read delays nothing else for
 /// longer.
 pub async fn answer(mut stream: tokio::net::UnixStream, status: &impl Serialize, within: Duration) {
     let text = serde_json::to_string(status).unwrap_or_default();

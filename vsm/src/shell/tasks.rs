@@ -1,10 +1,10 @@
-//! The tasks of a program: one that ends, panics or no longer answers is the end of all of them.
+//! The tasks of a program: if one ends, panics or hangs, all of them end.
 //!
-//! Half a program is worse than none. A bridge whose receiver of commands has died, but whose heartbeats still leave,
-//! keeps PX4 from starting its failsafe, and a service manager that still gets its pings never starts it again. So:
+//! A partly running program is worse than none. If a bridge can no longer receive commands but still sends heartbeats, PX4
+//! does not start its failsafe, and a service manager that still gets its pings never restarts it. So:
 //!
 //! - [`Tasks::run`] returns at the first task that ends, whether it returned or panicked, and names it; only one that has
-//!   reported that nobody needs it any more ([`Beat::finish`]) may return;
+//!   reported that it is no longer needed ([`Beat::finish`]) may return;
 //! - a round goes through every task by its [`Beat`], once a second or faster. Only a round that all have answered
 //!   feeds the service manager's watchdog; a task that does not answer for [`STUCK_AFTER`] ends the program, also where
 //!   no service manager waits.
@@ -45,7 +45,7 @@ pub enum TaskFault {
         /// Its name.
         task: &'static str,
     },
-    /// It waits for something else than its work.
+    /// It does not answer.
     #[error(
         "the task \"{task}\" has not answered for {} s: stopping, so that the program can be started again",
         STUCK_AFTER.as_secs()
@@ -56,10 +56,10 @@ pub enum TaskFault {
     },
 }
 
-/// By which one task shows that it works.
+/// Shows that a task is working.
 #[derive(Debug, Default)]
 pub struct Beat {
-    /// It returns because it is not needed any more.
+    /// It returns because it is no longer needed.
     done: Cell<bool>,
     asked: Cell<u64>,
     answered: Cell<u64>,
@@ -73,14 +73,14 @@ impl Beat {
     pub async fn during<T>(&self, work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
         poll_fn(|context| {
-            // Before the work: one that is ready at each poll, as a socket in a flood, must not keep the answer back.
+            // Before the work: work that is ready at each poll, such as a socket in a flood, must not delay the answer.
             self.answer(context);
             work.as_mut().poll(context)
         })
         .await
     }
 
-    /// The task is about to return, and nobody needs it any more.
+    /// The task is about to return because it is no longer needed.
     pub fn finish(&self) {
         self.done.set(true);
     }
@@ -116,7 +116,7 @@ pub struct Tasks {
     later: Later,
 }
 
-/// Adds tasks to those that run.
+/// A handle to add tasks while others run.
 #[derive(Clone, Default)]
 pub struct Later(Rc<Waiting>);
 
@@ -192,10 +192,11 @@ impl Tasks {
     /// A task has ended, or does not answer.
     pub async fn run(mut self, stop: impl Future<Output = ()>) -> Result<(), TaskFault> {
         let mut stop = pin!(stop);
-        // Two pings in each period of the service manager; where that is long, or nobody waits, a round a second.
+        // Two pings in each period of the service manager; one round a second if that is long or there is no service
+        // manager.
         let pause = service::ping_interval().map_or(ROUND, |ping| ping.min(ROUND));
         let mut ticks = tokio::time::interval(pause);
-        // A process that was suspended is not to find that many rounds went unanswered at once.
+        // After the process was suspended, missed rounds must not count as unanswered.
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let later = self.later.clone();
         let (mut round, mut unanswered) = (0_u64, Duration::ZERO);
@@ -248,8 +249,8 @@ impl Tasks {
 
 const ROUND: Duration = Duration::from_secs(1);
 
-/// How long a task may leave a round unanswered. Less than `WatchdogSec` of the unit: what is stuck is named in the log
-/// before the service manager ends it without a word.
+/// How long a task may leave a round unanswered. Less than `WatchdogSec` of the unit, so that the log names the hanging task
+/// before the service manager kills the process.
 pub const STUCK_AFTER: Duration = Duration::from_secs(4);
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! MAVLink over TCP, for other ground stations (`[[forward]]`) alone: a vehicle's link would queue what is stale.
 //!
-//! A connection is a peer as an address of UDP is one: the machine decides which of them is the ground station, and only that one
-//! is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for `PATIENCE` is
-//! closed. Few may connect at once. So that strangers do not keep the ground station out, one that has connected and that
-//! the machine has not accepted ([`TcpWriter::accept`]) within `ACCEPTED_WITHIN` is closed, and before that it gives its place
-//! to whoever connects when all are taken: first the oldest of the host that has the most of them, so that one host takes
-//! no place of another. Who is accepted gives way to nobody. What is left: strangers on the ground station's own host, or on
-//! many, who reconnect `MAX_CONNECTIONS` times between its connecting and its first signed frame, each time that it
-//! tries. One whose other end is gone is found by the system's probes.
+//! A connection is a peer as an address of UDP is one: the machine decides which of them is the ground station, and only
+//! that one is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for
+//! `PATIENCE` is closed. Few may connect at once. So that strangers do not keep the ground station out, one that has
+//! connected and that the machine has not accepted ([`TcpWriter::accept`]) within `ACCEPTED_WITHIN` is closed, and before
+//! that it gives its place to whoever connects when all are taken: first the oldest of the host that has the most of them,
+//! so that one host takes no place of another. A connection that was accepted is never replaced. What is left: strangers on
+//! the ground station's own host, or on many, who reconnect `MAX_CONNECTIONS` times between its connecting and its first
+//! signed frame, each time that it tries. One whose other end is gone is found by the system's probes.
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -185,7 +185,7 @@ pub fn listen(address: SocketAddr) -> io::Result<(TcpReader, TcpWriter)> {
     tokio::spawn(async move {
         loop {
             let accepted = tokio::select! {
-                // The configuration has it no more.
+                // It was removed from the configuration.
                 () = sender.closed() => return,
                 accepted = listener.accept() => accepted,
             };
@@ -219,7 +219,7 @@ pub fn connect(peer: SocketAddr) -> (TcpReader, TcpWriter) {
                 Ok(stream) => {
                     failing = false;
                     let ends = connections.add(peer);
-                    // Who is connected to is who the configuration names.
+                    // The connected host is the configured one.
                     connections.accept(peer);
                     serve(stream, peer, ends, sender.clone(), connections.clone()).await;
                 }

@@ -30,7 +30,7 @@ const REAL: Duration = Duration::from_secs(1_795_246_260);
 /// By how much a wall clock is wrong, s: 2 h, 300 days, ten years.
 const WRONG: [i64; 5] = [0, 7_200, 300 * 86_400, 3_653 * 86_400, -3_653 * 86_400];
 /// No signing clock is ever further ahead than the wall clock that it may believe, and what is written ahead.
-const MOST_AHEAD: Duration = Duration::from_secs(301 * 86_400);
+const MAX_AHEAD: Duration = Duration::from_secs(301 * 86_400);
 
 /// One thing that happens; a quarter of a second later the next may.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -361,7 +361,7 @@ impl State {
         world.recorded[0] = refused;
         world.run(HEALED_S);
         let heals = world.is_live() && world.commands();
-        let most = Stamp::from_unix(REAL + world.elapsed).plus(MOST_AHEAD);
+        let most = Stamp::from_unix(REAL + world.elapsed).plus(MAX_AHEAD);
         State {
             history,
             digest,

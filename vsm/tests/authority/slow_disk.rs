@@ -131,7 +131,7 @@ fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers(
     assert!(scene.rig.stations[B].answers(taken).is_empty());
     assert_eq!(scene.controller(), Some(A));
     // Operators learn that, and once it is over.
-    assert!(scene.rig.stations[A].has_alert("the disk does not keep record authority"));
+    assert!(scene.rig.stations[A].has_alert("cannot store record authority"));
     let of_b = scene.rig.send_as(B, 0, loiter(70.0));
     let of_a = scene.rig.send_as(A, 0, loiter(60.0));
     scene.rig.run(0.2);
@@ -143,7 +143,7 @@ fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers(
     scene.rig.run(1.0);
     assert_eq!(scene.rig.stations[B].end(taken), Some(AckType::CarriedOut));
     assert_eq!(scene.controller(), Some(B));
-    assert!(scene.rig.stations[A].has_alert("the disk of the VSM keeps what is written again"));
+    assert!(scene.rig.stations[A].has_alert("the VSM's disk stores records again"));
 }
 
 #[test]

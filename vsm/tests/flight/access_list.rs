@@ -146,10 +146,7 @@ fn what_a_newer_list_takes_away_ends_at_once_and_an_older_one_brings_nothing_bac
     is_refused(&mut rig, loiter(), "without the right", "it needs LOI 4");
     // The first list again: while it runs, and at a start.
     let fault = renew(&mut rig, list(1, &all, None)).expect_err("it is older");
-    assert!(
-        fault.contains("version 1, and version 2 is in force"),
-        "{fault}"
-    );
+    assert!(fault.contains("version 1, older than version 2"), "{fault}");
     assert_eq!(status(&rig)["access"]["version"], 2);
     rig.restart_bridge();
     rig.run(5.0);
@@ -175,7 +172,7 @@ fn what_a_newer_list_takes_away_ends_at_once_and_an_older_one_brings_nothing_bac
     for what in [
         "version 1, key",
         "version 1 -> 2, 1 entries",
-        "version 1, and version 2 is in force",
+        "version 1, older than version 2",
         "started by version 2 of the store",
         "does not verify",
         "version 2 -> 3, 2 entries",
@@ -240,7 +237,7 @@ fn a_wall_clock_that_is_set_ends_nothing_and_brings_nothing_back() {
         &mut rig,
         orders::launch(20.0),
         "without the right",
-        "held is nothing",
+        "this CUCS holds nothing",
     );
 }
 
@@ -303,7 +300,12 @@ fn a_list_for_another_vehicle_gives_nothing_of_this_one() {
         Some(AckType::Refused)
     );
     assert_eq!(held(&rig), 0);
-    is_refused(&mut rig, loiter(), "without the right", "held is nothing");
+    is_refused(
+        &mut rig,
+        loiter(),
+        "without the right",
+        "this CUCS holds nothing",
+    );
 }
 
 /// Station 0 with a new guard key; the one before is accepted still, and who has it is returned with the guard of the new one.

@@ -86,7 +86,7 @@ fn a_low_battery_brings_it_home_once_and_the_operator_has_the_last_word() {
     rig.restart_bridge();
     rig.run(10.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
-    assert!(rig.station().has_alert("a CUCS has commanded otherwise"));
+    assert!(rig.station().has_alert("a CUCS has sent another command"));
     // Between the thresholds it is not over; gone, and there again.
     battery(&mut rig, 33);
     rig.run(15.0);
@@ -97,7 +97,7 @@ fn a_low_battery_brings_it_home_once_and_the_operator_has_the_last_word() {
     rig.run(15.0);
     assert!(
         rig.station()
-            .has_alert("what the contingency was for is over")
+            .has_alert("the cause of the contingency is gone")
     );
     battery(&mut rig, 20);
     enters(&mut rig, Px4::Rtl);
@@ -374,7 +374,7 @@ fn who_takes_control_over_is_alerted_to_what_the_one_before_has_ended() {
     rig.run(4.0);
     rig.done(orders::mode(Mode::Loiter));
     rig.run(6.0);
-    let why = "the CUCS that controlled the vehicle before has commanded otherwise";
+    let why = "the CUCS that controlled the vehicle before has sent another command";
     assert!(!rig.stations[1].has_alert(why));
     let over = CucsAuthorisationRequest {
         requested_handover_access: Some(RequestedAccess::Override),

@@ -143,8 +143,8 @@ fn without_metadata_controls_have_no_range_and_no_other_parameter_is_written() {
     );
     assert_eq!(screen(&rig)["MIS_LND_ABRT_ALT"].value, Some(25.0));
     for (name, value, why) in [
-        ("MIS_TAKEOFF_ALT", 10.0, "none of the vehicle's controls"),
-        ("NAV_DLL_ACT", 0.0, "none of the vehicle's controls"),
+        ("MIS_TAKEOFF_ALT", 10.0, "not one of the vehicle's controls"),
+        ("NAV_DLL_ACT", 0.0, "not one of the vehicle's controls"),
         ("MPC_XY_CRUISE", 25.0, "expected 3 to 20"),
     ] {
         assert_eq!(set(&mut rig, name, value), Some(AckType::Refused), "{name}");

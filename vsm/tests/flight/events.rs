@@ -251,7 +251,7 @@ fn arming_ends_the_alert_of_checks_and_does_not_say_that_they_pass() {
     rig.take_off(15.0);
     let seen = alerts(&rig, mark);
     assert_eq!(
-        count(&seen, "the vehicle is armed: what its checks"),
+        count(&seen, "the vehicle is armed: its earlier arming checks"),
         1,
         "{seen:#?}"
     );

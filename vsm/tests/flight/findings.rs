@@ -33,7 +33,7 @@ fn logged(rig: &Rig, level: LogLevel, words: &str) -> usize {
 fn a_fault_is_raised_once_and_cleared_when_it_is_gone() {
     let mut rig = Rig::ready();
     rig.run(20.0);
-    let words = "nothing arrives on udpin:";
+    let words = "data no longer arrives on udpin:";
     assert_eq!(alerts(&rig, words), []);
     let vehicles = std::mem::take(&mut rig.vehicles);
     rig.run(60.0);

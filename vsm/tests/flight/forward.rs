@@ -550,7 +550,7 @@ fn a_position_that_is_reported_no_more_is_not_shown_as_if_it_was_and_is_requeste
     assert!(
         alerts
             .iter()
-            .any(|text| text.contains("reports its position no more")),
+            .any(|text| text.contains("stopped reporting its position")),
         "{alerts:?}"
     );
     assert!(

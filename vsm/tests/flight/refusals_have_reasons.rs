@@ -79,7 +79,7 @@ fn a_missing_right_is_reported_once_and_cleared_though_the_command_is_repeated()
     refused(
         &mut rig,
         orders::mode(Mode::Loiter),
-        "it needs LOI 4 (control), held is nothing",
+        "it needs LOI 4 (control); this CUCS holds nothing",
     );
     refused(&mut rig, schedule(4000, 1), "it needs LOI 2");
     let mark = rig.station().received.len();

@@ -78,7 +78,7 @@ fn refused(rig: &mut Rig, plan: Vec<Message>) {
     let alerts = rig.station().alerts();
     assert_eq!(end, Some(AckType::Refused), "{alerts:?}");
     let why = alerts.last().expect("a reason");
-    assert!(why.contains("nothing of this upload is kept"), "{why}");
+    assert!(why.contains("this upload is discarded"), "{why}");
 }
 
 fn loaded(rig: &mut Rig, plan: Vec<Message>) {

@@ -72,7 +72,7 @@ fn a_recorded_launch_is_refused_after_any_number_of_later_commands_and_restarts(
     rig.run(70.0);
     push_out(&mut rig, 1_100);
     replays_in_vain(&mut rig, &launch);
-    assert!(rig.station().has_alert("has commanded before"));
+    assert!(rig.station().has_alert("Time Stamp already used"));
     rig.restart_bridge();
     rig.run(2.0);
     replays_in_vain(&mut rig, &launch);
@@ -233,7 +233,7 @@ fn a_station_whose_stamps_do_not_rise_is_refused_with_that_reason_and_accepted_o
         hold(&mut rig, 0, 300 + n);
         rig.run(0.8);
     }
-    let reason = "do not rise";
+    let reason = "have not increased";
     assert!(
         rig.station().has_alert(reason),
         "{:?}",

@@ -25,20 +25,20 @@ pub enum Verb {
         /// Payload stations to control by LOI 3, such as 1,2 (default: all that there are).
         #[arg(long, value_name = "NUMBERS", value_parser = stations)]
         stations: Option<StationBitmap1To16>,
-        /// Take them even where another CUCS holds them.
+        /// Override a CUCS that holds them.
         #[arg(long = "override")]
         override_holder: bool,
     },
     /// Release all rights over the vehicle.
     Release,
-    /// Positive handover.
+    /// Hand over rights, with the consent of both CUCSs (messages 4 and 5).
     #[command(flatten)]
     Handover(HandoverVerb),
     /// Upload a route and load it aboard.
     Send {
         /// The route: a route file (.toml), or .plan, .waypoints, .txt, .kml, .kmz, .gpx, .geojson, .csv.
         file: PathBuf,
-        /// How to take the file.
+        /// Options for reading the file.
         #[command(flatten)]
         import: Import,
         /// Mission ID to use instead of the one in the file (at most 19 characters).
@@ -55,16 +55,16 @@ pub enum Verb {
     },
     /// Hold a mode command until a condition (50020), such as `hold 1 --until battery=25 contingency-a`.
     Hold(HoldArguments),
-    /// Show the held commands, and what became of the latest (50022).
+    /// Show the held commands, and how the latest ones ended (50022).
     Held,
     /// Show the contingencies, or set one before the flight (50023), such as `contingency battery return --percent 30`.
     Contingency {
-        /// What is wrong with the vehicle.
+        /// Cause of the contingency.
         #[arg(requires = "action")]
         cause: Option<ContingencyCause>,
-        /// What the VSM flies then; `as-configured` forgets what was set.
+        /// Action to fly for this cause; `as-configured` restores the configured one.
         action: Option<ContingencyAction>,
-        /// Of the battery: fly it when less energy is left, per cent, 1 to 90 (default: as configured).
+        /// Cause battery only: remaining energy below which the action is flown, per cent, 1 to 90 (default: as configured).
         #[arg(long, value_name = "PERCENT")]
         percent: Option<u8>,
     },
@@ -233,7 +233,7 @@ pub enum HandoverVerb {
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Hand over to a CUCS that requests it, such as `consent 1b:00:00:b0`; wait for its request where it has not come yet.
+    /// Hand over to a CUCS that requests it, such as `consent 1b:00:00:b0`; wait for its request if none has arrived yet.
     Consent {
         /// Id of that CUCS (default: the one that requests).
         cucs: Option<Id>,
@@ -244,7 +244,7 @@ pub enum HandoverVerb {
         #[arg(long, default_value_t = REQUEST_WITHIN_S, value_name = "SECONDS", allow_negative_numbers = true)]
         within: f64,
     },
-    /// Refuse a CUCS that requests a handover; wait for its request where it has not come yet.
+    /// Refuse a CUCS that requests a handover; wait for its request if none has arrived yet.
     Refuse {
         /// Id of that CUCS (default: the one that requests).
         cucs: Option<Id>,
@@ -260,9 +260,9 @@ pub enum HandoverVerb {
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
     },
-    /// Accept the rights offered to this CUCS; wait for the offer where it has not come yet.
+    /// Accept the rights offered to this CUCS; wait for the offer if none has arrived yet.
     Accept {
-        /// Levels (default: those offered). With levels no offer is waited for: without one they are requested, as `ask` does.
+        /// Levels (default: those offered). If levels are given, do not wait for an offer: without one, request them as `ask` does.
         #[arg(long, value_name = "LEVELS")]
         loi: Option<LoiList>,
         /// Longest time to wait for the offer, seconds.
@@ -291,50 +291,50 @@ pub enum TwoSteps {
 /// What `wait` waits for.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Condition {
-    /// The vehicle reports this mode (3001).
+    /// Wait until the vehicle reports this mode (3001).
     Mode {
         /// Name or number.
         #[arg(value_parser = mode)]
         mode: FlightPathControlMode,
     },
-    /// The vehicle flies to this waypoint (4001).
+    /// Wait until the vehicle flies to this waypoint (4001).
     Waypoint {
         /// Its number.
         number: u16,
     },
-    /// The last waypoint has been reached: no waypoint is being flown to.
+    /// Wait until the last waypoint has been reached (no waypoint is being flown to).
     RouteEnd,
-    /// The vehicle is on the ground (3002).
+    /// Wait until the vehicle is on the ground (3002).
     Landed,
-    /// The vehicle is in the air (3002).
+    /// Wait until the vehicle is in the air (3002).
     Airborne,
-    /// The altitude is at least this.
+    /// Wait until the altitude is at least this.
     Above {
         /// Altitude, metres above the datum that 4000 reports.
         #[arg(allow_negative_numbers = true)]
         altitude: f64,
     },
-    /// The altitude is at most this.
+    /// Wait until the altitude is at most this.
     Below {
         /// Altitude, metres above the datum that 4000 reports.
         #[arg(allow_negative_numbers = true)]
         altitude: f64,
     },
-    /// An alert with this text arrives.
+    /// Wait until an alert with this text arrives.
     Alert {
         /// A part of its text.
         text: String,
     },
-    /// Another CUCS requests what this one holds (4).
+    /// Wait until another CUCS requests rights that this one holds (4).
     Asked,
-    /// The holder offers its rights to this CUCS (5).
+    /// Wait until the holder offers its rights to this CUCS (5).
     Offered,
-    /// This CUCS holds all of these levels (2).
+    /// Wait until this CUCS holds all of these levels (2).
     Holds {
         /// Such as 4,5.
         loi: LoiList,
     },
-    /// This CUCS holds none of these levels (2).
+    /// Wait until this CUCS holds none of these levels (2).
     Lacks {
         /// Such as 4,5.
         loi: LoiList,
@@ -368,11 +368,11 @@ pub struct ModeArguments {
 /// A cause of a contingency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ContingencyCause {
-    /// Little energy is left.
+    /// The battery is low.
     Battery,
     /// The position is lost.
     Position,
-    /// The fence is left.
+    /// The vehicle has left its fence.
     Fence,
     /// A motor has failed.
     Engine,
@@ -381,7 +381,7 @@ pub enum ContingencyCause {
 /// An action of a contingency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ContingencyAction {
-    /// What the configuration of the VSM has.
+    /// The action in the configuration of the VSM.
     AsConfigured,
     /// Hold.
     Hold,
@@ -398,7 +398,7 @@ pub enum ContingencyAction {
 /// A mode command to hold.
 #[derive(Clone, Debug, Args)]
 pub struct HoldArguments {
-    /// Number to know it by, from 1.
+    /// Number of the held command, from 1.
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     pub number: u16,
     /// What to wait for: time=SECONDS, waypoint=NUMBER, entered=LAT,LON,METRES or entered=AREA, left=..., battery=PERCENT, link-lost,

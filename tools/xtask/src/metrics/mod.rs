@@ -292,4 +292,6 @@ const WORDS: &[&[&str]] = &[
     &["ailment", "ailments"],
     &["inquiry"],
     &["talkers"],
+    &["no more"],
+    &["any more"],
 ];

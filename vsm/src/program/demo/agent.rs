@@ -44,12 +44,12 @@ impl AgentBeside {
         pair(folder, &air)?;
         let text = AIRSIDE.replace("ENCRYPT", if encrypt { "true" } else { "false" });
         let config = AirsideConfig::parse(&text, &air)?;
-        let (tell, told) = mpsc::channel();
+        let (sender, opened) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()
             .name("agent".to_owned())
-            .spawn(move || serve(&config, &tell, stopped))?;
-        let (radio, px4) = told.recv().context("the agent's thread has ended")??;
+            .spawn(move || serve(&config, &sender, stopped))?;
+        let (radio, px4) = opened.recv().context("the agent's thread has ended")??;
         let wire = background.block_on(Wire::to(radio))?;
         Ok(AgentBeside {
             px4,
@@ -92,11 +92,11 @@ fn pair(ground: &Path, air: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-type Told = mpsc::Sender<anyhow::Result<(SocketAddr, SocketAddr)>>;
+type AddressSender = mpsc::Sender<anyhow::Result<(SocketAddr, SocketAddr)>>;
 
 fn serve(
     config: &AirsideConfig,
-    tell: &Told,
+    sender: &AddressSender,
     stopped: oneshot::Receiver<()>,
 ) -> Result<(), TaskFault> {
     let open = || {
@@ -111,7 +111,7 @@ fn serve(
     };
     match open() {
         Ok((runtime, server, addresses)) => {
-            let _ = tell.send(Ok(addresses));
+            let _ = sender.send(Ok(addresses));
             let stopped = async {
                 // A sender that is gone means stop as well.
                 let _ = stopped.await;
@@ -119,7 +119,7 @@ fn serve(
             runtime.block_on(server.serve(stopped)).map(drop)
         }
         Err(cause) => {
-            let _ = tell.send(Err(cause));
+            let _ = sender.send(Err(cause));
             Ok(())
         }
     }

@@ -124,13 +124,13 @@ impl World {
         if matches!(setup.stations, Stations::Guard | Stations::Web) {
             key_file::generate(&private.path().join(GUARD_KEY))?;
         }
-        let (tell, told) = mpsc::channel();
+        let (sender, opened) = mpsc::channel();
         let (stop, stopped) = oneshot::channel();
         let bridge = std::thread::Builder::new()
             .name("bridge".to_owned())
-            .spawn(move || serve(&config, &tell, stopped))?;
+            .spawn(move || serve(&config, &sender, stopped))?;
         // The bridge binds first: its ports are not known before, and the simulator is pointed at one.
-        let addresses = told.recv().context("the bridge's thread has ended")??;
+        let addresses = opened.recv().context("the bridge's thread has ended")??;
         let px4 = agent.as_ref().map_or(addresses.vehicle, |agent| agent.px4);
         let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(px4));
         simulation.key = match setup.signed {
@@ -282,11 +282,11 @@ struct Addresses {
     recording: String,
 }
 
-type Told = mpsc::Sender<anyhow::Result<Addresses>>;
+type AddressSender = mpsc::Sender<anyhow::Result<Addresses>>;
 
 fn serve(
     config: &Config,
-    tell: &Told,
+    sender: &AddressSender,
     stopped: oneshot::Receiver<()>,
 ) -> Option<Result<Status, TaskFault>> {
     let runtime = match tokio::runtime::Builder::new_current_thread()
@@ -295,18 +295,18 @@ fn serve(
     {
         Ok(runtime) => runtime,
         Err(cause) => {
-            let _ = tell.send(Err(cause.into()));
+            let _ = sender.send(Err(cause.into()));
             return None;
         }
     };
     runtime.block_on(async {
         let server = match open(config) {
             Ok((server, addresses)) => {
-                let _ = tell.send(Ok(addresses));
+                let _ = sender.send(Ok(addresses));
                 server
             }
             Err(cause) => {
-                let _ = tell.send(Err(cause));
+                let _ = sender.send(Err(cause));
                 return None;
             }
         };

@@ -9,9 +9,9 @@ use stanag_msgs::enums::{ContingencyAction, LoiBitmap};
 /// A group of messages. Its order is that of the lines of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Group {
-    /// Status, and questions: what needs LOI 2. Every other group has it too.
+    /// Status and queries: messages that need LOI 2. Every other group includes it.
     Monitor,
-    /// Commands to payload stations: what needs LOI 3.
+    /// Commands to payload stations: messages that need LOI 3.
     Payload,
     /// Routes, waypoints and areas, and loading them.
     Plan,
@@ -19,7 +19,7 @@ pub enum Group {
     Fly,
     /// Parameters of the vehicle (50011).
     Settings,
-    /// Launch, landing and engine: what needs LOI 5, but for the two that follow.
+    /// Launch, landing and engine: messages that need LOI 5, except for the next two groups.
     Launch,
     /// Flight termination (2005).
     Terminate,
@@ -40,7 +40,7 @@ impl Group {
         Group::Zeroize,
     ];
 
-    /// As a list has it.
+    /// Its name in a list.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -55,7 +55,7 @@ impl Group {
         }
     }
 
-    /// The byte that stands for it in a MAC: these never change.
+    /// Its byte in a MAC; these values never change.
     pub(super) const fn code(self) -> u8 {
         match self {
             Group::Monitor => 1,
@@ -69,7 +69,7 @@ impl Group {
         }
     }
 
-    /// The level that its messages need: who has the group may hold it.
+    /// The level that its messages need: a CUCS with the group may hold it.
     #[must_use]
     pub const fn level(self) -> LoiBitmap {
         match self {
@@ -80,7 +80,8 @@ impl Group {
         }
     }
 
-    /// The group that a message needs besides: who may not land the aircraft does not set that it lands by itself.
+    /// A further group that a message needs: a CUCS that may not land the aircraft must not configure an automatic landing
+    /// either.
     pub(crate) fn besides(message: &Message) -> Option<Group> {
         match message {
             Message::Contingency(one)
@@ -92,7 +93,8 @@ impl Group {
         }
     }
 
-    /// The group of a message that needs this right. What needs LOI 4 is named: what is not is in `launch`, the narrowest.
+    /// The group of a message that needs this right. Messages that need LOI 4 are listed by name; any other is in `launch`,
+    /// the narrowest group.
     pub(crate) fn of(message: &Message, right: LoiBitmap) -> Group {
         match message {
             Message::FlightTerminationCommand(_) => Group::Terminate,
@@ -102,7 +104,7 @@ impl Group {
             | Message::UaRoute(_)
             | Message::UaPositionWaypoint(_)
             | Message::UaLoiterWaypoint(_)
-            // Its station needs LOI 3 besides, which only `payload` gives.
+            // It also needs LOI 3 of its station, which only `payload` gives.
             | Message::PayloadActionWaypoint(_)
             | Message::VehicleSpecificWaypoint(_)
             | Message::CurveSegment(_)
@@ -137,9 +139,9 @@ impl FromStr for Group {
     }
 }
 
-/// A word that is no group.
+/// Not the name of a group.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no group of messages: expected {EXPECTED}")]
+#[error("{0:?} is not a group of messages: expected {EXPECTED}")]
 pub struct UnknownGroup(String);
 
 pub(super) const EXPECTED: &str =

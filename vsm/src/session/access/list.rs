@@ -1,4 +1,4 @@
-//! The access list as a file: a line an entry, each with a MAC of its own, closed by their count and a MAC over all.
+//! The access list as a file: one line for each entry, each with its own MAC, followed by their count and a MAC over all.
 //!
 //! ```text
 //! vsm-acl 1
@@ -9,12 +9,12 @@
 //! end 2 5b0a..
 //! ```
 //!
-//! CUCS, vehicle, group of messages, until when, id of the guard key. A list that nobody has signed has `unsigned` in place of
-//! each MAC. An entry's MAC is HMAC-SHA256(access key, "vsm-acl-1", VSM ID, version, CUCS ID, vehicle ID, group, until, guard key
-//! id): one that is cut out of another list, or of another version of this one, does not verify in this. The list's is
-//! HMAC-SHA256(access key, "vsm-acl-list-1", VSM ID, version, count, the entries' MACs in their order).
+//! CUCS, vehicle, group of messages, until when, id of the guard key. An unsigned list has `unsigned` in place of each MAC.
+//! An entry's MAC is HMAC-SHA256(access key, "vsm-acl-1", VSM ID, version, CUCS ID, vehicle ID, group, until, guard key id):
+//! an entry copied from another list, or from another version of this one, does not verify. The list's is HMAC-SHA256(access
+//! key, "vsm-acl-list-1", VSM ID, version, count, the entries' MACs in their order).
 //!
-//! There is one way to write a list: in any other spelling or order it is refused, so that what a person reads is what is
+//! The format is canonical: any other spelling or order is refused, so that the text that a person reads is the text that is
 //! verified.
 
 use std::fmt::{self, Write as _};
@@ -39,21 +39,21 @@ pub struct AccessEntry {
     pub vehicle: Id,
     /// What it may send.
     pub group: Group,
-    /// The id of the guard key that its datagrams must have verified under.
+    /// The id of the guard key under which its datagrams must verify.
     pub key: KeyId,
-    /// The second since 1970 from which it counts no more; `None`: it has no end.
+    /// When it expires, seconds since 1970; `None`: never.
     pub until: Option<NonZeroU64>,
 }
 
 impl AccessEntry {
-    /// When it ends, as a list has it.
+    /// Its expiry, as written in a list.
     #[must_use]
     pub fn until_text(&self) -> String {
         self.until
             .map_or_else(|| NEVER.to_owned(), |until| utc(until.get()))
     }
 
-    /// By what no two entries of a list are alike, and in which order they stand.
+    /// The key by which entries are unique and sorted.
     fn place(&self) -> (Id, Id, Group, KeyId) {
         (self.cucs, self.vehicle, self.group, self.key)
     }
@@ -222,10 +222,10 @@ impl AccessList {
         text
     }
 
-    /// Reads a list without looking at its MACs: to show it or to change it, and for nothing else.
+    /// Reads a list without verifying its MACs: only to show or change it.
     ///
     /// # Errors
-    /// It is no list: where, and what was expected.
+    /// It is not a list: with the line and what was expected.
     pub fn read(bytes: &[u8]) -> Result<AccessList, ListError> {
         parse(bytes).map(|(list, _)| list)
     }
@@ -233,7 +233,7 @@ impl AccessList {
     /// Reads a list that the holder of this key has signed for this VSM.
     ///
     /// # Errors
-    /// It is none: what is wrong with it.
+    /// It is not: with the reason.
     pub fn verified(bytes: &[u8], key: &AccessKey, vsm: Id) -> Result<AccessList, ListError> {
         let (list, macs) = parse(bytes)?;
         let (entries, closing) = macs.ok_or(ListError::Unsigned)?;
@@ -382,16 +382,16 @@ fn hex(mac: Option<&Mac>) -> String {
     mac.map_or_else(|| UNSIGNED.to_owned(), |mac| HEXLOWER.encode(mac))
 }
 
-/// Why a file is no list that counts.
+/// Why a list is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ListError {
     /// It is longer than any list.
     #[error("an access list of {0} bytes, expected {MAX_LIST_BYTES} at most")]
     TooLong(usize),
     /// It is not UTF-8.
-    #[error("the access list is no text")]
+    #[error("the access list is not text")]
     NoText,
-    /// A line is none of a list.
+    /// A line is not a line of a list.
     #[error("line {line} of the access list is {found:?}, expected {expected}")]
     Line {
         /// Which, from 1.
@@ -414,7 +414,7 @@ pub enum ListError {
         /// That there are.
         found: usize,
     },
-    /// An entry stands twice.
+    /// An entry is duplicated.
     #[error(
         "line {line} of the access list is for the same CUCS, vehicle, group and key as the line before"
     )]
@@ -422,14 +422,14 @@ pub enum ListError {
         /// Which, from 1.
         line: usize,
     },
-    /// An entry is not in its place.
+    /// An entry is out of order.
     #[error("line {line} of the access list is not in its order: by CUCS, vehicle, group and key")]
     Order {
         /// Which, from 1.
         line: usize,
     },
-    /// It is spelled in another way than it is written.
-    #[error("line {line} of the access list is spelled otherwise than `vsm access` writes it")]
+    /// A line is not in the canonical form.
+    #[error("line {line} of the access list is not spelled as `vsm access` writes it")]
     Form {
         /// Which, from 1.
         line: usize,
@@ -468,7 +468,7 @@ pub enum ListError {
     Full,
 }
 
-/// Entries of one list at most.
+/// Maximum number of entries of a list.
 const MAX_ENTRIES: usize = 4_096;
 /// The longest list: its entries, and a line more than its first and last ones.
 pub const MAX_LIST_BYTES: usize = (MAX_ENTRIES + 1) * 160;

@@ -1,17 +1,18 @@
-//! The access list: what each CUCS may send to each vehicle, until when, and under which guard key; signed by who holds the
-//! access key.
+//! The access list: which messages each CUCS may send to each vehicle, until when, and under which guard key. It is signed
+//! with the access key.
 //!
-//! `list` is the file, `group` the groups of messages, `permits` what one CUCS is allowed by it. [`Access`] is the list that is
-//! in force in a VSM, with the time by which its entries end.
+//! `list` is the file, `group` the groups of messages, `permits` the permissions of one CUCS. [`Access`] is the list in
+//! force in a VSM, with the clock by which its entries expire.
 //!
 //! Promised:
-//! - **It narrows.** What `[[cucs]]` does not give, no list gives.
-//! - **No older list** comes into force again, over restarts too: the newest that was ever in force is kept in the store. A file
-//!   that is damaged, not signed, older, or another of the same version leaves that one in force.
-//! - **An entry that has ended does not come back**: its time is that of a [`SigningClock`], which runs on by monotonic time and never goes
-//!   back over a restart. A wall clock that is set while the VSM runs moves it at most once, forward, where it was wrong at the start.
-//! - **Nothing ends in the air.** Who holds a right over a vehicle keeps it, whatever a clock says, until the vehicle is known to be
-//!   disarmed; what a newer list no longer has ends at once, since a person has decided it.
+//! - **It only narrows.** A list gives no right that `[[cucs]]` does not give.
+//! - **No older list** comes into force again, also after restarts: the newest list that was ever in force is kept in the
+//!   store. If the file is damaged, not signed, older, or different with the same version, the stored list stays in force.
+//! - **An expired entry stays expired**: its time is that of a [`SigningClock`], which advances with monotonic time and
+//!   never goes back over a restart. Setting the wall clock while the VSM runs moves it at most once, forward, if it was
+//!   wrong at the start.
+//! - **Nothing expires in the air.** A CUCS that holds a right over a vehicle keeps it, whatever the clock, until the
+//!   vehicle is known to be disarmed. Entries that a newer list removes end at once, because a person decided that.
 
 mod group;
 mod list;
@@ -31,12 +32,12 @@ pub(crate) use self::permits::{Permit, Permits, Permitted};
 use super::dates::utc;
 use crate::config::Config;
 
-/// What stands between a CUCS and what `[[cucs]]` gives it.
+/// The restriction of the rights in `[[cucs]]`.
 #[derive(Debug)]
 pub(crate) enum Gate {
     /// No list is configured.
     Open,
-    /// One is configured, and the shell has given none yet: nobody may do anything.
+    /// A list is configured but not loaded yet: nothing is permitted.
     Shut,
     /// A list is in force.
     List(Box<Access>),
@@ -56,16 +57,16 @@ impl Gate {
 pub(crate) struct Access {
     key: AccessKey,
     list: AccessList,
-    /// As it was signed.
+    /// The signed list.
     text: String,
     clock: SigningClock,
-    /// Why the file is not in force, where another list is.
+    /// Why the file is not in force, if another list is.
     refused: Option<String>,
     /// Which version the store had at the start.
     before: Option<u64>,
 }
 
-/// A list that may come into force.
+/// A verified list that may be put in force.
 #[derive(Debug)]
 pub struct PreparedAccess {
     list: AccessList,
@@ -75,10 +76,10 @@ pub struct PreparedAccess {
 /// A VSM without an access list.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    /// None was ever in force, and the file is none.
+    /// No list was ever in force, and the file is not a valid list.
     #[error("no access list was in force yet: {0}")]
     None(String),
-    /// What the store has does not verify.
+    /// The stored list does not verify.
     #[error("the access list in the store: {0}")]
     Stored(ListError),
     /// The store.
@@ -86,22 +87,22 @@ pub enum AccessError {
     Store(#[from] StoreError),
 }
 
-/// Why a list does not come into force.
+/// Why a list is not put in force.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RenewError {
-    /// It is none.
+    /// It is not a valid list.
     #[error(transparent)]
     List(#[from] ListError),
     /// It is older than the one in force.
-    #[error("the access list is version {found}, and version {in_force} is in force: an older one is not taken; sign it again as {}", .in_force + 1)]
+    #[error("the access list is version {found}, older than version {in_force}, which is in force: sign it as version {}", .in_force + 1)]
     Older {
         /// Of the file.
         found: u64,
         /// In force.
         in_force: u64,
     },
-    /// Two lists were signed as the same version.
-    #[error("the access list is another one of version {version} than the one in force: sign it again as {}", .version + 1)]
+    /// Two different lists were signed with the same version.
+    #[error("this access list differs from the one in force but has the same version ({version}): sign it as version {}", .version + 1)]
     Another {
         /// Which.
         version: u64,
@@ -118,7 +119,7 @@ impl Record for Stored {
     type Key = KeyId;
     const DURABILITY: Durability = Durability::Power;
 
-    // By its key: whoever has another key begins again, and who returns to the first finds the list that he left.
+    // Named by its key: another key starts without a list, and returning to an earlier key finds its latest list again.
     fn name(key: &KeyId) -> String {
         format!("access-{key}")
     }
@@ -134,7 +135,7 @@ impl Record for Stored {
 }
 
 impl Access {
-    /// The list of the file, or the one that the store has where that is newer or the file is none.
+    /// Loads the list of the file, or the stored one if that is newer or the file is not valid.
     ///
     /// # Errors
     /// There is none, or the store cannot be used: nothing may be served.
@@ -185,7 +186,7 @@ impl Access {
         Ok(access)
     }
 
-    /// Looks whether another file is a newer list; `None` where it is the one in force. Nothing changes.
+    /// Checks whether a file is a newer list; `None` if it is the one in force. Changes nothing.
     ///
     /// # Errors
     /// It is none: why.
@@ -194,7 +195,7 @@ impl Access {
         prepare(file, &self.key, self.list.vsm(), Some(known))
     }
 
-    /// Stores a newer list: from then on no start is by an older one.
+    /// Stores a newer list: from then on no start uses an older one.
     ///
     /// # Errors
     /// It cannot be stored, and must not come into force.
@@ -206,7 +207,7 @@ impl Access {
         disk.save(&self.key.id(), &Stored(new.text.clone()))
     }
 
-    /// Puts a newer list in force, which the store has; what has changed, for the report.
+    /// Puts a stored newer list in force; returns the changes, for the report.
     pub(crate) fn take(&mut self, new: PreparedAccess) -> String {
         let before = self.list.version();
         (self.list, self.text, self.refused) = (new.list, new.text, None);
@@ -219,12 +220,12 @@ impl Access {
         self.key.id()
     }
 
-    /// The version that was in force before this start, where the store had one.
+    /// The version in force before this start, if the store had one.
     pub(crate) fn before(&self) -> Option<u64> {
         self.before
     }
 
-    /// The file is not the list in force: why, or that it is again.
+    /// Sets why the file is not the list in force, or that it is again.
     pub(crate) fn note_file(&mut self, refused: Option<String>) {
         self.refused = refused;
     }
@@ -235,11 +236,11 @@ impl Access {
         self.clock.waits(now, disk);
     }
 
-    /// The seconds since 1970 by which entries end; `None` where the wall clock was over a year ahead of the stored time, and it is
-    /// not known how much has passed: entries that have an end count as ended then.
+    /// The time by which entries expire, seconds since 1970. `None` if the wall clock was over a year ahead of the stored
+    /// time, so that the elapsed time is unknown: entries with an expiry then count as expired.
     fn time(&self, mono: Duration) -> Option<u64> {
         let known = self.clock.wall_state() != WallState::FarAhead;
-        // The base runs by monotonic time alone.
+        // The base advances with monotonic time only.
         let now = Now {
             mono,
             wall: Duration::ZERO,
@@ -247,7 +248,7 @@ impl Access {
         known.then(|| self.clock.base(now).to_unix().as_secs())
     }
 
-    /// What a CUCS is allowed by it now.
+    /// The present permissions of a CUCS.
     pub(crate) fn permits(&self, cucs: Id, now: Now) -> Vec<Permit> {
         let time = self.time(now.mono);
         let of_it = self.list.entries().iter().filter(|one| one.cucs == cucs);
@@ -268,7 +269,7 @@ impl Access {
         self.refused.as_deref()
     }
 
-    /// How it stands.
+    /// Its status.
     pub(crate) fn status(&self, now: Duration) -> AccessStatus {
         AccessStatus {
             version: self.list.version(),
@@ -280,7 +281,7 @@ impl Access {
     }
 }
 
-/// How the access list stands, for the status.
+/// The status of the access list.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct AccessStatus {
     /// Of the list in force.
@@ -289,7 +290,7 @@ pub struct AccessStatus {
     pub key_id: String,
     /// How many it has.
     pub entries: usize,
-    /// The time by which they end; none where it is not known, and those that have an end are ended.
+    /// The time by which entries expire; `None` if unknown, in which case all entries with an expiry have expired.
     pub time: Option<String>,
     /// Why the file is not in force.
     pub refused: Option<String>,

@@ -1,4 +1,4 @@
-//! What the access list allows one CUCS.
+//! The permissions of one CUCS by the access list.
 
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
@@ -14,11 +14,11 @@ pub(crate) struct Permit {
     pub(crate) over: bool,
 }
 
-/// The entries of one CUCS; `None` where no list is configured, and it narrows nothing.
+/// The entries of one CUCS; `None` if no list is configured, so that nothing is restricted.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Permits(pub(crate) Option<Vec<Permit>>);
 
-/// Whether a message may be carried out, by the list alone.
+/// Whether the list permits a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Permitted {
     Yes,
@@ -26,12 +26,12 @@ pub(crate) enum Permitted {
     NotListed,
     /// The entry has ended.
     Ended,
-    /// The entry is for another guard key than the message has verified under.
+    /// The entry is for a different guard key than that of the message.
     OtherKey,
 }
 
 impl Permitted {
-    /// The counter, and what its sender is sent; `None` where it is permitted.
+    /// The counter and the text for its sender; `None` if it is permitted.
     pub(crate) fn refusal(self) -> Option<(&'static str, &'static str)> {
         match self {
             Permitted::Yes => None,
@@ -52,17 +52,17 @@ impl Permitted {
 }
 
 impl Permits {
-    /// The levels that it may request of a vehicle, by entries that have not ended, under keys that it has.
+    /// The levels that it may request of a vehicle, by valid entries for keys that it has.
     pub(crate) fn levels(&self, vehicle: Id, has: impl Fn(KeyId) -> bool) -> LoiBitmap {
         self.union(vehicle, |one| !one.over && has(one.entry.key))
     }
 
-    /// The levels that it keeps where it holds them, in the air: whatever the time, and the key.
+    /// The levels that it may keep in the air if it holds them, regardless of time and key.
     pub(crate) fn kept(&self, vehicle: Id) -> LoiBitmap {
         self.union(vehicle, |_| true)
     }
 
-    /// The same, by entries for this key alone.
+    /// The same, only by entries for this key.
     pub(crate) fn kept_under(&self, vehicle: Id, key: KeyId) -> LoiBitmap {
         self.union(vehicle, |one| one.entry.key == key)
     }
@@ -79,13 +79,13 @@ impl Permits {
         if levels.is_empty() {
             levels
         } else {
-            // Whatever commands sees what it does.
+            // Every group that commands includes monitoring.
             levels.union(LoiBitmap::LOI2)
         }
     }
 
-    /// Whether a message of this group may be carried out for a vehicle. `key`: under which it has verified; `None` of one that was
-    /// held until now. `flies`: entries that have ended count.
+    /// Whether a message of this group is permitted for a vehicle. `key`: the key under which it verified; `None` for a held
+    /// command. `flies`: expired entries count.
     pub(crate) fn judge(
         &self,
         vehicle: Id,
@@ -100,7 +100,7 @@ impl Permits {
             let of_group = group == Group::Monitor || one.entry.group == group;
             one.entry.vehicle == vehicle && of_group
         };
-        // The last of these is what is nearest to being permitted.
+        // The last of these is the closest to a permission.
         let mut found = Permitted::NotListed;
         for one in permits.iter().filter(fits) {
             let of_key = key.is_none_or(|key| key == one.entry.key);
@@ -115,5 +115,5 @@ impl Permits {
     }
 }
 
-/// What no list takes away.
+/// The levels that no list can remove.
 const EVERY_LEVEL: LoiBitmap = LoiBitmap::from_raw(u8::MAX);

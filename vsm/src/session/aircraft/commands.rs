@@ -1,4 +1,4 @@
-//! What the bridge asks of a vehicle for a message of a CUCS.
+//! What the bridge requests of a vehicle for a message of a CUCS.
 
 use mapping::airframe;
 use stanag_msgs::Message;
@@ -22,7 +22,7 @@ fn has_provisional(dli: &DliEffects<'_>, station: usize) -> bool {
 }
 
 impl Aircraft {
-    /// A message of the authority's, 1, 4 or 34000. The answer is for the caller to acknowledge.
+    /// A message for the authority machine: 1, 4 or 34000. The caller acknowledges it with the returned answer.
     pub(crate) fn ask_authority(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -36,7 +36,7 @@ impl Aircraft {
     /// 17001, 17002 or 40000.
     ///
     /// # Errors
-    /// Of 17001 and 17002 only: the reason, for the operator. The caller answers.
+    /// The reason, for the operator; for 17001 and 17002 only. The caller answers.
     pub(crate) fn ask_reports(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -54,7 +54,7 @@ impl Aircraft {
             self.flight(dli, flight::Input::ListContingencies { station });
             return Ok(());
         }
-        // Messages 2 and 35000 are the reports that the authority composes: it alone knows what is held, and handed over.
+        // The authority machine composes messages 2 and 35000: only it knows which rights are held and handed over.
         if let reports::Input::ReportOnce { station, request } = input {
             let input = match request.message_type {
                 Some(VsmAuthorisationResponse::ID) => Some(authority::Input::Again {
@@ -76,8 +76,8 @@ impl Aircraft {
         answer
     }
 
-    /// The right that a message needs; `None` where it is none that a CUCS commands with. What holds a command needs the right
-    /// that the command needs.
+    /// The right that a message needs; `None` if the message is not a command of a CUCS. A 50020 needs the right of the
+    /// command that it holds.
     pub(crate) fn right_for(&self, message: &Message) -> Option<LoiBitmap> {
         let right = |message: &Message| {
             let mode = flight::mode_of(message, &self.vehicle.telemetry);
@@ -101,7 +101,7 @@ impl Aircraft {
         })
     }
 
-    /// A command that was held until now: the right that it needs is checked as if it arrived now.
+    /// A held command that is due: its right is checked as if it arrived now.
     pub(super) fn carry_out_held(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -109,7 +109,7 @@ impl Aircraft {
         message: &Message,
         contingency: bool,
     ) {
-        // Neither by its own time nor by that of its station would it be fresh.
+        // It would be fresh neither by its own Time Stamp nor by its station's clock.
         if is_never_held(message) {
             return self.effects(dli).refuse(Some(origin), NEVER_HELD);
         }
@@ -144,7 +144,7 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// To the machine that it is for.
+    /// Passes a command to its machine.
     fn hand_on(&mut self, dli: &mut DliEffects<'_>, origin: Origin, message: &Message) {
         let autopilot = self.vehicle.telemetry.autopilot;
         if let Some(why) = autopilot.and_then(airframe::refused_autopilot) {
@@ -170,12 +170,13 @@ impl Aircraft {
         if held::inner(message).is_some_and(|inner| is_never_held(&inner)) {
             return self.effects(dli).refuse(Some(origin), NEVER_HELD);
         }
-        // Payload stations are still commanded: what they see of it is wanted.
+        // Payload stations can still be commanded: their pictures of the termination are useful.
         let flies = |right: LoiBitmap| right.intersects(LoiBitmap::LOI4 | LoiBitmap::LOI5);
         if self.termination.view(true).holds && right.is_some_and(flies) {
             return self.effects(dli).refuse(Some(origin), TERMINATING);
         }
-        // The order is stored and takes effect whatever happens, seconds from now: what took off in these would fly without keys.
+        // The order is stored and takes effect within seconds, whatever happens: a vehicle that took off now would fly
+        // without keys.
         if self.zeroizing && !self.vehicle.may_fly() && right.is_some_and(flies) {
             return self.effects(dli).refuse(Some(origin), ZEROIZING);
         }
@@ -206,7 +207,7 @@ impl Aircraft {
         }
     }
 
-    /// Continues with another configuration, whose authority is asked apart.
+    /// Applies a changed configuration. The authority machine is updated separately.
     pub(crate) fn reconfigure(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -232,7 +233,7 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// What this vehicle's machines may do, for what concerns no machine.
+    /// Effects for actions that belong to no machine.
     pub(crate) fn effects<'a>(&'a mut self, dli: &'a mut DliEffects<'_>) -> Effects<'a> {
         Effects {
             dli: dli.reborrow(),
@@ -245,8 +246,8 @@ impl Aircraft {
     }
 }
 
-/// Why nothing else is commanded.
-const TERMINATING: &str = "a flight termination is commanded: nothing else is, until it is reset (2005 state 0, reset) where it can be";
+/// Why other commands are refused.
+const TERMINATING: &str = "a flight termination is commanded: other commands are refused until it is reset (2005 state 0, reset) where it can be";
 const ZEROIZING: &str = "a zeroize is ordered: the vehicle is on the ground, and stays there";
 const NEVER_HELD: &str =
     "a flight termination is never held, nor is a zeroize: two orders of the moment command it";

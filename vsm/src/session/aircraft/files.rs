@@ -1,8 +1,8 @@
 //! Files of the vehicle, for an operator of this computer: one operation at a time over the link that the bridge holds.
 //!
-//! The link's commands and heartbeats come first: what is sent for a file leaves after everything else, in flight and on
-//! serial lines everything is requested piece by piece at a set rate, and the checksum of a large file, during which PX4
-//! receives nothing, is left for the ground. Nothing is written or removed while the vehicle may be armed.
+//! The link's commands and heartbeats come first. File messages are sent after everything else. In flight and on serial
+//! lines, files are read piece by piece at a fixed rate. PX4 receives nothing while it computes the checksum of a large
+//! file, so that is done on the ground only. Nothing is written or removed while the vehicle may be armed.
 
 use mapping::event::{Catalogue, Definitions};
 use mapping::parameter_metadata::ParameterMetadata;
@@ -20,7 +20,7 @@ impl Aircraft {
     /// Begins an operation.
     ///
     /// # Errors
-    /// It cannot be done now, or not at all.
+    /// The operation is not possible now, or not possible at all.
     pub(in crate::session) fn start_file(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -63,7 +63,7 @@ impl Aircraft {
         Ok(())
     }
 
-    /// What has become of it.
+    /// The next event of the operation.
     pub(in crate::session) fn poll_file(&mut self) -> Option<FileEvent> {
         if self.reads_metadata() {
             return None;
@@ -83,12 +83,12 @@ impl Aircraft {
         })
     }
 
-    /// Whether what the file client reports is of metadata.
+    /// Whether the file client is reading metadata.
     fn reads_metadata(&self) -> bool {
         self.metadata.iter().any(MetadataReader::is_reading)
     }
 
-    /// Reads from the vehicle what its events mean, and what its parameters are where they are controls.
+    /// Reads the vehicle's metadata: the texts of its events and, if parameters are offered as controls, their descriptions.
     pub(super) fn read_metadata(&mut self, dli: &mut DliEffects<'_>) {
         if !self.vehicle.live() {
             return;
@@ -107,14 +107,14 @@ impl Aircraft {
             }
             let ended = reader.advance(now, &mut self.services);
             let outdated = reader.take_outdated();
-            // Nearly always nothing: this is run for each datagram, and allocates for none.
+            // This runs for each datagram and almost always has nothing to do, so it must not allocate.
             if outdated || ended.is_some() {
                 all.push((reader.kind(), outdated, ended));
             }
         }
         for (kind, outdated, ended) in all {
             if outdated {
-                // Numbers alone are better than the texts of another firmware, and no range than one of its.
+                // Event numbers are better than the texts of another firmware, and no range is better than a wrong one.
                 let nothing = match kind {
                     Definitions::Events => Defined::Events(Catalogue::default()),
                     Definitions::Parameters => Defined::Parameters(ParameterMetadata::default()),
@@ -161,7 +161,7 @@ impl Aircraft {
         self.observe(dli, input);
     }
 
-    /// Withdraws it: whoever wanted it has gone.
+    /// Cancels the operation: the requesting program is gone.
     pub(in crate::session) fn withdraw_file(&mut self, dli: &mut DliEffects<'_>) {
         if self.reads_metadata() {
             return;
@@ -170,14 +170,14 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// Whoever arms the vehicle ends what changes its files or reads a large one, and slows what reads others. Before anything
-    /// is sent: the checksum of a large file may be next.
+    /// Arming ends an operation that writes files or reads a large one, and slows down other reads. This must be checked
+    /// before anything is sent, since the checksum of a large file may be next.
     pub(super) fn watch_file(&mut self) {
         if !self.services.files.is_active() {
             return;
         }
         self.set_file_rate();
-        // What is known of an operator's last file says nothing of the metadata, which is never large.
+        // The size of the operator's last file says nothing about the metadata, which is never large.
         if self.reads_metadata() {
             return;
         }
@@ -208,7 +208,7 @@ impl Aircraft {
         self.services.files.limit(rate);
     }
 
-    /// Why it counts as flying, as an error names it; `None`: it has reported that it is disarmed.
+    /// Why the vehicle counts as flying, as worded in an error; `None` if it has reported that it is disarmed.
     fn may_fly(&self) -> Option<&'static str> {
         match self.vehicle.telemetry.armed {
             Some(false) => None,
@@ -218,5 +218,6 @@ impl Aircraft {
     }
 }
 
-/// Requested and answered in flight, bytes a second on the wire: a seventh of a radio of 57 600 baud downwards, less upwards.
+/// Rate of file transfers in flight, bytes a second on the wire: a seventh of a 57,600 baud radio downlink, and less of the
+/// uplink.
 const IN_FLIGHT_BYTES_PER_S: u32 = 8_000;

@@ -1,4 +1,4 @@
-//! The eight machines, each lent what it reads and what it may do for one input.
+//! The eight machines: each input borrows what the machine reads and the effects that it may have.
 
 use stanag_msgs::enums::AckType;
 
@@ -7,7 +7,7 @@ use crate::session::effects::DliEffects;
 use crate::session::{authority, flight, held, mission, payload, reports, termination};
 
 impl Aircraft {
-    /// Requests operator control of the vehicle while somebody controls it through this VSM, and releases it after.
+    /// Requests operator control of the vehicle while a CUCS controls it through this VSM, and releases it afterwards.
     pub(super) fn hold_operator_control(&mut self, dli: &mut DliEffects<'_>) {
         let wanted = self.authority.controller().is_some()
             || self.flight.view().commands_by_itself
@@ -98,7 +98,7 @@ impl Aircraft {
         self.reports.handle(&context, input, effects!(self, dli))
     }
 
-    /// An input of the reports that answers for itself.
+    /// An input of the reports machine that needs no answer of the caller.
     pub(super) fn observe(&mut self, dli: &mut DliEffects<'_>, input: reports::Input<'_>) {
         let answered = self.reports(dli, input);
         debug_assert!(

@@ -1,8 +1,8 @@
 //! One vehicle: the router between its eight machines.
 //!
-//! A machine has the form `handle(&mut self, &Context, Input, &mut Effects)` and `poll_timeout(&self)`. It knows no
-//! sibling: it reads their state through [`Context`](super::context::Context), and what it needs of one is a
-//! [`Request`](super::effects::Request), which is delivered here after the call.
+//! A machine has the form `handle(&mut self, &Context, Input, &mut Effects)` and `poll_timeout(&self)`. It knows no sibling:
+//! it reads their state through [`Context`](super::context::Context), and sends them a [`Request`](super::effects::Request),
+//! which the router delivers after the call.
 //!
 //! | machine | decides |
 //! |---|---|
@@ -13,11 +13,11 @@
 //! | [`termination`] | flight termination (2005): two orders, and what the vehicle then shows |
 //! | [`reports`] | what stations are sent: on schedule, on request, on change; configuration and parameters |
 //! | [`payload`] | what is done for a payload command on a station: gimbals, cameras |
-//! | [`link`] | MAVLink: signatures and keys, what is believed, what is sent |
+//! | [`link`] | MAVLink: signatures and keys, which frames are accepted and sent |
 //!
-//! Whatever comes in goes to one machine, then [`Aircraft::run_until_idle`] delivers what follows from it until nothing is left.
-//! `machines`: what each is lent for an input; `start`: how a vehicle begins, and what a restart finds; `commands`: what
-//! the bridge asks for a message of a CUCS; `files`: what an operator of this computer asks for.
+//! Each input goes to one machine; then [`Aircraft::run_until_idle`] delivers the resulting requests and events until none
+//! is left. `machines`: what each machine borrows for an input; `start`: the start of a vehicle and the state after a
+//! restart; `commands`: messages of a CUCS; `files`: file operations of an operator of this computer.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -59,7 +59,7 @@ pub(crate) struct Aircraft {
     pub(super) alerts: Alerts,
     listeners: Vec<usize>,
     requests: VecDeque<Request>,
-    /// When to check silence, health and geofence again; `None` where nothing was received since the last check.
+    /// When to check silence, health and geofence again; `None` if nothing was received since the last check.
     watch_at: Option<Duration>,
     pub(super) authority: AuthorityMachine,
     pub(super) mission: Mission,
@@ -69,14 +69,15 @@ pub(crate) struct Aircraft {
     pub(super) payload: Payload,
     pub(super) termination: Termination,
     pub(super) link: VehicleLink,
-    /// A zeroize is ordered: nothing that stands on the ground is started any more.
+    /// A zeroize is ordered: a vehicle on the ground must no longer start.
     pub(super) zeroizing: bool,
     files: FileAccess,
-    /// Of events, then of parameters.
+    /// Metadata of events, then of parameters.
     metadata: [MetadataReader; 2],
 }
 
-// Both borrow single fields, so that a machine can be borrowed mutably beside them; a method would borrow all.
+// Macros, because both borrow single fields, so that a machine can be borrowed mutably as well; a method would borrow all of
+// `self`.
 macro_rules! context {
     ($self:ident, $dli:ident) => {
         Context {
@@ -132,7 +133,7 @@ impl Aircraft {
         &self.listeners
     }
 
-    /// Bytes from the vehicle's side. `tap` is shown every frame that is believed, for a recording.
+    /// Bytes from the vehicle's side. `tap` is called with every accepted frame, for a recording.
     pub(super) fn handle_datagram(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -146,7 +147,7 @@ impl Aircraft {
         self.read_metadata(dli);
         self.run_until_idle(dli);
         self.terminate(dli, termination::Input::Watch);
-        // Once all that arrived is delivered: it may have ended the load or the launch that a handover waits for.
+        // After all received frames are delivered: they may have ended the load or the launch that a handover waits for.
         self.mission(dli, mission::Input::WatchProgress);
         self.held(dli, held::Input::Watch);
         self.authority(dli, authority::Input::Settle);
@@ -154,7 +155,7 @@ impl Aircraft {
         self.watch_soon(dli.now.mono);
     }
 
-    /// Does what is due. The order of the steps is the order in which stations see what follows from them.
+    /// Does what is due. Stations see the results in the order of these steps.
     pub(super) fn handle_timeout(&mut self, dli: &mut DliEffects<'_>) {
         self.watch_at = None;
         let (link, vehicle) = (&mut self.link, &mut self.vehicle);
@@ -189,18 +190,18 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// The disk has made changes durable that it had queued, or cannot.
+    /// The disk has made queued changes durable, or has failed to.
     pub(super) fn handle_durable(&mut self, dli: &mut DliEffects<'_>) {
         let effects = effects!(self, dli);
         match effects.disk().failing() {
             Some(fault) => effects.warn(
                 Cause::Disk,
                 format!(
-                    "the disk does not keep {fault}; it is tried again, and what depends on it is not answered or is \
-                     refused until then: look at the disk of the VSM"
+                    "cannot store {fault}; retrying. Commands that depend on it are delayed or refused: check the \
+                     VSM's disk"
                 ),
             ),
-            None => effects.clear(Cause::Disk, "the disk of the VSM keeps what is written again"),
+            None => effects.clear(Cause::Disk, "the VSM's disk stores records again"),
         }
         self.authority(dli, authority::Input::Stored);
         self.terminate(dli, termination::Input::Watch);
@@ -208,13 +209,13 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
-    /// Begins to read the settings that [`mapping::hardening`] judges.
+    /// Begins to read the settings that [`mapping::hardening`] checks.
     pub(super) fn read_settings(&mut self, dli: &mut DliEffects<'_>) {
         self.observe(dli, reports::Input::ReadSettings);
         self.run_until_idle(dli);
     }
 
-    /// What the vehicle has answered about them so far.
+    /// The vehicle's answers so far.
     pub(super) fn vehicle_settings(&self) -> VehicleSettings {
         VehicleSettings {
             id: self.config.id.to_string(),
@@ -224,7 +225,7 @@ impl Aircraft {
         }
     }
 
-    /// When [`Aircraft::handle_timeout`] is next needed, by what each machine waits for.
+    /// When [`Aircraft::handle_timeout`] is next needed by any machine.
     pub(super) fn poll_timeout(
         &self,
         now: Duration,
@@ -248,7 +249,7 @@ impl Aircraft {
         .min()
     }
 
-    /// Delivers requests, what the vehicle answered and what streams are due, until nothing is left to do now.
+    /// Delivers requests, answers of the vehicle and due streams, until nothing is left to do now.
     ///
     /// The loop ends: a further round needs a new event of the vehicle or a [`Request`], and no machine makes a second
     /// request for the same event.
@@ -360,8 +361,9 @@ impl Aircraft {
                 }
             }
         }
-        // After all of them: the loss of the controller follows the change of control, and flies the loss action. Released in
-        // between, operator control could go to another MAVLink system, and the vehicle would refuse that action.
+        // Only after all of them: the loss of the controller follows the change of control and flies the loss action. If
+        // operator control were released in between, another MAVLink system could get it, and the vehicle would refuse that
+        // action.
         if control_changed {
             self.held(dli, held::Input::Watch);
             self.mission(dli, mission::Input::WatchUpload);
@@ -377,7 +379,7 @@ impl Aircraft {
                 self.observe(dli, reports::Input::LinkUp);
             }
             VehicleEvent::Restarted => {
-                // As after a silence: what it carries is compared with what was loaded.
+                // As after a silence: compare the plan aboard with the loaded one.
                 self.mission(dli, mission::Input::LinkUp);
                 for reader in &mut self.metadata {
                     reader.restart(&mut self.services);
@@ -431,7 +433,7 @@ impl Aircraft {
     }
 
     fn watch_soon(&mut self, now: Duration) {
-        // The first deadline stands: a stream of datagrams must not postpone the watches.
+        // Keep the first deadline: a stream of datagrams must not postpone the checks.
         self.watch_at.get_or_insert(now + WATCH_SLACK);
     }
 }

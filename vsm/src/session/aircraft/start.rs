@@ -1,4 +1,4 @@
-//! The start of a vehicle: its machines, and what a restart of the VSM finds of what they were doing.
+//! The start of a vehicle: its machines, and the state that they find after a restart of the VSM.
 
 use std::collections::VecDeque;
 
@@ -66,10 +66,10 @@ impl Aircraft {
         }
     }
 
-    /// What a restart finds on disk, and the alerts that stand from the start.
+    /// Restores the state from disk after a restart, and raises the alerts that are active from the start.
     ///
     /// # Errors
-    /// A record exists and cannot be read: starting without it would lose what was promised.
+    /// A record exists and cannot be read. Starting without it would break what was acknowledged.
     pub(crate) fn restore(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -82,7 +82,7 @@ impl Aircraft {
         if self.held.restore(effects!(self, dli))? {
             self.flight.cut_off_launch();
         }
-        // Where listeners are is not known yet: `show_standing` follows.
+        // The addresses of listeners are not known yet: `show_standing` follows.
         let listeners = std::mem::take(&mut self.listeners);
         let effects = effects!(self, dli);
         effects.raise(
@@ -103,7 +103,8 @@ impl Aircraft {
         Ok(known)
     }
 
-    /// Sends who listened before a restart what stands since: until the vehicle has spoken to this process its state is unknown.
+    /// Sends the active alerts to stations that listened before a restart. The vehicle's state is unknown until its first
+    /// message to this process.
     pub(crate) fn show_standing(&mut self, dli: &mut DliEffects<'_>) {
         for alert in self.alerts.standing().cloned() {
             let raised = Raised { alert, first: true };
@@ -111,8 +112,8 @@ impl Aircraft {
         }
     }
 
-    /// A command that had no final answer when the VSM ended. False where it is forgotten: what only stores, and what
-    /// requests rights, leads to the same when it comes again.
+    /// Resumes a command that had no final answer when the VSM ended. Returns false if it can be forgotten: a command that
+    /// only stores data or requests rights has the same result when it is sent again.
     pub(crate) fn resume_command(
         &mut self,
         dli: &mut DliEffects<'_>,
@@ -122,7 +123,7 @@ impl Aircraft {
         let origin = seen.origin(station);
         let owner = dli.stations.get(station).map(GroundStation::id);
         match seen.message_type {
-            // A handover outlives the restart, and its end answers who requested it.
+            // A handover survives the restart; its end answers the requesting CUCS.
             1 | 4 | 34000 => self.authority.resume(&context!(self, dli), origin),
             same if may_come_again(same) => false,
             HoldCommand::ID
@@ -133,7 +134,7 @@ impl Aircraft {
                 true
             }
             _ => {
-                // An interrupted launch must leave no running motors: a vehicle still on the ground is disarmed.
+                // An interrupted launch must not leave motors running: a vehicle that is still on the ground is disarmed.
                 self.flight.cut_off(seen);
                 let mode = if seen.mode == 0 {
                     String::new()
@@ -151,7 +152,7 @@ impl Aircraft {
     }
 }
 
-/// Whether a command of this type, cut off by a restart, leads to the same when it comes again.
+/// Whether a command of this type that a restart interrupted has the same result when it is sent again.
 pub(crate) fn may_come_again(message_type: u16) -> bool {
     matches!(
         message_type,

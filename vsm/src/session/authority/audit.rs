@@ -1,15 +1,15 @@
-//! The audit log: every change of control is a line, and each line is bound to all before it by a keyed hash.
+//! The audit log: every change of control is one line, and a keyed hash chains each line to all lines before it.
 //!
 //! A line is 64 hex digits, a space and a JSON object. The digits are HMAC-SHA256, by the key of this installation
-//! ([`AuditKey`]), of the digits of the line before (64 zeros before the first), a line feed and the object: a line that
-//! is changed, left out, moved or put in breaks the chain there, and nobody without the key can rewrite it. How far it
-//! goes is in the authority record ([`trail`](super::trail)).
+//! ([`AuditKey`]), of the digits of the previous line (64 zeros before the first), a line feed and the object. A line that
+//! is changed, removed, moved or inserted breaks the chain there, and nobody without the key can rewrite it. The authority
+//! record holds the end of the log ([`trail`](super::trail)).
 //!
-//! Logs of earlier versions are plain SHA-256 of the same. A line `keyed`, which names the key, continues them: before it
-//! they are verified as what they are, after it no line without the key counts.
+//! Logs of earlier versions use plain SHA-256 instead. A line `keyed`, which names the key, continues them: lines before it
+//! are verified with SHA-256, lines after it must use the key.
 //!
-//! A log that has grown to a megabyte is put aside, and the next begins with a line that names the digits of the last
-//! line before it: the chain continues over files, and each can be verified by itself.
+//! A log that has grown to a megabyte is rotated. The next one begins with a line that names the digits of the last line
+//! before it: the chain continues over files, and each file can be verified separately.
 
 use std::fmt;
 use std::time::Duration;
@@ -35,16 +35,16 @@ impl fmt::Debug for AuditKey {
 }
 
 impl AuditKey {
-    /// The key of these bytes.
+    /// The key with these bytes.
     #[must_use]
     pub fn new(bytes: [u8; 32]) -> AuditKey {
         AuditKey(Zeroizing::new(bytes))
     }
 
-    /// The key on a disk; `None` where none was made yet.
+    /// Loads the key from a disk; `None` if none was created yet.
     ///
     /// # Errors
-    /// It is there and cannot be read, or is none.
+    /// It exists but cannot be read, or is not a key.
     pub fn load(disk: &dyn Disk) -> Result<Option<AuditKey>, StoreError> {
         let Some(text) = disk.read(AUDIT_KEY, MAX_KEY_BYTES)? else {
             return Ok(None);
@@ -62,15 +62,15 @@ impl AuditKey {
         Ok(Some(AuditKey(key)))
     }
 
-    /// The key on a disk, made at the first start.
+    /// Loads the key from a disk, and creates it at the first start.
     ///
     /// # Errors
-    /// As [`AuditKey::load`], or it cannot be made: no random bytes, or a disk that does not store it.
+    /// As [`AuditKey::load`], or it cannot be created: no random bytes, or the disk does not store it.
     pub fn load_or_make(
         disk: &mut dyn Disk,
         random: &mut dyn Random,
     ) -> Result<AuditKey, StoreError> {
-        // One that cannot be read is not replaced: with another the logs could not be verified any more.
+        // A key that cannot be read is not replaced: with another key the existing logs could no longer be verified.
         if let Some(key) = AuditKey::load(disk)? {
             return Ok(key);
         }
@@ -89,7 +89,7 @@ impl AuditKey {
         self.mac(&["vsm/1 audit key id"])[..16].to_owned()
     }
 
-    /// HMAC-SHA256 of texts with a line feed between two of them, in hex.
+    /// HMAC-SHA256 of texts separated by line feeds, in hex.
     pub(super) fn mac(&self, texts: &[&str]) -> String {
         // An HMAC takes a key of any length.
         let Ok(mut mac) = Hmac::<Sha256>::new_from_slice(&*self.0) else {
@@ -105,40 +105,40 @@ impl AuditKey {
     }
 }
 
-/// Where the log stands: the number and the hash of its last line.
+/// The end of a log: the number and the hash of its last line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chain {
     lines: u64,
     last: String,
-    /// The id of the key that its lines are bound by; `None` in logs of earlier versions.
+    /// The id of the key of its lines; `None` in logs of earlier versions.
     keyed: Option<String>,
 }
 
-/// What a line records.
+/// The event that a line records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Entry {
-    /// The VSM has started, with these holders as they were stored.
+    /// The VSM has started, with these holders of rights as stored.
     Started(Vec<(Id, Rights)>),
     /// Rights changed hands.
     Change(Change),
-    /// The change before could not be stored, and does not hold.
+    /// The previous change could not be stored and is not in effect.
     NotKept,
     /// The first line of a log that follows another.
     Continued,
-    /// From this line on the chain is bound by a key.
+    /// From this line on the chain uses a key.
     Keyed,
-    /// A start has found this wrong with the logs: without this line the next start would find them whole again.
+    /// A start found this fault in the logs: without this line the next start would find them intact.
     Fault(String),
-    /// What has become of a flight termination.
+    /// The outcome of a flight termination.
     Termination {
         /// In two or three words.
         what: &'static str,
-        /// Who has ordered it.
+        /// The CUCS that ordered it.
         by: Option<Id>,
-        /// In words.
+        /// Description.
         why: String,
     },
-    /// A station has taken and given up rights that command no aircraft so often since the line before about it.
+    /// How often a station has gained and lost rights that command no aircraft, since the previous line about it.
     Repeated {
         /// The station.
         station: Id,
@@ -149,26 +149,26 @@ pub enum Entry {
     },
 }
 
-/// What a log is found to be.
+/// The result of examining a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Verified {
-    /// What it follows: the beginning of all, or the last line of the log before.
+    /// What it follows: the beginning of the chain, or the last line of the previous log.
     pub follows: Chain,
     /// Where to continue.
     pub chain: Chain,
-    /// The first line that does not fit.
+    /// The first line that breaks the chain.
     pub broken: Option<Broken>,
-    /// The last line has no end: a crash cut it off.
+    /// Whether the last line is incomplete: a crash cut it off.
     pub torn: bool,
-    /// Lines that are bound by a key that is not at hand: the id of the first such key. They were not verified.
+    /// The id of the first key that is not available: lines with it were not verified.
     pub other_key: Option<String>,
-    /// What earlier starts have found wrong: the number of its line, and what.
+    /// Faults that earlier starts have recorded: line number and fault.
     pub faults: Vec<(u64, String)>,
-    /// The digits of the line with the number that was asked for, where it is in this log.
+    /// The digits of the requested line, if it is in this log.
     pub digits: Option<String>,
 }
 
-/// A line that does not follow from those before it.
+/// A line that breaks the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Broken {
     /// Its number, from 1.
@@ -185,7 +185,7 @@ impl fmt::Display for Broken {
     }
 }
 
-/// What a first line must name where its log follows another.
+/// What the first line of a log names if the log follows another.
 #[derive(Deserialize)]
 struct First {
     line: u64,
@@ -218,7 +218,7 @@ struct Line<'a> {
     /// The digits of the last line of the log before.
     #[serde(skip_serializing_if = "Option::is_none")]
     after: Option<&'a str>,
-    /// The id of the key that this line and those after it are bound by.
+    /// The id of the key of this line and those after it.
     #[serde(skip_serializing_if = "Option::is_none")]
     key: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -238,7 +238,7 @@ impl Default for Chain {
 }
 
 impl Chain {
-    /// How many lines there are.
+    /// Number of lines.
     #[must_use]
     pub fn lines(&self) -> u64 {
         self.lines
@@ -250,14 +250,14 @@ impl Chain {
         &self.last
     }
 
-    /// The id of the key that it is bound by.
+    /// The id of its key.
     #[must_use]
     pub fn keyed(&self) -> Option<&str> {
         self.keyed.as_deref()
     }
 
-    /// The chain with one line more, and that line with its line feed. With `key` the line is bound by it: one after a
-    /// chain that is not must be [`Entry::Keyed`].
+    /// Adds a line to the chain, and returns the new end and the line with its line feed. With `key` the line uses it; the
+    /// first such line after an unkeyed chain must be [`Entry::Keyed`].
     #[must_use]
     pub fn extended(
         &self,
@@ -328,7 +328,7 @@ impl Chain {
                 line.times_lost = Some(*lost);
             }
         }
-        // Text and numbers alone: this cannot fail.
+        // Only text and numbers: this cannot fail.
         let object = serde_json::to_string(&line).unwrap_or_default();
         let last = hash(key, &self.last, &object);
         let text = format!("{last} {object}\n");
@@ -340,7 +340,7 @@ impl Chain {
         (chain, text)
     }
 
-    /// Checks a log from its first line on; `wanted`: the line whose digits the caller needs.
+    /// Verifies a log from its first line on. `wanted`: the line whose digits the caller needs.
     #[must_use]
     pub fn verify(bytes: &[u8], key: Option<&AuditKey>, wanted: u64) -> Verified {
         let own = key.map(AuditKey::id);
@@ -350,13 +350,13 @@ impl Chain {
         let mut faults = Vec::new();
         let torn = bytes.last().is_some_and(|byte| *byte != b'\n');
         let mut lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').collect();
-        // After the last line feed there is nothing, or what a crash has cut off: no line yet.
+        // After the last line feed there is nothing, or an incomplete line that a crash left.
         lines.pop();
         for bytes in lines {
             let line = std::str::from_utf8(bytes)
                 .ok()
                 .and_then(|line| line.split_once(' '));
-            // No other line can have these bytes: quotes within its texts are escaped.
+            // No other line can contain these bytes: quotes within texts are escaped.
             if let Some((_, object)) = line
                 && object.contains(KEYED_LINE)
                 && let Ok(First { what, key, .. }) = serde_json::from_str(object)
@@ -380,14 +380,14 @@ impl Chain {
                         faults.push((chain.lines + 1, why));
                     }
                 }
-                // What a crash has cut off was closed by the next start, and is no line of the chain.
+                // A line that a crash cut off was closed by the next start; it is not part of the chain.
                 None if is_torn(bytes) => continue,
-                // Counted as a line all the same: the log continues with the number after it.
+                // It still counts as a line: the log continues with the next number.
                 None => {
                     broken = broken.or(Some(Broken {
                         line: chain.lines + 1,
                     }));
-                    // It continues from what it finds: one break is one break.
+                    // Continue from this line, so that one break is reported once.
                     let digits = bytes.get(..HASH_DIGITS).map(String::from_utf8_lossy);
                     if let Some(digits) = digits {
                         chain.last = digits.into_owned();
@@ -434,7 +434,7 @@ impl Chain {
     }
 }
 
-/// A beginning of a line: it has no closing brace.
+/// The beginning of a line, without a closing brace.
 fn is_torn(bytes: &[u8]) -> bool {
     bytes.last() != Some(&b'}')
 }
@@ -455,7 +455,7 @@ const FAULT_LINE: &str = "\"what\":\"fault\"";
 const KEYED: &str = "keyed";
 const KEYED_LINE: &str = "\"what\":\"keyed\"";
 pub(crate) const AUDIT_KEY: &str = "audit.key";
-/// The key is 64 digits; more than this is never read.
+/// The key is 64 digits; no more than this is read.
 const MAX_KEY_BYTES: u64 = 256;
 const HASH_DIGITS: usize = 64;
 

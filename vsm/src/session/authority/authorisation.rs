@@ -1,4 +1,4 @@
-//! Message 1 and its answer, message 2: requests, releases and questions.
+//! Message 1 and its answer, message 2: requests, releases and queries.
 
 use mavlink_link::store::Changes;
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess, WaitTransition};
@@ -12,7 +12,7 @@ use crate::session::context::Origin;
 use crate::session::effects::Effects;
 
 impl AuthorityMachine {
-    /// To this vehicle: a request, a release, or a question where it names no access.
+    /// A message 1 to this vehicle: a request, a release, or a query if it names no access.
     pub(super) fn authorise(
         &mut self,
         context: &Context<'_>,
@@ -24,7 +24,7 @@ impl AuthorityMachine {
             return AckType::Refused;
         };
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
-        // A release is always granted, whatever else the message asks.
+        // A release is always granted, whatever else the message requests.
         if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
             self.answer(context, origin.station, Some(request), effects);
             effects.answer(
@@ -47,7 +47,7 @@ impl AuthorityMachine {
             _ => return self.question(context, origin.station, request, effects),
         };
         let wanted = Rights::named(levels, stations);
-        // A station that is gone can still be released.
+        // A payload station that is gone can still be released.
         let (wanted, absent) = match access {
             Access::Release => (wanted, Rights::NONE),
             _ => with_stations(context, wanted, !stations.is_empty()),
@@ -62,7 +62,7 @@ impl AuthorityMachine {
             .wait_for_vehicle_data_link_transition_coordination_message
             == Some(WaitTransition::Wait);
         let answer = self.decide(context, Of::Request(asker.id), effects, |authority, at| {
-            // With "wait for the transition" it is a wish, as by message 4; an override asks for nobody's consent.
+            // With "wait for the transition" it is a handover request, as by message 4; an override needs no consent.
             if waits_for_transition && access == Access::Control {
                 authority.handover(at, &asker, asker.id, wanted)
             } else {
@@ -82,8 +82,8 @@ impl AuthorityMachine {
         self.acknowledgement(origin, asker.id, &answer, effects)
     }
 
-    /// Whether the key that has sealed a message may give up what its sender holds of these rights, or hand it over: who has a guard key
-    /// that was replaced takes nothing away that is listed under the new one. Refused otherwise, with the reason.
+    /// Checks whether the guard key of a message may release or hand over its sender's rights. A replaced guard key cannot
+    /// give up rights that the access list grants to the new key. Otherwise refuses, with the reason.
     pub(super) fn may_dispose(
         &self,
         context: &Context<'_>,
@@ -106,8 +106,8 @@ impl AuthorityMachine {
         Err(AckType::Refused)
     }
 
-    /// To everybody, or to the VSM. It is a question for each vehicle, as a discovery is; a release of levels that it
-    /// names is one of each vehicle. Rights are given by a vehicle alone.
+    /// A message 1 to all, or to the VSM. It is a query to each vehicle, like a discovery, and a release of named levels
+    /// applies to each vehicle. Rights are granted by single vehicles only.
     pub(super) fn authorise_to_all(
         &mut self,
         context: &Context<'_>,
@@ -126,7 +126,7 @@ impl AuthorityMachine {
             Some(RequestedAccess::Relinquish) if named => {
                 return self.authorise(context, origin, request, effects);
             }
-            // Who discovers requests no acknowledgement; who requests one, and holds something, meant to release it.
+            // A discovery requests no acknowledgement. A station that requests one and holds rights intended a release.
             Some(RequestedAccess::Relinquish) if origin.ack_requested && holds_something() => {
                 "nothing is released: name the levels, or send it to the vehicle"
             }
@@ -149,7 +149,8 @@ impl AuthorityMachine {
         AckType::Refused
     }
 
-    /// A message 1 that changes nothing: what the station may have and holds, and what it has not answered yet.
+    /// A message 1 that changes nothing: answers with the rights that the station may have and holds, and repeats requests
+    /// that it has not answered.
     fn question(
         &mut self,
         context: &Context<'_>,
@@ -162,7 +163,7 @@ impl AuthorityMachine {
         AckType::CarriedOut
     }
 
-    /// Message 2, as the answer to a message: by what is decided, once that is durable.
+    /// Message 2, as the answer to a message: by the latest decision, once it is durable.
     pub(super) fn answer(
         &self,
         context: &Context<'_>,
@@ -177,7 +178,7 @@ impl AuthorityMachine {
         if self.unstored.iter().any(by) {
             self.answer_after_decisions(effects);
         }
-        // Who has led to none of the decisions that wait is answered at once, by the rights that hold.
+        // A station that caused none of the pending decisions is answered at once, by the rights in force.
         let rights = if effects.answers_later() {
             &self.decided
         } else {
@@ -187,7 +188,7 @@ impl AuthorityMachine {
         respond(context, station, held, request, effects);
     }
 
-    /// What is answered from here on shows decisions that are not durable yet.
+    /// Answers from here on show decisions that are not durable yet.
     pub(super) fn answer_after_decisions(&self, effects: &mut Effects<'_>) {
         let stored = self.unstored.iter().map(|one| one.stored);
         if let Some(all) = stored.reduce(Changes::and) {
@@ -195,7 +196,7 @@ impl AuthorityMachine {
         }
     }
 
-    /// What 17000 reports of an answer. One that waits is acknowledged again when it is decided.
+    /// The 17000 type for an answer. A pending request is acknowledged again when it is decided.
     pub(super) fn acknowledgement(
         &mut self,
         origin: &Origin,
@@ -220,7 +221,7 @@ impl AuthorityMachine {
                     table::named(origin.message_type)
                 );
                 if is_too_often(answer) {
-                    // Who asks too often is not sent more than it sends.
+                    // A station that asks too often does not receive more than it sends.
                     effects.answer_sometimes(&[origin.station], text);
                 } else {
                     effects.answer(&[origin.station], text);
@@ -231,9 +232,9 @@ impl AuthorityMachine {
     }
 }
 
-/// Of rights that are requested what there can be, and what is refused because the vehicle has no such payload station. LOI 3
-/// that names no station means those that there are; beside other levels of a vehicle without any it means those that may come, and
-/// the bitmaps of stations show none.
+/// Splits requested rights into those that can exist, and those that are refused because the vehicle has no such payload
+/// station. LOI 3 without a station number means all present stations. Requested together with other levels, on a vehicle
+/// without any station, it means stations that may appear later; the bitmaps then show none.
 pub(super) fn with_stations(
     context: &Context<'_>,
     wanted: Rights,
@@ -271,7 +272,7 @@ pub(super) fn respond(
     }
 }
 
-/// Whether every value of message 1 is one that is known: of what is not nothing is granted.
+/// Checks that every value of message 1 is known: unknown values are granted nothing.
 fn understood(
     context: &Context<'_>,
     request: &CucsAuthorisationRequest,
@@ -280,7 +281,7 @@ fn understood(
     if !context.is_addressed(request.vsm_id) {
         return Err("VSM ID is another VSM's".to_owned());
     }
-    // Without levels it is a question, whatever it names as access.
+    // Without levels it is a query, whatever access it names.
     if let Some(RequestedAccess::Unknown(access)) = request.requested_handover_access
         && !levels.is_empty()
     {

@@ -1,8 +1,8 @@
-//! Decisions: the rules are asked, what they decide is stored, and what follows from it is done once it is durable.
+//! Decisions: ask the rules, store the decision, and carry out its consequences once it is durable.
 //!
-//! A disk can take its time. The rules continue to decide meanwhile ([`AuthorityMachine::decided`]), and what they decide
-//! waits in order: until it is durable nobody but its asker's held answers shows it, nobody commands by it, and who
-//! loses a right by it keeps that right ([`AuthorityMachine::rights`]).
+//! A disk can be slow. Meanwhile the rules continue to decide ([`AuthorityMachine::decided`]), and decisions wait in order.
+//! Until a decision is durable it is visible only in the delayed answers to its requester, nobody can command by it, and a
+//! station that loses a right by it still holds that right ([`AuthorityMachine::rights`]).
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -25,8 +25,8 @@ use crate::session::station::GroundStation;
 use crate::session::store::record_fault;
 
 impl AuthorityMachine {
-    /// Asks the rules, stores what they decide, and does what follows from it as soon as that is durable. The caller
-    /// answers who asked.
+    /// Asks the rules, stores the decision, and carries out its consequences once it is durable. The caller answers the
+    /// requester.
     pub(super) fn decide(
         &mut self,
         context: &Context<'_>,
@@ -46,7 +46,7 @@ impl AuthorityMachine {
         };
         let before = self.decided.clone();
         let decision = ask(&mut self.decided, &circumstances);
-        // What changes nothing is not stored: a repeated request costs no write and adds no line to the audit log.
+        // A decision that changes nothing is not stored: a repeated request costs no write and no line in the audit log.
         let mut changed = self.decided.record() != before.record();
         if changed && !self.may_change(context, of, &decision) {
             self.decided = before;
@@ -70,10 +70,10 @@ impl AuthorityMachine {
             if let Err(fault) = stored {
                 let text = format!("authority cannot be stored, nothing changes: {fault}");
                 effects.warn(Cause::Store, text);
-                // What a silent controller loses, or the configuration withdraws, is no promise to anybody, and a restart
-                // finds it so again: a disk that fails keeps no aircraft from what is flown then.
+                // Rights lost by silence or withdrawn by the configuration break no promise, and a restart would decide the
+                // same again. So a failing disk does not prevent the loss action.
                 if !of.cannot_wait() {
-                    // A right that would not survive a restart is not granted.
+                    // Do not grant a right that would not survive a restart.
                     self.decided = before;
                     return Answer::Refused {
                         missing: Rights::NONE,
@@ -84,7 +84,7 @@ impl AuthorityMachine {
             }
         }
         let answer = decision.answer.clone();
-        // What has not changed the disk waits for those before it all the same: it was decided by them.
+        // A decision without a write still waits for earlier ones, since it is based on them.
         let stored = Changes {
             after,
             until: effects.disk().queued(),
@@ -104,8 +104,9 @@ impl AuthorityMachine {
         answer
     }
 
-    /// Whether who asks may have another decision stored: each costs a line of the audit log and a write, which is synchronised
-    /// for all but LOI 2. What only gives up rights is always allowed; what can be given up was requested before.
+    /// Whether the requester may cause another stored decision. Each costs a line of the audit log and a write, which is
+    /// synchronised for all rights but LOI 2. Giving up rights is always allowed: they were requested, and so counted,
+    /// before.
     fn may_change(&mut self, context: &Context<'_>, of: Of, decision: &Decision) -> bool {
         let (Of::Request(asker) | Of::Handover(asker)) = of else {
             return true;
@@ -121,7 +122,7 @@ impl AuthorityMachine {
         commands.take(context.mono(), CHANGES)
     }
 
-    /// Lets the decisions that are durable take effect.
+    /// Applies the decisions that are durable.
     pub(super) fn conclude(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         while let Some(one) = next(&mut self.unstored, effects.disk()) {
             self.take_effect(context, one, effects);
@@ -205,7 +206,7 @@ impl AuthorityMachine {
         }
     }
 
-    /// `lost`: the controller has lost control by silence, which has alerts of its own.
+    /// `lost`: the controller has lost control by silence, which has its own alerts.
     fn report_change_of_control(&self, from: Option<Id>, lost: bool, effects: &mut Effects<'_>) {
         let to = self.rights.controller();
         if from == to {
@@ -225,7 +226,7 @@ impl AuthorityMachine {
         effects.request(Request::ControlChanged);
     }
 
-    /// Lets a decision that waited be taken: a load has ended, the vehicle flies otherwise, time has passed.
+    /// Decides pending handovers again: a load has ended, the vehicle's mode has changed, or time has passed.
     pub(super) fn settle(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         if !self.decided.pending().is_empty() {
             self.decide(context, Of::Waiting, effects, Authority::look_again);
@@ -233,7 +234,7 @@ impl AuthorityMachine {
     }
 }
 
-/// What operators are sent of rights that the configuration has withdrawn.
+/// Notifies operators of rights that the configuration has withdrawn.
 fn withdrawn_text(id: Id, change: &Change, before: &Authority, after: &Authority) -> String {
     let freed = before.controller() == Some(id) && after.controller().is_none();
     let follows = if freed {
@@ -253,7 +254,7 @@ fn next(unstored: &mut VecDeque<Unstored>, disk: &dyn Disk) -> Option<Unstored> 
     durable.then(|| unstored.pop_front()).flatten()
 }
 
-/// Who loads a mission just now; the null id where the VSM does by itself.
+/// The CUCS that is loading a mission; the null id if the VSM itself is.
 fn loading(context: &Context<'_>) -> Option<Id> {
     match context.mission.transfer {
         Transfer::None => None,
@@ -265,7 +266,7 @@ fn loading(context: &Context<'_>) -> Option<Id> {
 }
 
 fn launch_or_landing(context: &Context<'_>) -> bool {
-    // By what the vehicle shows, not what was commanded: AUTO.LAND by PX4's own failsafe counts too. A wing, and an approach
+    // By the reported mode, not the commanded one: AUTO.LAND by PX4's own failsafe counts too. A fixed wing, and an approach
     // route, land in AUTO.MISSION.
     let telemetry = &context.vehicle.telemetry;
     let by_mode = matches!(
@@ -275,15 +276,16 @@ fn launch_or_landing(context: &Context<'_>) -> bool {
     telemetry.armed == Some(true) && (by_mode || context.mission.lands(telemetry))
 }
 
-/// Changes of rights of one CUCS that are synchronised: four a second, 32 at once.
+/// Synchronised changes of rights of one CUCS: four a second, 32 at once.
 const CHANGES: Rate = Rate {
     cost: Duration::from_millis(250),
     burst: Duration::from_secs(8),
 };
-/// Of LOI 2 alone, which is written and not synchronised, and begins with a welcome: ten a second, 40 at once.
+/// Changes of LOI 2 alone, which are written but not synchronised, and each start with a set of reports: ten a second, 40 at
+/// once.
 const MONITORS: Rate = Rate {
     cost: Duration::from_millis(100),
     burst: Duration::from_secs(4),
 };
-/// Decisions that wait for the disk at most, of a vehicle.
+/// Maximum number of decisions of a vehicle that wait for the disk.
 const MAX_UNSTORED: usize = 256;

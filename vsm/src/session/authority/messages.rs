@@ -1,4 +1,4 @@
-//! Messages 2, 4, 5 and 35000, composed from what is held and handed over.
+//! Messages 2, 4, 5 and 35000, composed from the rights held and handed over.
 
 use stanag_msgs::enums::{
     AccessGranted, HandoverStatus, LoiBitmap, PresenceVectorSupport, RequestedAccess,
@@ -13,7 +13,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 use super::rules::{Asker, CONTROL, Handover, Rights};
 use crate::session::context::Context;
 
-/// Message 2: what a station may have, and now holds.
+/// Message 2: the rights that a station may have, and those it holds.
 pub(super) fn response(
     context: &Context<'_>,
     asker: &Asker,
@@ -21,11 +21,12 @@ pub(super) fn response(
     request: Option<&CucsAuthorisationRequest>,
     stamp: TimeStamp,
 ) -> Message {
-    // A station that is not there is named in no bitmap: one that was held before a restart returns with its device.
+    // An absent payload station is in no bitmap: if it was held before a restart, it returns with its device.
     let present = context.payload_stations();
     let gone = Rights::of_stations(held.stations()).without(Rights::of_stations(present));
     let named = held.without(gone);
-    // Ground stations request LOI 2 to 5 at once and wait for all of them: without a payload LOI 3 is granted, for no station.
+    // Ground stations request LOI 2 to 5 together and wait for all of them: without a payload, LOI 3 is granted for no
+    // station.
     let granted = if present.is_empty() {
         held.levels()
     } else {
@@ -58,7 +59,7 @@ pub(super) fn response(
     })
 }
 
-/// Message 4 to a holder: the acquirer's wish.
+/// Message 4 to a holder: the acquirer's request.
 pub(super) fn wish(context: &Context<'_>, handover: &Handover, stamp: TimeStamp) -> Message {
     let Handover { to, rights, .. } = *handover;
     Message::from(PositiveHandoverAuthorisationRequest {
@@ -76,7 +77,7 @@ pub(super) fn wish(context: &Context<'_>, handover: &Handover, stamp: TimeStamp)
     })
 }
 
-/// Message 5 to an acquirer: what it is offered, or was handed.
+/// Message 5 to an acquirer: the rights that it is offered or was given.
 pub(super) fn authorised(
     context: &Context<'_>,
     acquirer: Id,
@@ -98,7 +99,7 @@ pub(super) fn authorised(
     })
 }
 
-/// 35000. The null id stands for nobody.
+/// Message 35000. The null id means nobody.
 pub(super) fn handover_status(
     from: Option<Id>,
     to: Option<Id>,

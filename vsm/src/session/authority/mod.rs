@@ -1,15 +1,16 @@
-//! Who controls one vehicle: messages 1, 2, 4, 5, 34000 and 35000, the silence of holders, and what of it is stored.
+//! Control of one vehicle: messages 1, 2, 4, 5, 34000 and 35000, silent holders, and the stored record.
 //!
-//! The rules are a pure machine ([`rules`]), checked over every reachable state. This machine asks them, stores what they
-//! decide before it is answered, and sends what follows. Its parts, in the order in which an input meets them:
+//! The rules are a pure machine ([`rules`]), checked over every reachable state. This machine asks them, stores their
+//! decision before it answers, and sends the resulting messages. Its parts, in the order in which an input passes through
+//! them:
 //!
-//! 1. What leads to a decision: [`authorisation`], message 1; [`positive_handover`], messages 4 and 34000; [`silence`] of
-//!    a holder.
-//! 2. [`decisions`]: all of these go the same way through it, [`AuthorityMachine::decide`].
-//! 3. [`record`]: what is stored of a decision; [`trail`] and [`audit`] are its logs.
-//! 4. [`messages`]: what is sent, composed.
+//! 1. Causes of a decision: [`authorisation`], message 1; [`positive_handover`], messages 4 and 34000; [`silence`] of a
+//!    holder.
+//! 2. [`decisions`]: each of them is decided by [`AuthorityMachine::decide`].
+//! 3. [`record`]: the stored record of a decision; [`trail`] and [`audit`] are its logs.
+//! 4. [`messages`]: composes the messages to send.
 //!
-//! This file has what they share, and which right each message needs ([`right_for`]).
+//! This file has their shared state, and the right that each message needs ([`right_for`]).
 
 pub(crate) mod audit;
 mod authorisation;
@@ -49,23 +50,22 @@ use crate::config;
 /// The machine.
 #[derive(Debug, Default)]
 pub(crate) struct AuthorityMachine {
-    /// The rights that hold: durable.
+    /// The rights in force: durable.
     rights: Authority,
-    /// The rights by the latest decision, which may be on its way to the disk.
+    /// The rights after the latest decision, which may not be durable yet.
     decided: Authority,
     /// The decisions from `rights` to `decided`, in order.
     unstored: VecDeque<Unstored>,
-    /// What each CUCS of the configuration may still change.
-    /// Of decisions about LOI 2 alone, and of all others.
+    /// Rate limits of the changes of each configured CUCS. Limits for decisions about LOI 2 alone, and for all others.
     allowances: BTreeMap<Id, (Allowance, Allowance)>,
     record: AuthorityRecord,
     passed: LastHandover,
 }
 
-/// How control has passed last, for who asks later: 35000 that was sent may not have arrived. Not kept over a restart.
+/// How control last passed, for later requests: the 35000 that was sent may have been lost. Not kept over a restart.
 #[derive(Debug, Default)]
 struct LastHandover {
-    /// Who has had control last.
+    /// The last controller.
     holder: Option<Id>,
     /// The latest handover that has ended: relinquishing, acquiring, and how.
     ended: Option<(Option<Id>, Id, HandoverStatus)>,
@@ -85,23 +85,23 @@ struct Unstored {
     since: Duration,
 }
 
-/// What a decision came of.
+/// The cause of a decision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Of {
-    /// Message 1: its sender is sent message 2 by who handles the message, which repeats the access that was requested.
+    /// Message 1: the handler of the message sends message 2 to its sender, which repeats the requested access.
     Request(Id),
-    /// Message 4 or 34000, which have no answer of their own: their sender is sent message 2 where its rights change.
+    /// Message 4 or 34000, which have no answer of their own: their sender receives message 2 if its rights change.
     Handover(Id),
-    /// The silence of a holder, or its end.
+    /// A holder has become silent, or is no longer silent.
     Silence(Id, Silence),
-    /// A configuration that was read again.
+    /// A reloaded configuration.
     Configuration,
-    /// Time has passed, or the vehicle flies otherwise.
+    /// Time has passed, or the vehicle's mode has changed.
     Waiting,
 }
 
 impl Of {
-    /// Whether it takes rights away however the disk does: a restart would find them taken away too.
+    /// Whether it takes rights away even if the disk fails: a restart would take them away too.
     fn cannot_wait(self) -> bool {
         matches!(self, Of::Silence(_, Silence::Lost) | Of::Configuration)
     }
@@ -112,19 +112,19 @@ impl Of {
 pub(crate) struct Context<'a> {
     pub(crate) common: context::Context<'a>,
     pub(crate) mission: MissionView<'a>,
-    /// Set points for mode 15 go out.
+    /// Set points for mode 15 are being sent.
     pub(crate) steering: bool,
-    /// Who else has the vehicle.
+    /// Who else flies the vehicle.
     pub(crate) other: Option<Other>,
-    /// A contingency is commanded before that.
+    /// A contingency is commanded before the loss action.
     pub(crate) contingency_first: bool,
-    /// The vehicle flies already what would be commanded for a lost controller.
+    /// The vehicle already flies what would be commanded for a lost controller.
     pub(crate) shows_loss_action: bool,
 }
 
 context::deref_to_common!(Context);
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
     /// Message 1, to this vehicle or `to_all`.
@@ -145,34 +145,34 @@ pub(crate) enum Input<'a> {
         origin: &'a Origin,
         request: &'a PositiveHandoverAuthorisationRequest,
     },
-    /// Message 4 again, byte for byte: an answer to it may have been lost on either side.
+    /// Message 4 again, byte for byte: an answer to it may have been lost in either direction.
     HandOverAgain { station: usize },
     /// 34000: the holder hands control to the acquiring CUCS, or the acquiring CUCS requests it.
     Transition {
         origin: Origin,
         message: &'a VehicleDataLinkTransitionCoordination,
     },
-    /// The station is somewhere else, or may have missed something: it is sent what a new listener is.
+    /// The station has moved, or may have missed messages: it receives the same messages as a new listener.
     Returned { station: usize },
-    /// The configuration is another, as the context shows it.
+    /// The configuration, in the context, has changed.
     Reconfigured,
-    /// The configuration has this vehicle no more: nobody holds anything of it.
+    /// This vehicle was removed from the configuration: all its rights end.
     Removed,
-    /// Something about a flight termination belongs into the audit log.
+    /// An entry about a flight termination for the audit log.
     Audit {
         what: &'static str,
         by: Option<Id>,
         why: &'a str,
     },
-    /// Time has passed: how long is each holder silent?
+    /// Time has passed: check for silent holders.
     WatchSilence,
-    /// A load may have ended, or the vehicle flies otherwise: what waited for that is decided.
+    /// A load may have ended, or the vehicle's mode has changed: decide what waited for that.
     Settle,
-    /// The disk has made changes durable: decisions that waited for it take effect.
+    /// The disk has made changes durable: apply the decisions that waited for it.
     Stored,
 }
 
-/// The right that a message needs; `None` where it is none that a CUCS commands with. `mode`: what a 2016 is about.
+/// The right that a message needs; `None` if the message is not a command of a CUCS. `mode`: the mode of a 2016.
 pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitmap> {
     match message {
         Message::VehicleOperatingModeCommand(_) => Some(match mode {
@@ -187,7 +187,7 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::UaRoute(_)
         | Message::UaPositionWaypoint(_)
         | Message::UaLoiterWaypoint(_)
-        // Its station besides: the mission machine looks at that.
+        // It also needs a payload station; the mission machine checks that.
         | Message::PayloadActionWaypoint(_)
         | Message::VehicleSpecificWaypoint(_)
         | Message::CurveSegment(_)
@@ -196,14 +196,14 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
         | Message::AreaVertex(_)
         | Message::AreaTransferCommand(_)
         | Message::Contingency(_)
-        // As the command in it, where that can be read: the caller looks into it.
+        // As for the command in it, if that can be decoded: the caller checks it.
         | Message::HoldCommand(_) => Some(LoiBitmap::LOI4),
         Message::ZeroizeCommand(_) => Some(LoiBitmap::LOI5),
-        // Of the station that it names: the payload machine looks at that.
+        // For the payload station that it names; the payload machine checks that.
         Message::PayloadSteeringCommand(_) | Message::EoIrLaserPayloadCommand(_) => {
             Some(LoiBitmap::LOI3)
         }
-        // Its own commands a CUCS cancels with whatever right it is left.
+        // A CUCS may cancel its own commands with any right that it still holds.
         Message::HeldCommandCancel(_)
         | Message::ParameterRequest(_)
         | Message::PingRequest(_)
@@ -214,16 +214,16 @@ pub(crate) fn right_for(message: &Message, mode: Option<Mode>) -> Option<LoiBitm
     }
 }
 
-/// Whether a message moves the aircraft, changes what it will fly, or decides who may: such a message needs a Time Stamp,
-/// and comes in time. Of message 1 only what requests a right to command: a question changes nothing, and a release is
-/// granted always.
+/// Whether a message moves the aircraft, changes what it will fly, or changes who controls it: such a message needs a Time
+/// Stamp and must be recent. This includes a message 1 only if it requests a right to command: a query changes nothing, and
+/// a release is always granted.
 pub(crate) fn commands(message: &Message) -> bool {
     match message {
         Message::CucsAuthorisationRequest(request) => requests_control(request),
         Message::PositiveHandoverAuthorisationRequest(_)
         | Message::VehicleDataLinkTransitionCoordination(_)
         | Message::HeldCommandCancel(_) => true,
-        // By the right that it needs: a message that is added there is covered here.
+        // Decided by the needed right, so that a message added there is covered here too.
         other => right_for(other, None).is_some_and(|right| right != LoiBitmap::LOI2),
     }
 }
@@ -240,7 +240,7 @@ pub(crate) fn releases(request: &CucsAuthorisationRequest) -> bool {
 }
 
 impl AuthorityMachine {
-    /// What a restart finds.
+    /// Restores the record after a restart.
     ///
     /// # Errors
     /// A record exists and cannot be read.
@@ -258,7 +258,7 @@ impl AuthorityMachine {
         Ok(known)
     }
 
-    /// A message that a restart has cut off: true where it still waits for a decision, and will be answered.
+    /// Resumes a message that a restart interrupted. Returns true if it still waits for a decision and will be answered.
     pub(crate) fn resume(&mut self, context: &context::Context<'_>, origin: Origin) -> bool {
         let Some(id) = context.asker(origin.station).map(|asker| asker.id) else {
             return false;
@@ -276,7 +276,7 @@ impl AuthorityMachine {
         &self.rights
     }
 
-    /// Whether a CUCS holds anything, or will once the disk has it.
+    /// Whether a CUCS holds any right, or will once a decision is durable.
     pub(crate) fn has_rights(&self, id: Id) -> bool {
         !self.rights.held(id).is_empty() || !self.decided.held(id).is_empty()
     }
@@ -286,8 +286,8 @@ impl AuthorityMachine {
         self.rights.controller()
     }
 
-    /// Whether control is on its way to another CUCS: offered to it, or decided and not in effect yet. What another merely
-    /// asks for is not: it can ask for as long as it likes, and its holder has agreed to nothing.
+    /// Whether control is about to pass to another CUCS: offered to it, or decided but not in effect yet. A mere request of
+    /// another CUCS does not count: it may be repeated forever without the holder's consent.
     pub(crate) fn is_handed_over(&self) -> bool {
         let control = |handover: &rules::Handover| {
             let agreed = !matches!(handover.stage, rules::Stage::Consent(_));
@@ -298,12 +298,12 @@ impl AuthorityMachine {
             || self.decided.pending().iter().any(control)
     }
 
-    /// Since when, on the clock since 1970, a CUCS has held what it holds.
+    /// When a CUCS last gained a right, since 1970.
     pub(crate) fn since(&self, id: Id) -> Option<Duration> {
         self.record.since(id)
     }
 
-    /// Takes an input. The answer of [`Input::Authorise`] and [`Input::HandOver`] is for the caller to acknowledge.
+    /// Takes an input. The caller acknowledges [`Input::Authorise`] and [`Input::HandOver`] with the returned answer.
     pub(crate) fn handle(
         &mut self,
         context: &Context<'_>,
@@ -348,7 +348,8 @@ impl AuthorityMachine {
                     let roster = if removed { &[] } else { at.roster };
                     authority.reconfigured(&Circumstances { roster, ..*at })
                 });
-                // At once, and what was decided before it too: who has lost a right commands nothing more by it.
+                // Apply it at once, together with all earlier decisions: a station that has lost a right can no longer
+                // command by it.
                 while let Some(one) = self.unstored.pop_front() {
                     self.take_effect(context, one, effects);
                 }
@@ -373,7 +374,7 @@ impl AuthorityMachine {
         stations: &[GroundStation],
         limits: &config::Authority,
     ) -> Option<Duration> {
-        // Only the silence of who commands something leads to anything.
+        // Silence matters only for holders of a right to command.
         let commands = |id| {
             let held = self.decided.held(id);
             !held.control().is_empty() || !held.stations().is_empty()
@@ -390,19 +391,19 @@ impl AuthorityMachine {
             .chain(self.decided.poll_timeout())
             .chain(self.record.poll_timeout())
             .min()?;
-        // A decision that could not be stored is still due: it is tried again from time to time, not as fast as it fails.
+        // A decision that could not be stored is still due: retry it from time to time, not immediately.
         let failed = due + WATCH_SLACK < now;
         Some(if failed { now + WATCH_SLACK } else { due })
     }
 }
 
-/// What a station that begins to listen is sent first: message 3, and the alerts that stand.
+/// Sends a station that begins to listen message 3 and the active alerts.
 fn welcome(context: &Context<'_>, station: usize, effects: &mut Effects<'_>) {
     let stamp = effects.stamp();
     let message = context.vehicle_id(&context.mission, stamp).into();
     effects.send(station, &message);
     for alert in effects.alerts.standing().cloned().collect::<Vec<_>>() {
-        // For this station it is the first instance, however long the alert has stood.
+        // For this station it is the first message of the alert, however long the alert has been active.
         let raised = Raised { alert, first: true };
         effects.dli.alert(context.id(), &[station], Some(raised));
     }

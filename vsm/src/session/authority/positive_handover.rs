@@ -1,10 +1,10 @@
 //! Positive handover: messages 4, 5, 34000, 35000.
 //!
-//! The order of the actors in a handover is not documented in public sources: this one is ours, drawn in
-//! docs/guide/authority.md. A wish (4 of the acquirer) is passed on to the holder as message 4 that names the acquirer; the
-//! holder consents with the same. What a holder offers to its successor is sent to it as message 5. The acquirer is sent
-//! the end of every handover by message 5: LOI Authorized is what was handed over, none where nothing was. 35000 reports
-//! it to all who listen.
+//! Public sources do not document the order of messages in a handover. The order used here is drawn in
+//! docs/guide/authority.md. A request (message 4 of the acquirer) is passed on to the holder as a message 4 that names the
+//! acquirer; the holder consents with the same message. An offer of a holder is sent to its successor as message 5. The
+//! acquirer receives the end of every handover by message 5: LOI Authorized has the rights handed over, or none. 35000
+//! reports it to all listening stations.
 
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AckType, HandoverStatus, LoiBitmap};
@@ -61,7 +61,7 @@ impl AuthorityMachine {
         self.acknowledgement(origin, by.id, &answer, effects)
     }
 
-    /// The link to the vehicle stays where it is: a message that would set the radio is refused.
+    /// The link to the vehicle stays as it is: a message that would set the radio is refused.
     pub(super) fn coordinate_transition(
         &mut self,
         context: &Context<'_>,
@@ -87,7 +87,7 @@ impl AuthorityMachine {
             return effects.refuse(Some(origin), why);
         }
         let acquirer = message.acquiring_cucs_id.unwrap_or(by.id);
-        // 34000 stands for message 4 with LOI 4 and 5, which move together.
+        // 34000 is treated as message 4 with LOI 4 and 5, which pass together.
         let wanted = Rights::of_control(CONTROL);
         if acquirer != by.id
             && let Err(refused) = self.may_dispose(context, &origin, wanted, effects)
@@ -134,7 +134,7 @@ impl AuthorityMachine {
             self.report_handover(context, handover.from, Some(handover.to), status, effects);
             let text = format!("handover to {}: {}", handover.to, ended.outcome);
             effects.answer(&parties(context, handover), text);
-            // Who requested it by a message that waited is answered once nothing of that request is left.
+            // A requester whose message is pending is answered once all parts of its request are decided.
             for (asker, origin) in self.record.ended(handover, self.rights.pending()) {
                 let answer = match ended.outcome {
                     Outcome::Completed(_) => AckType::CarriedOut,
@@ -146,7 +146,7 @@ impl AuthorityMachine {
         }
     }
 
-    /// What a station is asked for, or offered, and has not answered: sent again, since it may never have arrived.
+    /// Resends requests and offers that a station has not answered, since they may have been lost.
     pub(super) fn convey_pending(
         &self,
         context: &Context<'_>,
@@ -163,7 +163,7 @@ impl AuthorityMachine {
         }
     }
 
-    /// Passes a wish on to the holder, an offer on to the successor.
+    /// Passes a request on to the holder, or an offer on to the successor.
     fn convey(&self, context: &Context<'_>, handover: &Handover, effects: &mut Effects<'_>) {
         match handover.stage {
             Stage::Consent(_) => {
@@ -180,7 +180,7 @@ impl AuthorityMachine {
         }
     }
 
-    /// 35000 on request: the handover of control that is in progress, else how the latest one has ended.
+    /// 35000 on request: the handover of control in progress, otherwise the outcome of the latest one.
     pub(super) fn answer_handover(&self, station: usize, effects: &mut Effects<'_>) {
         let mut pending = self.rights.pending().iter();
         let pending = pending.rfind(|one| !one.rights.control().is_empty());
@@ -193,7 +193,7 @@ impl AuthorityMachine {
         effects.send(station, &report);
     }
 
-    /// Notes how control has passed by a decision: handed over, or taken after another had released it, or lost it.
+    /// Records how a decision has passed control: handed over, or taken after another CUCS released or lost it.
     pub(super) fn note_handover(&mut self, decision: &Decision) {
         for ended in &decision.ended {
             let Handover {
@@ -216,7 +216,7 @@ impl AuthorityMachine {
         self.passed.holder = Some(holder);
     }
 
-    /// 35000, to the two and to all who listen. The null id stands for nobody.
+    /// Sends 35000 to both parties and to all listening stations. The null id means nobody.
     pub(super) fn report_handover(
         &self,
         context: &Context<'_>,
@@ -226,7 +226,7 @@ impl AuthorityMachine {
         effects: &mut Effects<'_>,
     ) {
         let message = messages::handover_status(from, to, status, effects.stamp());
-        // The parties need not listen: an acquirer may hold nothing yet, a holder may have just lost everything.
+        // The parties may not be listening: an acquirer may hold nothing yet, and a holder may have just lost everything.
         let mut stations = effects.listeners.clone();
         for party in [from, to].into_iter().flatten() {
             let station = context.station_of(party);

@@ -1,5 +1,5 @@
-//! What is stored of the authority over one vehicle before it is answered: who holds what since when, the audit logs and
-//! how far they go; and the messages that wait for a decision.
+//! The record of authority over one vehicle, stored before a decision is answered: the holders of rights and since when, the
+//! audit logs and their ends, and the messages that wait for a decision.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
@@ -21,18 +21,18 @@ use crate::session::station::GroundStation;
 use crate::session::station_profile::Shown;
 use crate::session::store::vehicle_record;
 
-/// What is known of the holders of rights beside these, and the audit log.
+/// Information about the holders of rights, and the audit log.
 #[derive(Debug)]
 pub(crate) struct AuthorityRecord {
     /// When each holder last gained a right, since 1970.
     since: BTreeMap<Id, Duration>,
-    /// Messages 1, 4 and 34000 that were answered with "received": what they request is not decided yet.
+    /// Messages 1, 4 and 34000 that were acknowledged as received, with their request still pending.
     waiting: Vec<(Id, Origin)>,
-    /// Holders that have sent heartbeats, as stored: their silence counts after a restart too.
+    /// Holders that have sent heartbeats, as stored: their silence is detected after a restart too.
     beats: BTreeSet<Id>,
-    /// Where holders have proved to be, and how they speak there, as stored: status goes there after a restart.
+    /// Proven addresses of holders, and their edition, as stored: status is sent there after a restart.
     places: BTreeMap<Id, (SocketAddr, Option<Version>)>,
-    /// What the audit logs are bound by.
+    /// The key of the audit logs.
     key: Option<AuditKey>,
     control: Trail,
     monitors: Trail,
@@ -55,22 +55,22 @@ impl Default for AuthorityRecord {
 }
 
 impl AuthorityRecord {
-    /// Since when, on the clock since 1970, a CUCS has held what it holds.
+    /// When a CUCS last gained a right, since 1970.
     pub(crate) fn since(&self, id: Id) -> Option<Duration> {
         self.since.get(&id).copied()
     }
 
-    /// A message that requests something is answered once that is decided.
+    /// Keeps a message to answer it once its request is decided.
     pub(super) fn wait(&mut self, asker: Id, origin: Origin) {
         self.waiting.retain(|(_, known)| *known != origin);
-        // Of one station, so that none can leave another without its answer.
+        // The limit is per station, so that no station can prevent another's answer.
         let of_it = self.waiting.iter().filter(|(of, _)| *of == asker);
         if of_it.count() < MAX_WAITING {
             self.waiting.push((asker, origin));
         }
     }
 
-    /// The messages to answer now that a handover has ended: those of its two parties that wait for no other.
+    /// The messages to answer after a handover has ended: those of its two parties that wait for no other handover.
     pub(super) fn ended(&mut self, ended: &Handover, pending: &[Handover]) -> Vec<(Id, Origin)> {
         let party = |handover: &Handover, id: Id| handover.to == id || handover.from == Some(id);
         let (done, wait) = std::mem::take(&mut self.waiting)
@@ -88,7 +88,7 @@ impl AuthorityRecord {
 struct Stored {
     authority: Record,
     holders: Vec<Holder>,
-    /// How far the audit logs go; none in records of earlier versions.
+    /// The ends of the audit logs; absent in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     audit: Option<Head>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -97,7 +97,7 @@ struct Stored {
 
 vehicle_record!(Stored, "authority", Power);
 
-/// What is known of a holder, or of who takes part in a handover, beside its rights.
+/// Information about a holder or a party of a handover, apart from its rights.
 #[derive(Serialize, Deserialize)]
 struct Holder {
     id: u32,
@@ -106,7 +106,7 @@ struct Holder {
     peer: Option<SocketAddr>,
     #[serde(default)]
     proven: bool,
-    /// How it speaks.
+    /// Its edition and dialect.
     #[serde(flatten)]
     shown: Shown,
 }
@@ -117,18 +117,17 @@ pub(crate) struct KnownStation {
     pub(crate) id: Id,
     pub(crate) sends_heartbeats: bool,
     pub(crate) peer: Option<SocketAddr>,
-    /// It had proved to be there.
+    /// Its address was proven.
     pub(crate) proven: bool,
-    /// How it spoke.
+    /// Its edition and dialect.
     pub(crate) shown: Shown,
 }
 
 impl AuthorityRecord {
-    /// Stores a decision that has led to `rights`: its lines of the audit log first, then the record that a restart
-    /// finds.
+    /// Stores a decision that results in `rights`: first its lines of the audit log, then the record.
     ///
     /// # Errors
-    /// It could not be stored, and does not hold: the audit log has a line of it, where it can still be written.
+    /// It could not be stored and is not in effect: if possible, the audit log gets a line about that.
     pub(super) fn store_decision(
         &mut self,
         rights: &Authority,
@@ -139,7 +138,8 @@ impl AuthorityRecord {
         let since = self.since.clone();
         let durability = durability(decision);
         let mut logged = None;
-        // The log before the record: a crash between them leaves a line too many, never a change without its line.
+        // Write the log before the record: a crash between them may leave an extra line, but never a change without its
+        // line.
         for change in &decision.changes {
             let (kind, now) = (Kind::of(change), context.mono());
             if kind == Kind::Control || !self.repetitions.count(change, now) {
@@ -160,7 +160,7 @@ impl AuthorityRecord {
             Err(_) => {
                 self.since = since;
                 if let Some(kind) = logged {
-                    // The log has the changes already: it must also record that they do not hold.
+                    // The log already has the changes: it must also record that they are not in effect.
                     self.write_audit(kind, &Entry::NotKept, Durability::Power, context, effects)?;
                 }
             }
@@ -168,8 +168,8 @@ impl AuthorityRecord {
         stored
     }
 
-    /// Stores once that a holder sends heartbeats, or that its silence no longer counts, and where it has proved to be: its silence counts after a restart too,
-    /// and status goes there.
+    /// Stores whether the silence of a holder counts (it has sent heartbeats), and its proven address. After a restart its
+    /// silence is still detected, and status is sent there.
     pub(super) fn store_station(
         &mut self,
         rights: &Authority,
@@ -179,7 +179,7 @@ impl AuthorityRecord {
     ) {
         let id = station.id();
         let beats = station.sends_heartbeats != self.beats.contains(&id);
-        // An address without proof is not worth a write: whoever likes can name another one a thousand times a second.
+        // Do not store an unproven address: anyone could change it a thousand times a second.
         let here = station.peer.map(|peer| (peer, station.ed25_version()));
         let moved = station.proven && self.places.get(&id).copied() != here;
         let durability = match (beats, moved) {
@@ -192,7 +192,7 @@ impl AuthorityRecord {
         }
     }
 
-    /// What a restart finds: the rights, and what is known of their holders.
+    /// Restores the rights and the information about their holders after a restart.
     ///
     /// # Errors
     /// A record exists and cannot be read.
@@ -223,7 +223,7 @@ impl AuthorityRecord {
         Ok((rights, known))
     }
 
-    /// Verifies the audit logs and continues them. What is wrong raises an alert; the vehicle is served all the same.
+    /// Verifies the audit logs and continues them. A fault raises an alert; the vehicle is still served.
     ///
     /// # Errors
     /// A log or the key exists and cannot be read, or the line of this start, or the record of it, cannot be written.
@@ -264,13 +264,13 @@ impl AuthorityRecord {
         }
         self.write_audit(Kind::Control, &started, power, context, effects)?;
         match self.key {
-            // So that this line cannot be cut off either.
+            // Synchronise, so that this line cannot be cut off either.
             Some(_) => self.store(rights, power, context, effects),
             None => Ok(()),
         }
     }
 
-    /// Writes how often monitors have changed since their last lines, where that is due.
+    /// Writes the counted changes of monitors when they are due.
     pub(super) fn write_repetitions(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         while let Some(entry) = self.repetitions.due(context.mono()) {
             let process = Durability::Process;
@@ -278,16 +278,16 @@ impl AuthorityRecord {
                 .write_audit(Kind::Monitors, &entry, process, context, effects)
                 .is_err()
             {
-                // With the next line; a full disk has alerts of its own.
+                // They are written with the next line; a full disk has its own alerts.
                 return self.repetitions.failed(&entry);
             }
         }
     }
 
-    /// Writes what has become of a flight termination; the change of the disk up to which it is on its way.
+    /// Writes the outcome of a flight termination. Returns the disk change that will make it durable.
     ///
     /// # Errors
-    /// It is not in the log.
+    /// It could not be written.
     pub(super) fn write_termination(
         &mut self,
         what: &'static str,
@@ -316,7 +316,7 @@ impl AuthorityRecord {
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
-        // Who takes part in a handover is sent how it ends, after a restart too.
+        // The parties of a handover are notified of its end, also after a restart.
         let parties = rights
             .pending()
             .iter()
@@ -374,23 +374,23 @@ impl AuthorityRecord {
     }
 }
 
-/// What `vsm audit verify` finds of a vehicle's logs, in a store that another process may hold.
+/// Verifies a vehicle's logs for `vsm audit verify`, in a store that another process may be using.
 ///
 /// # Errors
-/// A file is there and cannot be read.
+/// A file exists but cannot be read.
 pub(crate) fn examine(
     vehicle: Id,
     digits: &[String],
     disk: &dyn Disk,
 ) -> Result<Vec<Examined>, StoreError> {
     let key = AuditKey::load(disk)?;
-    // The record first: a log that goes further is one that is being written.
+    // Read the record first: a log that is longer than recorded is being written.
     let stored = disk.load::<Stored>(&vehicle)?;
     let (control, monitors) = stored.map_or((None, None), |one| (one.audit, one.monitors));
     let mut all = Vec::new();
     for (kind, head) in [(Kind::Control, control), (Kind::Monitors, monitors)] {
         let mut found = trail::examine(kind, vehicle, key.as_ref(), head.as_ref(), digits, disk)?;
-        // At a start that may be the log of an earlier version; since then it has been continued by the key.
+        // At a start this may be the log of an earlier version; since then it has been continued with the key.
         let is_due = kind == Kind::Control || found.chain.lines() > 0;
         if key.is_some() && is_due && found.chain.keyed().is_none() {
             let file = kind.file(vehicle);
@@ -402,8 +402,9 @@ pub(crate) fn examine(
     Ok(all)
 }
 
-/// What must outlive a power cut: every right to command, and every request for one. LOI 2 commands nothing, and may be
-/// requested and released as often as a CUCS likes: synchronising the disk for it would let a station slow down all others.
+/// Rights and requests that must survive a power cut: every right to command, and every request for one. LOI 2 commands
+/// nothing and may be requested and released at any rate: synchronising the disk for it would let one station slow down all
+/// others.
 pub(super) fn durability(decision: &Decision) -> Durability {
     let commands = |rights: Rights| !rights.without(Rights::monitor()).is_empty();
     let weighs = |change: &Change| commands(change.lost) || commands(change.gained);
@@ -418,5 +419,5 @@ pub(super) fn durability(decision: &Decision) -> Durability {
     }
 }
 
-/// Messages of one station that wait for a decision about a vehicle, at most.
+/// Maximum number of messages of one station that wait for a decision about a vehicle.
 const MAX_WAITING: usize = 16;

@@ -1,4 +1,5 @@
-//! The silence of holders: warned of, offered to others, acted on. Each step goes out by 16000 and 35000.
+//! Silent holders: a warning, then their rights are offered to others, then they are lost. Each step is reported by 16000
+//! and 35000.
 
 use std::time::Duration;
 
@@ -38,7 +39,7 @@ impl AuthorityMachine {
                 );
             }
         }
-        // Nor does a disk that takes its time, or never ends.
+        // Nor does a slow or hanging disk.
         let overdue = |one: &Unstored| {
             let waited = context.mono().saturating_sub(one.since);
             waited > DISK_WITHIN && one.of.cannot_wait()
@@ -83,12 +84,12 @@ impl AuthorityMachine {
                 HandoverStatus::Failed,
             ),
         };
-        // Who asked before has it already: nothing is offered, and nothing is flown.
+        // An earlier requester already has control: nothing is offered, and no loss action is flown.
         let taken = self.rights.controller().is_some_and(|holder| holder != id);
         if taken {
             return;
         }
-        // The silent one too: it may still receive.
+        // Send it to the silent CUCS too: it may still receive.
         let mut to = effects.listeners.clone();
         to.extend(context.station_of(id));
         to.sort_unstable();
@@ -99,19 +100,19 @@ impl AuthorityMachine {
         effects.dli.alert(context.id(), &to, raised);
         self.report_handover(context, Some(id), None, status, effects);
         if silence == Silence::Lost {
-            // After `ControlChanged`, which the decision has requested: that puts a steered vehicle on hold, and would
-            // supersede the action if it came second.
+            // After `ControlChanged`, which the decision has requested: it puts a steered vehicle on hold, and would
+            // supersede the loss action if it came second.
             effects.request(Request::ControllerLost);
         }
     }
 }
 
-/// What is flown now that nobody controls the vehicle, as far as it is known before the vehicle shows it.
+/// The text for what is flown while nobody controls the vehicle, as far as known before the vehicle reports it.
 fn what_follows(context: &Context<'_>) -> String {
     let on_loss = context.settings.authority.on_loss;
     let telemetry = &context.vehicle.telemetry;
     if context.termination.holds {
-        return "a flight termination is commanded, nothing else is".to_owned();
+        return "a flight termination is commanded: no other command is sent".to_owned();
     }
     if !context.vehicle.live() {
         return match on_loss {
@@ -156,7 +157,8 @@ fn what_follows(context: &Context<'_>) -> String {
         return "a contingency of the vehicle goes first, see its alert".to_owned();
     }
     match on_loss {
-        // A vehicle that was steered (mode 15) would fly straight on: it is held even where nothing is to be flown.
+        // A vehicle that was steered (mode 15) would fly straight on: it is put on hold even if no loss action is
+        // configured.
         OnLoss::Continue if context.steering => "steering stopped; commanding hold",
         OnLoss::Continue => "vehicle continues in its current mode",
         OnLoss::Hold => "commanding hold",
@@ -170,7 +172,7 @@ fn what_follows(context: &Context<'_>) -> String {
     .to_owned()
 }
 
-/// How long what is flown for a lost controller waits for the disk.
+/// How long the loss action waits for the disk.
 const DISK_WITHIN: Duration = Duration::from_secs(1);
 
 #[cfg(test)]
@@ -212,6 +214,9 @@ mod tests {
         assert_eq!(text, "vehicle is in AUTO.RTL already, nothing is commanded");
         world.termination.holds = true;
         let text = announced(&mut world, None);
-        assert_eq!(text, "a flight termination is commanded, nothing else is");
+        assert_eq!(
+            text,
+            "a flight termination is commanded: no other command is sent"
+        );
     }
 }

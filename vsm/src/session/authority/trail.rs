@@ -1,12 +1,12 @@
-//! The trail: the audit logs of one vehicle, one of changes of control and one of monitors, each over files that are put
-//! aside; how far each goes ([`Head`], kept in the authority record), and what is found wrong with them.
+//! The trail: the audit logs of one vehicle, one for changes of control and one for monitors, each over several rotated
+//! files; the end of each log ([`Head`], kept in the authority record), and the faults found in them.
 //!
-//! Monitors, and holders of payload stations, take and give up rights as often as they like. Their changes have a log
-//! of their own, so that they cannot turn over the files of control, and those of one station within [`COALESCED`]
-//! are one line with their number.
+//! Monitors and holders of payload stations may gain and release rights at any rate. Their changes have a separate log, so
+//! that they cannot cause a rotation of the control log, and all changes of one station within [`COALESCED`] are one line
+//! with their number.
 //!
-//! [`examine`] is what a start and `vsm audit verify` look with. An older copy of the logs is seen by the head; an
-//! older copy of the whole folder only by whoever has kept a later head elsewhere.
+//! A start and `vsm audit verify` both use [`examine`]. The head reveals an older copy of the logs. An older copy of the
+//! whole folder is revealed only by a later head that was kept elsewhere.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -32,7 +32,7 @@ impl Kind {
     /// Both.
     pub(crate) const ALL: [Kind; 2] = [Kind::Control, Kind::Monitors];
 
-    /// The file that is being written.
+    /// The current file.
     pub(crate) fn file(self, vehicle: Id) -> String {
         match self {
             Kind::Control => format!("audit-{:08x}.log", vehicle.0),
@@ -40,14 +40,14 @@ impl Kind {
         }
     }
 
-    /// Its files, the oldest first, with their numbers. One more than are kept is there while a rotation has not ended.
+    /// Its files, the oldest first, with their numbers. During a rotation there is one more file than are kept.
     pub(crate) fn files(self, vehicle: Id) -> impl Iterator<Item = (u32, String)> {
         let name = self.file(vehicle);
         let numbers = (0..=MAX_FILES + 1).rev();
         numbers.map(move |number| (number, log_name(&name, number)))
     }
 
-    /// As an export names it.
+    /// Its name in an export.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Kind::Control => "control",
@@ -55,7 +55,7 @@ impl Kind {
         }
     }
 
-    /// Where a change belongs.
+    /// The log that a change belongs to.
     pub(super) fn of(change: &Change) -> Kind {
         if change.lost.control().is_empty() && change.gained.control().is_empty() {
             Kind::Monitors
@@ -65,12 +65,12 @@ impl Kind {
     }
 }
 
-/// How far a log goes, as the authority record has it: the number and the digits of its last line.
+/// The end of a log, as stored in the authority record: the number and the digits of its last line.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Head {
     lines: u64,
     digits: String,
-    /// The head by the key: the digits of an earlier line cannot be put in its place.
+    /// HMAC of the head, so that it cannot be replaced by the digits of an earlier line.
     mac: String,
 }
 
@@ -91,35 +91,35 @@ impl Head {
     }
 }
 
-/// What is wrong with a log.
+/// A fault of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Finding {
-    /// Of a file.
+    /// The file.
     pub(crate) file: String,
-    /// What.
+    /// The fault.
     pub(crate) fault: Fault,
 }
 
-/// What is wrong.
+/// Kinds of faults.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Fault {
-    /// A line was changed, left out, moved or put in.
+    /// A line was changed, removed, moved or inserted.
     Line(Broken),
-    /// The file does not follow the one before it, or that is gone; its first line.
+    /// The file does not follow the previous one, or that one is missing; its first line.
     Gap(u64),
     /// It has fewer lines than were recorded.
     Short { lines: u64, recorded: u64 },
-    /// It is gone, with this many lines.
+    /// It is missing; it had this many lines.
     Gone(u64),
-    /// The line with the recorded number is another.
+    /// The line with the recorded number differs.
     Replaced(u64),
     /// The recorded head is not by the key of this installation.
     ForgedHead,
-    /// Lines by a key that is not at hand.
+    /// Lines by a key that is not available.
     OtherKey(String),
-    /// There is a key, and the log has no line by it.
+    /// A key exists, but the log has no line by it.
     NotKeyed,
-    /// It is by a key, and no head of it is recorded.
+    /// The log uses a key, but no head of it is recorded.
     NoHead,
 }
 
@@ -165,27 +165,27 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What one of the logs is found to be.
+/// The result of examining a log.
 #[derive(Debug)]
 pub(crate) struct Examined {
     pub(crate) kind: Kind,
     /// Where to continue.
     pub(crate) chain: Chain,
     pub(crate) findings: Vec<Finding>,
-    /// Of the lines that were asked for by their digits, those that are there, with their numbers.
+    /// The requested lines (by their digits) that were found, with their numbers.
     pub(crate) present: Vec<(String, u64)>,
-    /// What earlier starts have found: the number of its line, and what.
+    /// Faults recorded by earlier starts: line number and fault.
     pub(crate) faults: Vec<(u64, String)>,
-    /// Length of the file that is being written.
+    /// Length of the current file.
     pub(super) bytes: usize,
-    /// Files whose last line has no end.
+    /// Files whose last line is incomplete.
     pub(super) torn: Vec<String>,
 }
 
 /// Examines the files of a log, the oldest first, and looks for lines by their digits.
 ///
 /// # Errors
-/// A file is there and cannot be read.
+/// A file exists but cannot be read.
 pub(crate) fn examine(
     kind: Kind,
     vehicle: Id,
@@ -216,7 +216,7 @@ pub(crate) fn examine(
             let file = file.clone();
             found.findings.push(Finding { file, fault });
         };
-        // Only where the oldest of all is there may what it follows be gone.
+        // Only the oldest file may follow a file that no longer exists.
         let follows = match &before {
             Some(before) => *before == verified.follows,
             None => number >= MAX_FILES || verified.follows.lines() == 0,
@@ -288,7 +288,7 @@ impl Trail {
         }
     }
 
-    /// Continues what was found, and closes lines that a crash has cut off.
+    /// Continues the examined log, and closes lines that a crash has cut off.
     ///
     /// # Errors
     /// A line cannot be closed.
@@ -298,7 +298,7 @@ impl Trail {
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         for file in &found.torn {
-            // So that the next line is a line.
+            // So that the next line begins on a new line.
             disk.append(file, b"\n", Durability::Power)?;
         }
         self.chain.clone_from(&found.chain);
@@ -306,20 +306,20 @@ impl Trail {
         Ok(())
     }
 
-    /// For the record; without a key it would prove nothing.
+    /// The head for the record. Without a key it would prove nothing.
     pub(super) fn head(&self, vehicle: Id, key: Option<&AuditKey>) -> Option<Head> {
         key.map(|key| Head::of(&self.chain, vehicle, self.kind, key))
     }
 
-    /// The log is one of an earlier version, and the next line begins to bind it by the key.
+    /// The log is of an earlier version; the next line starts to use the key.
     pub(super) fn begins_to_be_keyed(&self, key: Option<&AuditKey>) -> bool {
         key.is_some() && self.chain.lines() > 0 && self.chain.keyed().is_none()
     }
 
-    /// Writes one line, and before it those that begin a file or the use of a key.
+    /// Writes one line, preceded by the lines that begin a file or the use of a key if needed.
     ///
     /// # Errors
-    /// It is not written.
+    /// It could not be written.
     pub(super) fn write(
         &mut self,
         entry: &Entry,
@@ -333,7 +333,7 @@ impl Trail {
         }
         let own = at.key.map(AuditKey::id);
         let is_own = self.chain.keyed() == own.as_deref();
-        // After a rotation, and after a start that found rotated logs only: bound as the line before it is.
+        // After a rotation, and after a start that found rotated files only: with the same key as the previous line.
         if self.bytes == 0 && self.chain.lines() > 0 && (is_own || self.chain.keyed().is_none()) {
             let key = at.key.filter(|_| self.chain.keyed().is_some());
             let as_before = Place { key, ..*at };
@@ -355,14 +355,14 @@ impl Trail {
         let (chain, line) = self.chain.extended(at.key, at.wall, at.vehicle, entry);
         let file = self.kind.file(at.vehicle);
         disk.append(&file, line.as_bytes(), durability)?;
-        // Only once the line is written: a failed write leaves no gap in the chain.
+        // Advance only once the line is written: a failed write leaves no gap in the chain.
         self.chain = chain;
         self.bytes += line.len();
         Ok(())
     }
 }
 
-/// What every line names or is bound by.
+/// What every line contains, and its key.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place<'a> {
     pub(super) vehicle: Id,
@@ -379,7 +379,7 @@ pub(super) struct Repetitions {
 
 #[derive(Debug, Clone, Copy)]
 struct Repeated {
-    /// Until then changes are counted.
+    /// Changes are counted until then.
     until: Duration,
     gained: u32,
     lost: u32,
@@ -391,7 +391,7 @@ impl Repetitions {
         let Some(repeated) = station(change).and_then(|id| self.of.get_mut(&id)) else {
             return false;
         };
-        // One whose line is due is counted in that line.
+        // If its line is due, the change is counted in that line.
         if repeated.until <= now && !repeated.is_pending() {
             return false;
         }
@@ -404,7 +404,7 @@ impl Repetitions {
         true
     }
 
-    /// A line about the station was written: what follows it is counted.
+    /// A line about the station was written: later changes are counted.
     pub(super) fn written(&mut self, change: &Change, now: Duration) {
         if let Some(id) = station(change) {
             let repeated = Repeated {
@@ -416,7 +416,7 @@ impl Repetitions {
         }
     }
 
-    /// A line that is due; it is counted again where it could not be written ([`Repetitions::failed`]).
+    /// The next due line; if it cannot be written its changes are counted again ([`Repetitions::failed`]).
     pub(super) fn due(&mut self, now: Duration) -> Option<Entry> {
         let mut all = self.of.iter_mut();
         let (id, repeated) = all.find(|(_, one)| one.until <= now && one.is_pending())?;
@@ -425,7 +425,7 @@ impl Repetitions {
             gained: std::mem::take(&mut repeated.gained),
             lost: std::mem::take(&mut repeated.lost),
         };
-        // One that continues has a line in each such time.
+        // Continuing changes yield one line per period.
         repeated.until = now + COALESCED;
         Some(entry)
     }
@@ -455,14 +455,14 @@ impl Repeated {
     }
 }
 
-/// Whom a change of monitors is about.
+/// The station of a change of monitors.
 fn station(change: &Change) -> Option<Id> {
     change.to.or(change.from)
 }
 
-/// Changes of one monitor within this time are one line.
+/// Changes of one monitor within this time are combined into one line.
 const COALESCED: Duration = Duration::from_secs(10);
-/// A log of this length is put aside.
+/// A log of this length is rotated.
 const MAX_BYTES: usize = 1 << 20;
-/// Files that are kept beside the one that is written, some four thousand lines each.
+/// Number of rotated files that are kept, with some four thousand lines each.
 const MAX_FILES: u32 = 8;

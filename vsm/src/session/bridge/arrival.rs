@@ -1,8 +1,8 @@
-//! A datagram of the DLI side: who it is from, whether it may speak, and whether it has been answered before.
+//! A datagram of the DLI side: its sender, whether it is accepted, and whether it was answered before.
 //!
-//! What is dropped is counted under a name of its own. A station that sends more than it may ([`COMMANDS`],
-//! [`QUESTIONS`]) loses its own messages, unread and unanswered: an answer to each would be a flood as well. What a
-//! listed station asks an answer for is refused with the reason where it cannot be read, or is not for a VSM.
+//! Each reason for dropping a datagram has its own counter. Messages of a station beyond its rate limits ([`COMMANDS`],
+//! [`QUESTIONS`]) are dropped unread and unanswered: answers would be a flood too. If a listed station requests an answer to
+//! a message that cannot be decoded or is not for a VSM, it is refused with the reason.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::net::{IpAddr, SocketAddr};
@@ -40,7 +40,7 @@ impl Bridge {
         self.take_traced(now, from, (opened, bytes), before, disk);
     }
 
-    /// Takes what a web client has sent, as a datagram that its guard has sealed.
+    /// Takes a message of a web client, like a datagram that its guard has sealed.
     pub(super) fn take_verified(
         &mut self,
         now: Now,
@@ -89,7 +89,7 @@ impl Bridge {
     fn handle_later(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
         let mut frames = self.readings.frames(bytes);
         loop {
-            // What a checksum is may be disputed: each station's is computed as it does.
+            // The definition of a checksum may be disputed: it is computed as each station does.
             if let Some(source) = frames.next_source() {
                 self.readings_of(source).apply_to(&mut frames);
             }
@@ -108,7 +108,7 @@ impl Bridge {
         let mut frame = *frame;
         frame.header.destination = self.meant_by(frame.header.destination);
         let frame = &frame;
-        // Before the message is decoded: a stranger's bytes get no further than the wrapper.
+        // Before the message is decoded: of a stranger's datagram only the wrapper is read.
         let edition = Edition::of_idd(frame.header.idd);
         match self.admit(from, &frame.header, edition) {
             Ok(index) => {
@@ -128,7 +128,7 @@ impl Bridge {
                 self.evidence.note_good(frame.header.source, from);
                 let station = &mut self.stations[index];
                 if station.profile.is_unknown() {
-                    // The first question is asked as the station speaks, too.
+                    // The first challenge also uses the station's edition.
                     station.profile.note(&frame.header);
                 }
                 self.asker = Some(index);
@@ -148,15 +148,14 @@ impl Bridge {
         }
     }
 
-    /// The id of the vehicle that an id names: what is for a logical id is for the vehicle that it stands for, also once
-    /// that is there.
+    /// The vehicle id for an id: a logical id stands for its vehicle, also after that was received.
     pub(super) fn meant_by(&self, id: Id) -> Id {
         let mut logical = self.logical.iter();
         let real = logical.find(|(_, logical)| *logical == id);
         real.map_or(id, |(real, _)| *real)
     }
 
-    /// A frame gets no further than its header.
+    /// A frame is dropped after its header was read.
     pub(super) fn note_barred(
         &mut self,
         now: Now,
@@ -171,8 +170,8 @@ impl Bridge {
         }
     }
 
-    /// Takes a message from where its station is; true where it is new, and was dispatched. `made_of`: the message of
-    /// Edition 2.5 that it was made of.
+    /// Takes a message from its station's address; returns true if it is new and was dispatched. `made_of`: the message of
+    /// Edition 2.5 that it was converted from.
     pub(super) fn take_frame(
         &mut self,
         now: Now,
@@ -181,7 +180,7 @@ impl Bridge {
         made_of: Option<u16>,
         disk: &mut dyn Disk,
     ) -> bool {
-        // One that was held back, or made of another edition, comes as its station has addressed it.
+        // A delayed message, or one converted from another edition, keeps its original addressing.
         let mut frame = *frame;
         frame.header.destination = self.meant_by(frame.header.destination);
         let frame = &frame;
@@ -224,8 +223,8 @@ impl Bridge {
         }
         self.received.count(header.message_type.into());
         if let Message::MessageAcknowledgement(answer) = &message {
-            // It shows that the station's computer is there, which `reach` has noted, and nothing of who sits before it: unless
-            // it is of an alert. None requests one, so that no computer sends it by itself.
+            // It shows only that the station's computer is present, which `reach` has noted, and not its operator, except
+            // for the acknowledgement of an alert. Alerts do not request one, so no computer sends it automatically.
             self.acknowledge_alert(now, index, answer, disk);
             return false;
         }
@@ -246,7 +245,7 @@ impl Bridge {
         self.stations[index].clock.note(now.mono, ahead_ms);
         let ack_requested = origin.ack_requested;
         let seen = Seen::new(frame, &message, made_of, stamp, ack_requested, now.mono);
-        // A release needs no stamp. One that has a stamp is no recording of a release made when nothing was held.
+        // A release needs no stamp. If it has one, a replay of a release from a time without rights is excluded.
         let releases = matches!(&message, Message::CucsAuthorisationRequest(request) if authority::releases(request));
         let verdict = self.remembered[index].judge(&seen, commands || releases, now.mono);
         self.stations[index].delay = self.remembered[index].delay(stamp, now.mono);
@@ -268,7 +267,7 @@ impl Bridge {
         true
     }
 
-    /// A station has acknowledged an alert, if it is one that stands.
+    /// A station acknowledges an alert, if that is active.
     fn acknowledge_alert(
         &mut self,
         now: Now,
@@ -301,14 +300,14 @@ impl Bridge {
     /// Something of this station was accepted: its silence is over.
     pub(super) fn note_received(&mut self, index: usize, now: Duration) {
         let station = &mut self.stations[index];
-        // What its silence has led to ends at once, not when it would have gone further.
+        // The effects of its silence end at once, not at the next stage.
         let was_silent = station.silence(now, &self.settings.authority) != Silence::None;
         if station.received.replace(now).is_none() || was_silent {
             self.aircraft.ask_all();
         }
     }
 
-    /// The index of the station that a frame is from, where it may speak and speaks to us.
+    /// The index of a frame's station, if it is accepted and addressed to us.
     pub(super) fn admit(
         &self,
         from: SocketAddr,
@@ -351,7 +350,7 @@ impl Bridge {
         }
     }
 
-    /// A duplicate: what answered it before answers it again. A question is answered afresh.
+    /// A duplicate: the earlier answer is sent again. A query is answered with current data.
     fn answer_again(
         &mut self,
         now: Now,
@@ -385,9 +384,9 @@ impl Bridge {
         }
     }
 
-    /// Refuses a command of a listed station with the reason, also where no 17000 was requested: whoever gave it must know
-    /// that the vehicle does not follow. Of sticks, that come in streams, only where it was requested, or the station flies
-    /// by them and none of them counts.
+    /// Refuses a command of a listed station with the reason, even if no 17000 was requested: its operator must know that
+    /// the vehicle does not follow. For sticks, which are a stream, only if it was requested, or if the station flies by
+    /// sticks and all of them are refused.
     pub(super) fn refuse_command(
         &mut self,
         now: Now,
@@ -416,7 +415,7 @@ impl Bridge {
         }
     }
 
-    /// Refuses a message that cannot be read, or that a CUCS never sends. Where nobody waits for an answer nothing is sent.
+    /// Refuses a message that cannot be decoded, or that a CUCS never sends. Without a requested answer nothing is sent.
     fn refuse(
         &mut self,
         now: Now,
@@ -436,25 +435,25 @@ impl Bridge {
     }
 }
 
-/// Why a frame gets no further than its header.
+/// Why a frame is dropped after its header was read.
 pub(super) enum Barred {
     /// What we sent to the group came back.
     OurOwn,
-    /// Nobody who is listed.
+    /// Not a listed station.
     Source { to_us: bool },
-    /// Listed with a guard, and it came without a trailer.
+    /// The station has a guard, but the datagram has no trailer.
     Unguarded,
-    /// A web client, and it came as a datagram.
+    /// The station is a web client, but it arrived as a datagram.
     OfWeb,
-    /// In a datagram that another station's guard has sealed.
+    /// The datagram was sealed by another station's guard.
     OtherSender,
-    /// Listed with another address, this one.
+    /// The station is listed with another address, given here.
     Address(IpAddr),
-    /// Listed with this edition, and it came in another.
+    /// The station is listed with this edition, but it arrived in another.
     Edition(Edition),
-    /// It has spoken in another edition, not long ago.
+    /// The station has recently used another edition.
     ChangedEdition,
-    /// For nobody here; of a station that is known to speak to us, too, or not.
+    /// For no destination here; whether its station is known to send to us as well.
     Misaddressed { known: bool },
 }
 
@@ -474,7 +473,7 @@ impl Barred {
         }
     }
 
-    /// What is worth a finding. A group is shared with other VSMs and their stations: what is for them is no fault.
+    /// The finding, if any. A group is shared with other VSMs and their stations, whose messages are no fault.
     fn fault(&self, header: &Header, edition: Edition) -> Option<Fault> {
         match *self {
             Barred::Source { to_us: true } => {
@@ -519,7 +518,7 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
     Some(TimeStamp(stamp))
 }
 
-/// What a demand commands, as a number: its values without its stamp. Within one process only.
+/// A hash of a demand's values, without its stamp. Valid within one process only.
 fn values_of(message: &Message) -> u64 {
     let mut message = message.clone();
     if let Message::VehicleOperatingModeCommand(command) = &mut message {
@@ -552,7 +551,7 @@ pub(super) const COMMANDS: Rate = Rate {
     cost: Duration::from_millis(1),
     burst: Duration::from_secs(2),
 };
-/// Questions, sticks and heartbeats: 4,000 a second.
+/// Queries, sticks and heartbeats: 4,000 a second.
 pub(super) const QUESTIONS: Rate = Rate {
     cost: Duration::from_micros(250),
     burst: Duration::from_secs(2),

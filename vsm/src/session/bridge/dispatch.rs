@@ -1,4 +1,4 @@
-//! Whom a message of a station is for: the VSM, one of its vehicles, or all of them; and the right that it needs.
+//! The destination of a station's message (the VSM, one of its vehicles, or all of them), and the right that it needs.
 
 use mapping::support;
 use mavlink_link::Now;
@@ -21,7 +21,7 @@ use crate::session::fleet::Fleet;
 use crate::session::{held, reports};
 
 impl Bridge {
-    /// Carries out the message of a station that may speak.
+    /// Carries out the message of an accepted station.
     pub(super) fn dispatch(
         &mut self,
         now: Now,
@@ -31,8 +31,7 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) {
         if let Message::Heartbeat(_) = message {
-            // One before any grant does no harm: it does not make later silence count. Nor does one from an address that
-            // anybody may have written there.
+            // A heartbeat before any grant does not enable the silence rule, nor does one from an unproven address.
             let station = &self.stations[origin.station];
             let id = station.id();
             let holds = |one: &Aircraft| !one.authority.rights().held(id).is_empty();
@@ -87,7 +86,7 @@ impl Bridge {
                     reports::Input::ReportOnce { station, request }
                 });
             }
-            // To everybody it asks which links there are, whatever its assignment says: nobody is given one by it.
+            // Sent to all, it is a query for links, whatever its assignment: it assigns none.
             Message::DataLinkControlRequest(_) if to_all => {
                 let station = origin.station;
                 let links = GenericInformationRequestMessage {
@@ -130,7 +129,7 @@ impl Bridge {
         if let Message::CucsAuthorisationRequest(_) = message {
             self.forget_who_left();
         }
-        // Whoever has armed it may have lost control by this message.
+        // The CUCS that armed it may have lost control by this message.
         self.watch_zeroize(now, disk);
     }
 }
@@ -146,14 +145,14 @@ fn authorise(
 ) {
     let addressed = |vsm: Id| [dli.vsm, Id::BROADCAST, Id::NULL, Id(0)].contains(&vsm);
     if destination == Id::BROADCAST && !request.vsm_id.is_none_or(addressed) {
-        // Who is discovered by name is another.
+        // The message names another vehicle.
         return dli.counters.count("another VSM's");
     }
     let to_all = destination == Id::BROADCAST || destination == dli.vsm;
     let mut answer = AckType::CarriedOut;
     for one in aircraft.meant_mut(destination, to_all) {
-        // A request is authorised where it is granted. A release of nothing, and a request to listen, use up no Time
-        // Stamp: anybody may make as many as he likes.
+        // A request is authorised if it is granted. A release of nothing, and a request for LOI 2, use no Time Stamp, since
+        // any number of them is allowed.
         let gives_up = authority::releases(request) && one.authority.has_rights(cucs);
         accept(
             one,
@@ -167,17 +166,18 @@ fn authorise(
             to_all,
         };
         let of_one = one.ask_authority(dli, input);
-        // One 17000 answers for all vehicles: it is type 2 only where each has carried it out.
+        // One 17000 answers for all vehicles: it is type 2 only if each has carried it out.
         if of_one != AckType::CarriedOut {
             answer = of_one;
         }
     }
-    // Answers come from whom the question was sent to; for a question to everybody that is the VSM.
+    // An answer comes from the destination of the query; for a query to all that is the VSM.
     let source = Some(destination).filter(|id| aircraft.has(*id));
     dli.acknowledge(source.unwrap_or(dli.vsm), origin, answer);
 }
 
-/// 17001 and 17002: of stations that hold LOI 2, to one vehicle or all. To all it is carried out where any vehicle does.
+/// 17001 and 17002 of stations that hold LOI 2, to one vehicle or all. Sent to all, it is carried out if any vehicle does
+/// so.
 fn inform<'m>(
     aircraft: &mut Fleet,
     dli: &mut DliEffects<'_>,
@@ -229,7 +229,7 @@ fn command_one(
     }
 }
 
-/// Whether a command may be carried out, by the right of its sender: then it is logged, else refused.
+/// Checks the right of a command's sender: logs the command if it may be carried out, otherwise refuses it.
 fn admit(
     one: &mut Aircraft,
     dli: &mut DliEffects<'_>,
@@ -279,7 +279,7 @@ fn accept(one: &mut Aircraft, dli: &mut DliEffects<'_>, origin: &Origin, authori
         Err(fault) => effects.warn(
             Cause::CommandLog,
             format!(
-                "commands cannot be logged, one repeated after a restart would be carried out again: {fault}"
+                "commands cannot be logged: a command repeated after a restart would be carried out again ({fault})"
             ),
         ),
     }
@@ -297,14 +297,14 @@ fn refuse_without_right(
     let held = one.authority.rights().held(cucs);
     let needed = Rights::named(right, Stations::NONE);
     let why = format!(
-        "it needs {}, held is {}",
+        "it needs {}; this CUCS holds {}",
         needed.in_words(),
         held.in_words()
     );
     one.effects(dli).refuse_unprivileged(origin, &why);
 }
 
-/// Refuses a message of a CUCS that holds the right, and that the access list does not give this message.
+/// Refuses a message of a CUCS that holds the right but is not permitted this message by the access list.
 fn refuse_unlisted(
     one: &mut Aircraft,
     dli: &mut DliEffects<'_>,

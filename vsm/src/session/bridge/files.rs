@@ -12,7 +12,7 @@ impl Bridge {
     /// The vehicle that is meant: of this id, or the only one.
     ///
     /// # Errors
-    /// There is none of this id, or there are several.
+    /// No vehicle has this id, or there are several.
     pub fn file_vehicle(&self, id: Option<Id>) -> Result<Id, FileRefusal> {
         let all: Vec<String> = self
             .aircraft

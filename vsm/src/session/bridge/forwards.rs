@@ -27,7 +27,7 @@ pub struct PreparedForwards(Vec<Place>);
 struct Place {
     number: usize,
     config: config::Forward,
-    /// None where what is there stays.
+    /// `None` if the present one stays.
     new: Option<Forward>,
 }
 
@@ -98,7 +98,7 @@ impl Bridge {
         Ok(PreparedForwards(places))
     }
 
-    /// Serves them. What was served before and is not among them is not any more.
+    /// Serves these ground stations, and stops serving all others.
     pub fn take_forwards(&mut self, prepared: PreparedForwards) {
         let mut before = std::mem::take(&mut self.forwards);
         for Place {
@@ -199,7 +199,7 @@ impl Bridge {
         }
     }
 
-    /// Passes a frame that is believed on to the other ground stations of its vehicle.
+    /// Forwards an accepted frame to the other ground stations of its vehicle.
     pub(super) fn pass_on(
         forwards: &mut [Forward],
         now: Now,

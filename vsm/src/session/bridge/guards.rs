@@ -85,7 +85,7 @@ impl Bridge {
                 Err(fault) => given = Err(fault),
             }
         }
-        // Whoever has a key that counts no more may have the group's too.
+        // The holder of a revoked key may have the group's key too.
         if renews_group && let Some(group) = &mut self.guard_group {
             group.renew();
             self.offered.clear();
@@ -175,7 +175,7 @@ impl Bridge {
         }
     }
 
-    /// A step of an exchange goes to the machine of that, which judges it. Here it changes nothing.
+    /// A step of an exchange is passed to the exchange machine, which verifies it. Here it changes nothing.
     fn queue_step(&mut self, from: SocketAddr, step: &ExchangeDatagram<'_>, bytes: &[u8]) {
         let mut stations = self.stations.iter();
         let listed = stations.any(|one| one.id() == step.cucs && !one.removed);
@@ -300,7 +300,7 @@ impl Bridge {
 
 const OUR_OWN: &str = "our own";
 const UNDER_GROUP_KEY: &str = "guard: under a group key, which commands nothing";
-/// Steps that wait for their machine: more than an honest exchange has on its way.
+/// Maximum number of steps that wait for their machine: more than an honest exchange has in transit.
 const MAX_STEPS: usize = 32;
 pub(super) const DATAGRAM_OF_WEB: &str = "web: datagram of a web client";
 pub(super) const UNAUTHORISED_ADDRESS: &str = "unauthorised address";

@@ -102,7 +102,7 @@ impl Bridge {
     }
 
     /// Notifies the stations, and the log.
-    pub fn tell_of_exchange(
+    pub fn notify_of_exchange(
         &mut self,
         index: usize,
         now: Now,

@@ -1,12 +1,11 @@
 //! The whole bridge as one machine: datagrams of both sides and the time go in, datagrams and log lines come out.
 //!
-//! `arrival`: whom a datagram of the DLI is from, and whether it may speak; `dispatch`: whom its message is for. Each
-//! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: to which of them a frame of it goes. `reach`: which address is
-//! a station's, and what it must answer first. `keys`: how the key exchange of the shell reaches a vehicle's link;
-//! `forwards`: other ground stations; `files`: files of a vehicle;
-//! `guards`: CUCSs with a guard key; `web`: those that come by a WebSocket; `access`: the access list; `zeroize`: an order to erase all that this VSM has; `editions`:
-//! stations of Edition 2.5; `status`: what the bridge is doing; `map`: what a map shows beside it; `reload`: another
-//! configuration while it runs.
+//! `arrival`: the sender of a DLI datagram, and whether it is accepted; `dispatch`: the destination of its message. Each
+//! vehicle is an [`Aircraft`]; `port`: a link; `vehicles`: the vehicle for a frame of a link. `reach`: the address of a
+//! station, and its proof. `keys`: connects the shell's key exchange with a vehicle's link; `forwards`: other ground
+//! stations; `files`: files of a vehicle; `guards`: CUCSs with a guard key; `web`: CUCSs on a WebSocket; `access`: the
+//! access list; `zeroize`: orders to erase all data of this VSM; `editions`: stations of Edition 2.5; `status`: the status
+//! of the bridge; `map`: the map's data; `reload`: a changed configuration while it runs.
 
 mod access;
 mod arrival;
@@ -72,82 +71,82 @@ use crate::config::Config;
 #[derive(Debug)]
 pub struct Bridge {
     vsm: Id,
-    /// Who we are on MAVLink.
+    /// Our MAVLink ids.
     own: Node,
     settings: Settings,
-    /// How a station reads disputed values that is not known.
+    /// The readings of disputed values for an unknown station.
     readings: Profile,
     multicast: bool,
     stations: Vec<GroundStation>,
-    /// What each of the stations has sent lately.
+    /// The recent messages of each station.
     remembered: Vec<Remembered>,
     aircraft: Fleet,
     /// The links of the vehicles.
     ports: Vec<Port>,
     /// Other ground stations.
     forwards: Vec<Forward>,
-    /// Frames on their way to them: each with its vehicle, and whether that signs.
+    /// Frames for them, each with its vehicle and whether that vehicle signs.
     believed: Vec<((Id, bool), Vec<u8>)>,
     outbox: Outbox,
     paths: Paths,
-    /// Of the VSM itself, not of a vehicle.
+    /// Alerts of the VSM itself, not of a vehicle.
     alerts: Alerts,
-    /// The logical ids of vehicles, by their ids; `waiting`: of those that are not there yet.
+    /// The logical ids of vehicles, by their ids; `waiting`: those of vehicles that were not received yet.
     logical: Vec<(Id, Id)>,
     waiting: Vec<(Id, Id)>,
-    /// Of the next vehicle.
+    /// The alert seed of the next vehicle.
     next_number: i32,
     counters: Counters,
     received: ByType,
     log: VecDeque<LogEntry>,
-    /// What arrived on the DLI side and could not be used.
+    /// Evidence of unusable data on the DLI side.
     evidence: DliEvidence,
-    /// What did not work when it was last looked for.
+    /// The findings of the last check.
     found: Vec<Finding>,
-    /// Who listens, and is sent the alerts of the VSM itself.
+    /// The listening stations, which receive the alerts of the VSM itself.
     notified: Vec<usize>,
-    /// When it is next looked for what does not work.
+    /// When the next check for findings is due.
     look_at: Duration,
-    /// The group that status is sent to, and that is listened to.
+    /// The multicast group for status, which is also received.
     group: Option<SocketAddr>,
     /// A date that the clock cannot be before.
     not_before: Duration,
-    /// What becomes of each datagram is logged.
+    /// Whether the handling of each datagram is logged.
     trace: bool,
-    /// The station whose trailer the datagram that is being handled has.
+    /// The station whose guard sealed the datagram being handled.
     guarded: Option<usize>,
-    /// What lifts the stamps of guards, and where it goes.
+    /// Datagrams that raise the stamps of guards, and their addresses.
     lifts: Vec<(SocketAddr, Box<[u8]>)>,
-    /// Seals what goes to the group for CUCSs with a guard; none before there is a secret for its keys.
+    /// Seals datagrams to the group for CUCSs with a guard; `None` until there is a secret for its keys.
     guard_group: Option<GroupSender>,
     /// When each guard was offered the group's key last.
     offered: BTreeMap<Id, Duration>,
     /// Steps of an exchange about a guard key, and where they came from.
     guard_steps: VecDeque<(SocketAddr, Box<[u8]>)>,
-    /// Connections of web clients that end.
+    /// Connections of web clients to close.
     web_ends: Vec<(u64, WebRefusal)>,
     /// The station whose message is being handled.
     asker: Option<usize>,
-    /// What is on its way to stations of Edition 2.5.
+    /// Messages for stations of Edition 2.5.
     translated: VecDeque<Datagram>,
     /// The latest of it that went to the group, by type and instance.
     sent_to_group: VecDeque<(u32, u32)>,
-    /// Who holds each vehicle, as these stations were shown last.
+    /// The holders of each vehicle, as last shown to these stations.
     shown_holders: Vec<(Id, Id, LoiBitmap)>,
     zeroize: Zeroize,
     access: Gate,
-    /// What stands from the configuration.
+    /// Alerts caused by the configuration.
     warnings: Vec<String>,
     started: Duration,
 }
 
-/// Is shown every frame that is believed with the index of its vehicle, for a recording.
+/// Called with every accepted frame and the index of its vehicle, for a recording.
 pub type Tap<'a> = &'a mut dyn FnMut(usize, &FrameView<'_>);
 
 /// A bridge that cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
-    /// What was stored cannot be read.
+    /// A stored record cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The signing clock cannot be read.
@@ -160,7 +159,7 @@ pub enum BridgeError {
     },
 }
 
-/// What the shell knows of a vehicle's link: its key, and where to send before anything of the vehicle is received.
+/// The shell's part of a vehicle's link: its key, and where to send before any data of the vehicle is received.
 #[derive(Debug)]
 pub struct LinkEnd {
     /// The key; `None` where signing is off by configuration.
@@ -238,7 +237,8 @@ impl Bridge {
         for (vehicle, end) in config.vehicles().zip(ends) {
             bridge.add_vehicle(vehicle, end, now, not_before, disk)?;
         }
-        // Who holds a vehicle knows it by its id already: after a restart in flight it is not another for a moment.
+        // Holders of a vehicle already know it by its id: after a restart in flight it must not appear as another vehicle
+        // for a moment.
         let unheld = |real: Id| {
             let one = bridge.aircraft.find(real);
             one.is_some_and(|one| one.authority.rights().holders().next().is_none())
@@ -249,7 +249,7 @@ impl Bridge {
         bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
         bridge.restore_contingencies(disk);
-        // Not before what was held is restored: it is judged by the list, once that is there.
+        // Not before the held commands are restored: the list is applied to them once it is loaded.
         bridge.give_permits(now);
         let (mut dli, aircraft) = bridge.effects(now, disk);
         for one in aircraft.iter_mut() {
@@ -269,13 +269,13 @@ impl Bridge {
         self.paths.set_secret(secret);
     }
 
-    /// Has what becomes of each datagram logged, or not, which is the default: the lines cost more than the datagrams.
+    /// Switches logging of each datagram on or off. It is off by default, since the lines cost more than the datagrams.
     pub fn set_trace(&mut self, on: bool) {
         self.trace = on;
     }
 
-    /// What a record of authority has of its holders: status goes where it went before, so that nobody has to ask again,
-    /// and the silence of one that sent heartbeats counts.
+    /// Restores the holders of an authority record: status is sent to their earlier addresses without a new request, and the
+    /// silence of a holder that sent heartbeats is detected.
     fn remember_stations(&mut self, now: Duration, known: &[KnownStation]) {
         for known in known {
             let mut stations = self.stations.iter_mut().enumerate();
@@ -283,7 +283,7 @@ impl Bridge {
             else {
                 continue;
             };
-            // A web client is where its connection is.
+            // The address of a web client is its connection.
             if let Some(peer) = known.peer.filter(|_| !station.config.web) {
                 self.paths.restore(now, index, peer, known.proven);
                 station.peer = self.paths.peer(index);
@@ -292,13 +292,13 @@ impl Bridge {
             station.restore(now, &known.shown);
             if known.sends_heartbeats {
                 station.sends_heartbeats = true;
-                // Its silence counts from this start: what it sent while the VSM was down is not known.
+                // Its silence counts from this start: its messages while the VSM was down are unknown.
                 station.received = station.received.or(Some(now));
             }
         }
     }
 
-    /// Reads back what each CUCS has commanded, and answers what was not answered to its end.
+    /// Reads back the commands of each CUCS, and answers those without a final answer.
     fn restore_commands(&mut self, now: Now, disk: &mut dyn Disk) -> Result<(), StoreError> {
         for index in 0..self.stations.len() {
             let id = self.stations[index].id();
@@ -308,7 +308,7 @@ impl Bridge {
                 let of = aircraft.find_mut(seen.destination);
                 let answered =
                     of.is_some_and(|aircraft| aircraft.resume_command(&mut dli, index, &seen));
-                // It leads to the same when it comes again, and must not be answered as a duplicate then.
+                // It has the same result when it is sent again, and must not be answered as a duplicate then.
                 if !answered {
                     self.remembered[index].forget(seen.digest);
                 }
@@ -345,8 +345,8 @@ impl Bridge {
         self.show_holders(now, disk);
     }
 
-    /// A vehicle that was offered by its logical id is there: message 3 names the id that it has from now on. It keeps that
-    /// while its link is silent, too: to whoever flies it, it must not become another.
+    /// A vehicle that was offered by its logical id is received: message 3 names the id that it has from now on. It keeps
+    /// that id even while its link is silent: for its controller it must not become another vehicle.
     fn introduce(&mut self, now: Now, disk: &mut dyn Disk) {
         let is_there = |real: Id| {
             let one = self.aircraft.find(real);
@@ -369,7 +369,7 @@ impl Bridge {
         }
     }
 
-    /// Begins to read the settings of every vehicle that [`mapping::hardening`] judges; a reading under way is joined.
+    /// Begins to read the settings of every vehicle that [`mapping::hardening`] checks; joins a reading in progress.
     pub fn read_settings(&mut self, now: Now, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
         for aircraft in aircraft.iter_mut() {
@@ -377,7 +377,7 @@ impl Bridge {
         }
     }
 
-    /// What the vehicles have answered about their settings so far.
+    /// The vehicles' answers about their settings so far.
     #[must_use]
     pub fn vehicle_settings(&self) -> Vec<VehicleSettings> {
         self.aircraft
@@ -386,8 +386,7 @@ impl Bridge {
             .collect()
     }
 
-    /// The disk has made changes durable that it had queued: decisions that waited for it take effect, and what was held
-    /// is sent.
+    /// The disk has made queued changes durable: decisions that waited for it take effect, and delayed messages are sent.
     pub fn handle_durable(&mut self, now: Now, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
         for aircraft in aircraft.iter_mut() {
@@ -399,8 +398,9 @@ impl Bridge {
         self.show_holders(now, disk);
     }
 
-    /// Silence counts of a CUCS that has sent heartbeats while it holds something: who has given all up, or lost by silence
-    /// what commands, may come back without. A LOI 2 that is left does not count: silence costs nobody that.
+    /// The silence of a CUCS counts if it has sent heartbeats while it holds a right to command. A CUCS that has released
+    /// its rights, or lost them by silence, may come back without heartbeats. LOI 2 alone does not count, since silence
+    /// never costs it.
     fn forget_heartbeats(&mut self, now: Duration) {
         for station in self.stations.iter_mut().filter(|one| one.sends_heartbeats) {
             let id = station.id();
@@ -421,13 +421,13 @@ impl Bridge {
             .chain(self.alerts.poll_timeout())
             .chain(self.zeroize.poll_timeout())
             .chain(self.paths.poll_timeout(now))
-            // It shares a wake-up with the reports where there are any.
+            // It shares a wake-up with the reports if there are any.
             .chain([self.look_at + WATCH_SLACK])
             .chain(self.forwards.iter().map(Forward::poll_timeout))
             .fold(now + LONGEST_WAIT, Duration::min)
     }
 
-    /// The shell has dropped a datagram by this name, before anything of it was looked at.
+    /// The shell has dropped a datagram, uninspected, for the reason with this name.
     pub fn count_dropped(&mut self, name: &'static str) {
         self.counters.count(name);
     }
@@ -456,7 +456,7 @@ impl Bridge {
         }
     }
 
-    /// How the station of this id reads what the sources leave open.
+    /// The readings of disputed values for the station with this id.
     fn readings_of(&self, id: Id) -> &Profile {
         let station = self.stations.iter().find(|station| station.id() == id);
         station.map_or(&self.readings, |station| &station.profile.readings)
@@ -503,7 +503,7 @@ impl Bridge {
     }
 }
 
-/// Answers come from whom the question was sent to; a question to everybody is answered by the VSM.
+/// An answer comes from the destination of the query; the VSM answers a query to all.
 fn destination_as_source(destination: Id, vsm: Id) -> Id {
     if destination == Id::BROADCAST {
         vsm
@@ -512,5 +512,5 @@ fn destination_as_source(destination: Id, vsm: Id) -> Id {
     }
 }
 
-/// Where nothing is waited for at all.
+/// The wake-up interval if nothing is due.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);

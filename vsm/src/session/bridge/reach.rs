@@ -1,4 +1,4 @@
-//! Which address is a station's: what comes from another one waits until that has answered (see [`paths`](crate::session)).
+//! The address of a station: messages from another address wait until that is proven (see [`paths`](crate::session)).
 
 use std::net::SocketAddr;
 
@@ -17,20 +17,20 @@ use crate::session::log::LogLevel;
 use crate::session::outbox::{Destination, Outbox};
 use crate::session::paths::{Arrival, Kind, Proof, question_bytes};
 
-/// What of a message shows where its station is.
+/// The parts of a message that concern its station's address.
 pub(super) struct Arriving<'a> {
-    /// The whole message, as it is held back.
+    /// The whole message, for a delayed delivery.
     pub(super) bytes: &'a [u8],
     /// It is of Edition 2.5.
     pub(super) ed25: bool,
-    /// It is an acknowledgement, of which nothing else follows.
+    /// It is an acknowledgement without other effects.
     pub(super) acknowledges: bool,
-    /// The stamp of a question of ours that it answers.
+    /// The stamp of our challenge that it answers.
     pub(super) answer: Option<TimeStamp>,
 }
 
 impl Bridge {
-    /// Whether a frame comes from where its station is, and may be taken. What does not is held back.
+    /// Whether a frame comes from its station's address and may be handled. Otherwise it is held back.
     pub(super) fn is_there(
         &mut self,
         now: Now,
@@ -42,8 +42,8 @@ impl Bridge {
         let id = self.stations[index].id();
         let aircraft = &self.aircraft;
         let commands = LoiBitmap::LOI3.union(CONTROL);
-        // Copies of what a guard has sealed come from wherever they were received, and may be faster: while the guard is received
-        // where it is, no other computer takes its place, even if that passes our questions on.
+        // An attacker may send copies of sealed datagrams from elsewhere, faster than the originals: while the guard is
+        // received at its address, no other computer can replace it, even if it relays our challenges.
         let peer = self.paths.peer(index);
         let copied = self.guarded.is_some()
             && peer.is_some_and(|peer| peer.ip() != from.ip())
@@ -60,7 +60,7 @@ impl Bridge {
                 })
         };
         let bytes = arriving.bytes.len();
-        // Before anything is charged: it is answered in the edition in which it has come.
+        // Before any rate limit is charged: it is answered in the edition in which it arrived.
         self.paths.set_edition(index, arriving.ed25);
         let arrival = self.paths.arrived(now.mono, index, from, bytes, controls);
         if arrival == Arrival::Moved {
@@ -97,7 +97,7 @@ impl Bridge {
         taken
     }
 
-    /// The stamp that a 17000 of a heartbeat of ours names.
+    /// The stamp of our heartbeat that a 17000 acknowledges.
     pub(super) fn answer_in(&self, frame: &Frame<'_>) -> Option<TimeStamp> {
         if frame.header.message_type != MessageAcknowledgement::ID
             || frame.header.destination != self.vsm
@@ -115,7 +115,7 @@ impl Bridge {
         }
     }
 
-    /// What is due of the stations' addresses.
+    /// Does what is due for the stations' addresses.
     pub(super) fn watch_paths(&mut self, now: Now, disk: &mut dyn Disk) {
         for index in 0..self.stations.len() {
             let id = self.stations[index].id();
@@ -125,7 +125,7 @@ impl Bridge {
             }
             if self.paths.handle_timeout(now.mono, index) {
                 self.moved(now, index, disk);
-                // A CUCS that never proves anything has waited for its old address to fall silent: once in a while.
+                // Rare: a CUCS that never proves an address has waited for its old address to become silent.
                 if self.paths.take_missed(index) {
                     self.welcome(now, index, disk);
                 }
@@ -139,7 +139,7 @@ impl Bridge {
         }
     }
 
-    /// Asks an address for a proof, where it is time.
+    /// Challenges an address if that is due.
     fn ask(&mut self, now: Now, index: usize, address: SocketAddr, again: bool) {
         let Some(stamp) = self.paths.ask(now, index, address, again) else {
             return;
@@ -149,7 +149,7 @@ impl Bridge {
         });
         let station = &self.stations[index];
         let envelope = station.profile.envelope(self.vsm, station.id());
-        // A station that is sent to by the group alone may listen nowhere else: what it answers shows that it receives that.
+        // A station with group delivery may only receive the group: its answers prove that.
         let to = if station.profile.delivery.to_address() {
             Destination::Unicast(address)
         } else {
@@ -161,7 +161,7 @@ impl Bridge {
                 datagram.bytes().len() <= question_bytes(false),
                 "a longer heartbeat"
             );
-            // Whoever writes the id of a station makes the VSM ask there.
+            // Anyone who writes the id of a station makes the VSM send a challenge there.
             let cost = self.paths.question_bytes(index);
             if to == Destination::Multicast
                 && !(self.paths).admit_to_group(now.mono, index, cost, Kind::Answer)
@@ -172,7 +172,7 @@ impl Bridge {
         }
     }
 
-    /// Sends what has waited for its credit.
+    /// Sends messages that have waited for credit.
     fn send_waiting(&mut self, now: Now, index: usize) {
         while let Some(datagram) = self.paths.next_waiting(now.mono, index) {
             let profile = &self.stations[index].profile;
@@ -181,12 +181,12 @@ impl Bridge {
         }
     }
 
-    /// The station is at another address: what was held back from there is taken.
+    /// The station has moved to a new address: handles the messages held back from there.
     fn moved(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
         let before = self.stations[index].peer;
         self.note_path(index);
         let station = &self.stations[index];
-        // Who moves without proof may do so a thousand times a second: neither a log line nor an alert is spent on it.
+        // Moves without proof can happen a thousand times a second: they cause neither a log line nor an alert.
         if let (Some(before), Some(peer), true) = (before, station.peer, station.proven) {
             let text = format!("CUCS {} has moved from {before} to {peer}", station.id());
             let vsm = self.vsm;
@@ -194,7 +194,7 @@ impl Bridge {
             self.paths.take_missed(index);
             self.welcome(now, index, disk);
         }
-        // Each is judged by the key that has sealed it, and so is the one that has led here.
+        // Each is checked against the key that sealed it, including the one that led here.
         let arriving = self.stations[index].sealed_under;
         for (held, key) in self.paths.take_held(index) {
             self.stations[index].sealed_under = key;
@@ -215,9 +215,9 @@ impl Bridge {
         self.stations[index].proven = self.paths.is_proven(index);
     }
 
-    /// Sends a station what a new listener is sent: the vehicles, and the alerts that stand.
+    /// Sends a station the messages for a new listener: the vehicles and the active alerts.
     pub(super) fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
-        // What stands of the VSM itself follows with the next look at it: the program that was notified may be gone.
+        // The VSM's own active alerts follow with the next check: the program that received them earlier may be gone.
         self.notified.retain(|station| *station != index);
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {

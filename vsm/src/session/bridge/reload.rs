@@ -170,7 +170,8 @@ impl Bridge {
         Ok(())
     }
 
-    /// Ends vehicles that the configuration has no more. Their holders are informed that they hold nothing.
+    /// Ends vehicles that were removed from the configuration. Their holders are notified that they no longer hold any
+    /// right.
     fn remove_vehicles(&mut self, config: &Config, now: Now, disk: &mut dyn Disk) {
         let is_listed = |id: Id| config.vehicles().any(|vehicle| vehicle.id == id);
         let (mut dli, aircraft) = self.effects(now, disk);

@@ -93,7 +93,7 @@ pub struct StationStatus {
     pub proof: &'static str,
     /// Since anything of it was accepted, s.
     pub silent_s: Option<f64>,
-    /// How its guard stands; none where it has none, and is whoever writes its id.
+    /// The state of its guard; `None` if it has none, so that anybody can send in its name.
     pub guard: Option<GuardStatus>,
     /// Its connection, where it is a web client.
     pub web: Option<WebStatus>,
@@ -498,7 +498,7 @@ fn alerts(aircraft: &Aircraft) -> Vec<AlertStatus> {
     shown.collect()
 }
 
-/// By what gimbals and cameras report now: none of a vehicle that is not received.
+/// From the present reports of gimbals and cameras: empty for a vehicle that is not received.
 fn looks_at(aircraft: &Aircraft, now: Duration) -> Vec<FootprintStatus> {
     let vehicle = &aircraft.vehicle;
     let ground = payload::ground(&aircraft.bounds, &vehicle.telemetry);

@@ -71,7 +71,7 @@ impl Bridge {
     }
 
     /// Takes a datagram, or serial bytes, of the link with this index: links are numbered in the order in which the
-    /// configuration first names them. `tap` is shown every frame that is believed, with the index of its vehicle.
+    /// configuration first names them. `tap` is called with every accepted frame and the index of its vehicle.
     pub fn handle_vehicle(
         &mut self,
         now: Now,

@@ -1,5 +1,5 @@
-//! What does not work is looked for once a second, and each finding is reported once: a line of the log, and an alert to the
-//! stations that listen, which stands until it is gone.
+//! Checks for faults once a second. Each finding is reported once: by a log line, and by an alert to the listening stations
+//! that is active until the fault is gone.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ impl Bridge {
         self.evidence.note_elsewhere(mono, interface, from);
     }
 
-    /// What is about no single vehicle.
+    /// Findings that concern no single vehicle.
     fn own_findings(&self, mono: Duration, wall: Duration) -> Vec<Finding> {
         let mut found = Vec::new();
         let mut links = self.aircraft.iter().map(|one| &one.link);
@@ -56,7 +56,7 @@ impl Bridge {
         vehicle::judge(&self.evidence_of(mono, one))
     }
 
-    /// What does not work, as it stands now.
+    /// The present findings.
     pub(super) fn findings(&self, mono: Duration) -> Vec<Finding> {
         let mut found = self.found.clone();
         let fallen = |one: &&Aircraft| one.vehicle.was_live() && !one.vehicle.live();
@@ -70,7 +70,7 @@ impl Bridge {
     }
 
     fn evidence_of<'a>(&self, mono: Duration, one: &'a Aircraft) -> vehicle::Evidence<'a> {
-        // Who stands in for the vehicle sends the most; the others are what it passes on.
+        // The system in place of the vehicle sends the most frames; the others are forwarded by it.
         let others = self.others_on_link(one);
         let other = others.max_by_key(|(_, frames)| *frames);
         let shares = self.aircraft.on_port(one.port).len() > 1;
@@ -94,7 +94,7 @@ impl Bridge {
         self.found = found;
     }
 
-    /// What is about a vehicle goes to those who listen to it.
+    /// Reports the findings of a vehicle to its listeners.
     fn report_of(&mut self, now: Now, index: usize, found: Option<&Finding>, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
         let Some(one) = aircraft.get_mut(index) else {
@@ -106,7 +106,7 @@ impl Bridge {
             effects.clear(cause, &cleared(&text));
         }
         if let Some(finding) = found {
-            // Log and 16000 name the vehicle by themselves.
+            // Log and 16000 already name the vehicle.
             let text = finding.to_string();
             let text = text.strip_prefix(&format!("vehicle {}: ", finding.about));
             let text = text.map_or_else(|| finding.to_string(), str::to_owned);
@@ -115,7 +115,7 @@ impl Bridge {
         }
     }
 
-    /// Every station that listens to a vehicle, each with the first of these.
+    /// Every station that listens to vehicles, each with the first of them.
     pub(super) fn all_listeners(&self) -> Vec<(usize, Id)> {
         let mut listeners: Vec<(usize, Id)> = Vec::new();
         for one in self.aircraft.iter() {
@@ -128,7 +128,7 @@ impl Bridge {
         listeners
     }
 
-    /// Who listens to nothing any more is a newcomer when it returns, however soon that is.
+    /// A station that no longer listens is treated as new when it returns, however soon.
     pub(super) fn forget_who_left(&mut self) {
         let listens = |station: &usize| {
             let mut all = self.aircraft.iter();
@@ -139,8 +139,8 @@ impl Bridge {
         self.notified = notified;
     }
 
-    /// What is about no vehicle goes to everybody who listens to one, in the name of the first: every message of the DLI comes
-    /// from a vehicle, and a CUCS may drop what does not.
+    /// Reports findings that concern no vehicle to all listeners, in the name of the first vehicle they listen to: every
+    /// message of the DLI comes from a vehicle, and a CUCS may drop any other.
     fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {
         // The usual case, once a second: nothing is allocated.
         if found.is_empty() && self.alerts.standing().next().is_none() {
@@ -156,11 +156,11 @@ impl Bridge {
         }
         for (station, vehicle) in listeners.iter().filter(|(one, _)| !before.contains(one)) {
             for alert in dli.alerts.standing().cloned().collect::<Vec<_>>() {
-                // For this station it is the first instance, however long the alert has stood.
+                // For this station it is the first message of the alert, however long the alert has been active.
                 dli.show(*vehicle, &[*station], &Raised { alert, first: true });
             }
         }
-        // What is sent to who has proved nothing is counted: an alert of that would take the place of what it needs.
+        // Data to an unproven address is limited: such an alert would use up the credit that it needs for other messages.
         for finding in found.iter().filter(|one| one.code != Code::CucsUnproven) {
             let text = finding.to_string();
             let (priority, subsystem) = (AlertPriority::Warning, SubsystemId::VsmStatus);
@@ -182,5 +182,5 @@ fn cleared(text: &str) -> String {
 }
 
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// The clock of a station is of interest as long as it speaks.
+/// A station's clock matters only while it sends.
 const SPEAKS: Duration = Duration::from_secs(60);

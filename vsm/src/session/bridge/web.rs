@@ -84,7 +84,7 @@ impl Bridge {
             .ok_or(WebRefusal::Unlisted)?;
         let end = station.guard.as_mut().ok_or(WebRefusal::Key)?;
         let (key_id, key) = end.open_connection(now, hello).ok_or(WebRefusal::Key)?;
-        // After the key: whoever has none learns nothing of addresses.
+        // Checked after the key, so that a client without a key learns nothing about addresses.
         if station.config.address.is_some_and(|one| one != from.ip()) {
             return Err(WebRefusal::Address);
         }
@@ -190,7 +190,7 @@ impl Bridge {
         }
     }
 
-    /// Connections end whose key is not accepted any more, or whose station the configuration has no more.
+    /// Ends connections whose key is no longer accepted, or whose station was removed from the configuration.
     pub(super) fn watch_web(&mut self, now: Duration) {
         for index in 0..self.stations.len() {
             let station = &self.stations[index];

@@ -2,10 +2,10 @@
 //! VSM (`vehicle.contingency`, or 50023), or, without a link to the ground, by the air-side agent (`contingency` of `airside.toml`).
 //! One machine for both, which writes by an [`Outlet`].
 //!
-//! PX4 has failsafes of its own for each of these, and they win; so does a pilot. A contingency is for what PX4's parameters
-//! leave open: a route home in place of a straight line, or an action before PX4's own thresholds. Who controls the vehicle is
-//! sent what is flown, and has the last word: a new decision, taken 3 s or more after the alert, ends the action, and it is
-//! not flown again before the cause was gone, unless that CUCS is lost or releases control.
+//! PX4 has its own failsafes for each of these, which take precedence, as does a pilot. A contingency adds what PX4's
+//! parameters cannot do: a route home instead of a straight line, or an action before PX4's own thresholds. The controlling
+//! CUCS is notified and has the final decision: a new command, 3 s or more after the alert, ends the action, and it is not
+//! flown again until the cause was gone, unless that CUCS is lost or releases control.
 //!
 //! ```text
 //! clear --confirmed by reports--> stands --commanded--> trying(action, n) --shown / a pilot's / an operator's--> handled
@@ -14,12 +14,12 @@
 //!   +------------------------- the cause is gone for CLEAR_AFTER, or the vehicle is on the ground ------------------+
 //! ```
 //!
-//! A contingency route that was flown to its end is not flown again from its start: the vehicle holds there for whoever controls
-//! it, and returns where nobody does. What was handled is on disk: a restart neither flies it again nor forgets what has not been
-//! flown. A failsafe of PX4 ends nothing: the action waits for its end, of one that only holds not for long. Which goes first,
-//! this or the loss action, is decided in `priority`; `cause`: whether one stands; `reported`: what a vehicle reports of each; `setting`: what
-//! CUCSs have set; `outlet`: what the machine needs of whoever runs it; `provision`: what is to be
-//! flown for each cause; `record`: what is kept over a restart.
+//! A completed contingency route is not flown again: the vehicle holds at its end for the controlling CUCS, or returns if
+//! nobody is in control. Handled causes are stored on disk: a restart neither flies an action again nor forgets one that has
+//! not been flown. A PX4 failsafe does not end a contingency: the action waits for the end of the failsafe, but only for a
+//! limited time if that merely holds. Which goes first, this or the loss action, is decided in `priority`; `cause`: whether
+//! one stands; `reported`: what a vehicle reports of each; `setting`: what CUCSs have set; `outlet`: what the machine needs
+//! of whoever runs it; `provision`: what is to be flown for each cause; `record`: what is kept over a restart.
 
 mod cause;
 mod outlet;
@@ -61,13 +61,13 @@ pub(crate) struct Contingencies {
     trying: Option<Trying>,
     /// When the first alert about each was raised, since it stands.
     alerted: [Option<Duration>; Trigger::ALL.len()],
-    /// The record could not be written, and is written again then.
+    /// When to retry writing the record; `None` if it is stored.
     unsaved: Option<Duration>,
     /// Data is received from the vehicle since then.
     live_since: Option<Duration>,
 }
 
-/// What has become of a contingency, for 50023.
+/// The state of a contingency, for 50023.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Standing {
     Absent,
@@ -111,7 +111,7 @@ pub(crate) struct ContingencyContext {
     pub(crate) controlled: bool,
     /// In a mission it flies its landing.
     pub(crate) lands: bool,
-    /// What the VSM has begun by itself is not done yet.
+    /// An action that the VSM has started is not completed yet.
     pub(crate) busy: bool,
     /// A command of a CUCS waits for its route.
     pub(crate) operator_waits: bool,
@@ -177,7 +177,7 @@ impl ContingencyContext {
 }
 
 impl Contingencies {
-    /// What a restart finds.
+    /// Restores the record after a restart.
     pub(crate) fn restore(&mut self, effects: &mut dyn Outlet) -> Result<(), StoreError> {
         let record = effects.load()?.unwrap_or_default();
         (self.handled, self.set) = (record.handled, record.set);
@@ -194,13 +194,13 @@ impl Contingencies {
         }
     }
 
-    /// How urgent what is being tried is.
+    /// The urgency of the action being tried.
     pub(crate) fn urgency(&self) -> Option<Urgency> {
         self.trying
             .map(|trying| Urgency::of_contingency(trying.action))
     }
 
-    /// How urgent what the vehicle flies is, where a contingency whose cause lasts has led to it.
+    /// The urgency of what the vehicle flies, if it is the action of a contingency whose cause persists.
     pub(crate) fn flown(
         &self,
         mode: Option<Px4Mode>,
@@ -240,7 +240,7 @@ impl Contingencies {
         !self.handled.is_empty()
     }
 
-    /// A cause stands, and neither a pilot nor an operator has decided otherwise.
+    /// A cause is active, and neither a pilot nor an operator has taken over.
     pub(crate) fn stands(&self) -> bool {
         let flown = |one: &Handled| one.end.flown().is_some() && self.is_present(one.trigger);
         self.trying.is_some() || self.handled.iter().any(flown)
@@ -279,7 +279,7 @@ impl Contingencies {
         })
     }
 
-    /// The CUCS in control commands something else in the knowledge of what stands: it decides.
+    /// The CUCS in control, which knows of the contingency, sends another command: its decision applies.
     pub(crate) fn overridden(&mut self, config: &Provision, effects: &mut dyn Outlet) {
         let standing = Trigger::ALL
             .into_iter()
@@ -299,7 +299,7 @@ impl Contingencies {
         self.save(effects);
         for trigger in standing {
             let text = format!(
-                "{}: the CUCS in control commands otherwise",
+                "{}: the CUCS in control has sent another command",
                 trigger.text(config)
             );
             self.raise(trigger, AlertPriority::Warning, text, effects);
@@ -313,7 +313,7 @@ impl Contingencies {
         }
     }
 
-    /// The CUCS in control is lost: whoever has decided otherwise does not see what becomes of the vehicle any more.
+    /// The CUCS in control is lost: an operator who decided otherwise can no longer see the vehicle.
     pub(crate) fn controller_lost(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         // What the vehicle still shows is handled again at once. A route that is flown is not flown again from its start.
@@ -324,7 +324,7 @@ impl Contingencies {
         }
     }
 
-    /// The CUCS in control has released the vehicle, and nobody has taken it: what it has ended is flown again.
+    /// The CUCS in control has released the vehicle and nobody has taken it: actions that it ended are flown again.
     pub(crate) fn released(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
         self.handled.retain(|one| one.end != End::Operator);
@@ -345,7 +345,7 @@ impl Contingencies {
         self.alerted = Default::default();
     }
 
-    /// The vehicle gets no further on what a contingency has led to: it returns, or lands. False where none has.
+    /// The vehicle makes no progress on a contingency action: it returns or lands. Returns false if it flies none.
     pub(crate) fn begin_again(&mut self, now: Duration) -> bool {
         let flown = |one: &&Handled| one.end.flown().is_some();
         let flown = self.handled.iter().find(flown).map(|one| one.trigger);
@@ -358,7 +358,7 @@ impl Contingencies {
         true
     }
 
-    /// Looks at what the vehicle reports: which causes stand, and what is done with them.
+    /// Checks the vehicle's reports: determines the active causes and their actions.
     pub(crate) fn watch(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         if self.unsaved.is_some_and(|at| at <= context.now) {
             self.save(effects);
@@ -421,10 +421,10 @@ impl Contingencies {
         for trigger in Trigger::ALL.into_iter().filter(|one| self.is_present(*one)) {
             let ended = match self.end_of(trigger) {
                 Some(End::Operator) => {
-                    "the CUCS that controlled the vehicle before has commanded otherwise; nothing is flown for that, unless control \
-                     is lost or released"
+                    "the CUCS that controlled the vehicle before has sent another command; no action is flown for this unless \
+                     control is lost or released"
                 }
-                Some(End::Pilot) => "it was left to a pilot, and nothing is flown for that",
+                Some(End::Pilot) => "it was left to a pilot, and no action is flown for this",
                 Some(End::Shown(_) | End::Completed(_)) | None => continue,
             };
             let text = format!("{}: {ended}", trigger.text(config));
@@ -445,7 +445,7 @@ impl Contingencies {
         };
         let before = watch.stands;
         let gone = seen.is_some_and(|seen| watch.look(context.now, seen));
-        // It was configured before, and is no more.
+        // It was removed from the configuration.
         let gone = gone || trigger.action(&context.config).is_none();
         if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
             let how = match end {
@@ -453,7 +453,7 @@ impl Contingencies {
                     format!("the vehicle was brought to {}", action.name())
                 }
                 End::Pilot => "it was left to a pilot".to_owned(),
-                End::Operator => "a CUCS has commanded otherwise".to_owned(),
+                End::Operator => "a CUCS has sent another command".to_owned(),
             };
             let text = format!(
                 "{}: {how} for that; nothing more is commanded",
@@ -462,7 +462,7 @@ impl Contingencies {
             self.raise(trigger, AlertPriority::Warning, text, effects);
         }
         if gone {
-            self.forget(trigger, "what the contingency was for is over", effects);
+            self.forget(trigger, "the cause of the contingency is gone", effects);
         }
     }
 
@@ -548,7 +548,7 @@ impl Contingencies {
             self.raise(before.trigger, AlertPriority::Warning, text, effects);
         }
         if waits || why.is_some() {
-            // Not counted as a try: the vehicle did not get the chance to refuse.
+            // Not counted as an attempt: the vehicle had no chance to refuse.
             self.trying = Some(Trying { next_at, ..before });
             return None;
         }
@@ -672,14 +672,15 @@ impl Contingencies {
             Err(fault) => {
                 self.unsaved = Some(now + SAVE_AGAIN);
                 let text = format!(
-                    "what was done for a contingency cannot be stored: {fault}; a restart of the VSM would command it again"
+                    "the state of a contingency cannot be stored: {fault}; a restart of the VSM would command it again"
                 );
                 effects.warn(Cause::ContingencyRecord, text);
             }
         }
     }
 
-    /// A contingency whose cause the vehicle does not report is none: whoever relies on it must know before the flight.
+    /// A contingency whose cause the vehicle does not report has no effect: operators who rely on it must know before the
+    /// flight.
     fn report_unwatched(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let since = *self.live_since.get_or_insert(context.now);
         let unseen = |one: &Trigger| {
@@ -694,7 +695,7 @@ impl Contingencies {
         if unseen.is_empty() {
             effects.clear(
                 Cause::ContingencyUnwatched,
-                "the vehicle reports what its contingencies are judged by",
+                "the vehicle reports all values that its contingencies need",
             );
         } else if context.now.saturating_sub(since) >= REPORTED_WITHIN {
             let text = format!("contingencies are not watched: {}", unseen.join(", "));
@@ -738,11 +739,11 @@ pub(crate) fn modes(action: Action) -> &'static [Px4Mode] {
     }
 }
 
-/// Tries of an action before the next.
+/// Attempts of an action before the next one.
 const MAX_TRIES: u32 = 2;
-/// From one try, or look, to the next.
+/// Time between two attempts or checks.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
-/// Nobody has read an alert, and decided, in less.
+/// The minimum time to read an alert and decide.
 const READ_WITHIN: Duration = Duration::from_secs(3);
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
 /// ESTIMATOR_STATUS comes every two seconds, and may be lost.

@@ -1,4 +1,4 @@
-//! What the machine needs of whoever runs it: the bridge by its effects, the air-side agent by what it reports.
+//! What the machine needs from its host: the bridge provides it by its effects, the air-side agent by its reports.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ pub(crate) trait Outlet {
     /// What an earlier process has kept.
     ///
     /// # Errors
-    /// It is there and cannot be read.
+    /// It exists but cannot be read.
     fn load(&mut self) -> Result<Option<Record>, StoreError>;
 
     /// Keeps it, before anything is reported of it.
@@ -35,7 +35,7 @@ pub(crate) trait Outlet {
         text: String,
     );
 
-    /// It stands no more.
+    /// It is no longer active.
     fn clear(&mut self, cause: Cause, text: &str);
 
     /// A warning that stands.

@@ -1,4 +1,4 @@
-//! Which of the things that the VSM flies by itself is flown: the one place where that is decided.
+//! The priority of the VSM's own actions: the one place that decides which of them is flown.
 //!
 //! Above all of them stand, in this order: a flight termination (`Flight::handle`), a pilot and PX4's own failsafes
 //! ([`Other`](crate::session::other::Other)), and a command of the CUCS in control. Among themselves the more urgent action is

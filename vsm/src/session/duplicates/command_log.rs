@@ -1,10 +1,9 @@
 //! The lines of the log of commands, written and read.
 //!
-//! A line for each state of a command: digest, message type, stamp, destination, 1 where an acknowledgement was
-//! requested, mode, and the answer, `-` before it is known; `unauthorised` behind that where it was refused for want of a
-//! right, or as late. A later line of the same digest takes the place of the earlier. `used` and `sticks` lines have the
-//! first and the last of stamps that were used; they are written with the rest, in one step, when the log is written
-//! whole.
+//! Each state of a command is one line: digest, message type, Time Stamp, destination, 1 if an acknowledgement was
+//! requested, mode, and the answer (`-` before it is known), followed by `unauthorised` if the command was refused as late
+//! or for a missing right. A later line with the same digest replaces the earlier one. `used` and `sticks` lines have the
+//! first and last of a span of used stamps; they are written in one step with the rest when the whole log is rewritten.
 
 use std::fmt::Write as _;
 

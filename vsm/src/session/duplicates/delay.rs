@@ -1,34 +1,34 @@
-//! How long a message of a station has been on its way, as far as one way shows it: by how much it is behind the fastest
-//! messages of the last minute.
+//! The delay of a station's message, as far as it can be measured one-way: how much later it is than the fastest messages of
+//! the last minute.
 //!
-//! [`StationClock`](super::stamps::StationClock) would not do for what must be fresh: it follows the newest stamp, so that a
-//! link which holds everything back by half a minute drags it along, and a command that was held back with it would look
-//! new. The fastest message of a minute is dragged by nothing. What the clock refuses to follow, such as a single message of
-//! another time, is not noted here either.
+//! [`StationClock`](super::stamps::StationClock) is not enough for messages that must be fresh: it follows the newest stamp,
+//! so that a link that delays everything by half a minute shifts it, and a delayed command would look new. The fastest
+//! message of a minute is not affected. A message that the clock does not follow, such as a single one with a different
+//! time, is ignored here too.
 //!
-//! One way shows no more: a link that has delayed everything evenly for longer than a minute looks like a station whose clock
-//! is behind.
+//! More cannot be measured one-way: a link that delays everything evenly for longer than a minute looks like a station whose
+//! clock is behind.
 
 use std::time::Duration;
 
 use stanag_msgs::TimeStamp;
 
-/// How long a message has been on its way.
+/// The delay of a message.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum Delay {
-    /// Too little was received of its station lately, or the station's clock was set.
+    /// Too few messages were received recently, or the station's clock was set.
     #[default]
     Unknown,
-    /// Its stamp is of a time that its station's clock has not reached.
+    /// Its stamp is ahead of its station's clock.
     Ahead(Duration),
-    /// Longer than the fastest of the last minute by this.
+    /// Longer by this than the fastest message of the last minute.
     Behind(Duration),
 }
 
 /// The fastest messages of one station.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FastestWay {
-    /// Of this half of a minute, and of the one before.
+    /// The fastest of the present half minute, and of the previous one.
     spans: [Option<Fastest>; 2],
     /// When this half began.
     began: Duration,
@@ -36,7 +36,7 @@ pub(crate) struct FastestWay {
     since: Option<Duration>,
 }
 
-/// The message whose stamp was the latest for the time that it came.
+/// The message whose stamp was the latest relative to its time of arrival.
 #[derive(Debug, Clone, Copy)]
 struct Fastest {
     stamp: TimeStamp,
@@ -69,12 +69,12 @@ impl FastestWay {
         }
     }
 
-    /// The station's clock was set: what was measured before counts no more.
+    /// The station's clock was set: forgets earlier measurements.
     pub(super) fn forget(&mut self) {
         *self = FastestWay::default();
     }
 
-    /// How long a message that is received now has been on its way.
+    /// The delay of a message that is received now.
     pub(super) fn delay(&self, stamp: TimeStamp, now: Duration) -> Delay {
         let fresh = self.spans.iter().flatten();
         let fresh = fresh.filter(|one| now.saturating_sub(one.at) < 3 * SPAN);
@@ -114,11 +114,11 @@ pub(crate) fn stamps_apart_ms(one: TimeStamp, other: TimeStamp) -> i64 {
     }
 }
 
-/// Traffic that is ahead by no more fits the clock: its first message may have been on its way for longer.
+/// Traffic that is ahead by at most this fits the clock: the first message may have had a longer delay.
 pub(crate) const NEAR_MS: i64 = 2_000;
-/// Half of what is looked back over: a station whose clock was set back by seconds is measured again within a minute.
+/// Half of the measurement window: a station whose clock was set back by seconds is measured again within a minute.
 const SPAN: Duration = Duration::from_secs(30);
-/// Messages that were held back come all at once: only those of a longer time show a clock that runs.
+/// Delayed messages arrive in one burst: only messages over a longer time show a running clock.
 const MEASURED: Duration = Duration::from_secs(3);
 
 #[cfg(test)]

@@ -1,29 +1,29 @@
-//! Duplicates: the same source, destination, type, stamp and bytes; acknowledged again, not carried out again.
+//! Duplicates: messages with the same source, destination, type, stamp and bytes are acknowledged again but not carried out
+//! again.
 //!
-//! [`Remembered`] is what the bridge knows of one CUCS; it judges each message. Its parts, in the order in which a
-//! message meets them:
+//! [`Remembered`] is the memory of one CUCS's messages; it decides about each message. Its parts, in the order in which a
+//! message passes through them:
 //!
-//! 1. `recent`: the latest messages, each with its answer and with what it orders about. A repetition is answered from
-//!    here; an order that a later one has overtaken is refused.
-//! 2. `stamps`: the Time Stamps that commands have used ([`UsedStamps`]), and the clock of the station as its traffic
-//!    shows it ([`StationClock`]); `delay`: how fresh a message is by it. `stick_stamps`: the same for sticks
-//!    ([`StickStamps`]).
-//! 3. `refusals`: the reasons that a station is sent.
+//! 1. `recent`: the latest messages, each with its answer and its subject. A repetition is answered from here; a command
+//!    that was overtaken by a later one is refused.
+//! 2. `stamps`: the Time Stamps that commands have used ([`UsedStamps`]), and the station's clock as estimated from its
+//!    traffic ([`StationClock`]); `delay`: the delay of a message. `stick_stamps`: the same for sticks ([`StickStamps`]).
+//! 3. `refusals`: the reasons sent to a station.
 //! 4. `command_log`: the lines of the log on disk, for the time after a restart.
 //!
-//! Each message is known by the digest of its bytes. Those that command are remembered apart from questions and
-//! streams, so that neither sticks nor heartbeats push them out, and are logged on disk: they are known after a restart
-//! too, and one that the restart cut off is answered.
+//! A message is identified by the digest of its bytes. Commands are remembered apart from queries and streams, so that
+//! neither sticks nor heartbeats displace them. They are also logged on disk: they are known after a restart, and a command
+//! that the restart interrupted is answered.
 //!
-//! What was authorised and the memory has no room for any more leaves its stamp behind ([`UsedStamps`]): no command is
-//! carried out twice, however many others came between. What was not authorised leaves nothing. What moves the aircraft,
-//! changes what it will fly or decides who may (`commands` of the caller) needs a stamp, and comes in time by its station's
-//! own clock ([`StationClock`]). Sticks are too many to be logged one by one: of them each must be newer than the last
-//! ([`StickStamps`]), and the log has a bound on their stamps that is ahead of them.
+//! When an authorised command is displaced from memory, its stamp is kept ([`UsedStamps`]): no command is carried out twice,
+//! however many others arrive in between. Unauthorised commands leave nothing. A message that moves the aircraft, changes
+//! what it will fly, or changes who controls it (`commands` of the caller) needs a stamp and must be recent by its station's
+//! own clock ([`StationClock`]). There are too many sticks to log each one: each must be newer than the last
+//! ([`StickStamps`]), and the log holds an upper bound on their stamps that is ahead of them.
 //!
 //! A command is logged before it is carried out, and again when its answer is final. The log survives the end of the
-//! process, `kill -9` too; after a power cut the last lines may be missing. Where no line can be written the command is
-//! carried out all the same, and an alert reports it: a vehicle in the air must be commanded with a full disk too.
+//! process, also by `kill -9`; after a power cut the last lines may be missing. If a line cannot be written, the command is
+//! still carried out and an alert is raised: a vehicle in the air must remain controllable with a full disk.
 
 mod command_log;
 mod delay;
@@ -52,7 +52,7 @@ pub(crate) use self::stamps::stamps_apart_ms;
 use self::stamps::{MAX_AHEAD, StationClock, UsedStamps};
 use self::stick_stamps::{Stick, StickStamps};
 
-/// What one CUCS has sent lately, in memory and in its log.
+/// Recent messages of one CUCS, in memory and in its log.
 #[derive(Debug, Default)]
 pub(crate) struct Remembered {
     recent: Recent,
@@ -61,40 +61,40 @@ pub(crate) struct Remembered {
     /// Stamps of sticks, as the log has them.
     sticks: UsedStamps,
     stick_stamps: StickStamps,
-    /// The log has this as the last of the sticks.
+    /// The last stick stamp in the log.
     sticks_logged: u64,
     clock: StationClock,
     /// Lines of the log since it was last written whole.
     lines: usize,
-    /// The name of the log, and a line of it that is being written: kept, so that a line of sticks allocates nothing.
+    /// The name of the log and a buffer for one line, kept so that logging sticks does not allocate.
     log_name: String,
     line: String,
 }
 
-/// What becomes of a message.
+/// The decision about a message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// It is carried out.
     New,
-    /// It was received before; the answer, where it has one.
+    /// It was received before; with the answer, if it has one.
     Again(Option<AckType>),
     /// It is refused: the name of the counter, and the reason.
     Refused(&'static str, String),
 }
 
 impl Remembered {
-    /// Judges a message, and remembers it. `timed`: it must be in time.
+    /// Decides about a message and remembers it. `timed`: it must be recent.
     ///
-    /// That it was received uses up nothing: what is not authorised must not, else a CUCS without a right, or who sends in
-    /// its name, would lock it out of moments to come. What is authorised is [accepted](Remembered::accept) before it is
-    /// carried out.
+    /// Reception alone does not use a stamp: otherwise a CUCS without a right, or an attacker in its name, could use up
+    /// future stamps and lock the CUCS out. An authorised command is [accepted](Remembered::accept) before it is carried
+    /// out.
     pub(crate) fn judge(&mut self, new: &Seen, timed: bool, now: Duration) -> Verdict {
         if let Some(answer) = self.recent.find(new) {
             return Verdict::Again(answer);
         }
         let sticks = new.message_type == STICKS;
         if new.commands() && self.used.contains(new.stamp) {
-            // It is not remembered: replays must not push out what is.
+            // Do not remember it: replays must not displace other messages.
             return Verdict::Refused("used time stamp", USED.into());
         }
         if sticks {
@@ -112,9 +112,9 @@ impl Remembered {
                 return Verdict::Refused("used time stamp", why.into());
             }
         }
-        // Noted first: it may be the message that shows for long enough that the clock was set.
+        // Note it first: this may be the message that confirms that the clock was set.
         self.clock.note(new.stamp, now);
-        // One that is ahead stays used until the clock has passed it, however many there are.
+        // A stamp ahead of the clock stays used until the clock has passed it, however many there are.
         if timed
             && self.clock.is_ahead(new.stamp, now)
             && let Some(reading) = self.clock.reading(now)
@@ -122,7 +122,7 @@ impl Remembered {
         {
             return Verdict::Refused("too far ahead", TOO_MANY_AHEAD.into());
         }
-        // An overtaken order is remembered too, so that its repetitions are refused as duplicates; a late one likewise.
+        // Remember overtaken and late commands too, so that their repetitions are refused as duplicates.
         let overtaken = self.recent.is_overtaken(new);
         let reading = self.clock.reading(now);
         for seen in self.recent.remember(*new).into_iter().flatten() {
@@ -143,12 +143,12 @@ impl Remembered {
         }
     }
 
-    /// How long a message that was judged just now has been on its way.
+    /// The delay of the message that was just decided about.
     pub(crate) fn delay(&self, stamp: TimeStamp, now: Duration) -> Delay {
         self.clock.delay(stamp, now)
     }
 
-    /// How much was used of what is later than the station's clock shows.
+    /// How many used stamps are ahead of the station's clock.
     fn ahead(&self, sticks: bool, reading: TimeStamp) -> usize {
         if sticks {
             self.stick_stamps.ahead(reading)
@@ -157,13 +157,13 @@ impl Remembered {
         }
     }
 
-    /// Whether all sticks of the station have been refused for so long that it must know.
+    /// Whether all sticks of the station have been refused for so long that it must be notified.
     pub(crate) fn refuses_sticks(&self, now: Duration) -> bool {
         self.stick_stamps.are_refused(now)
     }
 
-    /// The message that was judged last is to be carried out: it is on disk before that. `authorised`: its stamp is used
-    /// from here on. `None` where it is not logged; else whether that could be written. It counts all the same.
+    /// The last message will be carried out: logs it first. `authorised`: its stamp is used from here on. Returns `None` if
+    /// such messages are not logged, otherwise whether the write succeeded. The message counts as received in either case.
     pub(crate) fn accept(
         &mut self,
         station: Id,
@@ -200,10 +200,10 @@ impl Remembered {
         disk: &mut dyn Disk,
     ) {
         if let Some(seen) = self.recent.answered(message_type, stamp, answer)
-            // "Received" is not logged: after a restart it would mean the same as no answer.
+            // Do not log "received": after a restart it would mean the same as no answer.
             && is_final(seen.answer)
         {
-            // That nothing can be written was raised as an alert when the command came.
+            // The alert about a failed write was raised when the command arrived.
             let _ = self.log(station, &seen, disk);
         }
     }
@@ -215,7 +215,7 @@ impl Remembered {
         seen.is_some_and(|seen| seen.answer == Some(AckType::Refused))
     }
 
-    /// Reads back what a station has commanded before a restart; the commands that were not answered to their end.
+    /// Reads the log after a restart; returns the commands without a final answer.
     ///
     /// # Errors
     /// The log exists and cannot be read.
@@ -230,7 +230,7 @@ impl Remembered {
         };
         self.read_log(&bytes);
         let commands = &self.recent.commands;
-        // Of what was not authorised nothing is learnt.
+        // Nothing is learned from unauthorised commands.
         if let Some(latest) = commands.iter().rev().find(|seen| seen.has_used_its_stamp()) {
             self.clock.restore(latest.stamp, now);
             self.used.bound(latest.stamp);
@@ -241,15 +241,15 @@ impl Remembered {
         Ok(open.copied().collect())
     }
 
-    /// Forgets a command: it is carried out when it comes again.
+    /// Forgets a command, so that it is carried out if it is sent again.
     pub(crate) fn forget(&mut self, digest: Digest) {
         self.recent.commands.retain(|seen| seen.digest != digest);
     }
 
-    /// Writes the whole log again, without lines that later ones have replaced.
+    /// Rewrites the whole log, without replaced lines.
     ///
     /// # Errors
-    /// It stays as it was.
+    /// The log is unchanged.
     pub(crate) fn compact(&mut self, station: Id, disk: &mut dyn Disk) -> Result<(), StoreError> {
         let mut whole = String::new();
         for (name, used) in [(USED_LINE, &self.used), (STICKS_LINE, &self.sticks)] {
@@ -258,7 +258,7 @@ impl Remembered {
             }
         }
         if let Some(last) = self.sticks_logged.checked_sub(STICKS_AHEAD_MS) {
-            // Ahead of the sticks that were received, as its line in the log is.
+            // Ahead of the received sticks, like its line in the log.
             write_span(&mut whole, STICKS_LINE, last, self.sticks_logged);
         }
         for seen in &self.recent.commands {
@@ -277,8 +277,8 @@ impl Remembered {
         self.append(station, disk)
     }
 
-    /// Notes the stamp of a stick. They come 50 times a second: the log has a stamp up to which they count as used after a
-    /// restart, and gets the next one when they reach it.
+    /// Notes the stamp of a stick. Sticks arrive 50 times a second, so the log holds a stamp up to which they count as used
+    /// after a restart, and a new one is written when they reach it.
     fn log_sticks(
         &mut self,
         station: Id,
@@ -315,7 +315,7 @@ impl Remembered {
     fn read_log(&mut self, bytes: &[u8]) {
         let known = &mut self.recent.commands;
         known.clear();
-        // Where a digest is, counted from the first that was ever read.
+        // The position of a digest, counted from the first line.
         let mut places: HashMap<[u8; 16], usize> = HashMap::new();
         let mut forgotten = 0;
         for line in String::from_utf8_lossy(bytes).lines() {
@@ -342,7 +342,7 @@ impl Remembered {
                     known.push_back(seen);
                 }
             }
-            // As many as there can be: some may still be on their way, as `remember` has it.
+            // As many as `remember` keeps, since retransmissions may still arrive.
             if known.len() > MAX_COMMANDS
                 && let Some(oldest) = known.pop_front()
             {
@@ -355,9 +355,9 @@ impl Remembered {
     }
 }
 
-/// A log of so many lines is compacted.
+/// A log with this many lines is compacted.
 const MAX_LINES: usize = 3 * MAX_COMMANDS;
 const STICKS: u16 = 2010;
-/// How far the log is ahead of the sticks. After a restart of the VSM they count again that much later; PX4 has left manual
-/// flight by then, and every other command counts at once.
+/// How far the log is ahead of the sticks. After a restart of the VSM, sticks are accepted again after this time; by then
+/// PX4 has left manual flight. All other commands are accepted at once.
 const STICKS_AHEAD_MS: u64 = 10_000;

@@ -1,8 +1,8 @@
-//! The latest messages of one CUCS, those that command apart from questions and streams: what each was answered, and
-//! what it orders about.
+//! The latest messages of one CUCS, with the answer and the subject of each; commands are kept apart from queries and
+//! streams.
 //!
-//! An order can be overtaken: its first datagram is lost, and what repeats it comes after a later order about the same
-//! thing ([`about`]). Carried out then, it would undo the later one.
+//! A command can be overtaken: its first datagram is lost, and its retransmission arrives after a later command about the
+//! same subject ([`about`]). If it were carried out then, it would undo the later one.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -19,7 +19,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 use super::stamps::{MAX_LATE, stamps_apart_ms};
 use crate::session::context::Origin;
 
-/// The latest messages of one CUCS and what each was answered.
+/// The latest messages of one CUCS and their answers.
 #[derive(Debug, Default)]
 pub(super) struct Recent {
     pub(super) commands: VecDeque<Seen>,
@@ -45,19 +45,18 @@ pub(crate) struct Seen {
     pub(crate) digest: Digest,
     pub(crate) stamp: TimeStamp,
     pub(crate) message_type: u16,
-    /// Whom it was for.
+    /// Its destination.
     pub(crate) destination: Id,
     pub(crate) ack_requested: bool,
-    /// Select Flight Path Control Mode of a 2016, 0 of all others.
+    /// Select Flight Path Control Mode of a 2016, 0 for all others.
     pub(crate) mode: u8,
-    /// What it was answered last.
+    /// Its latest answer.
     pub(crate) answer: Option<AckType>,
-    /// A message 1 that asks, and neither requests nor releases: it may be asked once a second for hours, and must not
-    /// use up the stamps of commands.
+    /// A message 1 that only queries: it may be sent once a second for hours and must not use up the stamps of commands.
     pub(super) question: bool,
     /// It was authorised: its stamp is used.
     pub(super) accepted: bool,
-    /// When it came, and what it is about; none of what was read back after a restart.
+    /// When it arrived, and its subject; `None` if it was read back after a restart.
     pub(crate) came: Option<(Duration, Option<About>)>,
 }
 
@@ -82,7 +81,7 @@ impl Seen {
                 let levels = request.requested_handover_loi;
                 let releases =
                     request.requested_handover_access == Some(RequestedAccess::Relinquish);
-                // To everybody it releases only what it names.
+                // Sent to all, it releases only the named rights.
                 let to_all = frame.header.destination == Id::BROADCAST;
                 levels.is_none_or(|levels| levels.is_empty()) && (to_all || !releases)
             }
@@ -114,13 +113,13 @@ impl Seen {
         }
     }
 
-    /// Whether a second carrying out would do something: all but questions, heartbeats and the stream of sticks, of
-    /// which the next one takes the place of the last.
+    /// Whether carrying it out twice would matter: all messages but queries, heartbeats and sticks, each of which replaces
+    /// the last.
     pub(crate) fn commands(&self) -> bool {
         !self.question && is_command(self.message_type)
     }
 
-    /// Whether its stamp must not command again. Anybody listed may request rights: only what was granted counts.
+    /// Whether its stamp must not command again. Any listed CUCS may request rights, so only granted requests count.
     pub(super) fn has_used_its_stamp(&self) -> bool {
         let granted = self.answer == Some(AckType::CarriedOut);
         self.accepted && (granted || !REQUESTS.contains(&self.message_type))
@@ -133,7 +132,7 @@ pub(crate) fn is_command(message_type: u16) -> bool {
 }
 
 impl Recent {
-    /// The answer given to this very message before: `Some(None)` where it was seen and not answered yet.
+    /// The earlier answer to this message: `Some(None)` if it was received but not answered yet.
     pub(crate) fn find(&self, new: &Seen) -> Option<Option<AckType>> {
         let ring = if new.commands() {
             &self.commands
@@ -146,8 +145,8 @@ impl Recent {
             .map(|seen| seen.answer)
     }
 
-    /// Whether a later order about the same thing was taken shortly before this one came. One whose stamp is further
-    /// back has not been on its way for so long: its sender's clock was set.
+    /// Whether a later command about the same subject was accepted shortly before this one arrived. If the stamp is further
+    /// back, the message was not delayed for so long: its sender's clock was set.
     pub(crate) fn is_overtaken(&self, new: &Seen) -> bool {
         let Some((now, Some(about))) = new.came else {
             return false;
@@ -160,14 +159,14 @@ impl Recent {
                 && about.is_undone_by(known)
                 && seen.destination == new.destination
                 && seen.accepted
-                // A refused order had no effect that an earlier one could undo.
+                // A refused command had no effect that an earlier one could undo.
                 && seen.answer != Some(AckType::Refused)
                 && (1..LONGEST_WAY_MS).contains(&stamps_apart_ms(seen.stamp, new.stamp))
                 && now.saturating_sub(at).as_millis() < LONGEST_WAY_MS as u128
         })
     }
 
-    /// Remembers a message; those that are forgotten for it.
+    /// Remembers a message; returns the messages that are forgotten for it.
     pub(super) fn remember(&mut self, new: Seen) -> [Option<Seen>; 2] {
         let now = new.came.map(|(now, _)| now).unwrap_or_default();
         let ring = if new.commands() {
@@ -180,7 +179,7 @@ impl Recent {
         for one in &mut forgotten {
             let young = |seen: &&Seen| {
                 let came = seen.came.map(|(at, _)| now.saturating_sub(at));
-                // Its retransmissions, and those of what was sent just before it, may still be on their way.
+                // Its retransmissions, and those of messages sent just before it, may still arrive.
                 seen.commands() && came.is_some_and(|age| age < MAX_LATE)
             };
             let full = ring.len() >= MAX_COMMANDS;
@@ -194,7 +193,7 @@ impl Recent {
 
     /// The latest command of this type and stamp.
     fn latest_command(&mut self, message_type: u16, stamp: TimeStamp) -> Option<&mut Seen> {
-        // Streams are no commands; of message 1 there are questions, too.
+        // Streams are not commands, and a message 1 may be a query.
         let mut commands = (self.commands.iter_mut().rev()).filter(|_| is_command(message_type));
         commands.find(|seen| seen.message_type == message_type && seen.stamp == stamp)
     }
@@ -220,31 +219,31 @@ pub(super) fn is_final(answer: Option<AckType>) -> bool {
     answer.is_some_and(|answer| answer != AckType::Received)
 }
 
-/// What a message orders about: of two orders about the same thing, which the message type names beside this, the later
-/// one counts.
+/// The subject of a command: of two commands with the same message type and subject, the later one applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum About {
-    /// This one of the things that messages of the type order about.
+    /// One of the subjects of this message type.
     Thing(u64),
-    /// The mode, and with it whatever is flown (2016, #42).
+    /// The mode, and so everything that is flown (2016, #42).
     Mode,
-    /// Values within the mode that the vehicle has (2016 that names none, #43).
+    /// Values within the present mode (a 2016 without a mode, #43).
     Values,
-    /// A setting that is kept, such as the altimeter's (2016 that commands nothing else).
+    /// A stored setting, such as the altimeter setting (a 2016 that commands nothing else).
     Setting,
-    /// Which values rule (#48).
+    /// The mode preference (#48).
     Preference,
 }
 
 impl About {
-    /// Whether a later order leaves nothing of this one to do. What names no mode ends none: a station repeats its values all
-    /// the time, and a hold or a landing that was lost on its way must still be taken when it is repeated.
+    /// Whether a later command replaces this one completely. A command without a mode does not replace one with a mode: a
+    /// station repeats its values all the time, and a retransmitted hold or landing whose first datagram was lost must still
+    /// be accepted.
     fn is_undone_by(self, later: About) -> bool {
         self == later || (self, later) == (About::Values, About::Mode)
     }
 }
 
-/// Whether a 2016 commands an altitude, speed, heading, place or waypoint.
+/// Whether a 2016 commands an altitude, speed, heading, position or waypoint.
 pub(crate) fn commands_values(command: &VehicleOperatingModeCommand) -> bool {
     let angles = [
         command.loiter_position_latitude,
@@ -261,12 +260,12 @@ pub(crate) fn commands_values(command: &VehicleOperatingModeCommand) -> bool {
         || (angles.iter().flatten()).any(|angle| moves(angle.degrees()))
 }
 
-/// What a message orders about; none of those whose order means nothing.
+/// The subject of a message; `None` if the order of such messages does not matter.
 fn about(message: &Message, made_of: Option<u16>) -> Option<About> {
     if let Message::VehicleOperatingModeCommand(command) = message {
         let mode = command.select_flight_path_control_mode;
         return Some(match made_of {
-            // It names the mode that a #42 before it has commanded, or commands nothing now and is kept.
+            // It names the mode that an earlier #42 has commanded, or commands nothing now and is stored.
             Some(43) => About::Values,
             Some(48) => About::Preference,
             _ if mode.is_some_and(|mode| mode != FlightPathControlMode::NoMode) => About::Mode,
@@ -316,7 +315,7 @@ fn thing(message: &Message) -> Option<u64> {
     }
 }
 
-/// A datagram is not longer on its way, ms, repetitions included.
+/// Maximum delay of a datagram, ms, including retransmissions.
 const LONGEST_WAY_MS: i64 = 10_000;
 
 /// Sticks, subsystem status requests, heartbeat, acknowledgement, schedule and request of reports, configuration
@@ -326,7 +325,7 @@ const NO_COMMANDS: [u16; 10] = [
 ];
 /// Requests for rights, and positive handovers.
 const REQUESTS: [u16; 3] = [1, 4, 34_000];
-/// Messages remembered a CUCS, of each of the two kinds: an upload of 500 waypoints, sent twice, is recognised.
+/// Messages remembered per CUCS, for each of the two kinds: an upload of 500 waypoints that is sent twice is recognised.
 const DEPTH: usize = 1024;
-/// Commands remembered while they are young.
+/// Maximum number of commands remembered while they are recent.
 pub(super) const MAX_COMMANDS: usize = 4 * DEPTH;

@@ -1,22 +1,22 @@
-//! What the Time Stamps of one station are worth: which of them have commanded already, and what its clock shows.
+//! Time Stamps of one station: which of them have been used by commands, and the station's clock estimated from them.
 //!
-//! **Used stamps.** The memory of duplicates is bounded, so a recorded command can wait until it has been pushed out.
-//! The stamp of what leaves the memory therefore stays, in [`UsedStamps`]: spans that only grow, so that a stamp outside
-//! of them and outside of the memory has never commanded. A single floor would be simpler, and would lock out for good
-//! a station whose clock was wrong by a year for a minute; the years between two spans stay free. Only of what was
-//! authorised is the stamp used: else anybody could use up moments to come. Where there are too many spans, older ones
-//! become one.
+//! **Used stamps.** The memory of duplicates is bounded, so an attacker could replay a recorded command after it was
+//! displaced from memory. Stamps of displaced commands are therefore kept in [`UsedStamps`], as spans that only grow: a
+//! stamp outside of the spans and the memory has never been used. A single minimum would be simpler, but would permanently
+//! lock out a station whose clock was a year ahead for a minute; with spans, the years between two of them stay free. Only
+//! authorised commands use their stamps, otherwise anybody could use up future ones. If there are too many spans, older ones
+//! are merged.
 //!
-//! **The station's clock.** A command can also be held back and delivered later, for the first time. It is
-//! measured against the other traffic of its station ([`StationClock`]): the newest stamp received, carried on by our
-//! monotonic time. A message may be late by [`MAX_LATE`], retransmissions included. No wall clock of ours takes part,
-//! so that none of ours can step.
+//! **The station's clock.** An attacker can also hold back a command and deliver it later, for the first time. So a command
+//! is compared with the other traffic of its station ([`StationClock`]): with the newest received stamp, advanced by our
+//! monotonic time. A message may be late by [`MAX_LATE`], including retransmissions. Our own wall clock is not used, so its
+//! steps have no effect.
 //!
-//! A station's own clock may step. Forward: what is ahead is accepted, since nothing recorded or held back is ahead of
-//! everything that was received. The clock follows it only once such traffic has lasted for [`SETTLE`]: one datagram
-//! from another year must not make all honest ones late. Back: refused, until rising stamps have come for [`SETTLE`]
-//! without one that still fits the clock as it was, or for [`CONTESTED`] with few that do. A replay beside the station's
-//! own traffic never gets there.
+//! A station's own clock may step. After a step forward, messages are accepted, since a recorded or delayed message is never
+//! ahead of everything received. The estimated clock follows only once such traffic has lasted for [`SETTLE`]: one datagram
+//! from another year must not make all honest ones late. After a step back, messages are refused until rising stamps have
+//! arrived for [`SETTLE`] without any that still fits the earlier clock, or for [`CONTESTED`] with only a few. A replay in
+//! parallel to the station's own traffic never achieves that.
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ use stanag_msgs::TimeStamp;
 use super::delay::{Delay, FastestWay};
 pub(crate) use super::delay::{NEAR_MS, stamps_apart_ms};
 
-/// Stamps that must not command again: closed spans, apart by more than [`MERGED_MS`], in rising order.
+/// Used stamps: closed spans, more than [`MERGED_MS`] apart, in rising order.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub(crate) struct UsedStamps {
     spans: Vec<(u64, u64)>,
@@ -46,8 +46,8 @@ impl UsedStamps {
         self.insert_span(stamp.0, stamp.0);
     }
 
-    /// Adds a span, and everything between it and another that is nearer than [`MERGED_MS`]. [`UsedStamps::bound`] is
-    /// for the caller: what a log holds is read before it is known what the clock shows.
+    /// Adds a span, merged with any other that is nearer than [`MERGED_MS`]. The caller calls [`UsedStamps::bound`], because
+    /// a log is read before the station's clock is known.
     pub(crate) fn insert_span(&mut self, mut first: u64, mut last: u64) {
         let begin = self
             .spans
@@ -60,7 +60,7 @@ impl UsedStamps {
             last = last.max(*known_last);
         }
         if let (1, Some(known)) = (end - begin, self.spans.get_mut(begin)) {
-            // As with every next stick: nothing moves.
+            // The usual case for sticks: extend the last span in place.
             *known = (first, last);
             return;
         }
@@ -72,12 +72,11 @@ impl UsedStamps {
         self.spans.iter().copied()
     }
 
-    /// Bounds the memory: where there are more than [`MAX_SPANS`], some of the older become one, by a clock that shows
-    /// `now`.
+    /// Bounds the memory: if there are more than [`MAX_SPANS`], merges some of the older ones. `now` is the station's clock.
     ///
-    /// What lies between two used stamps counts as used from then on. So only gaps that have passed are closed: with one
-    /// that `now` or the future lies in, who makes many stamps would lock out the station itself. Of the older half the
-    /// smallest: a clock that is set back by minutes, and one that was wrong by years, find most of their time free.
+    /// The time between two merged spans then counts as used. So only gaps in the past are closed: closing one that contains
+    /// `now` or the future would let an attacker with many stamps lock out the station. The smallest gaps of the older half
+    /// are closed first, so that a clock set back by minutes, or one that was wrong by years, finds most of its time free.
     pub(crate) fn bound(&mut self, now: TimeStamp) {
         while self.spans.len() > MAX_SPANS {
             let passed = self.passed_gaps(now).count();
@@ -90,7 +89,7 @@ impl UsedStamps {
         }
     }
 
-    /// The gaps that a clock that shows `now` has passed, the oldest first: the span before each, and how long it is, ms.
+    /// The gaps before `now`, the oldest first: the span before each, and its length, ms.
     fn passed_gaps(&self, now: TimeStamp) -> impl Iterator<Item = (usize, u64)> {
         let age = move |stamp: u64| stamps_apart_ms(now, TimeStamp(stamp));
         let after = self.spans.partition_point(|(first, _)| *first <= now.0);
@@ -98,54 +97,54 @@ impl UsedStamps {
         order.filter_map(move |index| match self.spans.get(index..index + 2)? {
             [(_, end), (start, _)] => {
                 let (opened, closed) = (age(*end), age(*start));
-                // The counter rolls over: of a gap that has its end in the future, the beginning may seem to have passed.
+                // The counter rolls over: the beginning of a gap that ends in the future may seem to be in the past.
                 (closed >= 0 && opened >= closed).then_some((index, start - end))
             }
             _ => None,
         })
     }
 
-    /// How many spans begin later than a clock that shows `now`.
+    /// How many spans begin after `now`.
     pub(crate) fn ahead(&self, now: TimeStamp) -> usize {
         let ahead = |first: u64| stamps_apart_ms(TimeStamp(first), now) > 0;
         self.spans.iter().filter(|(first, _)| ahead(*first)).count()
     }
 }
 
-/// The clock of one station, as its traffic shows it.
+/// The clock of one station, estimated from its traffic.
 #[derive(Debug, Default, Clone)]
 pub(crate) struct StationClock {
     reference: Option<Reference>,
-    /// Since when there has been traffic that follows the reference; `None` where it was not received in this run.
+    /// Since when there has been traffic that follows the reference; `None` if there was none in this run.
     since: Option<Duration>,
-    /// Traffic that does not fit the reference, by what it would show. Several, so that single messages of any time, as
-    /// anybody may forge them, do not take the place of what the station itself sends.
+    /// Candidate clocks of traffic that does not fit the reference. There are several, so that single forged messages cannot
+    /// displace the candidate of the station itself.
     candidates: [Option<Candidate>; MAX_CANDIDATES],
-    /// What is fresh by it.
+    /// Measures the delay of messages.
     fastest: FastestWay,
 }
 
-/// The newest stamp, and when it was received.
+/// The newest stamp, and its time of arrival.
 #[derive(Debug, Clone, Copy)]
 struct Reference {
     stamp: TimeStamp,
     at: Duration,
 }
 
-/// Another clock that a part of the traffic shows.
+/// A candidate clock that fits a part of the traffic.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     newest: Reference,
-    /// When it began, pauses apart.
+    /// When it began, without pauses.
     began: Duration,
-    /// Since when nothing newer has fitted the reference.
+    /// Since when no newer stamp has fitted the reference.
     alone_since: Option<Duration>,
-    /// In how many seconds since it began it has shown itself, and in how many the reference has.
+    /// In how many seconds since its start it was confirmed, and in how many the reference was.
     own: Seconds,
     others: Seconds,
 }
 
-/// Seconds in which something was received: a burst of messages counts as one.
+/// Counts seconds with a message: a burst of messages counts once.
 #[derive(Debug, Default, Clone, Copy)]
 struct Seconds {
     count: u64,
@@ -155,23 +154,23 @@ struct Seconds {
 /// Why a message is late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Late {
-    /// It was long on its way, or the clock was set back.
+    /// It was delayed, or the station's clock was set back.
     Behind(Duration),
-    /// The same, and other messages of the station show the later time.
+    /// The same, while other messages of the station show the later time.
     Contested(Duration),
-    /// The station's stamps have not risen above this one for so long.
+    /// The station's stamps have not increased beyond this one for this long.
     Standing(TimeStamp, Duration),
 }
 
 impl Reference {
-    /// How far a stamp that is received now is ahead of this clock, ms; negative where it is behind.
+    /// How far a stamp that is received now is ahead of this clock, ms; negative if it is behind.
     fn lead_ms(&self, stamp: TimeStamp, now: Duration) -> i64 {
         let elapsed = now.saturating_sub(self.at).as_millis();
         stamps_apart_ms(stamp, self.stamp) - i64::try_from(elapsed).unwrap_or(i64::MAX / 2)
     }
 
-    /// Whether a stamp received now can be the next of this clock: newer, and not ahead. It may be behind: a station
-    /// whose clock was set back may stamp with the last stamp and one, until its clock has caught up.
+    /// Whether a stamp received now can be the next of this clock: newer, and not ahead. It may be behind: a station whose
+    /// clock was set back may stamp with its last stamp plus one until its clock has caught up.
     fn continues(&self, stamp: TimeStamp, now: Duration) -> bool {
         stamps_apart_ms(stamp, self.stamp) > 0 && self.lead_ms(stamp, now) <= NEAR_MS
     }
@@ -199,7 +198,7 @@ impl Candidate {
         }
     }
 
-    /// Takes its next message; true where it is the clock of the station.
+    /// Adds a message to the candidate; returns true if it is now accepted as the station's clock.
     fn goes_on(&mut self, new: Reference) -> bool {
         if new.at.saturating_sub(self.newest.at) > IDLE {
             *self = Candidate {
@@ -211,15 +210,15 @@ impl Candidate {
         self.own.note(new.at);
         let alone_since = *self.alone_since.get_or_insert(new.at);
         let alone = new.at.saturating_sub(alone_since) >= SETTLE;
-        // Who forges a message of the old time now and then must not hold the clock down for ever; who replays beside the
-        // station's own traffic must not move it. That traffic comes once a second.
+        // An attacker who occasionally forges a message of the old time must not block the new clock forever, and a replay
+        // in parallel to the station's own traffic (once a second) must not move it.
         let lasting = new.at.saturating_sub(self.began) >= CONTESTED;
         alone || lasting && 3 * self.others.count <= self.own.count
     }
 }
 
 impl StationClock {
-    /// The newest stamp of an earlier run: what is older than that by [`MAX_LATE`] is late, whenever the station is
+    /// The newest stamp of an earlier run: messages older than that by [`MAX_LATE`] are late, whenever the station is
     /// received again.
     pub(crate) fn restore(&mut self, newest: TimeStamp, now: Duration) {
         self.reference = Some(Reference {
@@ -228,7 +227,7 @@ impl StationClock {
         });
     }
 
-    /// What it shows now.
+    /// The estimated time of the station's clock now.
     pub(crate) fn reading(&self, now: Duration) -> Option<TimeStamp> {
         let Reference { stamp, at } = self.reference?;
         let elapsed = u64::try_from(now.saturating_sub(at).as_millis()).unwrap_or_default();
@@ -237,20 +236,20 @@ impl StationClock {
         ))
     }
 
-    /// Whether a stamp received now is of a time that it has not reached.
+    /// Whether a stamp received now is ahead of the clock.
     pub(crate) fn is_ahead(&self, stamp: TimeStamp, now: Duration) -> bool {
         let reference = self.reference;
         reference.is_some_and(|reference| reference.lead_ms(stamp, now) > NEAR_MS)
     }
 
-    /// By how much a stamp received now is later than [`MAX_LATE`] allows; `None` where it is in time.
+    /// By how much a stamp received now exceeds [`MAX_LATE`]; `None` if it is in time.
     pub(crate) fn lateness(&self, stamp: TimeStamp, now: Duration) -> Option<Duration> {
         let lead_ms = self.reference?.lead_ms(stamp, now);
         let late = Duration::from_millis(u64::try_from(-lead_ms).ok()?);
         (late > MAX_LATE).then_some(late)
     }
 
-    /// Why a stamp that was noted just now is late; `None` where it is in time.
+    /// Why a stamp that was just noted is late; `None` if it is in time.
     pub(crate) fn late(&self, stamp: TimeStamp, now: Duration) -> Option<Late> {
         let by = self.lateness(stamp, now)?;
         let reference = self.reference?;
@@ -269,7 +268,7 @@ impl StationClock {
         })
     }
 
-    /// How long a message with this stamp, which was noted just now, has been on its way.
+    /// The delay of a message with this stamp, which was just noted.
     pub(crate) fn delay(&self, stamp: TimeStamp, now: Duration) -> Delay {
         self.fastest.delay(stamp, now)
     }
@@ -284,7 +283,7 @@ impl StationClock {
         let in_time = self.lateness(stamp, now).is_none();
         let ahead = self.is_ahead(stamp, now);
         if ahead && !self.is_settled(now) {
-            // What was received first may have been old. Honest traffic is ahead of that, and need not wait.
+            // The first received message may have been old. Honest traffic is ahead of it and need not wait.
             self.fastest.forget();
             self.fastest.note(stamp, now);
             self.candidates = [None; MAX_CANDIDATES];
@@ -293,7 +292,7 @@ impl StationClock {
         let newer_ms = stamps_apart_ms(stamp, reference.stamp);
         if in_time && !ahead {
             self.fastest.note(stamp, now);
-            // What was overtaken on its way brings nothing new.
+            // An older stamp brings nothing new.
             if newer_ms > 0 {
                 self.follow(new, self.since.unwrap_or(now));
                 for candidate in self.candidates.iter_mut().flatten() {
@@ -304,7 +303,7 @@ impl StationClock {
             return;
         }
         if newer_ms == 0 {
-            // A stamp that stands still shows no clock.
+            // A stamp that does not increase is no evidence of a clock.
             return;
         }
         let continued = |one: &&mut Candidate| one.newest.continues(stamp, now);
@@ -331,7 +330,7 @@ impl StationClock {
         }
     }
 
-    /// Begins a candidate, where there is room: one that has just shown itself is not driven out.
+    /// Begins a candidate if there is room: a recently confirmed one is not displaced.
     fn begin(&mut self, new: Reference) {
         let at = |slot: &Option<Candidate>| slot.map(|one| one.newest.at);
         let Some(oldest) = self.candidates.iter_mut().min_by_key(|slot| at(slot)) else {
@@ -353,23 +352,24 @@ impl StationClock {
     }
 }
 
-/// A command that arrives later than this after it was sent, by its station's own clock, is refused. Stations repeat for
-/// up to 40 s over the networks that the tests have.
+/// Maximum age of a command on arrival, by its station's own clock. In the networks of the tests, stations retry for up to
+/// 40 s.
 pub(crate) const MAX_LATE: Duration = Duration::from_secs(60);
 const MAX_LATE_MS: i64 = MAX_LATE.as_millis() as i64;
-/// Another reading of a station's clock is believed after this time.
+/// A candidate clock is accepted after this time.
 pub(crate) const SETTLE: Duration = Duration::from_secs(5);
-/// The same beside messages that show the reading before: at most one for three.
+/// The same while some messages still fit the earlier clock: at most one for every three.
 const CONTESTED: Duration = Duration::from_secs(30);
-/// Other readings that are followed at a time.
+/// Maximum number of candidate clocks.
 const MAX_CANDIDATES: usize = 8;
-/// One that has not shown itself for longer makes room, and begins again.
+/// A candidate that was not confirmed for longer than this can be displaced, and starts again.
 const IDLE: Duration = Duration::from_secs(10);
-/// Two used stamps that are nearer than this make one span.
+/// Used stamps that are nearer than this are merged into one span.
 const MERGED_MS: u64 = 1_000;
-/// Spans kept of what has passed: 16 KiB a station and kind.
+/// Number of past spans that are kept: 16 KiB for each station and kind.
 const MAX_SPANS: usize = 1_024;
-/// Spans ahead of a station's clock. A clock that is set forward is followed in seconds, so that an honest one makes few.
+/// Number of spans ahead of a station's clock. A clock that is set forward is followed within seconds, so an honest station
+/// needs few.
 pub(crate) const MAX_AHEAD: usize = 512;
 
 #[cfg(test)]

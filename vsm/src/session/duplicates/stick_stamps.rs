@@ -1,16 +1,16 @@
-//! Sticks (2010) and their Time Stamps: which were taken, and in which order they come.
+//! Sticks (2010) and their Time Stamps: which were accepted, and their order.
 //!
-//! They come 50 times a second, too many for the memory of commands. Each must be newer than the last. Of the last
-//! [`MAX_TAKEN`] each is known exactly, by its stamp and 24 bits of its digest: a recording of it is refused however the
-//! station's clock was set since, and another stick of the same moment is not. Of those before, and of those from before
-//! a restart of the VSM, the spans of time are known, and nothing in them is taken again.
+//! They arrive 50 times a second, too many for the memory of commands. Each must be newer than the last. The last
+//! [`MAX_TAKEN`] are known exactly, by stamp and 24 bits of their digest: a replay of one is refused however the station's
+//! clock was set since, but a different stick with the same stamp is not. Of older sticks, and those from before a restart
+//! of the VSM, only the spans of time are known, and no stick within them is accepted.
 //!
-//! Where the clock of the station was set back, its sticks are older than the last that was taken. They count again
-//! once they have come in rising order for [`SETTLE`], none of them a recording and none newer than the last among them.
-//! What was held back on its way, and never arrived, needs the same: it gets there only in place of the station's own.
+//! If the station's clock was set back, its sticks are older than the last accepted one. They are accepted again once they
+//! have arrived in rising order for [`SETTLE`], without a replay and without a stick newer than the last one in between.
+//! Sticks that an attacker held back need the same, and achieve it only if the station's own sticks are blocked.
 //!
-//! A stick that is ahead of the station's clock may be its own, after a step, or forged: it is taken, and those that fit
-//! the clock still count in their own order beside it, until the clock has followed the step.
+//! A stick ahead of the station's clock may be genuine, after a clock step, or forged: it is accepted, and sticks that fit
+//! the clock are still accepted in their own order, until the clock has followed the step.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -22,37 +22,38 @@ use super::stamps::{NEAR_MS, SETTLE, UsedStamps, stamps_apart_ms};
 /// The sticks of one station.
 #[derive(Debug, Default)]
 pub(crate) struct StickStamps {
-    /// Those that are known exactly, in runs whose stamps rise; the last is the one that is flown by.
+    /// The exactly known sticks, in runs with rising stamps; the last one is in use.
     runs: VecDeque<VecDeque<Taken>>,
     /// The last one that was not ahead of the station's clock.
     newest_in_time: Option<TimeStamp>,
-    /// When each was taken is known of others.
+    /// Spans of time of all other sticks.
     spans: UsedStamps,
-    /// Sticks that are not newer than the last: the newest of them, when it came, and since when they rise.
+    /// Sticks that are not newer than the last one: the newest of them, its time of arrival, and since when they have been
+    /// rising.
     set_back: Option<(TimeStamp, Duration, Duration)>,
     /// Since when every stick was refused.
     refused_since: Option<Duration>,
 }
 
-/// A stick that was taken: its stamp, 40 bits, and 24 bits of its digest.
+/// An accepted stick: 40 bits of stamp and 24 bits of digest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Taken(u64);
 
-/// What a stick is.
+/// The decision about a stick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stick {
-    /// Newer than those before.
+    /// Newer than all earlier ones.
     New,
-    /// A repetition of one that was taken.
+    /// A repetition of an accepted stick.
     Repeated,
-    /// Of a time of which only is known that sticks were taken then.
+    /// Within a span of time in which sticks were accepted.
     Flown,
-    /// Older than one that was taken.
+    /// Older than an accepted stick.
     Older,
 }
 
 impl StickStamps {
-    /// Judges a stick that is received now; `ahead` of the station's clock or not.
+    /// Decides about a stick that is received now. `ahead`: whether it is ahead of the station's clock.
     pub(crate) fn judge(
         &mut self,
         stamp: TimeStamp,
@@ -66,7 +67,7 @@ impl StickStamps {
             .iter()
             .any(|run| run.binary_search(&taken).is_ok())
         {
-            // A recording is no sign of anything.
+            // A replay proves nothing.
             return Stick::Repeated;
         }
         if self.spans.contains(stamp) {
@@ -88,7 +89,7 @@ impl StickStamps {
                 if stamps_apart_ms(stamp, *newest) > 0 {
                     (*newest, *at) = (stamp, now);
                     if now.saturating_sub(*since) >= SETTLE {
-                        // The clock was set back: from here on the order is another.
+                        // The clock was set back: a new order begins here.
                         self.begin_run();
                         return Stick::New;
                     }
@@ -99,7 +100,7 @@ impl StickStamps {
         Stick::Older
     }
 
-    /// A stick was authorised, and is taken. `reading`: what the station's clock shows.
+    /// An authorised stick is accepted. `reading`: the time of the station's clock.
     pub(crate) fn take(&mut self, stamp: TimeStamp, digest: [u8; 16], reading: TimeStamp) {
         let taken = Taken::new(stamp, digest);
         // The counter rolls over: in a run it rises.
@@ -130,13 +131,13 @@ impl StickStamps {
         self.refused_since.get_or_insert(now);
     }
 
-    /// Whether no stick was taken for so long that it is no accident.
+    /// Whether no stick was accepted for so long that it cannot be an accident.
     pub(crate) fn are_refused(&self, now: Duration) -> bool {
         let since = self.refused_since;
         since.is_some_and(|since| now.saturating_sub(since) >= MAX_PAUSE)
     }
 
-    /// How many spans of time, and sticks, are later than what a clock shows.
+    /// How many spans of time, and sticks, are ahead of a clock.
     pub(crate) fn ahead(&self, reading: TimeStamp) -> usize {
         let is_ahead = |taken: &&Taken| stamps_apart_ms(taken.stamp(), reading) > 0;
         let last = self.runs.back().into_iter().flatten().rev();
@@ -147,7 +148,7 @@ impl StickStamps {
         self.runs.push_back(VecDeque::new());
     }
 
-    /// Of the oldest the time stays: of one, or of a run where there are too many.
+    /// Keeps only the span of time of the oldest stick, or of the oldest run if there are too many.
     fn forget_oldest(&mut self, reading: TimeStamp) {
         let whole = self.runs.len() > MAX_RUNS;
         while let Some(oldest) = self.runs.front_mut() {
@@ -178,11 +179,11 @@ impl Taken {
     }
 }
 
-/// Sticks known exactly: 44 minutes at 50 Hz, in 1 MiB.
+/// Number of exactly known sticks: 44 minutes at 50 Hz, in 1 MiB.
 const MAX_TAKEN: usize = 131_072;
-/// Steps of the clock between them.
+/// Maximum number of runs, separated by steps of the clock.
 const MAX_RUNS: usize = 16;
-/// A longer pause is no stream of sticks.
+/// A longer pause ends a stream of sticks.
 const MAX_PAUSE: Duration = Duration::from_secs(1);
 
 #[cfg(test)]

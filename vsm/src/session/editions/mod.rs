@@ -85,7 +85,8 @@ pub(crate) struct Inbound {
     pub(crate) downloads: bool,
 }
 
-/// The stamp of a heartbeat of ours that a #1400 answers: who has it has received what was sent to this address.
+/// The stamp of a heartbeat of ours that a #1400 answers: a station that returns it has received our message at this
+/// address.
 pub(crate) fn proof(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
     let info = ed25::message(frame.header.message_type, frame.header.version)
         .filter(|info| info.id == ACKNOWLEDGEMENT)?;

@@ -244,8 +244,8 @@ impl Plans {
                 return Err(Refusal::new(
                     "not supported",
                     format!(
-                        "where waypoint {number} leads on a contingency is not known any more, since the VSM has restarted and \
-                         does not find it on its disk: send it again (#802), then #800"
+                        "the contingency waypoint of waypoint {number} is no longer known: the VSM has restarted and did not find \
+                         it on its disk; send it again (#802), then #800"
                     ),
                 ));
             }
@@ -272,7 +272,7 @@ impl Plans {
         Ok(())
     }
 
-    /// A part of a plan on its way to the station; `Ok(None)` where there is nothing to send.
+    /// A part of a plan for the station; `Ok(None)` if there is nothing to send.
     ///
     /// # Errors
     /// What of it Edition 2.5 cannot say.
@@ -364,7 +364,7 @@ fn contingency(of: &Record, kind: usize, first: u16) -> Result<Message, Refusal>
     to(&route, UaRoute::ID)
 }
 
-/// A file of no more lines than this is not worth writing again.
+/// A file with at most this many lines is not rewritten.
 const FOLD_LINES: usize = 1_000;
 const CLEAR: u32 = 1;
 const LOAD: u32 = 2;

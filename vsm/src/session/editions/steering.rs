@@ -313,7 +313,7 @@ impl Steering {
         false
     }
 
-    /// #21: what it demanded before it lost or won control counts no more.
+    /// #21: demands from before it lost or gained control no longer apply.
     pub(super) fn granted(&mut self, levels: LoiBitmap) {
         let both = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
         let control = LoiBitmap::from_raw(levels.raw() & both.raw());

@@ -28,7 +28,7 @@ pub(crate) enum Fault {
     ChangedEdition(Id, Edition),
     /// Its source has a guard, which it did not come from: by this counter.
     Guard(Id, &'static str),
-    /// It is a web client, and what came in its name is not believed: by this counter.
+    /// It is a web client, and a datagram in its name was dropped: with this counter.
     Web(Id, &'static str),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
@@ -213,7 +213,7 @@ impl DliEvidence {
 
     /// A frame that is not for here, or of nobody who may send it.
     pub(crate) fn note(&mut self, mono: Duration, from: SocketAddr, fault: Fault) {
-        // The first of them stays: whoever varies the rest, or only seems to send from elsewhere, makes no new finding.
+        // Keep the first one: a sender that varies the rest, or forges its source address, makes no new finding.
         if let Some(known) = self.seen.iter_mut().find(|one| one.is_same(from, fault)) {
             known.last = mono;
             known.count = known.count.saturating_add(1);
@@ -400,7 +400,7 @@ fn finding(one: &Seen) -> Finding {
             let mut finding = of_cucs(
                 Code::CucsGuard,
                 id,
-                format!("has a guard, and datagrams in its name from {ip} are not believed ({why})"),
+                format!("has a guard, and datagrams in its name from {ip} are dropped ({why})"),
                 "have it send through `vsm guard`, with the key file that its [[cucs]] names and clocks that differ by less \
                  than an hour; if it does, somebody else writes in its name"
                     .to_owned(),
@@ -412,7 +412,7 @@ fn finding(one: &Seen) -> Finding {
             let mut finding = of_cucs(
                 Code::CucsGuard,
                 id,
-                format!("is a web client, and what comes in its name from {ip} is not believed ({why})"),
+                format!("is a web client, and datagrams in its name from {ip} are dropped ({why})"),
                 "have it connect to the page's address by /control, with the key file that its [[cucs]] names; if it does, \
                  somebody else uses its name"
                     .to_owned(),

@@ -12,9 +12,9 @@ pub struct HostFacts {
     pub wall: Duration,
     /// A date that the clock cannot be before.
     pub not_before: Duration,
-    /// Who has the store.
+    /// The process that uses the store.
     pub store: Option<StoreFact>,
-    /// Ports, addresses and devices that cannot be had: the configuration's key, its value, the system's reason.
+    /// Ports, addresses and devices that cannot be used: the configuration's key, its value, the system's reason.
     pub ports: Vec<(&'static str, String, String)>,
     /// The interface of the group where it is none of this computer's, and those that there are.
     pub interface: Option<(String, Vec<String>)>,
@@ -49,8 +49,8 @@ pub fn judge(facts: &HostFacts) -> Vec<Finding> {
         found.push(Finding::new(
             Code::Port,
             value,
-            format!("{key} = \"{value}\" cannot be had: {why}"),
-            "stop what has it (\"ss -ulnp\", \"ss -tlnp\" name it), or configure another",
+            format!("{key} = \"{value}\" cannot be used: {why}"),
+            "stop the program that uses it (find it with \"ss -ulnp\" or \"ss -tlnp\"), or configure another",
         ));
     }
     if let Some((interface, there)) = &facts.interface {
@@ -83,14 +83,14 @@ fn store(fact: &StoreFact) -> Finding {
         StoreFact::Locked(folder) => Finding::new(
             Code::StoreInUse,
             folder,
-            format!("another vsm has the store {folder}, and does not answer"),
-            "it starts, stops, hangs, or is no \"vsm run\": look for it with \"pgrep -a vsm\"; two must not share one store",
+            format!("another vsm uses the store {folder} and does not answer"),
+            "it is starting, stopping or hanging, or is not \"vsm run\": look for it with \"pgrep -a vsm\"; two must not share one store",
         ),
         StoreFact::Other(folder, there, configured) => Finding::new(
             Code::OtherVsm,
             folder,
             format!(
-                "another vsm has the store {folder}: VSM {there} answers, and {configured} is configured"
+                "another vsm uses the store {folder}: VSM {there} answers, and {configured} is configured"
             ),
             "give each its own [store] dir, or restart the bridge where dli.vsm_id was changed",
         ),

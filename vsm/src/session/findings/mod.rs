@@ -1,9 +1,9 @@
-//! What does not work, and why: for each fault one line of cause and one of cure.
+//! Findings: for each fault, one line with the cause and one with the remedy.
 //!
-//! A finding is judged from what was counted and seen, by pure functions, and from nothing else: `vsm doctor`, the status,
-//! the log and the alerts all show the same. It stands as long as its evidence is fresh. Parts:
+//! Findings are derived by pure functions from counters and other evidence only, so that `vsm doctor`, the status, the log
+//! and the alerts all show the same. A finding is active as long as its evidence is fresh. Parts:
 //!
-//! - `dli`: what arrived from ground stations and could not be used; filled in as datagrams arrive
+//! - `dli`: unusable data from ground stations; recorded as datagrams arrive
 //! - `vehicle`: what arrives on a vehicle's link in place of verified frames
 //! - `host`: this computer: clock, store, ports, interfaces, key files; looked at by the shell
 //!
@@ -27,7 +27,7 @@ pub enum Code {
     CucsNotListed,
     /// A listed ground station sends from another address than the configured one.
     CucsAddress,
-    /// Datagrams in the name of a ground station with a guard are not believed.
+    /// Datagrams in the name of a ground station with a guard do not verify and are dropped.
     CucsGuard,
     /// A listed ground station sends to ids that are not here.
     CucsMisaddressed,
@@ -67,19 +67,20 @@ pub enum Code {
     MavlinkTwoSenders,
     /// The vehicle is received, and receives nothing.
     MavlinkUnanswered,
-    /// The vehicle was received, and reports its state no more: why is not known yet, or is not to be seen from here.
+    /// The vehicle was received but no longer reports its state, for a reason that is not known yet or not visible from
+    /// here.
     MavlinkSilent,
     /// This computer's clock cannot be right.
     Clock,
-    /// Another process has the store.
+    /// Another process uses the store.
     StoreInUse,
     /// The store cannot be used.
     Store,
     /// The bridge that answers is another one than the configuration describes.
     OtherVsm,
-    /// A port or address cannot be had.
+    /// A port or address cannot be used.
     Port,
-    /// The interface of the group is none of this computer's.
+    /// The interface of the group does not exist on this computer.
     Interface,
     /// The file of the access list is not in force, or a CUCS has another guard key than its entries.
     AccessList,

@@ -125,7 +125,7 @@ pub(crate) struct Evidence<'a> {
     /// The key's id; `None` where signing is off.
     pub(crate) key: Option<KeyId>,
     pub(crate) arrivals: &'a Arrivals,
-    /// Who speaks in place of the vehicle, and is none of this link's vehicles.
+    /// A system that sends on the link instead of the vehicle and is not a configured vehicle of the link.
     pub(crate) other: Option<u8>,
     /// Other vehicles have the same link.
     pub(crate) shared: bool,
@@ -286,7 +286,7 @@ fn nothing_finding(evidence: &Evidence<'_>) -> Finding {
                 evidence.system
             )
         }
-        Some(_) => format!("nothing arrives on {link} any more"),
+        Some(_) => format!("data no longer arrives on {link}"),
         None => format!("no MAVLink at all arrives on {link}"),
     };
     finding(evidence, Code::MavlinkNone, cause, cure)
@@ -315,7 +315,7 @@ pub(crate) fn silent(evidence: &Evidence<'_>) -> Option<Finding> {
         ),
         _ => (
             format!("no frame of it for {age_s} s: its state is unknown"),
-            "check its power, the radio and the distance; what arrives in its place is known within some seconds: ask again",
+            "check its power, the radio and the distance; run this again in some seconds, when it is known what arrives instead",
         ),
     };
     Some(finding(evidence, Code::MavlinkSilent, cause, cure))

@@ -1,6 +1,6 @@
-//! What is flown without a command of the moment: the loss action, contingencies, and the end of a launch that was cut off.
+//! What the VSM flies without a current command: the loss action, contingencies, and the end of an interrupted launch.
 //!
-//! Who else has the vehicle ([`Other`]) keeps it.
+//! A pilot or a failsafe that has the vehicle ([`Other`]) keeps it.
 
 use std::time::Duration;
 
@@ -21,27 +21,28 @@ use crate::session::maneuver::{self, Maneuver};
 use crate::session::other::Other;
 
 impl Flight {
-    /// Who else has the vehicle, as it showed that last. POSCTL with the sticks (2010) of a CUCS is commanded from here.
+    /// Who else flies the vehicle, as last reported. POSCTL with the sticks (2010) of a CUCS counts as commanded by this
+    /// VSM.
     pub(crate) fn shown_other(&self, vehicle: &VehicleState, now: Duration) -> Option<Other> {
         let telemetry = &vehicle.telemetry;
         let by_sticks = telemetry.mode == Some(Px4Mode::POSCTL) && self.sticks.steer(now);
         Other::of(telemetry).filter(|other| !(by_sticks && matches!(other, Other::Pilot(_))))
     }
 
-    /// The same by a report that is newer than the last command, and no more where a failsafe only holds: a hold of PX4 that
-    /// was to lead to a return or a landing has done so by then, any other lasts until somebody commands a mode.
+    /// The same, by a report that is newer than the last command, and without a failsafe that has only held for a long time:
+    /// by then a PX4 hold that leads to a return or landing has done so; any other hold lasts until a mode is commanded.
     pub(crate) fn other(&self, vehicle: &VehicleState, now: Duration) -> Option<Other> {
         vehicle.settled_mode()?;
         let other = self.shown_other(vehicle, now);
         other.filter(|other| !(other.may_stay() && self.only_holds(now)))
     }
 
-    /// Whether a failsafe of PX4 has held the vehicle for so long that nothing follows from it.
+    /// Whether a PX4 failsafe has held the vehicle for so long that it will do nothing else.
     pub(crate) fn only_holds(&self, now: Duration) -> bool {
         self.watched.holding.leads_nowhere(now)
     }
 
-    /// Whether the vehicle flies already what would be commanded for a lost controller, so that nothing is.
+    /// Whether the vehicle already flies what would be commanded for a lost controller, so that no command is needed.
     pub(crate) fn shows_loss_action(
         &self,
         on_loss: OnLoss,
@@ -58,7 +59,7 @@ impl Flight {
         })
     }
 
-    /// How urgent what the vehicle flies for a contingency is, where it shows that and its cause lasts.
+    /// The urgency of the contingency action that the vehicle flies, if it reports that action and the cause persists.
     fn flown_contingency(
         &self,
         vehicle: &VehicleState,
@@ -70,7 +71,7 @@ impl Flight {
             .flown(vehicle.settled_mode(), flies, lands)
     }
 
-    /// The route that the vehicle has flown to its end, where it holds there: nobody has put it on hold from here.
+    /// The route that the vehicle has flown to its end, if it holds there without a hold commanded by this VSM.
     fn completed(&self, vehicle: &VehicleState, mission: &MissionView<'_>) -> Option<RouteType> {
         let holds = vehicle.settled_mode() == Some(Px4Mode::LOITER);
         let entered = self.watched.entered == Some(Px4Mode::LOITER) || self.maneuver.is_some();
@@ -81,26 +82,26 @@ impl Flight {
         (holds && over && !entered).then_some(uploaded.route_type)
     }
 
-    /// Whether this process has seen the route of contingency A flown to its end: what a CUCS commanded before a restart is not
-    /// known after it.
+    /// Whether this process has seen the route of contingency A flown to its end. After a restart, earlier commands of a
+    /// CUCS are unknown.
     fn completed_seen(&self, vehicle: &VehicleState, mission: &MissionView<'_>) -> bool {
         self.watched.flew && self.completed(vehicle, mission) == Some(RouteType::ContingencyA)
     }
 
-    /// Whether a contingency is commanded before what is to be flown for a lost controller.
+    /// Whether a contingency takes precedence over the loss action.
     pub(crate) fn contingency_first(&self, on_loss: OnLoss, vehicle: &VehicleState) -> bool {
         let loss = Action::of(on_loss, self.steers(&vehicle.telemetry)).map(Action::urgency);
         turn(false, loss, self.contingencies.urgency()) == Turn::Contingency
     }
 
-    /// What flies now: [`priority`](super::priority).
+    /// The priority of what is flown now: [`priority`](super::priority).
     pub(super) fn turn(&self) -> Turn {
         let loss = self.loss_action.urgency();
         turn(self.held, loss, self.contingencies.urgency())
     }
 
-    /// Control went to nobody while a flight termination held, and it holds no more: the vehicle did not do what was
-    /// commanded, or has left it.
+    /// Control was lost while a flight termination was in effect, and the termination has ended: the vehicle did not carry
+    /// it out, or has left it.
     pub(super) fn take_up_loss(
         &mut self,
         context: &Context<'_>,
@@ -112,15 +113,15 @@ impl Flight {
         if context.controller.is_some() || gone || !telemetry.airborne() {
             return;
         }
-        // Set points have ended with the termination, whatever mode they are for is still shown.
+        // The termination has ended the set points, even if the vehicle still reports their mode.
         let steered = self.steers(telemetry) || telemetry.mode == Some(Px4Mode::OFFBOARD);
         self.contingencies.controller_lost(effects);
         self.loss_action.begin(on_loss, steered, context.mono());
         self.fly_by_itself(context, effects);
     }
 
-    /// A vehicle that gets no further on its way is not put on hold where nothing would end that: nobody controls it, or a
-    /// contingency has sent it there. It returns then, or lands.
+    /// A vehicle that makes no progress is not put on hold if nothing would end the hold: nobody controls it, or a
+    /// contingency has sent it there. It returns or lands instead.
     pub(super) fn returns_instead(&mut self, context: &Context<'_>) -> bool {
         if !context.returns_instead(self.contingencies.stands()) {
             return false;
@@ -160,7 +161,7 @@ impl Flight {
         let [engine, position, fence, battery] = reported(telemetry, &config, outside);
         let waiting = mission.waiting_command();
         let by_itself = self.maneuver.as_ref().map(|(origin, _)| origin.is_none());
-        // A return or a landing that was entered from here is nobody else's.
+        // A return or landing that this VSM commanded belongs to nobody else.
         let other = self.other(vehicle, context.mono());
         let theirs = |other: &Other| !matches!(other, Other::Ending(mode) if self.watched.entered == Some(*mode));
         ContingencyContext {
@@ -237,11 +238,11 @@ impl Flight {
             live: context.vehicle.live(),
             on_ground: telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
             controlled: context.controller.is_some(),
-            // What was given up when control was lost may still be entered: an older report ends no action.
+            // A command that was dropped when control was lost may still take effect: an older report ends no action.
             mode: context.vehicle.settled_mode(),
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
             completed: self.completed_seen(context.vehicle, &context.mission),
-            // A command of the VSM itself that waits for its route is the action's own.
+            // A command of the VSM itself that waits for its route belongs to this action.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
             on_final: context.mission.is_on_final(telemetry) || self.item_is_unknown(context),
             may_change_mission: context.mission.may_change.is_ok(),
@@ -256,7 +257,7 @@ impl Flight {
                 self.operate(context, None, &select(Mode::ContingencyA), false, effects);
             }
             Some(Action::Return) => {
-                // No mode of 2016 stands for a plain return: mode 23 flies the contingency route where there is one.
+                // No mode of 2016 means a plain return: mode 23 flies the contingency route if there is one.
                 let steps = maneuver::enter(&[Px4Mode::RTL]);
                 let maneuver = Maneuver::new(steps, Commanded::default());
                 self.begin(context, None, maneuver, effects);
@@ -264,8 +265,8 @@ impl Flight {
         }
     }
 
-    /// A launch that a restart cut off leaves no running motors behind, as one that fails leaves none: a vehicle that is
-    /// still on the ground is disarmed; of one that flies operators are warned.
+    /// An interrupted launch must not leave motors running, and neither must a failed one. A vehicle that is still on the
+    /// ground is disarmed; if it is flying, operators are warned.
     pub(super) fn end_cut_off_launch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let telemetry = &context.vehicle.telemetry;
         let known = (telemetry.armed, telemetry.landed);
@@ -276,11 +277,11 @@ impl Flight {
         };
         self.launch_cut_off = false;
         let flies = telemetry.airborne();
-        // A command that was given since the restart takes precedence.
+        // A command sent since the restart takes precedence.
         if self.maneuver.is_some() || !(armed || flies) {
             return;
         }
-        // A launch puts it on hold before it arms it.
+        // A launch puts the vehicle on hold before arming it.
         if let (false, Some(Other::Pilot(mode))) =
             (flies, self.shown_other(context.vehicle, context.mono()))
         {
@@ -301,9 +302,9 @@ impl Flight {
         }
     }
 
-    /// Drops a command that waits for its route where a pilot or a failsafe has taken the vehicle meanwhile: an upload takes many
-    /// seconds on a slow radio, and the command would then take the vehicle from them. By a report since the last command: an
-    /// earlier one may show POSCTL by sticks that this command has released.
+    /// Drops a command that waits for its route if a pilot or a failsafe has taken the vehicle meanwhile. An upload takes
+    /// many seconds on a slow radio, and the command would then take the vehicle from them. This needs a report that is
+    /// newer than the last command: an older one may show POSCTL by sticks that this command has released.
     pub(super) fn give_way(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         if !self.watched.mode_changed || context.vehicle.settled_mode().is_none() {
             return;
@@ -312,7 +313,7 @@ impl Flight {
         let Some(other) = self.other(context.vehicle, context.mono()) else {
             return;
         };
-        // Nor is a mode that was not entered at once commanded again and again, where nobody commands it at the moment.
+        // Also, do not keep retrying a mode that was not entered at once when no CUCS is commanding it now.
         let enters = |(origin, maneuver): &(Option<Origin>, Maneuver)| {
             origin.is_none() && maneuver.enters_a_mode()
         };
@@ -341,7 +342,7 @@ mod tests {
     use super::*;
     use crate::session::testing::World;
 
-    /// What PX4 rejects for a moment is commanded again, but not over a pilot who has taken the vehicle since.
+    /// A temporarily rejected command is retried, but not if a pilot has taken the vehicle since.
     #[test]
     fn a_mode_of_its_own_is_not_commanded_again_over_a_pilot() {
         for taken in [false, true] {
@@ -362,7 +363,7 @@ mod tests {
         }
     }
 
-    /// Nothing would end a hold that nobody sees.
+    /// Nothing would end a hold that no operator sees.
     #[test]
     fn a_vehicle_that_is_stopped_returns_where_nobody_controls_it() {
         for (controlled, on_loss, expected) in [

@@ -1,7 +1,7 @@
 //! Engines (2008): arming and disarming by PX4's own rules.
 //!
-//! PX4 arms all motors together: an Engine Number means nothing but that the vehicle must have that engine. It is never
-//! forced: PX4 refuses to disarm in the air and to arm what is not ready, and its reason is passed on. It is put in
+//! PX4 arms all motors together, so an Engine Number only has to name an existing engine. Arming is never forced: PX4
+//! refuses to disarm in the air and to arm when it is not ready, and its reason is passed on. The vehicle is put in
 //! AUTO.LOITER before it is armed on the ground: armed in AUTO.MISSION it would take off at once.
 
 use std::time::Duration;
@@ -14,15 +14,15 @@ use stanag_msgs::messages::EngineCommand;
 use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{self, Confirmation, Step};
 
-/// What becomes of a 2008.
+/// The result of a 2008.
 pub(super) enum Task {
     /// These steps.
     Steps(Vec<Step>),
-    /// Nothing is sent: the vehicle has shown it already, and is looked at again.
+    /// Nothing is sent: the vehicle already reports the state; a newer report confirms it.
     Look(Step),
 }
 
-/// What a 2008 asks for, and how it comes to that.
+/// The requested state of a 2008, and the steps to it.
 ///
 /// # Errors
 /// The reason, for the operator.
@@ -71,8 +71,8 @@ pub(super) fn steps(
     };
     match wanted {
         Wanted::Stop => Ok((wanted, Task::Steps(arm(false).into()))),
-        // Nothing is sent to an armed vehicle, and nothing that it does is ended: AUTO.LOITER would take one that flies out of its
-        // mode. Whether it is armed still, a report of after the last command shows.
+        // Nothing is sent to an armed vehicle: AUTO.LOITER would take a flying vehicle out of its mode. A report after the
+        // last command shows whether it is still armed.
         Wanted::Start | Wanted::Enable if vehicle.armed == Some(true) => {
             let [_, confirm] = arm(true);
             Ok((wanted, Task::Look(confirm)))

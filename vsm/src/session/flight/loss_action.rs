@@ -1,13 +1,13 @@
-//! Loss action: what the VSM flies once the controlling CUCS is lost (`authority.on_loss`).
+//! The loss action: what the VSM flies after the loss of the controlling CUCS (`authority.on_loss`).
 //!
-//! The aircraft must never be left to nobody because one action failed: a vehicle that refuses it, or a contingency route
-//! that turns out not to be flyable. Each action is tried `MAX_TRIES` times, then the next: the configured one, then
-//! AUTO.RTL, which is tried until the vehicle shows it, is on the ground, or a CUCS has taken control. While the vehicle
-//! is silent nothing can be commanded: it flies its own failsafe, and the action resumes when the link is back. A wing on
-//! its final approach lands: any other mode would turn it, or circle it, a few metres above the ground. Where PX4 aborts
-//! that landing, the action is flown. A pilot who has taken the vehicle keeps it, and the action is over: they have it in
-//! sight, and must not lose it to a mode that nobody commands. While PX4 flies a failsafe the action waits for its end; of one
-//! that only holds, and would do so for ever, not for long (`by_itself`).
+//! The aircraft must never be left uncontrolled because one action failed, for example because the vehicle refuses it or a
+//! contingency route cannot be flown. Each action is tried `MAX_TRIES` times, then the next one: first the configured
+//! action, then AUTO.RTL, which is retried until the vehicle reports it, is on the ground, or a CUCS takes control. While
+//! the vehicle is silent no command can be sent: it flies its own failsafe, and the action resumes when the link is back. A
+//! fixed wing on its final approach is left to land: any other mode would turn or circle it a few metres above the ground.
+//! If PX4 aborts that landing, the action is flown. A pilot who has taken the vehicle keeps it and the action ends: they see
+//! the vehicle and must not lose it to a mode that nobody commands. While PX4 flies a failsafe the action waits for its end,
+//! but only for a limited time if the failsafe merely holds (`by_itself`).
 //!
 //! ```text
 //! idle --begin--> trying(action, n) --shown / on the ground / controlled / a pilot's--> idle
@@ -59,25 +59,24 @@ pub(super) struct LossContext {
     pub(super) mode: Option<Px4Mode>,
     /// The vehicle carries the route of contingency A.
     pub(super) carries_contingency: bool,
-    /// It has flown that to its end, and holds there.
+    /// It has flown that route to its end and holds there.
     pub(super) completed: bool,
-    /// A maneuver is in progress, or a route is being uploaded for a mode command: another command now would conflict
-    /// with it.
+    /// A maneuver is in progress, or a route is being uploaded for a mode command: another command would conflict with it.
     pub(super) busy: bool,
-    /// A wing flies to its touch-down, or may do so.
+    /// A fixed wing is, or may be, on its final approach.
     pub(super) on_final: bool,
     /// A route can be uploaded now.
     pub(super) may_change_mission: bool,
-    /// Who else has the vehicle.
+    /// Who else flies the vehicle.
     pub(super) other: Option<Other>,
 }
 
 impl Action {
-    /// What is flown for a lost CUCS; `steered`: it was steering by set points.
+    /// The action for a lost CUCS; `steered`: it was steering by set points.
     pub(super) fn of(on_loss: OnLoss, steered: bool) -> Option<Action> {
         match on_loss {
             OnLoss::Continue if !steered => None,
-            // Steered by nobody it would fly straight on for ever.
+            // Without steering it would fly straight on forever.
             OnLoss::Continue | OnLoss::Hold => Some(Action::Hold),
             OnLoss::Contingency => Some(Action::Contingency),
             OnLoss::Rtl => Some(Action::Return),
@@ -92,8 +91,8 @@ impl Action {
         }
     }
 
-    /// Whether a vehicle in this mode flies it, or what stands for it. A route that was flown to its end (`completed`) is not flown
-    /// again from its start.
+    /// Whether a vehicle in this mode flies the action or its equivalent. A route that was flown to its end (`completed`) is
+    /// not flown again from its start.
     pub(super) fn is_shown(
         self,
         mode: Option<Px4Mode>,
@@ -101,7 +100,7 @@ impl Action {
         completed: bool,
     ) -> bool {
         match mode {
-            // Its own failsafe brings it down, too.
+            // Its own failsafe also brings it down.
             Some(Px4Mode::RTL | Px4Mode::LAND) => true,
             Some(Px4Mode::LOITER | Px4Mode::ORBIT) => {
                 self == Action::Hold || (self == Action::Contingency && completed)
@@ -118,12 +117,12 @@ impl LossAction {
         self.trying.is_some()
     }
 
-    /// How urgent what is tried is.
+    /// The urgency of the action being tried.
     pub(super) fn urgency(&self) -> Option<Urgency> {
         self.trying.map(|trying| trying.action.urgency())
     }
 
-    /// Something else is flown that is as urgent.
+    /// Another action of at least the same urgency is flown.
     pub(super) fn end(&mut self, why: &str, effects: &mut Effects<'_>) {
         self.trying = None;
         effects.clear(Cause::LossAction, why);
@@ -138,14 +137,14 @@ impl LossAction {
         });
     }
 
-    /// The action to fly now, where it is time to try one.
+    /// The action to command now, if one is due.
     pub(super) fn poll(
         &mut self,
         context: &LossContext,
         effects: &mut Effects<'_>,
     ) -> Option<Action> {
         let before = self.trying?;
-        // Before the time of the next try: the alert is cleared as soon as the vehicle shows the action.
+        // Checked before the next attempt is due, so that the alert is cleared as soon as the vehicle reports the action.
         if let Some(reason) = finished(context, before.action) {
             self.trying = None;
             effects.clear(Cause::LossAction, reason);
@@ -176,10 +175,10 @@ impl LossAction {
             );
             effects.raise(Cause::LossAction, priority, comms, text);
         }
-        // A pilot may have taken it since the last try, and is not seen before a later report.
+        // A pilot may have taken it since the last attempt, which only a later report shows.
         let unseen = before.tries > 0 && context.mode.is_none();
         if !context.live || context.busy || context.on_final || other.is_some() || unseen {
-            // Not counted as a try: the vehicle did not get the chance to refuse.
+            // Not counted as an attempt: the vehicle had no chance to refuse.
             self.trying = Some(Trying { next_at, ..before });
             return None;
         }
@@ -219,19 +218,19 @@ impl LossAction {
         Some(action)
     }
 
-    /// When it is polled next.
+    /// When it must be polled next.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)
     }
 }
 
-/// Why nothing is left to be done, for the alert that is cleared.
+/// Why the action has ended, for the text of the cleared alert.
 fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
-    // Link or no link: the CUCS in control decides.
+    // With or without a link, the CUCS in control decides.
     if context.controlled {
         return Some("another CUCS controls the vehicle");
     }
-    // What a silent vehicle showed last may be over.
+    // The last report of a silent vehicle may no longer hold.
     if !context.live {
         return None;
     }
@@ -250,9 +249,9 @@ fn name(action: Action) -> &'static str {
     }
 }
 
-/// Tries of an action before the next.
+/// Attempts of an action before the next one.
 const MAX_TRIES: u32 = 2;
-/// From one try, or look, to the next.
+/// Time between two attempts or checks.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
 
 #[cfg(test)]

@@ -1,17 +1,17 @@
-//! How one vehicle is flown: what a command of a CUCS becomes, and what the VSM flies when there is none.
+//! Flying one vehicle: commands of a CUCS, and what the VSM flies without them.
 //!
-//! A 2016 becomes a [task](situation::Task), most often a [maneuver](super::maneuver): steps for the vehicle, each
-//! confirmed by what it shows. One maneuver is in progress at a time; a later command supersedes it. Parts:
+//! A 2016 becomes a [task](situation::Task), usually a [maneuver](super::maneuver): a sequence of steps, each confirmed by
+//! reports of the vehicle. One maneuver is in progress at a time; a later command supersedes it. Parts:
 //!
-//! - `mode_command`: what a 2016 asks of PX4, or why PX4 cannot do it; pure. `wings`: where wings do it otherwise.
-//!   `situation`: what it judges by
+//! - `mode_command`: turns a 2016 into steps for PX4, or gives the reason why PX4 cannot do it; pure. `wings`: differences
+//!   for fixed wings. `situation`: the input of that decision
 //! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `settings` (2017, altimeter), `engine` (2008)
-//! - [`contingency`](crate::session::contingency): what is flown while something is wrong with the vehicle, and which goes first; `provision`: what is set by 50023,
-//!   it or the loss action
-//! - `loss_action`: what is flown once the controlling CUCS is lost; `by_itself`: that and else what nobody commands at the moment, where
-//!   nobody else has the vehicle
+//! - [`contingency`](crate::session::contingency): actions for faults of the vehicle, and their priority, also over the loss
+//!   action; `provision`: contingencies set by 50023
+//! - `loss_action`: what is flown after the loss of the controlling CUCS; `by_itself`: flies these actions when neither a
+//!   pilot nor a failsafe has the vehicle
 
 mod by_itself;
 mod engine;
@@ -64,17 +64,17 @@ use crate::config::{LinkAddress, OnLoss};
 /// The machine.
 #[derive(Debug, Default)]
 pub(crate) struct Flight {
-    /// In progress, and who commanded it; none for the VSM itself.
+    /// The maneuver in progress and the command that it carries out; without origin for the VSM itself.
     maneuver: Option<(Option<Origin>, Maneuver)>,
-    /// Commands that it carries out too: those that its command continues.
+    /// Other commands that the maneuver carries out too, because they continue its command.
     joined: Vec<Origin>,
-    /// A look for what a 2008 wants and the vehicle has shown already; it commands nothing.
+    /// Waits for a report that confirms the state requested by a 2008, which the vehicle had already; it commands nothing.
     look: Option<(Origin, Maneuver)>,
     /// What 3002 and 3004 report as commanded.
     commanded: Commanded,
-    /// What was commanded last of each, whatever the mode since.
+    /// The last commanded value of each, regardless of mode changes since.
     last: Commanded,
-    /// The mode that the vehicle was in when it was.
+    /// The mode of the vehicle at that time.
     commanded_in: Option<Px4Mode>,
     loiter: LoiterConfiguration,
     altimeter: Altimeter,
@@ -84,19 +84,19 @@ pub(crate) struct Flight {
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
     contingencies: Contingencies,
-    /// The mode that a CUCS has named last, and when: what names it again at once is one of a stream.
+    /// The mode last named by a CUCS, and when: if it is named again at once, the command is part of a stream.
     mode_commanded: Option<(Mode, Duration)>,
-    /// When the command came that waits for its route, or has.
+    /// When the command arrived whose route is, or was, being uploaded.
     load_commanded: Option<Duration>,
     watched: Watched,
     /// Where AUTO.LAND began, while the vehicle is in it, m above mean sea level.
     landing_from_m: Option<f64>,
-    /// A restart of the VSM cut off a launch, and what became of it is not known yet.
+    /// A restart of the VSM interrupted a launch whose outcome is not known yet.
     launch_cut_off: bool,
-    /// A flight termination holds: nothing is flown, and nothing that depends on the time is due.
+    /// A flight termination is in effect: nothing is flown, and no timed action is due.
     held: bool,
-    /// Control went to nobody while it held, and this is what must be flown should it end with the vehicle in the air: the
-    /// loss is reported once only.
+    /// Control was lost during the termination: what must be flown if it ends with the vehicle in the air, since the loss is
+    /// reported only once.
     lost_while_held: Option<OnLoss>,
 }
 
@@ -110,7 +110,7 @@ pub(crate) struct Context<'a> {
 
 context::deref_to_common!(Context);
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
     /// 2007, 2008, 2010, 2016, 2017 or 50023 of a CUCS that holds the right.
@@ -118,13 +118,13 @@ pub(crate) enum Input<'a> {
         origin: Origin,
         message: &'a Message,
     },
-    /// A 2016 whose mission was uploaded for it (`just_loaded`), or one of the VSM itself, without origin.
+    /// A 2016 whose route was just uploaded (`just_loaded`), or a command of the VSM itself, without origin.
     Fly {
         origin: Option<Origin>,
         command: &'a VehicleOperatingModeCommand,
         just_loaded: bool,
     },
-    /// A watch of the mission stops the vehicle: on hold, where somebody is there to see it.
+    /// The mission watchdog stops the vehicle: with a hold, if an operator is there to see it.
     Hold,
     /// Control has passed to another CUCS, or to nobody.
     ControlChanged,
@@ -136,19 +136,19 @@ pub(crate) enum Input<'a> {
     CommandEnded(&'a command::Event),
     /// An operation of the mission service ended or progressed.
     MissionServiceEnded(&'a mission::Event),
-    /// The vehicle shows another mode.
+    /// The vehicle reports a new mode.
     ModeChanged,
-    /// Sends the set points and sticks that are due, and lets the maneuver take its next step.
+    /// Sends due set points and sticks, and advances the maneuver.
     Advance,
-    /// Tries again what the vehicle does not show yet of the loss action.
+    /// Retries the loss action until the vehicle reports it.
     WatchLossAction,
-    /// A launch that a restart of the VSM cut off leaves no running motors on the ground.
+    /// Ends a launch that a restart interrupted, so that no motors keep running on the ground.
     EndCutOffLaunch,
     /// 17002 for 50023.
     ListContingencies { station: usize },
 }
 
-/// The mode that a 2016 is about: its own, or the present one where it names none; `None` of other messages.
+/// The mode of a 2016: the commanded one, or the present one if it names none; `None` for other messages.
 pub(crate) fn mode_of(message: &Message, telemetry: &Telemetry) -> Option<Mode> {
     match message {
         Message::VehicleOperatingModeCommand(command) => situation::mode_of(command, telemetry),
@@ -157,7 +157,7 @@ pub(crate) fn mode_of(message: &Message, telemetry: &Telemetry) -> Option<Mode> 
 }
 
 impl Flight {
-    /// What a restart finds.
+    /// Restores the record after a restart.
     ///
     /// # Errors
     /// A record exists and cannot be read.
@@ -167,18 +167,18 @@ impl Flight {
         Ok(())
     }
 
-    /// A restart has cut off this command.
+    /// A restart has interrupted this command.
     pub(crate) fn cut_off(&mut self, seen: &Seen) {
         self.launch_cut_off |=
             seen.message_type == 2016 && Mode::from_raw(seen.mode) == Mode::Launch;
     }
 
-    /// A restart has cut off a launch that was held until then.
+    /// A restart has interrupted a launch that came from a held command.
     pub(crate) fn cut_off_launch(&mut self) {
         self.launch_cut_off = true;
     }
 
-    /// What the other machines may know.
+    /// The state that other machines may read.
     pub(crate) fn view(&self) -> FlightView<'_> {
         FlightView {
             maneuver: self.maneuver.is_some(),
@@ -195,13 +195,13 @@ impl Flight {
         }
     }
 
-    /// What was commanded last, also in an earlier mode.
+    /// The last commanded values, also from an earlier mode.
     pub(crate) fn last_commanded(&self) -> &Commanded {
         &self.last
     }
 
-    /// Whether the vehicle is steered (mode 15), or on the way there: by set points, or as wings are, in GUIDED_COURSE. Left
-    /// to itself it flies straight on for ever: set points end with this VSM, a course that PX4 keeps by itself does not.
+    /// Whether the vehicle is, or is about to be, steered (mode 15): by set points, or by GUIDED_COURSE for fixed wings.
+    /// Left alone it would fly straight on forever: set points end with this VSM, but PX4 keeps a course by itself.
     pub(crate) fn steers(&self, telemetry: &Telemetry) -> bool {
         let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters(Px4Mode::COURSE);
         self.steering.engaged()
@@ -209,7 +209,7 @@ impl Flight {
             || self.maneuver.as_ref().is_some_and(enters)
     }
 
-    /// What of earlier commands the vehicle may not show yet.
+    /// Earlier commands whose effect the vehicle may not report yet.
     fn under_way(&self, context: &Context<'_>) -> UnderWay {
         let (vehicle, mission) = (context.vehicle, &context.mission);
         let maneuver = self.maneuver.as_ref().map(|(_, maneuver)| maneuver);
@@ -233,7 +233,7 @@ impl Flight {
         }
     }
 
-    /// The mode that the vehicle is in, where no other is being entered, or may have been.
+    /// The vehicle's mode, if no other mode is or may be being entered.
     fn settled_mode(&self, context: &Context<'_>) -> Option<Px4Mode> {
         let enters = |(_, maneuver): &(_, Maneuver)| maneuver.enters_a_mode();
         let enters = self.maneuver.as_ref().is_some_and(enters);
@@ -252,7 +252,7 @@ impl Flight {
         if self.held {
             match input {
                 Input::Fly { origin, .. } => return effects.refuse(origin, TERMINATING),
-                // The watchdog stops a mission, and the loss action flies one: both are over. Streams would only starve later.
+                // The termination has already ended the mission, the loss action and the streams: there is nothing to do.
                 Input::Hold | Input::Advance | Input::WatchLossAction | Input::EndCutOffLaunch => {
                     return;
                 }
@@ -260,7 +260,7 @@ impl Flight {
                     self.lost_while_held = Some(context.settings.authority.on_loss);
                     return;
                 }
-                // Released: what was steered is not left to fly straight on, as without a termination.
+                // After a release, a steered vehicle must not fly straight on, as without a termination.
                 Input::ControlChanged if context.controller.is_none() => {
                     self.lost_while_held = Some(OnLoss::Continue);
                 }
@@ -277,7 +277,7 @@ impl Flight {
                 command,
                 just_loaded,
             } => {
-                // A failsafe that holds changes no mode while the vehicle is on hold for the upload.
+                // A failsafe that holds does not change the mode while the vehicle is on hold for the upload.
                 if let (None, true, Some(other)) = (
                     origin,
                     just_loaded,
@@ -296,7 +296,7 @@ impl Flight {
             Input::ControlChanged => self.control_changed(context, effects),
             Input::ControllerLost => {
                 let on_loss = context.settings.authority.on_loss;
-                // Also where the change of control that came with it has begun to hold a vehicle that was steered.
+                // Also if the change of control that came with it has started to put a steered vehicle on hold.
                 let steered =
                     self.steers(&context.vehicle.telemetry) || self.loss_action.is_active();
                 self.contingencies.controller_lost(effects);
@@ -306,7 +306,7 @@ impl Flight {
             Input::YieldToTermination => {
                 self.contingencies.yield_to_termination(effects);
                 self.end_running(context, TERMINATING, |_| true, effects);
-                // The stream too, not its sticks alone: those that still come would take the vehicle out of what is commanded.
+                // End the whole stream: sticks that still arrive would take the vehicle out of the commanded mode.
                 self.sticks.forget();
                 self.sticks.release();
                 self.steering.release();
@@ -338,7 +338,7 @@ impl Flight {
                 self.forget_commanded(context);
                 self.watched.mode_changed = true;
                 self.give_way(context, effects);
-                // Also where PX4's own failsafe lands.
+                // Also if PX4's own failsafe lands.
                 let telemetry = &context.vehicle.telemetry;
                 let lands = telemetry.mode == Some(Px4Mode::LAND);
                 let here = telemetry.position.filter(|_| lands);
@@ -359,9 +359,9 @@ impl Flight {
         }
     }
 
-    /// When an input that depends on the time is next due.
+    /// When a timed input is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
-        // What is not done then is never past, either: the machine would be asked again at once, for as long as it holds.
+        // A deadline that is not acted on would stay in the past, and the machine would be polled in a busy loop.
         if self.held {
             return None;
         }
@@ -371,7 +371,7 @@ impl Flight {
             self.look.as_ref().and_then(|(_, seen)| seen.poll_timeout()),
             self.sticks.poll_timeout(),
             self.steering.poll_timeout(),
-            // What it is not the turn of is not due: it would be asked again at once, for as long as that lasts.
+            // A blocked action is not due either, for the same reason.
             match self.turn() {
                 Turn::Nobody => None,
                 Turn::Loss => self.loss_action.poll_timeout(),
@@ -396,7 +396,7 @@ impl Flight {
     ) {
         match message {
             Message::VehicleOperatingModeCommand(command) => {
-                // 17000 type 1 at once; type 2 or 3 follows when the vehicle's state has shown the outcome.
+                // 17000 type 1 at once; type 2 or 3 follows when the vehicle has reported the outcome.
                 effects.acknowledge(&origin, AckType::Received);
                 self.operate(context, Some(origin), command, false, effects);
             }
@@ -471,7 +471,7 @@ impl Flight {
         match engine::steps(command, context.vehicle) {
             Ok((wanted, task)) => {
                 self.engine_command = Some(wanted);
-                // Arming and disarming change nothing of what 3002 reports as commanded.
+                // Arming and disarming do not change the commanded values in 3002.
                 let maneuver = |steps| Maneuver::new(steps, self.commanded);
                 let running = self.maneuver.as_ref();
                 let stops = running.is_some_and(|(_, running)| running.disarms());
@@ -480,7 +480,7 @@ impl Flight {
                         let maneuver = maneuver(steps);
                         self.begin(context, Some(origin), maneuver, effects);
                     }
-                    // An earlier stop that is on its way is not wanted any more.
+                    // An earlier stop in progress is no longer wanted.
                     engine::Task::Look(step) if stops => {
                         let maneuver = maneuver(vec![step]);
                         self.begin(context, Some(origin), maneuver, effects);
@@ -495,7 +495,7 @@ impl Flight {
         }
     }
 
-    /// 2016; without origin it is the VSM's own. `just_loaded`: the route that it needs was uploaded for it.
+    /// A 2016; without origin it is a command of the VSM. `just_loaded`: its route was uploaded for it.
     fn operate(
         &mut self,
         context: &Context<'_>,
@@ -537,7 +537,7 @@ impl Flight {
             vtol_loiter_m: context.parameters.get("VTO_LOITER_ALT"),
         };
         let winged = situation.wings.is_some();
-        // What is refused changes nothing: the altimeter setting is stored only where the rest can be flown.
+        // A refused command changes nothing: the altimeter setting is stored only if the rest can be flown.
         let task = mode_command::task(command, &situation).and_then(|task| {
             self.set_altimeter(altimeter, origin, effects)
                 .map(|()| task)
@@ -546,14 +546,15 @@ impl Flight {
             Ok(task) => task,
             Err(why) => return effects.refuse(origin, why),
         };
-        // PX4 refuses the terrain frame (11): without elevation files AGL is flown as height above home, and that is reported.
+        // PX4 refuses the terrain frame (11): without elevation files AGL is flown as height above home, which is reported.
         if command.commanded_altitude.is_some()
             && command.altitude_type == Some(AltitudeType::Agl)
             && context.bounds.agl == Agl::AboveHome
         {
             effects.advise_agl();
         }
-        // Named, not refused: a station may send every field every time, and one that commands a hold must hold.
+        // Unused fields are reported, not refused: a station may send every field every time, and a commanded hold must be
+        // carried out.
         if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
             let routed = task.flies_a_route(telemetry.mode);
             let names = ignored_fields::ignored_fields(command, mode, routed, winged);
@@ -599,7 +600,7 @@ impl Flight {
         }
     }
 
-    /// Has a route uploaded, of this type or the loaded one again, and flown then.
+    /// Requests the upload of a route, of this type or the loaded one again, to be flown afterwards.
     fn load_and_fly(
         &mut self,
         context: &Context<'_>,
@@ -673,11 +674,11 @@ impl Flight {
         effects: &mut Effects<'_>,
     ) {
         let telemetry = &context.vehicle.telemetry;
-        // Not by the mode alone: a HEARTBEAT of before a hold that was just commanded still shows OFFBOARD, and a command that
-        // changes nothing but the set points would be acknowledged while the vehicle holds.
+        // The reported mode is not enough: a HEARTBEAT from before a hold that was just commanded still shows OFFBOARD, and
+        // a change of the set points alone would be acknowledged while the vehicle holds.
         let entered =
             self.settled_mode(context) == Some(Px4Mode::OFFBOARD) && self.steering.engaged();
-        // On a copy: an order that is refused must not disturb what is being steered.
+        // On a copy: a refused order must not disturb the present steering.
         let mut steering = self.steering.clone();
         if !entered {
             steering.enter_again();
@@ -685,7 +686,7 @@ impl Flight {
         if let Err(why) = steering.take(context.mono(), order, telemetry) {
             return effects.refuse(origin, why);
         }
-        // On the way into the mode a demand that continues its command changes the set points alone.
+        // While the mode is being entered, a demand that continues its command changes only the set points.
         if self.is_continued_by(origin)
             && let (Some((_, running)), Some(origin)) = (&mut self.maneuver, origin)
             && running.enters(Px4Mode::OFFBOARD)
@@ -695,7 +696,7 @@ impl Flight {
             return self.join(origin, effects);
         }
         self.supersede(context, origin, effects);
-        // After what was superseded has released the stream.
+        // Only after the superseded maneuver has released the stream.
         self.steering = steering;
         self.stream_set_points(context, effects);
         let steps: Vec<Step> = if entered {
@@ -734,11 +735,11 @@ impl Flight {
     }
 }
 
-/// Why these steps must wait for a transfer to the vehicle, where they must: a mission that is being replaced could be
-/// flown from an index that meant another item.
+/// Why these steps must wait for a transfer to the vehicle, if they must: while a mission is being replaced, an index could
+/// mean a different item.
 fn waits_for_transfer(steps: &[Step], context: &Context<'_>) -> Option<&'static str> {
     let needs_mission = steps.iter().any(|step| matches!(step, Step::SetCurrent(_)));
-    // Without a step to another mode it stays in the mission that the transfer takes it out of.
+    // Without a step to another mode it would stay in the mission that the transfer takes it out of.
     let now = context.vehicle.telemetry.mode;
     let flies_mission = maneuver::mode_after(steps, now) == Some(Px4Mode::MISSION);
     if context.mission.is_transferring() && (needs_mission || flies_mission) {

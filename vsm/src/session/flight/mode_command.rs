@@ -1,7 +1,7 @@
-//! What a 2016 asks of PX4, or why PX4 cannot do it: a pure function of the [`Situation`].
+//! Turns a 2016 into commands to PX4, or gives the reason why PX4 cannot do it: a pure function of the [`Situation`].
 //!
-//! [`task`] comes first, then the modes: launch (21), wave-off (20), steering (15). `route`: the modes that fly one (11, 19,
-//! 23, 24); `loiter`: 12. What wings do otherwise is in [`wings`].
+//! [`task`] comes first, then the modes: launch (21), wave-off (20), steering (15). `route`: the modes that fly a route (11,
+//! 19, 23, 24); `loiter`: mode 12. [`wings`] has the differences for fixed wings.
 
 mod loiter;
 mod route;
@@ -54,7 +54,7 @@ pub(crate) fn task(
             ));
         }
     }
-    // Refused, not ignored: it commands something else than the mode does.
+    // Refused, not ignored: it contradicts the mode.
     if let Some(heading) = command.heading_command_type
         && heading != HeadingCommandType::None
         && mode != Mode::Autopilot
@@ -74,7 +74,7 @@ pub(crate) fn task(
         },
         Mode::ContingencyA => contingency(command, RouteType::ContingencyA, &[Px4Mode::RTL], at),
         Mode::ContingencyB => contingency(command, RouteType::ContingencyB, &[Px4Mode::LAND], at),
-        // What is shown or what is commanded: to abort is the safe decision about either.
+        // The reported or the commanded landing: aborting is the safe decision for both.
         Mode::AutolandWaveOff
             if at.telemetry.hovers()
                 && (at.telemetry.mode == Some(Px4Mode::LAND) || at.under_way.lands) =>
@@ -117,10 +117,10 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
     fly(command, RouteType::Flight, at)
 }
 
-/// Mode 20 of a vehicle in AUTO.LAND: up to the commanded altitude, else to the one at which the landing began, through
-/// which it has come down just now; where neither is known it holds. DO_GO_AROUND is for wings.
+/// Mode 20 of a vehicle in AUTO.LAND: climb to the commanded altitude, otherwise to the altitude at which the landing began,
+/// since that airspace is known to be free. If neither is known it holds. DO_GO_AROUND is for fixed wings.
 fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
-    // DO_REPOSITION would take it off.
+    // DO_REPOSITION would make it take off.
     if at.telemetry.stands() {
         return Err("mode 20 (wave-off): the vehicle is on the ground already".to_owned());
     }
@@ -158,12 +158,12 @@ fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
     }
 }
 
-/// Mode 21: to an altitude, and on along the launch route where there is one.
+/// Mode 21: climb to an altitude, then fly the launch route if there is one.
 fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     if at.telemetry.airborne() {
         return Err("mode 21 (launch): the vehicle is already in the air".to_owned());
     }
-    // After a start of the VSM nothing is reported yet: the vehicle may be in the air.
+    // After a start of the VSM the vehicle may be in the air without having reported it yet.
     if at.telemetry.landed.is_none() {
         return Err(
             "mode 21 (launch): the vehicle has not reported yet whether it is on the ground"
@@ -197,7 +197,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
     };
     if route {
         if at.wings.is_some() {
-            // On its way up a wing turns to nothing.
+            // A fixed wing does not turn to another target during its climb: wait for the end of the climb.
             steps.push(maneuver::climbed());
         }
         match at.uploaded {
@@ -228,7 +228,7 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         Some(AltitudeCommandType::None) => None,
         None if altitude_m.is_none() => None,
         Some(AltitudeCommandType::VerticalSpeed) => {
-            // A vertical speed leads to no altitude that 3002 could report as commanded.
+            // With a vertical speed, 3002 has no commanded altitude to report.
             commanded.altitude_amsl_m = None;
             Some(Vertical::Rate(rate.ok_or(
                 "mode 15 (autopilot): Commanded Vertical Speed is missing",
@@ -266,14 +266,14 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
         commanded.speed_type = Some(SpeedType::Ground);
     }
     commanded.loiter_position = None;
-    // What turns no heading leaves the one that is steered.
+    // A command without a heading keeps the steered one.
     if order.direction.is_some() {
         commanded.direction = steering::reported(command);
     }
     Ok(Task::Steer(order, commanded))
 }
 
-/// PX4 does not leave the ground for less, m.
+/// Minimum height with which PX4 takes off, m.
 const LOWEST_LAUNCH_M: f64 = 1.5;
 
 #[cfg(test)]
@@ -345,7 +345,7 @@ mod tests {
         };
         let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
         assert_eq!(judged(Some(stands)), Ok(true));
-        // A VSM that was restarted while the vehicle flies.
+        // The VSM was restarted while the vehicle flies.
         assert!(judged(None).is_err_and(|why| why.contains("not reported yet")));
     }
 

@@ -1,8 +1,9 @@
 //! Contingencies by message (50023): set by the CUCS in control before the flight, and read back.
 //!
-//! What a CUCS sets goes over the configuration, and stays for the vehicle: over restarts, over handovers, until the next 50023 for
-//! that cause. Nobody can set less than the configuration has: no action that is less urgent, no lower threshold. In the air nothing is set: who takes
-//! control there reads what holds (17002), and commands what is to be otherwise.
+//! A setting of a CUCS overrides the configuration and stays in effect for the vehicle, over restarts and handovers, until
+//! the next 50023 for that cause. It can only be stricter than the configuration: no less urgent action and no lower
+//! threshold. It cannot be changed in the air: a CUCS that takes control there can read the settings (17002), and can
+//! command another mode if needed.
 
 use stanag_msgs::enums::{AckType, ContingencyAction, ContingencyCause, ContingencyState};
 use stanag_msgs::messages::Contingency;
@@ -31,7 +32,7 @@ impl Flight {
         if let Some(why) = setting.and_then(|one| Contingencies::promised_more(&one, configured)) {
             return effects.refuse(Some(origin), why);
         }
-        // On disk before 17000: what is acknowledged must hold in the flight, whatever happens to the VSM before.
+        // Store before the 17000: an acknowledged setting must apply in the flight, whatever happens to the VSM before it.
         if let Err(fault) = self.contingencies.provision(trigger, setting, effects) {
             return effects.refuse(Some(origin), format!("it cannot be stored: {fault}"));
         }
@@ -67,7 +68,7 @@ impl Flight {
             Standing::Commanded => ContingencyState::Commanded,
             Standing::Flown => ContingencyState::Flown,
             Standing::Ended => ContingencyState::Ended,
-            // What a silent vehicle reported last may be over.
+            // The last report of a silent vehicle may no longer hold.
             Standing::Absent if situation.live && seen.is_some() => ContingencyState::Watched,
             Standing::Absent => ContingencyState::Unreported,
         };
@@ -82,7 +83,7 @@ impl Flight {
     }
 }
 
-/// What a 50023 sets; none as the configuration has it.
+/// The setting in a 50023; `None` for the configured one.
 fn checked(
     message: &Contingency,
     context: &Context<'_>,
@@ -147,7 +148,7 @@ fn cause(trigger: Trigger) -> ContingencyCause {
         Trigger::Position => ContingencyCause::Position,
         Trigger::Fence => ContingencyCause::Fence,
         Trigger::Engine => ContingencyCause::Engine,
-        // Of an agent alone, and never listed.
+        // Exists on an agent only, and is never listed.
         Trigger::Link => ContingencyCause::Unknown(0),
     }
 }

@@ -1,7 +1,8 @@
-//! The maneuver in progress: how it begins, supersedes the one before it, and ends.
+//! The maneuver in progress: how it begins, supersedes an earlier one, and ends.
 //!
-//! There is one at a time. Its end is seen in what the vehicle shows ([`maneuver`]), and answered to the CUCS that commanded
-//! it. Beside it runs only what commands nothing: a look for motors that a 2008 wants and the vehicle has shown already.
+//! There is one at a time. It ends when the vehicle reports the outcome ([`maneuver`]), which is answered to the commanding
+//! CUCS. Only a wait that commands nothing can run beside it: for the confirmation of a 2008 whose state the vehicle already
+//! has.
 
 use std::mem;
 use std::time::Duration;
@@ -25,7 +26,7 @@ impl Flight {
         maneuver: Maneuver,
         effects: &mut Effects<'_>,
     ) {
-        // One that was held until now does not know what stands, and is refused before that. Motors (2008) are no decision of
+        // A held command was sent without knowledge of the contingency and is refused earlier. Motors (2008) do not decide
         // what is flown.
         if origin.is_some_and(|origin| origin.held.is_none() && origin.message_type != 2008) {
             let config = self.contingencies.config(&context.config.contingency);
@@ -35,8 +36,9 @@ impl Flight {
         self.maneuver = Some((origin, maneuver));
     }
 
-    /// Why a 2016 is not carried out while a contingency stands: it is not a new decision, taken by somebody who knows of it. A
-    /// station that steers, or repeats what it commands, has not decided anything; nor has who commanded before the alert.
+    /// Why a 2016 is not carried out while a contingency is active: it is not a new decision by an operator who knows of the
+    /// contingency. A stream of steering commands, a repeated command, or a command sent before the alert is no such
+    /// decision.
     pub(super) fn is_undecided(
         &mut self,
         context: &Context<'_>,
@@ -68,14 +70,14 @@ impl Flight {
         (!self.contingencies.knew_of(now)).then_some(TOO_EARLY)
     }
 
-    /// Whether a command continues the one that is being carried out: it is answered with it, and supersedes nothing.
+    /// Whether a command continues the one in progress: it is answered together with it and supersedes nothing.
     pub(super) fn is_continued_by(&self, origin: Option<Origin>) -> bool {
         let running = self.maneuver.as_ref().and_then(|(origin, _)| *origin);
         let both = running.zip(origin.filter(|origin| origin.continues.is_some()));
         both.is_some_and(|(running, later)| running.station == later.station)
     }
 
-    /// A command whose end is that of the maneuver in progress, too. Demands of other values are superseded by it.
+    /// Adds a command that ends together with the maneuver in progress. It supersedes demands with other values.
     pub(super) fn join(&mut self, origin: Origin, effects: &mut Effects<'_>) {
         if let Some((Some(running), _)) = &mut self.maneuver
             && is_outdated(running, origin)
@@ -89,14 +91,14 @@ impl Flight {
     }
 
     fn answer_together(&mut self, origin: Origin, effects: &mut Effects<'_>) {
-        // A station that repeats its demand ten times a second, and a mode that is entered within six.
+        // Enough for a station that repeats its demand ten times a second while a mode takes six seconds to enter.
         if self.joined.len() == MAX_JOINED {
             effects.acknowledge(&self.joined.remove(0), AckType::Refused);
         }
         self.joined.push(origin);
     }
 
-    /// Refuses demands whose values are not flown any more. A command of the mode (#42) stays: that is entered.
+    /// Refuses demands whose values are no longer flown. A command of the mode (#42) stays, since the mode is entered.
     fn drop_outdated(&mut self, by: Origin, effects: &mut Effects<'_>) {
         let is_old = |one: &mut Origin| is_outdated(one, by);
         for old in self.joined.extract_if(.., is_old).collect::<Vec<_>>() {
@@ -104,7 +106,7 @@ impl Flight {
         }
     }
 
-    /// Ends what runs, for a later command `by` this station.
+    /// Ends the maneuver in progress because of a later command `by` this station.
     pub(super) fn supersede(
         &mut self,
         context: &Context<'_>,
@@ -123,7 +125,7 @@ impl Flight {
             }
         }
         self.end_running(context, why, |_| true, effects);
-        // A command that waits for its route to be uploaded has not begun, and must not begin later.
+        // A command that waits for the upload of its route has not begun, and must not begin later.
         if context.mission.waiting_command().is_some() {
             effects.request(Request::DropWaitingCommand {
                 why: why.to_owned(),
@@ -132,10 +134,10 @@ impl Flight {
         }
     }
 
-    /// Control has passed to another CUCS, or to nobody: what its sender could not command now is not continued.
+    /// Control has passed to another CUCS or to nobody: a maneuver that its sender could no longer command is ended.
     pub(super) fn control_changed(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let controller = context.controller;
-        // Before what its sender began is ended: the vehicle may enter the mode all the same.
+        // Before ending the sender's maneuver: the vehicle may still enter the mode.
         let steered = self.steers(&context.vehicle.telemetry);
         let why = match controller {
             Some(id) => format!("{id} controls the vehicle now"),
@@ -162,12 +164,12 @@ impl Flight {
             }
         }
         if controller.is_none() && steered && !context.termination.holds {
-            // Steered by nobody it would fly straight on for ever.
+            // Without steering it would fly straight on forever.
             let other = self.other(context.vehicle, context.mono());
             if context.vehicle.telemetry.airborne() && other.is_none() {
                 self.operate(context, None, &select(Mode::Loiter), false, effects);
             }
-            // Tried again, as after a loss, where the vehicle is silent at the moment or refuses it.
+            // Retried, as after a loss, if the vehicle is silent at the moment or refuses it.
             if !self.loss_action.is_active() {
                 let on_loss = OnLoss::Continue;
                 self.loss_action.begin(on_loss, steered, context.mono());
@@ -193,9 +195,9 @@ impl Flight {
         }
     }
 
-    /// Ends streams whose mode is given up; within their mode they must not starve.
+    /// Ends streams whose mode is left; within their mode they must not be interrupted.
     fn give_up_streams(&mut self, context: &Context<'_>) {
-        // Not so long as the vehicle might still enter the mode: sticks that move take it from what superseded them
+        // Sticks end even if the vehicle might still enter the mode: moving sticks would override the new command
         // (COM_RC_OVERRIDE).
         if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) {
             self.sticks.release();
@@ -212,14 +214,14 @@ impl Flight {
         match maneuver.advance(context.mono(), context.vehicle, effects.vehicle) {
             Progress::Going => {}
             Progress::Done => {
-                // What it commanded goes with the mode that the vehicle shows now.
+                // Its commanded values belong to the mode that the vehicle reports now.
                 let telemetry = &context.vehicle.telemetry;
                 let uploaded = context.mission.uploaded;
                 self.commanded = maneuver.commanded;
                 self.last.keep(&maneuver.commanded);
                 self.commanded_in = telemetry.mode;
                 self.watched.entered = telemetry.mode;
-                // In mode 11 a speed of the route takes the place of one commanded on an earlier leg.
+                // In mode 11 a speed of the route replaces one commanded on an earlier leg.
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
                 self.maneuver = None;
@@ -231,7 +233,7 @@ impl Flight {
         }
     }
 
-    /// Looks for what the vehicle has shown already: it is answered by a report that is newer than the last command.
+    /// Waits for a state that the vehicle already reports, confirmed by a report newer than the last command.
     pub(super) fn look_for(
         &mut self,
         context: &Context<'_>,
@@ -258,7 +260,7 @@ impl Flight {
         self.look = None;
     }
 
-    /// The vehicle answered that it does not do what the maneuver commands: a mode that is refused is not entered.
+    /// The vehicle refused a command of the maneuver: a refused mode is not entered.
     pub(super) fn refused(
         &mut self,
         context: &Context<'_>,
@@ -294,20 +296,20 @@ impl Flight {
         effects: &mut Effects<'_>,
     ) {
         effects.refuse(origin, why);
-        // With the same reason, which is stated once.
+        // For the same reason, which is sent once.
         for joined in std::mem::take(&mut self.joined) {
             effects.acknowledge(&joined, AckType::Refused);
         }
     }
 
-    /// Forgets what was commanded in another mode: PX4 forgets speeds, places and altitudes when its mode changes; so
-    /// does this VSM, whoever has changed it. What a maneuver leads to is known at its end.
+    /// Forgets values commanded in another mode. PX4 forgets speeds, positions and altitudes when its mode changes, and so
+    /// does this VSM, whatever caused the change. The values of a maneuver are recorded at its end.
     pub(super) fn forget_commanded(&mut self, context: &Context<'_>) {
         let mode = context.vehicle.telemetry.mode;
         if self.maneuver.is_some() || self.commanded_in == mode {
             return;
         }
-        // It hovers, or loiters, where it has taken off to.
+        // It hovers or loiters at the end of its take-off.
         let taken_off = [Some(Px4Mode::TAKEOFF), Some(Px4Mode::VTOL_TAKEOFF)]
             .contains(&self.commanded_in)
             && mode == Some(Px4Mode::LOITER);
@@ -318,18 +320,18 @@ impl Flight {
     }
 }
 
-/// Whether a demand (#43) commands other values than a later one: what it commanded is not carried out.
+/// Whether a demand (#43) differs from a later one, so that it is not carried out.
 fn is_outdated(demand: &Origin, later: Origin) -> bool {
     let both = demand.continues.zip(later.continues);
     both.is_some_and(|(before, after)| before != after)
 }
 
-/// Commands that are answered with one maneuver at most.
+/// Maximum number of commands that are answered with one maneuver.
 const MAX_JOINED: usize = 64;
 const TOO_EARLY: &str =
     "a contingency is commanded since less than 3 s: command again, in knowledge of its alert";
 const NOT_NEW: &str = "a contingency is commanded, and this only continues or repeats an earlier command: command another mode, \
                        or pause for 5 s";
-/// A command of the same mode so soon after the last one is one of a stream.
+/// A command of the same mode within this time after the last one is part of a stream.
 const REPEATED_WITHIN: Duration = Duration::from_secs(5);
 const SUPERSEDED: &str = "superseded by a later command";

@@ -12,8 +12,8 @@ use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 use crate::session::effects::Effects;
 use crate::session::store::{record_fault, vehicle_record};
 
-/// 2017 is a configuration message: an absent field keeps its last value. What PX4 cannot fly is refused here, at once,
-/// and changes nothing: kept, it would only be found out by the 2016 that is to stop the vehicle somewhere.
+/// 2017 is a configuration message: an absent field keeps its last value. A loiter that PX4 cannot fly is refused at once
+/// and changes nothing. If it were stored, only the 2016 that is meant to stop the vehicle would reveal the fault.
 ///
 /// # Errors
 /// The reason, for the operator.
@@ -30,18 +30,18 @@ pub(super) fn merged(
 /// How a loiter is flown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Pattern {
-    /// As the vehicle does by itself: it hovers, or circles within its own radius.
+    /// The vehicle's default: a hover, or a circle with its own radius.
     Own,
-    /// Standing still.
+    /// A hover.
     Hover,
     /// On a circle of this radius, m.
     Circle(f64),
-    /// Half the length of a figure eight and the radius of its ends, m, and the direction of its long axis, rad; what is none
-    /// is PX4's own.
+    /// Half the length of a figure eight and the radius of its ends, m, and the direction of its long axis, rad; PX4's own
+    /// value for each `None`.
     FigureEight([Option<f64>; 3]),
 }
 
-/// The pattern that is configured.
+/// The configured pattern.
 ///
 /// # Errors
 /// PX4 cannot fly it with this airframe: the reason, for the operator.
@@ -66,14 +66,14 @@ pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Resul
             "Loiter Radius {radius_m:.0} m, at most {WIDEST_CIRCLE_M:.0}"
         ));
     }
-    // Clipped, or taken for the vehicle's own, a circle would be flown otherwise than it was sent.
+    // Refuse it: clipped or replaced by the vehicle's own radius, the circle would differ from the commanded one.
     if radius_m == Some(0.0) && matches!(loiter.loiter_type, None | Some(LoiterType::Circular)) {
         return Err(
             "Loiter Radius 0 m, expected more than 0; leave it out for the vehicle's own, or command Loiter Type 4 (hover)"
                 .to_owned(),
         );
     }
-    // Of a figure 8, 0 is what a full presence vector carries for none.
+    // For a figure 8, 0 in a full presence vector means no value.
     let above_zero = |m: &f64| *m > 0.0;
     let radius_m = radius_m.filter(above_zero);
     match loiter.loiter_type {
@@ -111,7 +111,7 @@ pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Resul
 /// 2017 is a configuration message: an absent field keeps its last value.
 fn merge(old: &LoiterConfiguration, new: &LoiterConfiguration) -> LoiterConfiguration {
     let loiter_type = new.loiter_type.or(old.loiter_type);
-    // A hover has no radius: 0 is what a full presence vector carries for it, and takes none away.
+    // A hover has no radius: 0 in a full presence vector means no value and does not change the stored one.
     let hover = loiter_type == Some(LoiterType::Hover);
     let radius = new
         .loiter_radius
@@ -131,8 +131,8 @@ fn merge(old: &LoiterConfiguration, new: &LoiterConfiguration) -> LoiterConfigur
     }
 }
 
-/// The altimeter setting (2016, field 0043.16): what pressure altitudes are flown by and reported with. It holds until
-/// another is commanded, over restarts too; 1013.25 hPa until one was.
+/// The altimeter setting (2016, field 0043.16), used to fly and report pressure altitudes. It applies until another is
+/// commanded, also after restarts; the default is 1013.25 hPa.
 #[derive(Serialize, Deserialize)]
 struct Record {
     pascal: f64,
@@ -140,11 +140,11 @@ struct Record {
 
 vehicle_record!(Record, "altimeter", Process);
 
-/// The setting that a command is judged by: its own where it has one, else the `present` one. 0 is what a full presence
-/// vector carries for none.
+/// The altimeter setting for a command: its own if it has one, otherwise the `present` one. 0 is what a full presence vector
+/// carries for none.
 ///
 /// # Errors
-/// No weather has it.
+/// The value is out of the range of possible pressures.
 pub(super) fn altimeter_of(
     command: &VehicleOperatingModeCommand,
     present: Altimeter,
@@ -156,7 +156,7 @@ pub(super) fn altimeter_of(
     }
 }
 
-/// Stores the setting of a command that is carried out.
+/// Stores the altimeter setting of an accepted command.
 ///
 /// # Errors
 /// The reason, for the operator.
@@ -169,7 +169,7 @@ pub(super) fn store_altimeter(
     stored.map_err(|fault| format!("the altimeter setting cannot be stored: {fault}"))
 }
 
-/// The setting of before a restart.
+/// Restores the setting after a restart.
 ///
 /// # Errors
 /// Its record exists and cannot be read.

@@ -1,6 +1,6 @@
-//! What a 2016 is judged by, what it can become, and the values that it commands, checked.
+//! The situation in which a 2016 is decided, its possible results, and the checks of its values.
 //!
-//! A field that is absent is not commanded. Neither are the values that a full presence vector carries for "nothing": an
+//! An absent field is not commanded. The same applies to the values that mean "nothing" in a full presence vector: an
 //! altitude or heading command type 0, speed 0, waypoint 0, and a loiter position of exactly 0, 0.
 
 use curve_paths::terrain::Terrain;
@@ -20,18 +20,18 @@ use super::steering;
 use crate::session::maneuver::{self, Step};
 use crate::session::mission::record::UploadedMission;
 
-/// What a 2016 becomes.
+/// The result of a 2016.
 #[derive(Debug)]
 pub(crate) enum Task {
-    /// Nothing is asked of the vehicle, and what it does continues.
+    /// Nothing is sent to the vehicle, which continues as before.
     Nothing,
-    /// These steps; then this is what 3002 reports as commanded.
+    /// These steps; then 3002 reports these values as commanded.
     Steps(Vec<Step>, Commanded),
-    /// A launch: its steps, undone by disarming when it fails on the ground.
+    /// A launch: if its steps fail on the ground, the vehicle is disarmed.
     Launch(Vec<Step>, Commanded),
-    /// The route of this type must be uploaded first, then the command is judged again.
+    /// The route of this type must be uploaded first; then the command is decided again.
     Load(RouteType),
-    /// What 13000 has loaded must be uploaded again first, then the command is judged again.
+    /// The route that 13000 loaded must be uploaded again first; then the command is decided again.
     Reload,
     /// Manual flight: sticks, then the mode.
     Manual,
@@ -40,7 +40,7 @@ pub(crate) enum Task {
 }
 
 impl Task {
-    /// Whether a route is flown for it, by a vehicle that is in the mode `now`.
+    /// Whether it flies a route, with a vehicle in the mode `now`.
     pub(crate) fn flies_a_route(&self, now: Option<Px4Mode>) -> bool {
         match self {
             Task::Load(_) | Task::Reload => true,
@@ -52,16 +52,16 @@ impl Task {
     }
 }
 
-/// What must be known to judge a 2016.
+/// The input for deciding a 2016.
 #[derive(Debug, Clone)]
 pub(crate) struct Situation<'a> {
     pub(crate) telemetry: &'a Telemetry,
     pub(crate) uploaded: Option<&'a UploadedMission>,
-    /// What 13000 has loaded last.
+    /// The route that 13000 last loaded.
     pub(crate) loaded: Option<&'a UploadedMission>,
     /// The stored plan.
     pub(crate) plan: &'a Plan,
-    /// The uploaded route has just been uploaded for this command.
+    /// The route has just been uploaded for this command.
     pub(crate) just_loaded: bool,
     /// What of earlier commands the vehicle may not show yet.
     pub(crate) under_way: UnderWay,
@@ -72,37 +72,37 @@ pub(crate) struct Situation<'a> {
     pub(crate) agl: Agl,
     pub(crate) altimeter: Altimeter,
     pub(crate) limits: Limits,
-    /// What is compared with beside home, where that is configured.
+    /// Terrain and site data for checks, if configured.
     pub(crate) terrain: Option<&'a Terrain>,
-    /// As it flies now.
+    /// The limits in its present state.
     pub(crate) performance: Performance,
-    /// As it flies a route: a VTOL on its wings.
+    /// The limits along a route: for a VTOL, on its wings.
     pub(crate) route_performance: Performance,
-    /// Its wings; none of a multicopter.
+    /// Its wings; `None` for a multicopter.
     pub(crate) wings: Option<Wings>,
     /// VTO_LOITER_ALT: how high above its take-off a VTOL loiters after a launch, m.
     pub(crate) vtol_loiter_m: Option<f64>,
 }
 
-/// What of earlier commands the vehicle may not show yet: its reports are up to a second old, and older on a bad link. What
-/// is decided by them alone does too little where they are overtaken: what is left out because "it is in that mode already"
-/// is never done, and what is refused because "it does not land" lands.
+/// Earlier commands whose effect the vehicle may not report yet: its reports are up to a second old, and older on a bad
+/// link. Decisions based only on reports would be wrong while a command is taking effect: a mode command would be skipped
+/// because the vehicle seems to be in that mode already, or a wave-off refused because it does not seem to be landing.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct UnderWay {
     /// A command that enters a mode is being carried out.
     pub(crate) enters: bool,
-    /// The last report of the mode was made before the last command that may have changed it, whatever became of that.
+    /// The last report of the mode is older than the last command that may have changed it, whether that succeeded or not.
     pub(crate) unseen: bool,
     /// A landing is being entered, or waits for its route.
     pub(crate) lands: bool,
     /// The mission item that the vehicle is being sent to.
     pub(crate) item: Option<u16>,
-    /// A VTOL turns to its wings, or to a hover.
+    /// A VTOL is in transition.
     pub(crate) turns: bool,
 }
 
 impl Situation<'_> {
-    /// What altitudes are converted by.
+    /// The data for converting altitudes.
     pub(super) fn datum(&self) -> Datum<'_> {
         Datum {
             geoid_m: self.telemetry.geoid_m,
@@ -112,24 +112,24 @@ impl Situation<'_> {
         }
     }
 
-    /// Where the vehicle is, degrees north and east.
+    /// The vehicle's position, degrees north and east.
     ///
     /// # Errors
-    /// It has not reported that.
+    /// It has not reported it.
     pub(super) fn here(&self) -> Result<(f64, f64), String> {
         let place = self.telemetry.position;
         let place = place.ok_or("the vehicle has not reported a position yet")?;
         Ok((place.latitude, place.longitude))
     }
 
-    /// The mode that the vehicle is in; none while another is being entered, or may have been.
+    /// The vehicle's mode; `None` while another is or may be being entered.
     pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
         let settled = !self.under_way.enters && !self.under_way.unseen;
         self.telemetry.mode.filter(|_| settled)
     }
 }
 
-/// The mode that a command is about: its own, or the present one where it names none.
+/// The mode of a command: the commanded one, or the present one if it names none.
 pub(crate) fn mode_of(
     command: &VehicleOperatingModeCommand,
     telemetry: &Telemetry,
@@ -157,7 +157,7 @@ pub(super) fn has(route: RouteType, at: &Situation<'_>) -> bool {
     at.plan.route_of_type(route).is_some()
 }
 
-/// Commanded Altitude, where one is commanded, m in the reference of its type.
+/// Commanded Altitude, if any, m in the reference of its type.
 pub(super) fn altitude(command: &VehicleOperatingModeCommand) -> Option<f64> {
     match command.altitude_command_type {
         Some(AltitudeCommandType::None) => None,
@@ -203,11 +203,11 @@ pub(super) fn level(
     Ok(level)
 }
 
-/// Refuses a height above the ground where the vehicle is steered: it would be converted where it was commanded, and the ground
-/// is another wherever the vehicle is steered to.
+/// Refuses a height above the ground for a steered vehicle: it would be converted with the ground at the place of the
+/// command, while the ground differs wherever the vehicle is steered to.
 ///
 /// # Errors
-/// It is one.
+/// It is a height above the ground.
 pub(super) fn does_not_follow_ground(
     command: &VehicleOperatingModeCommand,
     at: &Situation<'_>,
@@ -222,7 +222,7 @@ pub(super) fn does_not_follow_ground(
     Ok(())
 }
 
-/// Commanded Speed, where one is commanded, m/s.
+/// Commanded Speed, if any, m/s.
 ///
 /// # Errors
 /// It is beyond the limits, or of a type that is not flown.
@@ -252,8 +252,8 @@ pub(super) fn speed(
     }
 }
 
-/// What a speed is flown as, whatever type it was commanded as: PX4 takes the speed of a multicopter over ground and that
-/// of a fixed wing through the air.
+/// The type of speed that is flown, whatever type was commanded: PX4 uses ground speed for a multicopter and air speed for a
+/// fixed wing.
 pub(super) fn flown_as(hovers: bool) -> SpeedType {
     if hovers {
         SpeedType::Ground
@@ -272,12 +272,12 @@ pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
     Task::Steps(maneuver::enter(modes).into(), commanded)
 }
 
-/// Whether a route aboard is still above home: it was compiled for home as it was at its load.
+/// Checks whether a route aboard is still above home: it was compiled for the home position at its load.
 pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     let (compiled, home_m) = (&uploaded.compiled, home.amsl_m);
     let mut checked = compiled.check_heights(home_m, &at.limits);
-    // Heights above home move with it, and the elevation files may have been configured since.
+    // Heights above home move with home, and elevation files may have been configured since.
     if let Some(terrain) = at.terrain {
         let above = |()| compiled.check_terrain(home_m, &at.limits, terrain);
         checked = checked.and_then(above).map(|_| ());
@@ -285,8 +285,8 @@ pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> R
     checked.map_err(|fault| format!("the route aboard, from the present home: {fault}"))
 }
 
-/// Whether the vehicle itself names the route that was loaded as its mission: another station may have changed it. None
-/// where it has not reported that yet: for a second after a silence, longer on a bad link, nobody knows what it holds.
+/// Whether the vehicle reports the loaded route as its mission, since another station may have changed it. `None` if it has
+/// not reported that yet: for a second after a silence, and longer on a bad link, its mission is unknown.
 pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> Option<bool> {
     if uploaded.mission_id == 0 {
         return Some(true);
@@ -296,7 +296,8 @@ pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> Option<b
         .map(|mission| mission.mission_id == uploaded.mission_id)
 }
 
-/// The refusal of what depends on the mission of a vehicle that has not reported which one it holds, or where it is in it.
+/// The refusal of a command that depends on the mission, while the vehicle has not reported which mission it holds or its
+/// current item.
 pub(super) fn mission_not_reported(mode: &str) -> String {
     format!(
         "{mode}: the vehicle has not reported yet which mission it holds (MISSION_CURRENT): command it again in a second"
@@ -315,7 +316,7 @@ pub(super) fn place(
         (Some(latitude), Some(longitude)) => (latitude.degrees(), longitude.degrees()),
         _ => return Err("a loiter position needs latitude and longitude".to_owned()),
     };
-    // What a full presence vector carries for no position.
+    // The value that means no position in a full presence vector.
     if latitude == 0.0 && longitude == 0.0 {
         return Ok(None);
     }
@@ -338,5 +339,5 @@ pub(super) fn place(
     Ok(Some((latitude, longitude)))
 }
 
-/// So near an altitude it is flown to without a swing, m.
+/// Within this distance an altitude is reached without oscillation, m.
 pub(super) const NEAR_M: f64 = 1.0;

@@ -1,9 +1,9 @@
 //! Steering (2016 mode 15): speed, course, heading, turn rate, altitude and vertical speed as OFFBOARD set points.
 //!
-//! Set points go out 20 times a second from before the mode is entered until the vehicle shows another one: PX4 takes a
-//! gap of a second for a loss and returns. While nothing is received from the vehicle they continue, level, for
-//! [`LONGEST_BLIND`] at most. What a command leaves out stays as it is steered; on entering that is what the vehicle does
-//! at the moment. Multicopters only: PX4 steers a fixed wing by no such set points.
+//! Set points are sent 20 times a second, from before the mode is entered until the vehicle reports another one: PX4 treats
+//! a gap of a second as a loss and returns. While no data of the vehicle arrives they continue, level, for at most
+//! [`LONGEST_BLIND`]. Values that a command leaves out stay unchanged; on entering the mode they are the vehicle's present
+//! ones. Multicopters only: PX4 does not steer a fixed wing by such set points.
 //!
 //! | 2016 | flown as |
 //! |---|---|
@@ -31,7 +31,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use crate::session::link::state::VehicleState;
 
-/// What one command asks to be changed.
+/// The changes in one command.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Order {
     pub(crate) speed_m_s: Option<f64>,
@@ -39,7 +39,7 @@ pub(crate) struct Order {
     pub(crate) vertical: Option<Vertical>,
 }
 
-/// Where nose and track point, rad from true north.
+/// Directions of nose and track, rad from true north.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Direction {
     Steady {
@@ -50,16 +50,16 @@ pub(crate) enum Direction {
     Turning(f64),
 }
 
-/// How height is flown.
+/// The vertical demand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Vertical {
-    /// To an altitude, at this rate at most.
+    /// Fly to an altitude, with at most this rate.
     Altitude { amsl_m: f64, most_m_s: f64 },
-    /// Up positive.
+    /// Vertical speed, up positive.
     Rate(f64),
 }
 
-/// The direction that a command asks for.
+/// The direction demanded by a command.
 ///
 /// # Errors
 /// The reason, for the operator.
@@ -115,7 +115,7 @@ pub(crate) fn direction(
     }
 }
 
-/// What 3002 reports of the direction that a command asks for.
+/// The direction that 3002 reports for a command.
 pub(crate) fn reported(command: &VehicleOperatingModeCommand) -> Option<CommandedDirection> {
     use HeadingCommandType as H;
     let kind = command.heading_command_type?;
@@ -148,35 +148,35 @@ struct Flown {
     due: Duration,
     last: Duration,
     entered: bool,
-    /// The mode is given up, and its command may be received until then.
+    /// The mode was given up; the vehicle may still receive its command until this time.
     given_up: Option<Duration>,
 }
 
 impl Steering {
-    /// Whether set points go out.
+    /// Whether set points are being sent.
     pub(crate) fn engaged(&self) -> bool {
         self.flown.is_some()
     }
 
-    /// The mode is to be entered, whatever the vehicle showed last: what was steered before it was left counts no more, what
-    /// was ordered on the way into it does.
+    /// The mode is to be entered, whatever the vehicle reported last: earlier steering no longer applies, but orders
+    /// received while entering the mode do.
     pub(super) fn enter_again(&mut self) {
         self.flown = self.flown.filter(|flown| !flown.entered);
     }
 
-    /// The way into the mode was superseded, or its end was not seen: the vehicle may enter it all the same, and would return
-    /// home without set points. In another mode it ignores them; so they continue until a report that is made after the last
-    /// command shows that one, and a command on its way has arrived.
+    /// Entering the mode was superseded or not confirmed: the vehicle may still enter it, and would return home without set
+    /// points. In other modes it ignores them. So they continue until a report after the last command shows another mode and
+    /// any command in transit has arrived.
     pub(super) fn give_up(&mut self, now: Duration) {
         if let Some(flown) = &mut self.flown {
             flown.given_up.get_or_insert(now + ON_ITS_WAY);
         }
     }
 
-    /// Takes an order, on top of what is steered or done now.
+    /// Applies an order on top of the present steering or motion.
     ///
     /// # Errors
-    /// What the vehicle has not reported yet, for the operator.
+    /// A needed value that the vehicle has not reported yet, for the operator.
     pub(super) fn take(
         &mut self,
         now: Duration,
@@ -200,7 +200,7 @@ impl Steering {
         Ok(())
     }
 
-    /// No more set points: the mode was not entered.
+    /// Ends the set points: the mode was not entered.
     pub(crate) fn release(&mut self) {
         self.flown = None;
     }
@@ -217,13 +217,13 @@ impl Steering {
             .mode_at()
             .map_or(Duration::MAX, |at| now.saturating_sub(at));
         if silent_for > LONGEST_BLIND {
-            // A vehicle that is silent for long cannot be steered: PX4 sees the set points end, and returns.
+            // A vehicle that is silent for long cannot be steered: the set points end, and PX4 returns.
             self.release();
         }
         let vehicle = &state.telemetry;
         let flown = self.flown.as_mut()?;
         let steered = vehicle.mode == Some(Px4Mode::OFFBOARD);
-        // Not before the mode was entered: HEARTBEAT shows the one before for up to a second.
+        // Not before the mode was entered: HEARTBEAT shows the previous mode for up to a second.
         if flown.entered && !steered {
             self.flown = None;
             return None;
@@ -237,14 +237,14 @@ impl Steering {
             self.flown = None;
             return None;
         }
-        // A report of before the command may show OFFBOARD of earlier.
+        // A report from before the command may show an earlier OFFBOARD.
         flown.entered |= steered && state.state_is_newer_than_command();
         if flown.due > now {
             return None;
         }
         let span = now.saturating_sub(flown.last).as_secs_f64();
         flown.last = now;
-        // Counted from the time due, so that late calls keep the rate; a longer gap is not made up for.
+        // Counted from the due time, so that late calls keep the rate; a longer gap is not made up for.
         flown.due = if flown.due + PERIOD > now {
             flown.due + PERIOD
         } else {
@@ -257,7 +257,7 @@ impl Steering {
             flown.nose = (flown.nose + rate * span).rem_euclid(TAU);
             flown.track = (flown.track + rate * span).rem_euclid(TAU);
         }
-        // Without its height nothing can be flown by it.
+        // Without a reported height, heights cannot be flown.
         let climb_m_s = if !state.live() {
             0.0
         } else {
@@ -271,7 +271,7 @@ impl Steering {
     }
 }
 
-/// What the vehicle does at the moment, as an order to continue.
+/// The vehicle's present motion as an order.
 fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
     let [north, east, _] = vehicle
         .velocity_ned
@@ -314,7 +314,7 @@ fn climb(vertical: Vertical, vehicle: &Telemetry, limits: &Limits) -> f64 {
     let towards = |amsl_m: f64| (amsl_m - place.amsl_m) * APPROACH_PER_S;
     match vertical {
         Vertical::Altitude { amsl_m, most_m_s } => towards(amsl_m).clamp(-most_m_s, most_m_s),
-        // The limits are approached, not run into.
+        // Slow down before the limits.
         Vertical::Rate(rate) => rate.min(towards(high).max(0.0)).max(towards(low).min(0.0)),
     }
 }
@@ -335,20 +335,20 @@ fn set_point(flown: &Flown, climb_m_s: f64, system: u8) -> MavMessage {
     })
 }
 
-/// Set points continue for this long while nothing is received, level: a bad link is no reason to turn back.
+/// How long level set points continue without data of the vehicle: a bad link alone is no reason to return.
 const LONGEST_BLIND: Duration = Duration::from_secs(10);
-/// A command that was given up may still be received within this time.
+/// The vehicle may still receive a given-up command within this time.
 const ON_ITS_WAY: Duration = Duration::from_secs(2);
-/// Of set points: PX4 needs 2 a second.
+/// Period of the set points: PX4 needs 2 a second.
 const PERIOD: Duration = Duration::from_millis(50);
-/// Position, acceleration and yaw rate are not for use.
+/// Ignore position, acceleration and yaw rate.
 const VELOCITY_AND_YAW: u16 = 0x9c7;
 const AUTOPILOT: u8 = 1;
-/// Climb and sink rate to an altitude where none is commanded: within what PX4 flies unasked.
+/// Default climb and sink rates to an altitude: within PX4's own defaults.
 pub(super) const CLIMB_M_S: f64 = 1.5;
 /// Rate of approach to an altitude, 1/s.
 const APPROACH_PER_S: f64 = 0.7;
-/// Slower, a track says nothing.
+/// Below this speed a track is meaningless.
 const SLOWEST_M_S: f64 = 0.5;
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
-//! Manual flight: sticks (2010) become MANUAL_CONTROL: each as it comes, and the last one again 25 times a second for as long as they
-//! come. Sent by a clock of its own it would be flown up to 40 ms late, which a pilot feels. No two are less than 15 ms apart: the newest
-//! waits for that.
+//! Manual flight: sticks (2010) become MANUAL_CONTROL. Each is sent as it arrives, and the last one is repeated 25 times a
+//! second while sticks keep arriving. With a fixed clock a stick would be up to 40 ms late, which a pilot notices. Messages
+//! are at least 15 ms apart: the newest stick waits for that.
 //!
-//! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused
-//! without sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then sees the loss as it is and does what
-//! it is configured for (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
+//! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused without
+//! sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then detects the loss and acts as configured
+//! (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
 //!
 //! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
 //! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
@@ -21,7 +21,7 @@ pub(crate) struct Sticks {
     latest: Option<(Duration, UaStickCommand)>,
     stream: Stream,
     due: Duration,
-    /// When one was sent last, and what passes at least before the next.
+    /// When the last one was sent, and the minimum time to the next.
     sent: Duration,
     apart: Duration,
 }
@@ -31,11 +31,11 @@ pub(crate) struct Sticks {
 enum Stream {
     #[default]
     Off,
-    /// Mode 2 is commanded; the vehicle does not show it yet.
+    /// Mode 2 is commanded; the vehicle does not report it yet.
     Entering,
     /// The vehicle is flown by hand.
     Flying,
-    /// It is flown by hand, and the sticks have stopped at that time.
+    /// The vehicle is flown by hand, but the sticks stopped at that time.
     Lost(Duration),
 }
 
@@ -49,7 +49,7 @@ pub(super) enum Due {
 }
 
 impl Sticks {
-    /// Takes a 2010. One older than the last, by its stamp, has been overtaken and changes nothing.
+    /// Takes a 2010. A stick with an older stamp than the last one arrived late and is ignored.
     pub(super) fn take(&mut self, now: Duration, sticks: &UaStickCommand) -> Result<(), String> {
         let signed = [
             ("Lateral Stick", sticks.lateral_stick),
@@ -66,7 +66,7 @@ impl Sticks {
         }
         let overtaken = self.latest.as_ref().is_some_and(|(at, latest)| {
             match (latest.time_stamp, sticks.time_stamp) {
-                // Only beside those that it comes among: later it is of a clock that was set back.
+                // Only if it arrives among newer ones: later it is from a clock that was set back.
                 (Some(latest), Some(new)) if now.saturating_sub(*at) < FRESH => {
                     new < latest && latest.0 - new.0 < CLOCK_SET_MS
                 }
@@ -80,21 +80,20 @@ impl Sticks {
         Ok(())
     }
 
-    /// Another CUCS controls, or none: the sticks of the one before no longer count, nor do its stamps, since each CUCS
-    /// has a clock of its own.
+    /// Control has changed: the previous CUCS's sticks and stamps no longer apply, since each CUCS has its own clock.
     pub(crate) fn forget(&mut self) {
         self.latest = None;
     }
 
-    /// Whether sticks come.
+    /// Whether sticks are arriving.
     pub(super) fn fresh(&self, now: Duration) -> bool {
         self.latest
             .as_ref()
             .is_some_and(|(at, _)| now.saturating_sub(*at) < FRESH)
     }
 
-    /// Whether POSCTL is flown by these sticks. PX4 leaves it soon after they have stopped, unless it has others: then a pilot
-    /// flies it.
+    /// Whether POSCTL is flown with these sticks. PX4 leaves the mode soon after they stop, unless it has other sticks: then
+    /// a pilot is flying.
     pub(super) fn steer(&self, now: Duration) -> bool {
         match self.stream {
             Stream::Off => false,
@@ -115,7 +114,7 @@ impl Sticks {
         self.stream = Stream::Off;
     }
 
-    /// `mode`: as reported last, and whether after the last command that may change it.
+    /// `mode`: the last reported mode, and whether the report is newer than the last command that may change it.
     pub(super) fn advance(
         &mut self,
         now: Duration,
@@ -125,7 +124,7 @@ impl Sticks {
         let by_hand = mode == Some(Px4Mode::POSCTL);
         match self.stream {
             Stream::Off => return Due::None,
-            // A report of before the command may show POSCTL of earlier.
+            // A report from before the command may show an earlier POSCTL.
             Stream::Entering if by_hand && newer => self.stream = Stream::Flying,
             Stream::Entering => {}
             Stream::Flying | Stream::Lost(_) if !by_hand => {
@@ -135,7 +134,7 @@ impl Sticks {
             Stream::Flying | Stream::Lost(_) => {}
         }
         if !self.fresh(now) {
-            // The last sticks are not repeated: PX4 must see the loss, and act by its own parameters.
+            // Do not repeat the last sticks: PX4 must detect the loss and act by its own parameters.
             if matches!(self.stream, Stream::Lost(_)) {
                 return Due::None;
             }
@@ -149,7 +148,7 @@ impl Sticks {
         if self.due > now {
             return Due::None;
         }
-        // Counted from the time due, so that late calls keep the rate; a longer gap is not made up for.
+        // Counted from the due time, so that late calls keep the rate; a longer gap is not made up for.
         self.due = if self.due + PERIOD > now {
             (self.due + PERIOD).max(now + self.apart)
         } else {
@@ -189,18 +188,19 @@ fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
     }
 }
 
-/// Sticks count for so long. A link that loses every other of 10 a second still flies.
+/// How long a stick is valid. A link that loses every second of 10 sticks a second can still be flown.
 const FRESH: Duration = Duration::from_millis(300);
 /// PX4 takes this long to accept that there are sticks: until then it refuses the mode, with a STATUSTEXT.
 pub(super) const SEEN_WITHIN: Duration = Duration::from_millis(500);
-/// PX4 has left POSCTL by then for the failsafe of lost sticks (COM_RC_LOSS_T, 0.5 s as it is delivered), and reported that.
+/// By then PX4 has left POSCTL for its failsafe for lost sticks (COM_RC_LOSS_T, default 0.5 s) and has reported it.
 const LEFT_WITHIN: Duration = Duration::from_secs(3);
-/// Of MANUAL_CONTROL where no new sticks come.
+/// Period of MANUAL_CONTROL without new sticks.
 const PERIOD: Duration = Duration::from_millis(40);
-/// Between two of them. Less than the 20 ms of a CUCS that sends 50 a second, so that one that comes a little early is not held back.
+/// Minimum time between two messages. Less than the 20 ms of a CUCS that sends 50 a second, so that a slightly early stick
+/// is not delayed.
 const SHORTEST: Duration = Duration::from_millis(15);
 const HALF_THROTTLE: i16 = 500;
-/// A stamp so far back is that of a clock that was set.
+/// A stamp this far back means that the clock was set.
 const CLOCK_SET_MS: u64 = 10_000;
 
 #[cfg(test)]

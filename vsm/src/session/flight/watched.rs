@@ -1,4 +1,5 @@
-//! What a vehicle has shown for how long: a hold of PX4 that nothing follows, a wing that may be on its final approach.
+//! How long the vehicle has been in a state: a PX4 hold that leads to nothing else, or a fixed wing that may be on its final
+//! approach.
 
 use std::time::Duration;
 
@@ -8,18 +9,18 @@ use crate::session::context::may_be_on_final;
 use crate::session::link::state::VehicleState;
 use crate::session::other::{Holding, Other};
 
-/// What the vehicle has shown for how long.
+/// The tracked states and their durations.
 #[derive(Debug, Default)]
 pub(super) struct Watched {
-    /// It holds, as a failsafe of PX4.
+    /// Since when it has been holding as a PX4 failsafe.
     pub(super) holding: Holding,
-    /// A wing flies a mission and has not reported which item, since then.
+    /// Since when a fixed wing has been flying a mission without reporting its item.
     pub(super) item_unknown_since: Option<Duration>,
-    /// Its mode has changed, and no report since the last command has shown that yet.
+    /// The mode may have changed, not confirmed yet by a report after the last command.
     pub(super) mode_changed: bool,
-    /// The mode that a maneuver has led to, while the vehicle stays in it: nobody else has entered it.
+    /// The mode that a maneuver has entered, while the vehicle stays in it: nobody else has commanded it.
     pub(super) entered: Option<Px4Mode>,
-    /// It has flown a mission, and only held since.
+    /// It has flown a mission and has only held since.
     pub(super) flew: bool,
 }
 
@@ -36,7 +37,7 @@ impl Watched {
             Some(Px4Mode::LOITER) => self.flew,
             _ => false,
         };
-        // A report of before the last command shows no end of it.
+        // A report from before the last command cannot show its end.
         if vehicle.live() && vehicle.settled_mode().is_some() {
             self.holding.note(Other::of(&vehicle.telemetry), now);
         }

@@ -1,5 +1,5 @@
-//! What a 2016 asks of wings where they do it otherwise than a multicopter: launch (21), landing and its abort (19, 20),
-//! steering (15), and the transitions of a VTOL.
+//! 2016 for fixed wings, where it differs from a multicopter: launch (21), landing and its abort (19, 20), steering (15),
+//! and the transitions of a VTOL.
 //!
 //! | 2016 | fixed wing | VTOL on its wings | VTOL that hovers |
 //! |---|---|---|---|
@@ -10,7 +10,8 @@
 //! | 20 | DO_GO_AROUND, then loiter | loiter | loiter |
 //! | 21 | NAV_TAKEOFF, then loiter | | NAV_VTOL_TAKEOFF: transition, then loiter |
 //!
-//! PX4's course mode keeps a course over ground, an altitude and an air speed. It has no heading: the difference is the wind's.
+//! PX4's course mode keeps a course over ground, an altitude and an air speed. It has no heading, which follows from the
+//! wind.
 
 use std::f64::consts::TAU;
 
@@ -30,10 +31,10 @@ use super::steering::{self, Direction};
 use crate::session::maneuver::{self, Step};
 use crate::session::mission::record::UploadedMission;
 
-/// Whether the vehicle can begin a route from where it is.
+/// Checks whether the vehicle can begin a route in its present state.
 ///
 /// # Errors
-/// Wings on the ground, or a VTOL too low for its transition.
+/// A fixed wing is on the ground, or a VTOL is too low for its transition.
 pub(super) fn may_begin_a_route(at: &Situation<'_>) -> Result<(), String> {
     let Some(wings) = &at.wings else {
         return Ok(());
@@ -47,8 +48,8 @@ pub(super) fn may_begin_a_route(at: &Situation<'_>) -> Result<(), String> {
     Ok(())
 }
 
-/// The transition of a VTOL that a flight from this item needs first: PX4 passes over those of the items before it, and would
-/// fly a leg of the wings hovering.
+/// The transition that a VTOL needs before flying from this item: PX4 skips the transitions of earlier items and would fly a
+/// fixed-wing leg in hover.
 ///
 /// # Errors
 /// It is too low for a transition.
@@ -67,7 +68,7 @@ pub(super) fn turn_for_the_leg(
         return Ok(());
     }
     check_transition(wings, at)?;
-    // It begins in a hold: no set points and no sticks take part in it.
+    // It begins in a hold, without set points or sticks.
     if at.settled_mode() != Some(Px4Mode::LOITER) {
         steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
     }
@@ -83,7 +84,7 @@ fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
         .zip(at.telemetry.home)
         .map(|(here, home)| here.amsl_m - home.amsl_m)
         .ok_or("the vehicle has not reported position and home yet")?;
-    // It hovers about the altitude that it was sent to.
+    // It hovers at about its commanded altitude.
     if height_m + ALTITUDE_SLACK_M >= wings.transition_m {
         return Ok(());
     }
@@ -93,7 +94,7 @@ fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
     ))
 }
 
-/// Mode 19; none where the approach route is flown, which may have to be uploaded first.
+/// Mode 19; `None` if the approach route is flown, which may have to be uploaded first.
 pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     let approach = has(RouteType::Approach, at);
     let here = || Ok(Some(plain(&[Px4Mode::LAND], at)));
@@ -109,7 +110,8 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     let pattern = at
         .uploaded
         .and_then(|uploaded| Some((uploaded, uploaded.compiled.landing_start()?)));
-    // A VTOL would turn to a hover and land where it is, a wing be refused, though the pattern is aboard.
+    // A VTOL would transition to hover and land at its position, and a fixed wing would refuse, although the pattern is
+    // aboard.
     if let Some((uploaded, _)) = pattern
         && holds(at.telemetry, uploaded).is_none()
     {
@@ -123,7 +125,7 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
             Ok(Some(Task::Steps(steps, Commanded::default())))
         }
         None if approach => Ok(None),
-        // PX4 turns back to a hover, and lands here.
+        // PX4 transitions to hover and lands here.
         None if at.telemetry.airframe() == Airframe::Vtol => here(),
         None => Err(
             "mode 19 (land): the vehicle carries no landing pattern: send an approach route (13001), or load a route (13000) with \
@@ -133,14 +135,14 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     }
 }
 
-/// Mode 20: aborts the landing that the vehicle shows, or that it was commanded.
+/// Mode 20: aborts the reported or commanded landing.
 pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
     let loiter = || Ok(plain(&[Px4Mode::LOITER], at));
     if at.telemetry.mode == Some(Px4Mode::LAND) {
         return loiter();
     }
     let seq = at.telemetry.mission.map(|mission| mission.seq);
-    // It may be on its final approach: a loiter would circle just above the ground.
+    // It may be on its final approach, where a loiter would circle just above the ground.
     if at.telemetry.mode == Some(Px4Mode::MISSION) && at.uploaded.is_some() && seq.is_none() {
         return Err(mission_not_reported("mode 20 (wave-off)"));
     }
@@ -153,7 +155,7 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
         Some((uploaded, seq)) => {
             let low = uploaded.compiled.is_touch_down(seq);
             if low && at.telemetry.airframe() == Airframe::FixedWing {
-                // Only by this PX4 climbs out of a glide.
+                // Only this command makes PX4 climb out of a glide.
                 Ok(Task::Steps(
                     maneuver::go_around().into(),
                     Commanded::default(),
@@ -162,7 +164,7 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
                 loiter()
             }
         }
-        // Commanded and not shown yet, or perhaps: a landing that was superseded may have begun all the same.
+        // A commanded landing may not be reported yet, and a superseded one may have begun.
         None if at.under_way.lands || (at.under_way.unseen && !at.under_way.enters) => loiter(),
         None => Err(
             "mode 20 (wave-off): the vehicle is not landing, there is nothing to abort".to_owned(),
@@ -170,7 +172,7 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
     }
 }
 
-/// Mode 21: the steps, and what they lead to.
+/// Mode 21: the steps, and their commanded values.
 pub(super) fn launch(
     command: &VehicleOperatingModeCommand,
     at: &Situation<'_>,
@@ -202,8 +204,8 @@ pub(super) fn launch(
             wings.transition_m
         ));
     }
-    // PX4 turns towards the loiter to transition. Without one commanded it is ahead: whoever set the vehicle up has turned
-    // its nose into the wind.
+    // PX4 turns towards the loiter to transition. Without a commanded position the loiter is ahead: the crew has set the
+    // vehicle up with its nose into the wind.
     let ahead = || {
         let here = at.telemetry.position?;
         let nose = at.telemetry.attitude?.yaw;
@@ -215,7 +217,7 @@ pub(super) fn launch(
         .or_else(ahead)
         .ok_or("mode 21 (launch): the vehicle has not reported position and heading yet")?;
     let commanded = Commanded {
-        // It loiters as high as its parameter says, whatever altitude it transitions at.
+        // It loiters at the height of its parameter, whatever the altitude of its transition.
         altitude_amsl_m: at.vtol_loiter_m.map(|above_m| home.amsl_m + above_m),
         loiter_position: Some(loiter),
         ..commanded
@@ -272,10 +274,10 @@ pub(super) fn steer(
     commanded.loiter_position = None;
     let mut steps = Vec::new();
     if !entered {
-        // On entry PX4 keeps the present course and altitude, at its own speed.
+        // On entry PX4 keeps the present course and altitude, at its default speed.
         steps.extend(maneuver::enter(&[Px4Mode::COURSE]));
     }
-    // Speed and altitude first: a turn takes a while, and they would wait for it.
+    // Speed and altitude first: otherwise they would wait for the turn, which takes a while.
     if let Some(speed_m_s) = speed_m_s {
         steps.push(maneuver::change_speed(speed_m_s, false));
         commanded.speed_m_s = Some(speed_m_s);
@@ -293,10 +295,10 @@ pub(super) fn steer(
     Ok(Task::Steps(steps, commanded))
 }
 
-/// Whether the vehicle hovers in a loiter of this pattern, after the transition that is added where it needs one.
+/// Whether the vehicle hovers in a loiter of this pattern; adds a transition if needed.
 ///
 /// # Errors
-/// A transition on the ground, or too low.
+/// A transition would be on the ground or too low.
 pub(super) fn transition_for(
     pattern: Pattern,
     named: bool,
@@ -312,7 +314,7 @@ pub(super) fn transition_for(
         Pattern::Hover => true,
         Pattern::Circle(_) | Pattern::FigureEight(_) => false,
     };
-    // A change of altitude or speed alone is no new loiter.
+    // A change of altitude or speed alone is not a new loiter.
     if (wanted == hovers && !at.under_way.turns) || !named {
         return Ok(hovers);
     }
@@ -324,7 +326,8 @@ pub(super) fn transition_for(
     Ok(wanted)
 }
 
-/// Whether a pattern is flown about the present place, where none is commanded: that of wings, when the mode is.
+/// Whether a pattern is flown around the present position if no position is commanded: for fixed wings, if the mode is
+/// commanded.
 pub(super) fn circles_here(
     pattern: Pattern,
     hovers: bool,
@@ -334,7 +337,7 @@ pub(super) fn circles_here(
     !hovers && shaped && names_mode(command)
 }
 
-/// Whether wings can turn so tightly at the speed commanded, or their own.
+/// Checks whether a fixed wing can fly this radius at the commanded speed, or at its own.
 pub(super) fn check_circle(
     wings: &Wings,
     radius_m: f64,
@@ -351,7 +354,7 @@ pub(super) fn check_circle(
     ))
 }
 
-/// Lower, a fixed wing would loiter among what stands around its runway, m.
+/// Below this height a fixed wing would loiter among obstacles around its runway, m.
 const LOWEST_WING_LAUNCH_M: f64 = 10.0;
-/// How far below its altitude a VTOL may hover, m: NAV_MC_ALT_RAD as PX4 comes.
+/// How far below its altitude a VTOL may hover, m: the default of NAV_MC_ALT_RAD.
 const ALTITUDE_SLACK_M: f64 = 0.8;

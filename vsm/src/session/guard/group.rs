@@ -147,7 +147,7 @@ impl GroupReceiver {
         true
     }
 
-    /// What is inside of a datagram of the group that is believed.
+    /// The content of an accepted datagram of the group.
     ///
     /// # Errors
     /// It is not: why.

@@ -1,7 +1,7 @@
-//! What a held command waits for, and when that is so.
+//! The conditions of held commands, and when they are met.
 //!
-//! Of what the vehicle shows only fresh data count. A place is passed, an area entered or left, by a change: a command
-//! given inside an area does not wait for what is the case already.
+//! Only fresh data of the vehicle counts. Passing a waypoint, or entering or leaving an area, needs a change: a command sent
+//! while the vehicle is inside an area is not triggered by the vehicle being there already.
 
 use std::time::Duration;
 
@@ -14,25 +14,25 @@ use super::input::Context;
 use crate::session::authority::rules::Silence;
 use crate::session::station::GroundStation;
 
-/// What is waited for.
+/// A condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) enum Condition {
     Time {
         /// Milliseconds since 1970, by the clock of this VSM.
         at_ms: u64,
-        /// The same by the clock that does not go back.
+        /// The same by the monotonic clock.
         #[serde(skip)]
         at: Duration,
     },
     Waypoint {
         number: u16,
-        /// Since it was given the vehicle had been at another, or at none.
+        /// Since the command was sent, the vehicle has flown to another waypoint, or to none.
         beside: bool,
     },
     Area {
         outline: Outline,
         entered: bool,
-        /// Since it was given the vehicle was on the other side.
+        /// Since the command was sent, the vehicle has been on the other side.
         beside: bool,
     },
     Battery {
@@ -41,14 +41,14 @@ pub(super) enum Condition {
         since: Option<Duration>,
     },
     LinkLost,
-    /// The serial number of the other.
+    /// The serial number of the other command.
     Done {
         serial: u32,
         number: u16,
     },
 }
 
-/// An area, as it was when the command was given: degrees north and east, metres.
+/// An area, as it was when the command was sent: degrees north and east, metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) enum Outline {
     Circle { centre: (f64, f64), radius_m: f64 },
@@ -79,21 +79,21 @@ impl Outline {
     }
 }
 
-/// How a look at a condition ends.
+/// The result of checking a condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Look {
-    /// Nothing new.
+    /// Not met, unchanged.
     Waits,
-    /// It is nearer to be met by something that must be remembered.
+    /// Not met, but a part of it is, which must be stored.
     Nearer,
     Met,
 }
 
 impl Condition {
-    /// Of a 50020. `serial_of`: the serial number of another held command of this CUCS.
+    /// Reads the condition of a 50020. `serial_of` returns the serial number of another held command of this CUCS.
     ///
     /// # Errors
-    /// What is missing, or out of its range.
+    /// A field is missing or out of range.
     pub(super) fn of(
         command: &HoldCommand,
         context: &Context<'_>,
@@ -151,11 +151,11 @@ impl Condition {
         }
     }
 
-    /// Whether it is met now. `owner`: who gave the command; [`Condition::Done`] is for the caller.
+    /// Checks whether it is met now. `owner` is the sender of the command. The caller checks [`Condition::Done`].
     pub(super) fn look(&mut self, context: &Context<'_>, owner: &GroundStation) -> Look {
         let (now, vehicle) = (context.mono(), context.vehicle);
         let telemetry = &vehicle.telemetry;
-        // What a silent vehicle showed last may no longer be so.
+        // The last report of a silent vehicle may no longer hold.
         let live = vehicle.live();
         match self {
             Condition::Time { at, .. } => met(*at <= now),
@@ -186,7 +186,7 @@ impl Condition {
                     *since = None;
                     return Look::Waits;
                 }
-                // One report that the next does not confirm is none.
+                // A single report that the next one does not confirm is ignored.
                 met(now >= *since.get_or_insert(now) + BATTERY_LASTS)
             }
             Condition::LinkLost => {
@@ -197,7 +197,7 @@ impl Condition {
         }
     }
 
-    /// When it is met, or looked at again, by the time alone.
+    /// When time alone meets it, or requires another check.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         match self {
             Condition::Time { at, .. } => Some(*at),
@@ -222,7 +222,8 @@ fn change(there: bool, beside: &mut bool) -> Look {
     }
 }
 
-/// The time is one of the station's clock: how far it is after the message counts, whatever the two clocks show.
+/// Condition Time is by the station's clock, so only its distance from the message's Time Stamp counts; the two clocks may
+/// differ.
 fn time(command: &HoldCommand, context: &Context<'_>) -> Result<Condition, String> {
     let (at, stamp) = command
         .condition_time
@@ -255,7 +256,7 @@ fn circle(command: &HoldCommand) -> Result<Option<Outline>, String> {
                     "Condition Latitude {latitude:.4} deg, expected -90 to 90"
                 ));
             }
-            // Not at a boundary alone: a comparison with NaN is false.
+            // Written so that NaN fails too: any comparison with NaN is false.
             if !(radius_m > 0.0 && radius_m <= WIDEST_M) {
                 return Err(format!(
                     "Condition Radius {radius_m} m, expected above 0 to 100000"
@@ -284,6 +285,6 @@ pub(super) fn wall_ms(wall: Duration) -> u64 {
     u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)
 }
 
-/// How long less energy must be reported, as for an alert.
+/// How long low energy must be reported, as for an alert.
 const BATTERY_LASTS: Duration = Duration::from_millis(1_500);
 const WIDEST_M: f64 = 1e5;

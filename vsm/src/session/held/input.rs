@@ -1,4 +1,4 @@
-//! What the machine of held commands reads, and what happens to it.
+//! What the machine of held commands reads, and its inputs.
 
 use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
@@ -13,17 +13,17 @@ pub(crate) struct Context<'a> {
     pub(crate) common: context::Context<'a>,
     pub(crate) mission: MissionView<'a>,
     pub(crate) flight: FlightView<'a>,
-    /// Who else has the vehicle, as it showed that last.
+    /// Who else flies the vehicle, as last reported.
     pub(crate) other: Option<Other>,
-    /// Its failsafe has held it for so long that nothing follows from it.
+    /// Its failsafe has held it for so long that it will do nothing else.
     pub(crate) only_holds: bool,
-    /// Who holds which right now.
+    /// The rights held now.
     pub(crate) rights: &'a Authority,
 }
 
 context::deref_to_common!(Context);
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
     /// 50020 or 50021 of a CUCS that holds the right.
@@ -33,9 +33,9 @@ pub(crate) enum Input<'a> {
     },
     /// 17002 for 50022.
     List { station: usize },
-    /// Time has passed, the vehicle has reported something, or a right has changed.
+    /// Time has passed, data of the vehicle has arrived, or a right has changed.
     Watch,
-    /// What the machine that it was for has answered.
+    /// The answer of the machine that carried out the command.
     Ended {
         serial: u32,
         answer: AckType,

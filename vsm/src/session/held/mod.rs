@@ -1,15 +1,16 @@
 //! Commands that are held until a condition (50020), cancelled (50021) and reported (50022).
 //!
-//! A held command is carried out once at most, by the CUCS that gave it, in the same way as one that arrives then: the
-//! router checks the right again and hands it to the machine that it is for. Promised:
+//! A held command is carried out at most once, in the name of the CUCS that sent it, as if it arrived at that moment: the
+//! router checks the right again and passes the command to its machine. Promised:
 //!
-//! - It is on disk before it is acknowledged, and that it is being carried out is on disk before it is: what a restart, or a
-//!   power cut, finds so is not carried out again. A disk that does not keep it within [`STORED_WITHIN`] has it refused.
-//! - Never after its expiry or its cancellation, over restarts too. A VSM whose clock went back over a restart cancels all.
-//! - Never while the vehicle is silent, and never against its pilot or its failsafe: a command that would take the
+//! - A command is stored before it is acknowledged, and marked as started before it runs, so no restart or power cut runs it
+//!   twice. If the disk does not confirm within [`STORED_WITHIN`], the command is refused.
+//! - It never runs after its expiry or its cancellation, also after a restart. If the VSM's clock was set back during a
+//!   restart, all held commands are cancelled.
+//! - It never runs while the vehicle is silent, and never against its pilot or failsafe: a command that would take the
 //!   vehicle from them is refused.
-//! - A command ends with the control of its sender. A [contingency](HoldKind::Contingency) is kept while nobody controls
-//!   the vehicle, and ends when another does: who controls is not surprised by what another has planned.
+//! - It ends when its sender loses control. A [contingency](HoldKind::Contingency) is kept while nobody controls the vehicle
+//!   and ends when another CUCS takes control, so that a new controller is never surprised by what another CUCS planned.
 //!
 //! ```text
 //! waiting --condition--> being carried out --shown--> carried out
@@ -17,7 +18,7 @@
 //!    +--> refused, expired, cancelled
 //! ```
 //!
-//! `input`: what the machine reads, and what happens to it; `condition`: what is waited for; `record`: what a restart finds.
+//! `input`: what the machine reads, and its inputs; `condition`: the conditions; `record`: the record on disk.
 
 mod condition;
 mod input;
@@ -53,13 +54,13 @@ pub(crate) struct Held {
     /// In the order that they were given.
     entries: Vec<Entry>,
     serial: u32,
-    /// The record could not be written, and is written again then.
+    /// When to retry writing the record; `None` if it is stored.
     unsaved: Option<Duration>,
-    /// What is carried out once the disk has it.
+    /// Commands that run as soon as the disk has stored their start.
     storing: Vec<Storing>,
 }
 
-/// A command that is due, and is on its way to the disk as such.
+/// A command that is due, while the disk stores its start.
 #[derive(Debug)]
 struct Storing {
     serial: u32,
@@ -68,7 +69,7 @@ struct Storing {
     message: Message,
 }
 
-/// The command in a 50020; none where it cannot be read.
+/// The command in a 50020; `None` if it cannot be decoded.
 pub(crate) fn inner(message: &Message) -> Option<Message> {
     let Message::HoldCommand(hold) = message else {
         return None;
@@ -79,7 +80,7 @@ pub(crate) fn inner(message: &Message) -> Option<Message> {
 }
 
 impl Held {
-    /// What a restart finds. Returns whether it has cut off a launch.
+    /// Restores the record after a restart. Returns whether the restart interrupted a launch.
     ///
     /// # Errors
     /// A record exists and cannot be read.
@@ -106,8 +107,8 @@ impl Held {
         Ok(launched)
     }
 
-    /// A 50020 that had no final answer when the VSM ended: it still waits, or is answered now. False where nothing is
-    /// known of it.
+    /// Resumes a 50020 that had no final answer when the VSM ended: it still waits, or is answered now. Returns false if the
+    /// command is unknown.
     pub(crate) fn resume(
         &self,
         (station, owner): (usize, Option<Id>),
@@ -120,13 +121,13 @@ impl Held {
         };
         match entry.state.has_ended() {
             true => answer_end(entry, station, effects),
-            // Its sender may not have been answered yet, and repeats it.
+            // Its sender may not have received the answer and may repeat the command.
             false => effects.acknowledge(&entry.origin(station), AckType::Received),
         }
         true
     }
 
-    /// When [`Input::Watch`] is due by the time alone.
+    /// When [`Input::Watch`] is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let waiting = self.waiting();
         let due = waiting.flat_map(|entry| [Some(entry.until), entry.condition.poll_timeout()]);
@@ -185,13 +186,13 @@ impl Held {
         };
         let (before, serial) = (self.entries.clone(), self.serial);
         self.serial = entry.serial;
-        // A number may come again: what it meant before is known no more.
+        // A CUCS may reuse a number: forget the ended command that had it.
         let (owner, number) = (entry.owner, entry.number);
         self.entries
             .retain(|one| !(one.state.has_ended() && one.owner == owner && one.number == number));
         self.entries.push(entry);
         self.forget_old();
-        // On disk before 17000: what is acknowledged as held must survive a restart.
+        // Store before the 17000: a command that is acknowledged as held must survive a restart.
         if let Err(fault) = self.save(effects) {
             (self.entries, self.serial) = (before, serial);
             return effects.refuse(Some(origin), format!("it cannot be stored: {fault}"));
@@ -200,7 +201,7 @@ impl Held {
         self.report_last(context, effects);
     }
 
-    /// A 50020, checked: also the right that its command needs now.
+    /// Checks a 50020, including the right that its command needs now.
     fn entry(
         &self,
         context: &Context<'_>,
@@ -277,7 +278,7 @@ impl Held {
         })
     }
 
-    /// Whether the command can be held at all, and may be given by this CUCS now.
+    /// Checks whether the command can be held at all, and whether this CUCS may send it now.
     fn check_right(
         &self,
         context: &Context<'_>,
@@ -293,7 +294,9 @@ impl Held {
         }
         let needed = Rights::named(right, Stations::NONE).in_words();
         let held = context.rights.held(owner).in_words();
-        Err(format!("message {named} needs {needed}, held is {held}"))
+        Err(format!(
+            "message {named} needs {needed}; this CUCS holds {held}"
+        ))
     }
 
     fn cancel(
@@ -309,7 +312,7 @@ impl Held {
         let owner = command.owner_id.unwrap_or(sender);
         if owner != sender && context.controller != Some(sender) {
             let why = format!(
-                "the held commands of {owner} are cancelled by the CUCS that controls the vehicle"
+                "only {owner} and the CUCS that controls the vehicle can cancel the held commands of {owner}"
             );
             return effects.refuse(Some(origin), why);
         }
@@ -327,9 +330,9 @@ impl Held {
                 .iter()
                 .any(|entry| meant(entry) && !entry.state.has_ended());
             let why = if runs {
-                format!("held command {number} is being carried out: command otherwise")
+                format!("held command {number} is being carried out: send another command instead")
             } else {
-                format!("no held command {number} of {owner} waits")
+                format!("{owner} has no waiting held command {number}")
             };
             return effects.refuse(Some(origin), why);
         }
@@ -342,18 +345,18 @@ impl Held {
                 effects,
             );
         }
-        // What is answered as cancelled must not wait again after a restart.
+        // A command that was answered as cancelled must not wait again after a restart.
         match self.unsaved {
             None => effects.acknowledge(&origin, AckType::CarriedOut),
             Some(_) => effects.refuse(
                 Some(origin),
-                "cancelled, but that cannot be stored: a restart of the VSM would undo it",
+                "cancelled, but the cancellation cannot be stored: a restart of the VSM would undo it",
             ),
         }
     }
 }
 
-/// What the time, the vehicle and the holders of rights make of it.
+/// Progress with time, the vehicle's state and changes of rights.
 impl Held {
     fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         if self.unsaved.is_some_and(|at| at <= context.mono()) {
@@ -361,7 +364,7 @@ impl Held {
         }
         self.carry_out_stored(context, effects);
         let mut nearer = false;
-        // One that ends may end others, which come after it.
+        // A command that ends may end others, which come later in the list.
         for index in 0..self.entries.len() {
             if self
                 .entries
@@ -376,7 +379,7 @@ impl Held {
         }
     }
 
-    /// Looks at one that waits; true where something of it must be stored.
+    /// Checks one waiting command; returns true if it has changed and must be stored.
     fn watch_one(
         &mut self,
         context: &Context<'_>,
@@ -387,7 +390,13 @@ impl Held {
             return false;
         };
         if entry.until <= context.mono() {
-            self.end(context, index, State::Expired, "its time is over", effects);
+            self.end(
+                context,
+                index,
+                State::Expired,
+                "its Valid For has passed",
+                effects,
+            );
             return false;
         }
         let owner = Id(entry.owner);
@@ -432,9 +441,10 @@ impl Held {
         match look {
             Look::Waits => false,
             Look::Nearer => true,
-            // It waits on until the vehicle is received, or its time is over.
+            // It keeps waiting until data of the vehicle arrives or the command expires.
             Look::Met if !context.vehicle.live() => false,
-            // It is there for this loss: the hold of what was steered comes first, and a failsafe of PX4 that may only hold.
+            // The command is for this loss: the hold of a steered vehicle comes first, as does a PX4 failsafe that may only
+            // hold.
             Look::Met if self.is_for_loss(index) && moves(&message) && holds_first(context) => {
                 false
             }
@@ -464,9 +474,9 @@ impl Held {
             return;
         };
         entry.state = State::BeingCarriedOut;
-        // On disk before it is done: a restart must not do it again.
+        // Store the start before running it: a restart must not run it again.
         if let Err(fault) = self.save(effects) {
-            let why = format!("that it is carried out cannot be stored: {fault}");
+            let why = format!("its start could not be stored ({fault})");
             return self.end(context, index, State::Refused, &why, effects);
         }
         let Some(entry) = self.entries.get(index) else {
@@ -485,7 +495,7 @@ impl Held {
         self.carry_out_stored(context, effects);
     }
 
-    /// Carries out what the disk has as being carried out.
+    /// Runs the commands whose start is stored.
     fn carry_out_stored(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         for one in std::mem::take(&mut self.storing) {
             let durable = effects.disk().progress(one.stored) == Progress::Durable;
@@ -498,12 +508,13 @@ impl Held {
                 continue;
             };
             let result = match (durable, context.vehicle.live()) {
-                (false, _) => Err("that it is carried out is not on the disk in time".to_owned()),
-                (true, false) => Err("the vehicle is silent".to_owned()),
+                (false, _) => Err("the disk did not confirm its start in time".to_owned()),
+                (true, false) => Err("no data from the vehicle".to_owned()),
                 (true, true) if self.entries[index].until <= context.mono() => {
-                    Err("its time is over".to_owned())
+                    Err("its Valid For has passed".to_owned())
                 }
-                // What waits for the loss of the CUCS begins with the loss action, all else gives way to it.
+                // A command for the loss of the CUCS may start together with the loss action; every other command gives way
+                // to it.
                 (true, true) if self.entries[index].condition == Condition::LinkLost => {
                     flown_from_here(context, &one.message, true)
                 }
@@ -564,13 +575,13 @@ impl Held {
             AckType::Received => {}
             AckType::CarriedOut => self.end(context, index, State::CarriedOut, "", effects),
             _ => {
-                let why = why.unwrap_or_else(|| "no reason is known".to_owned());
+                let why = why.unwrap_or_else(|| "unknown reason".to_owned());
                 self.end(context, index, State::Refused, &why, effects);
             }
         }
     }
 
-    /// Ends one: stored, then answered and reported.
+    /// Ends a command: stores the end, then answers and reports it.
     fn end(
         &mut self,
         context: &Context<'_>,
@@ -592,7 +603,7 @@ impl Held {
         if let Some(station) = context.station_of(Id(entry.owner)) {
             answer_end(entry, station, effects);
         }
-        // Who controls the vehicle learns what will not happen, and who gave it was refused it above.
+        // Notify the controlling CUCS of what will not happen; the sender was notified above.
         let controller = context.controller.filter(|id| *id != Id(entry.owner));
         if let (false, Some(station)) = (
             state == State::CarriedOut,
@@ -613,7 +624,7 @@ impl Held {
         }
     }
 
-    /// Keeps the latest of those that have ended, and what another waits for.
+    /// Keeps the latest ended commands, and those that another command waits for.
     fn forget_old(&mut self) {
         let waited_for: Vec<u32> = (self.waiting())
             .filter_map(|entry| match entry.condition {
@@ -643,7 +654,7 @@ impl Held {
         Ok(())
     }
 
-    /// What cannot be stored is tried again.
+    /// Stores the record; on failure raises an alert and retries later.
     fn save_or_warn(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         match self.save(effects) {
             Ok(()) => effects.clear(Cause::HeldCommands, "held commands are stored again"),
@@ -656,7 +667,7 @@ impl Held {
     }
 }
 
-/// 50022 to all who listen, and to who gave it.
+/// Sends 50022 to all listening stations and to the sender of the command.
 fn report(entry: &Entry, context: &Context<'_>, effects: &mut Effects<'_>) {
     let message: Message = entry.report(effects.stamp()).into();
     effects.publish_to_listeners(&message);
@@ -666,7 +677,7 @@ fn report(entry: &Entry, context: &Context<'_>, effects: &mut Effects<'_>) {
     }
 }
 
-/// The final 17000 of the 50020, and the reason.
+/// Sends the final 17000 for the 50020, with the reason.
 fn answer_end(entry: &Entry, station: usize, effects: &mut Effects<'_>) {
     let origin = entry.origin(station);
     let number = entry.number;
@@ -693,13 +704,13 @@ fn answer_end(entry: &Entry, station: usize, effects: &mut Effects<'_>) {
 
 fn right_for(context: &Context<'_>, message: &Message) -> Option<LoiBitmap> {
     let mode = flight::mode_of(message, &context.vehicle.telemetry);
-    // What only asks is answered at once.
+    // Requests for information are answered at once, so they cannot be held.
     authority::right_for(message, mode).filter(|right| *right != LoiBitmap::LOI2)
 }
 
-/// Whether its CUCS may still have it carried out.
+/// Checks whether its CUCS may still have it carried out.
 fn may(context: &Context<'_>, entry: &Entry, owner: Id, message: &Message) -> Result<(), String> {
-    let right = right_for(context, message).ok_or("no right is known that it needs")?;
+    let right = right_for(context, message).ok_or("the LOI that it needs is unknown")?;
     if context.rights.holds(owner, right) {
         return Ok(());
     }
@@ -716,8 +727,8 @@ fn may(context: &Context<'_>, entry: &Entry, owner: Id, message: &Message) -> Re
     }
 }
 
-/// The loss of its own sender is what ends its control: only a contingency outlives that, and the VSM's own loss action is
-/// flown first.
+/// Checks a command that waits for the loss of its own sender. Control ends with that loss, so only a contingency outlives
+/// it, and the VSM's own loss action is flown first.
 fn check_link_lost(
     context: &Context<'_>,
     contingency: bool,
@@ -730,13 +741,13 @@ fn check_link_lost(
     }
     if moves(message) && context.settings.authority.on_loss != OnLoss::Continue {
         return Err(
-            "authority.on_loss is flown when its CUCS is lost: set it to \"continue\" for a held command in its place".to_owned(),
+            "authority.on_loss is flown when its CUCS is lost: set it to \"continue\" to use a held command instead".to_owned(),
         );
     }
     Ok(())
 }
 
-/// Whether a command of this kind takes the vehicle from whoever flies it.
+/// Whether a command of this kind takes the vehicle from its pilot or failsafe.
 fn moves(message: &Message) -> bool {
     matches!(
         message,
@@ -746,8 +757,8 @@ fn moves(message: &Message) -> bool {
     )
 }
 
-/// Whether nobody else flies the vehicle: a command that arrives is an operator's who sees what it does; one that was given
-/// an hour ago does not know that a pilot or a failsafe has taken it since.
+/// Checks that nobody else flies the vehicle. An operator sees the effect of a command sent now; a command from an hour ago
+/// takes no account of a pilot or failsafe that has taken the vehicle since.
 fn undisturbed(context: &Context<'_>, message: &Message, for_loss: bool) -> Result<(), String> {
     if !moves(message) {
         return Ok(());
@@ -761,7 +772,7 @@ fn undisturbed(context: &Context<'_>, message: &Message, for_loss: bool) -> Resu
     flown_from_here(context, message, for_loss)
 }
 
-/// The same without the loss action, which may begin with what is due when the CUCS is lost.
+/// The same without the loss action: a command for the loss of the CUCS may start together with it.
 fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> Result<(), String> {
     let telemetry = &context.vehicle.telemetry;
     let armed = telemetry.armed == Some(true);
@@ -773,7 +784,7 @@ fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> 
         .other
         .filter(|other| !(ends_never && other.may_stay()))
     {
-        // On the ground a failsafe means nothing yet; who has armed it by hand is about to take off.
+        // On the ground a failsafe means nothing yet, but a pilot who has armed by hand is about to take off.
         Some(other @ Other::Pilot(_)) => Err(other.to_string()),
         Some(other) if telemetry.airborne() => Err(other.to_string()),
         None if telemetry.mode.is_none() => Err("the mode of the vehicle is not known".to_owned()),
@@ -781,13 +792,13 @@ fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> 
     }
 }
 
-/// Whether the vehicle is put on hold, or held by a failsafe that may yet do more.
+/// Whether the vehicle is being put on hold, or is held by a failsafe that may still do more.
 fn holds_first(context: &Context<'_>) -> bool {
     context.flight.loss_action
         || (context.other.is_some_and(Other::may_stay) && !context.only_holds)
 }
 
-/// Whether it is a launch.
+/// Whether the command is a launch.
 fn launches(entry: &Entry) -> bool {
     let data = HEXLOWER_PERMISSIVE.decode(entry.data.as_bytes()).ok();
     let message = data.and_then(|data| Message::decode(entry.message_type, &data).ok());
@@ -795,19 +806,20 @@ fn launches(entry: &Entry) -> bool {
         if command.select_flight_path_control_mode == Some(Mode::Launch))
 }
 
-/// Sticks are a stream; what holds and cancels is not held; and what cannot be taken back is for a person who looks.
+/// Messages that are never held: sticks, which are a stream; 50020 and 50021 themselves; and orders that cannot be undone,
+/// for which an operator must be watching.
 const NEVER_HELD: [u16; 5] = [2005, 2010, 50020, 50021, 50023];
-/// Commands of one CUCS that are held at once.
+/// Maximum number of held commands of one CUCS.
 const MAX_HELD: usize = 16;
-/// Commands that have ended and are still listed.
+/// Number of ended commands that are still listed.
 const MAX_ENDED: usize = 16;
-/// A day.
+/// One day.
 const MAX_VALID_S: u32 = 86_400;
-/// What is due waits no longer for the disk.
+/// How long a due command waits for the disk.
 const STORED_WITHIN: Duration = Duration::from_secs(2);
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
-/// A clock that is set by less counts as the same.
+/// A smaller step of the clock is ignored.
 const CLOCK_SLACK_MS: u64 = 1_000;
 const CUT_OFF: &str =
     "the VSM restarted while it was carried out: not resumed; check the vehicle's state";
-const CLOCK_WENT_BACK: &str = "the clock of the VSM went back over a restart";
+const CLOCK_WENT_BACK: &str = "the clock of the VSM was set back during a restart";

@@ -1,4 +1,4 @@
-//! What is known of held commands over a restart: one record a vehicle, written before anything is answered or done.
+//! The record of held commands on disk: one for each vehicle, written before a command is answered or carried out.
 
 use std::time::Duration;
 
@@ -15,25 +15,25 @@ use crate::session::store::vehicle_record;
 /// One held command.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Entry {
-    /// Of this VSM's own: numbers of CUCSs come again.
+    /// Assigned by this VSM, since CUCSs reuse their numbers.
     pub(super) serial: u32,
-    /// The CUCS that gave it.
+    /// The CUCS that sent it.
     pub(super) owner: u32,
     pub(super) number: u16,
     pub(super) message_type: u16,
-    /// Data of the command, hexadecimal.
+    /// The command's data, hexadecimal.
     pub(super) data: String,
     pub(super) contingency: bool,
     pub(super) condition: Condition,
     pub(super) state: State,
-    /// Why it ended so.
+    /// The reason of its end.
     pub(super) reason: String,
     /// When it expires: milliseconds since 1970, by the clock of this VSM.
     pub(super) until_ms: u64,
-    /// The same by the clock that does not go back.
+    /// The same by the monotonic clock.
     #[serde(skip)]
     pub(super) until: Duration,
-    /// Of the 50020, which is answered at the end.
+    /// Time Stamp of the 50020, which is answered at the end.
     pub(super) stamp: u64,
     pub(super) ack_requested: bool,
 }
@@ -66,7 +66,7 @@ impl State {
     }
 }
 
-/// All of a vehicle.
+/// All held commands of a vehicle.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Record {
     pub(super) entries: Vec<Entry>,
@@ -109,7 +109,7 @@ impl Entry {
         }
     }
 
-    /// Counts its times from a start of the VSM.
+    /// Converts its times to the monotonic clock after a start of the VSM.
     pub(super) fn restart_clocks(&mut self, now: Now) {
         let from_now = |ms: u64| {
             let left = Duration::from_millis(ms).saturating_sub(now.wall);

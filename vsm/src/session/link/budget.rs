@@ -1,25 +1,24 @@
-//! A link that carries few bits a second (`vehicle.rate_bps`): what it is used for, in order of need.
+//! How a slow link (`vehicle.rate_bps`) is shared, in order of need.
 //!
-//! - Six tenths are for what the vehicle reports: the [rates](super::rates) that are requested of it are lowered together until
-//!   they fit.
-//! - Three tenths are for what is sent to it, and for the answers to that. Commands to the autopilot, heartbeats, sticks and key exchanges
-//!   leave at once. Missions, parameters, files and the frames of other ground stations leave while nothing is owed for
-//!   what left before: a command waits behind one frame of them at most.
-//! - One tenth stays free: for texts and events, and since nobody knows to the byte what a radio adds.
+//! - 60 % is for the vehicle's reports: the requested [rates](super::rates) are lowered together until they fit.
+//! - 30 % is for what the bridge sends, and for the answers to it. Commands to the autopilot, heartbeats, sticks and key exchanges
+//!   are sent at once. Missions, parameters, files and the frames of other ground stations wait until everything sent
+//!   before is paid for, so a command waits behind one such frame at most.
+//! - 10 % stays free for texts and events, and because the overhead of a radio is not known to the byte.
 //!
-//! A byte counts as ten bits, as on a serial line; both directions count, since a radio carries them in turn.
+//! A byte counts as ten bits, as on a serial line. Both directions count, because a radio sends them in turn.
 
 use std::time::Duration;
 
 use mavlink_link::dialect::MavMessage;
 
-/// What is owed for what was sent.
+/// Accounts for what was sent.
 #[derive(Debug)]
 pub(super) struct Budget {
-    /// What one byte costs; `None`: nothing is limited.
+    /// Time that one byte costs; `None`: no limit.
     per_byte: Option<Duration>,
     paid_at: Duration,
-    /// Something may wait for room.
+    /// Something may be waiting for room.
     held_back: bool,
 }
 
@@ -33,39 +32,39 @@ impl Budget {
         }
     }
 
-    /// Whether there is room for what can wait. Where there is none, [`Budget::poll_timeout`] names when there is.
+    /// Whether a frame that can wait may be sent now. If not, [`Budget::poll_timeout`] returns when.
     pub(super) fn has_room(&mut self, now: Duration) -> bool {
         self.held_back = self.per_byte.is_some() && self.paid_at > now;
         !self.held_back
     }
 
-    /// A frame of this many bytes leaves; `answer` bytes come back for it.
+    /// Accounts for a frame of `bytes` bytes, and for the `answer` bytes that come back.
     pub(super) fn spend(&mut self, now: Duration, bytes: usize, answer: usize) {
         if let Some(per_byte) = self.per_byte {
             let bytes = u32::try_from(bytes + answer).unwrap_or(u32::MAX);
-            // What leaves at once is never held back for what it owes, and what can wait does not wait for ever behind it.
+            // Urgent frames are sent whatever they cost, so their debt is bounded: what can wait must not wait for ever.
             let owed = self.paid_at.max(now) + per_byte.saturating_mul(bytes);
             self.paid_at = owed.min(now + MAX_OWED);
         }
     }
 
-    /// When what was held back can leave.
+    /// When a frame that was held back can be sent.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.held_back.then_some(self.paid_at)
     }
 }
 
-/// What the vehicle may report, bytes a second.
+/// Share of the link for the vehicle's reports, bytes a second.
 pub(super) fn reported_bytes_s(rate_bps: u32) -> f64 {
     f64::from(rate_bps) / BITS_A_BYTE * OF_REPORTS
 }
 
-/// Bytes of the frame that answers a message, with its signature.
+/// Size of the signed frame that answers a message, bytes.
 pub(super) fn answer_bytes(message: &MavMessage) -> usize {
     match message {
         MavMessage::FILE_TRANSFER_PROTOCOL(_) => 279,
         MavMessage::MISSION_REQUEST_INT(_) => 63,
-        // Each is requested by a MISSION_REQUEST_INT; the last one is answered by a MISSION_ACK.
+        // The answer is the next MISSION_REQUEST_INT, or the MISSION_ACK after the last item.
         MavMessage::MISSION_ITEM_INT(_) => 30,
         MavMessage::PARAM_REQUEST_READ(_) | MavMessage::PARAM_SET(_) => 50,
         _ => 0,

@@ -1,4 +1,4 @@
-//! What the link machine passes on to the others.
+//! Events that the link machine passes to the other machines.
 
 use mavlink_link::dialect::{COMPONENT_METADATA_DATA, CONTROL_STATUS_DATA};
 use mavlink_link::link;
@@ -7,7 +7,7 @@ use mavlink_link::service::{command, event, mission, param};
 
 use super::frame::Peer;
 
-/// What the vehicle has reported, answered or done.
+/// An event of the vehicle or its link.
 #[expect(
     clippy::large_enum_variant,
     reason = "boxed, the vehicle could make us allocate"
@@ -25,25 +25,25 @@ pub(crate) enum VehicleEvent {
     Mission(mission::Event),
     /// A command ended.
     Command(command::Event),
-    /// A command to this component ended, which is not the autopilot.
+    /// A command to this component, other than the autopilot, ended.
     ComponentCommand(u8, command::Event),
     /// A gimbal or a camera has reported something.
     PayloadReported,
     /// A parameter request ended.
     Parameter(param::Event),
-    /// A parameter that nobody requested: somebody has changed it.
+    /// An unrequested parameter: another system has changed it.
     ParameterReported(param::Name, param::Value),
-    /// It has returned the ping of this number.
+    /// It has answered the ping with this number.
     PingReturned(u32),
     /// It reports which systems may command it.
     ControlStatus(CONTROL_STATUS_DATA),
-    /// A text of its own.
+    /// A STATUSTEXT.
     Text(Text),
-    /// An event of its own, or that some were lost.
+    /// A vehicle event (EVENT), or a notice that some were lost.
     Event(event::Event),
-    /// It names its metadata.
+    /// It has reported where its metadata is.
     Metadata(COMPONENT_METADATA_DATA),
-    /// Something about the link.
+    /// An event of the link.
     Link(link::Event<Peer>),
     /// Another MAVLink system commands the vehicle, or requests to: for operators.
     ForeignControl(String),

@@ -1,9 +1,10 @@
-//! MAVLink's terrain protocol: heights of the ground for a vehicle that asks for them (TERRAIN_REQUEST), from the elevation
-//! files of `vehicle.terrain`.
+//! MAVLink's terrain protocol: terrain heights for a vehicle that requests them (TERRAIN_REQUEST), from the elevation files
+//! of `vehicle.terrain`.
 //!
-//! A request names a grid of 7 by 8 blocks by its south-western corner and a bit for each block that is missing; each block is
-//! answered by one TERRAIN_DATA with 4 by 4 heights. A block with a height that is not known is not answered: the vehicle asks
-//! again, and flies by no guess. PX4 asks for none; ArduPilot does while it follows the terrain.
+//! A request names a grid of 7 by 8 blocks by its south-western corner, with a bit for each block that is missing. Each
+//! block is answered by one TERRAIN_DATA with 4 by 4 heights. A block with an unknown height is not answered, so that the
+//! vehicle never flies by a guess; it requests the block again. PX4 does not use this protocol; ArduPilot does while it
+//! follows the terrain.
 //!
 //! One block is sent each [`PACE`]: 56 at once would fill a radio link for a second.
 
@@ -23,19 +24,19 @@ pub(crate) struct GroundService {
 #[derive(Debug)]
 struct Pending {
     request: TERRAIN_REQUEST_DATA,
-    /// Blocks that are still to be looked at.
+    /// Blocks that are still to be sent.
     mask: u64,
     due: Duration,
 }
 
 impl GroundService {
-    /// The ground that is served; none where no elevation files are configured.
+    /// The terrain data; `None` if no elevation files are configured.
     pub(crate) fn serve(&mut self, ground: Option<Arc<Terrain>>) {
         self.ground = ground;
         self.pending = None;
     }
 
-    /// TERRAIN_REQUEST: in the place of one that is being answered, since the vehicle names what it still misses.
+    /// TERRAIN_REQUEST: replaces the request that is being answered, since the vehicle names all blocks that it still needs.
     pub(super) fn take(&mut self, now: Duration, request: &TERRAIN_REQUEST_DATA) {
         let mask = request.mask & ALL_BLOCKS;
         let due = self.pending.as_ref().map_or(now, |pending| pending.due);
@@ -47,7 +48,7 @@ impl GroundService {
         });
     }
 
-    /// The block that is due; an error where the ground of it is not known.
+    /// The block that is due; an error if one of its heights is unknown.
     pub(super) fn advance(&mut self, now: Duration) -> Option<Result<MavMessage, ()>> {
         let pending = self.pending.as_mut().filter(|pending| pending.due <= now)?;
         let bit = pending.mask.trailing_zeros() as u8;
@@ -63,7 +64,7 @@ impl GroundService {
     }
 }
 
-/// One block of a request; none where a height of it is not known.
+/// One block of a request; `None` if one of its heights is unknown.
 fn block(request: &TERRAIN_REQUEST_DATA, bit: u8, ground: &Terrain) -> Option<TERRAIN_DATA_DATA> {
     let spacing_m = f64::from(request.grid_spacing);
     let (south, west) = (f64::from(request.lat) * 1e-7, f64::from(request.lon) * 1e-7);
@@ -73,7 +74,7 @@ fn block(request: &TERRAIN_REQUEST_DATA, bit: u8, ground: &Terrain) -> Option<TE
     );
     let mut data = [0; SIDE * SIDE];
     for (at, height) in data.iter_mut().enumerate() {
-        // The rows lead east, from the south.
+        // Rows run eastwards, starting in the south.
         let north_m = spacing_m * (corner.0 + (at / SIDE) as f64);
         let east_m = spacing_m * (corner.1 + (at % SIDE) as f64);
         let lat = south + north_m / METRES_A_DEGREE;
@@ -95,9 +96,9 @@ const SIDE: usize = 4;
 /// Blocks in a row of a request, which has 7 of them.
 const BLOCKS_EAST: u8 = 8;
 const ALL_BLOCKS: u64 = (1 << 56) - 1;
-/// Between two blocks.
+/// Time between two blocks.
 const PACE: Duration = Duration::from_millis(50);
-/// As ArduPilot measures: the offsets of a request are on this sphere.
+/// Radius of the sphere that ArduPilot uses for the offsets in a request.
 const METRES_A_DEGREE: f64 = 111_318.845;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What a vehicle sends: only frames that the link believes update its state, and only fresh ones answer a request.
+//! Reception: only frames that the link accepts update the vehicle's state, and only fresh ones answer a request.
 
 use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavType};
 use mavlink_link::frame::{FrameView, Header};
@@ -14,7 +14,7 @@ use super::{Fresh, VehicleLink, auth};
 use crate::session::effects::Effects;
 
 impl VehicleLink {
-    /// Takes what arrived. `tap` is shown every frame that is believed, for a recording.
+    /// Handles received bytes. `tap` is called with every accepted frame, for a recording.
     pub(crate) fn handle_datagram(
         &mut self,
         from: Peer,
@@ -24,13 +24,13 @@ impl VehicleLink {
         tap: &mut dyn FnMut(&FrameView<'_>),
     ) {
         let now = effects.dli.now;
-        // While the key is not known the search takes every datagram, so that nothing is believed under the wrong key.
+        // While the key is unknown, the key recovery takes every datagram, so that no frame is accepted under the wrong key.
         if (self.key_recovery).handle_datagram(now, from, bytes, effects.dli.disk) {
             return self.advance_key_recovery(effects);
         }
         let (current, out, store) = (self.key.as_ref(), &mut self.out, &mut *effects.dli.disk);
         let proven = self.agreement.look(now, from, bytes, current, out, store);
-        // The search has taken the bytes of the proof: the next datagram is the link's first under this key.
+        // The key recovery has consumed the bytes that proved the key: the next datagram is the link's first under this key.
         if proven.is_some() {
             self.key = proven;
             self.key_recovery.change = Some(KeyChange::Commit);
@@ -38,8 +38,8 @@ impl VehicleLink {
             self.flush(vehicle, effects);
             return;
         }
-        // The link borrows itself while it delivers: what it delivers is taken in afterwards.
-        let mut believed = std::mem::take(&mut self.believed);
+        // The link is borrowed while it delivers frames, so they are handled afterwards.
+        let mut accepted = std::mem::take(&mut self.accepted);
         let (asked, components) = (self.asked, &self.asked_components);
         let (link, key, received) = (&mut self.link, self.key.as_mut(), &mut self.received);
         let (loss, autopilot) = (&mut self.loss, self.vehicle);
@@ -71,14 +71,14 @@ impl VehicleLink {
                         ..
                     } = delivery.header;
                     let node = Node::new(system_id, component_id);
-                    believed.push((node, message, fresh));
+                    accepted.push((node, message, fresh));
                 }
             },
         );
-        for (node, message, fresh) in believed.drain(..) {
+        for (node, message, fresh) in accepted.drain(..) {
             self.handle_message(node, &message, fresh, vehicle, effects);
         }
-        self.believed = believed;
+        self.accepted = accepted;
         if let (Some(key), Some(at)) = (&self.key, self.link.accepted_at())
             && at == now.mono
         {
@@ -97,14 +97,14 @@ impl VehicleLink {
         effects: &mut Effects<'_>,
     ) {
         let now = effects.dli.now.mono;
-        // A text may come from any component of the vehicle's system; state and answers only from its autopilot.
+        // Texts are accepted from any component of the vehicle's system; state and answers only from its autopilot.
         self.texts.handle_message(now, node, message);
         if node.system == self.vehicle.system && is_of_payload(message) {
             vehicle.payloads.update(now, node.component, message);
             self.events.push_back(VehicleEvent::PayloadReported);
         }
-        // A radio puts this into the stream itself, unsigned and under a system id of its own (51 and component 68 of a SiK radio): the
-        // link has let it pass from the peer's address alone. Nothing but the grade of the data link is made of it.
+        // A radio inserts this message into the stream itself, unsigned and with its own system id (a SiK radio: system 51,
+        // component 68). The link accepts it from the peer's address only. It is used only for the quality of the data link.
         if let MavMessage::RADIO_STATUS(_) = message {
             vehicle.telemetry.equipment.update(now, message);
         }
@@ -134,7 +134,8 @@ impl VehicleLink {
             message,
             MavMessage::HEARTBEAT(_) | MavMessage::CURRENT_MODE(_)
         ) {
-            // A heartbeat that was on its way when a command was sent shows the mode of before it, and confirms nothing.
+            // A heartbeat that was in transit when a command was sent shows the mode before the command and confirms
+            // nothing.
             vehicle.state_is_newer |= fresh.state;
             vehicle.mode_at = Some(now);
         }
@@ -153,16 +154,16 @@ impl VehicleLink {
             if vehicle.silent {
                 vehicle.silent = false;
                 vehicle.measured.begin_again(now);
-                // It may have been given another mission meanwhile.
+                // Another station may have uploaded a different mission meanwhile.
                 vehicle.telemetry.mission = None;
                 intervals.request_again();
-                // It may be another boot.
+                // The vehicle may have rebooted.
                 clock.reset();
                 self.events.push_back(VehicleEvent::LinkUp);
             }
         }
         if has_restarted(message, vehicle) {
-            // The rates that were requested ended with the earlier boot.
+            // A reboot resets the requested message rates.
             vehicle.telemetry.restart();
             vehicle.measured = Measured::default();
             clock.reset();
@@ -195,11 +196,13 @@ impl VehicleLink {
         }
     }
 
-    /// What it reports of who commands it: answers to other systems, who is in control, and who requests it.
+    /// Handles reports about who commands the vehicle: answers to other systems, who is in control, and who requests
+    /// control.
     fn watch_control(&mut self, node: Node, message: &MavMessage, effects: &mut Effects<'_>) {
         let own = self.link.config().own_system;
         match message {
-            // PX4 forwards between its links: an answer to another system shows that somebody else commands it too.
+            // PX4 forwards between its links: an answer to another system shows that another system commands the vehicle
+            // too.
             MavMessage::COMMAND_ACK(ack)
                 if ack.target_system != 0
                     && ack.target_system != own
@@ -222,7 +225,7 @@ impl VehicleLink {
                     "MAVLink system {} requests operator control of the vehicle: granted once control is released",
                     requested.param4 as u8
                 )));
-                // That it was received, no more: whether control is given up is for the CUCS to decide.
+                // This only acknowledges the request: the CUCS decides whether to give up control.
                 effects
                     .vehicle
                     .post(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
@@ -257,15 +260,15 @@ pub(crate) fn is_of_payload(message: &MavMessage) -> bool {
     }
 }
 
-/// Keeps the vehicle's clock since boot. One that goes back is that of another boot.
+/// Tracks the vehicle's time since boot. If it goes back, the vehicle has rebooted.
 fn has_restarted(message: &MavMessage, vehicle: &mut VehicleState) -> bool {
-    // Both are requested at 5 Hz: a restart is noticed with the first of them.
+    // Both are requested at 5 Hz, so the first one reveals a reboot.
     let boot_ms = match message {
         MavMessage::ATTITUDE(m) => m.time_boot_ms,
         MavMessage::GLOBAL_POSITION_INT(m) => m.time_boot_ms,
         _ => return false,
     };
-    // Frames of one link may overtake each other a little.
+    // Frames on one link may arrive slightly out of order.
     let earlier = vehicle
         .boot_ms
         .is_some_and(|before| boot_ms.saturating_add(BOOT_SLACK_MS) < before);

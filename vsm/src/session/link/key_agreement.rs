@@ -1,9 +1,9 @@
-//! Keys agreed over the air, as the bridge sees it: frames of the exchange go out and in, the key that waits is looked
-//! for in the vehicle's frames, and stations are notified. While nothing answers under the key in force, this end signs its
-//! heartbeats under both.
+//! Key agreement over the air, on the bridge's side: it carries the frames of the exchange, looks for the next key in the
+//! vehicle's frames, and notifies stations. While nothing answers under the key in force, this end signs its heartbeats
+//! under both keys.
 //!
-//! Promised: KEY_EXCHANGE goes to the exchange only; the vehicle keeps its current key until one of its own
-//! frames verifies under the next, and from that frame on under that one.
+//! Promised: KEY_EXCHANGE goes to the exchange only. The current key stays in force until one of the vehicle's own frames
+//! verifies under the next key; from that frame on the next key is in force.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -23,52 +23,53 @@ use super::frame::{OutFrame, Peer};
 /// The part of the exchange that a vehicle's link holds.
 #[derive(Debug, Default)]
 pub(crate) struct Agreement {
-    /// Whether anybody waits for KEY_EXCHANGE frames.
+    /// Whether an exchange is configured, so that KEY_EXCHANGE frames are wanted.
     pub(crate) wanted: bool,
     pub(crate) inbox: VecDeque<KeyExchangeFrame<Peer>>,
     pub(crate) next: Option<Box<NextKey>>,
     pub(crate) status: Option<ExchangeStatus>,
 }
 
-/// A key that the vehicle may sign with from some moment on.
+/// A key that the vehicle may start to sign with at any moment.
 #[derive(Debug)]
 pub(crate) struct NextKey {
-    /// Judges and lifts what is signed with it, as the vehicle's link does under the current key.
+    /// A link under this key: it verifies frames and raises the vehicle's timestamps, as the vehicle's link does under the
+    /// current key.
     link: Link<Peer>,
     key: KeyState,
 }
 
-/// How the exchange with the air-side agent stands, for `vsm status`.
+/// The state of the exchange with the air-side agent, for `vsm status`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ExchangeStatus {
     /// "on" or "legacy".
     pub mode: &'static str,
     /// The fingerprint of the paired agent.
     pub peer: Option<String>,
-    /// What it does or waits for.
+    /// What the exchange is doing or waiting for.
     pub state: String,
-    /// The id of the key that is agreed and not in use yet.
+    /// The id of a key that is agreed but not yet in use.
     pub next_key_id: Option<String>,
-    /// Messages that were of use.
+    /// Number of accepted messages.
     pub taken: u64,
-    /// Messages that were passed over.
+    /// Number of ignored messages.
     pub ignored: u64,
 }
 
-/// What stations are sent of the exchange by 16000.
+/// A notice about the exchange, sent to stations as 16000.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ExchangeNotice {
-    /// Something that happened.
+    /// A one-time event.
     Once(AlertPriority, String),
-    /// Something that lasts, in place of what stood before.
+    /// A lasting alert, replacing the previous one.
     Stands(AlertPriority, String),
-    /// What stood is over.
+    /// The lasting alert is cleared.
     Over(&'static str),
 }
 
 impl Agreement {
     pub(super) fn queue(&mut self, frame: KeyExchangeFrame<Peer>) {
-        // The link holds back all but a few; whoever empties this is called after every datagram.
+        // The link limits their number, and the caller empties this queue after every datagram.
         if self.inbox.len() < MAX_WAITING {
             self.inbox.push_back(frame);
         }
@@ -78,7 +79,7 @@ impl Agreement {
         self.status.clone()
     }
 
-    /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.
+    /// Starts to look for this key in the vehicle's frames: the vehicle may start to sign with it at any moment.
     ///
     /// # Errors
     /// The clock of the key cannot be read.
@@ -92,13 +93,14 @@ impl Agreement {
         store: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         let not_before = Stamp::from_unix(not_before);
-        // Agreed about just now, or never used since: nothing older than this program is signed with it.
+        // The key was agreed just now, or was never used: no frame older than this program is signed with it.
         let origin = Origin::Provisioned {
             initial: not_before,
         };
         let mut key = KeyState::start(key, origin, not_before, now, store)?;
         if let Some(current) = current {
-            // One clock for both keys: a vehicle that this one has lifted must not be too far ahead for the next.
+            // Both keys share one clock: if the vehicle's timestamps were raised under the current key, they must not be too
+            // far ahead for the next.
             key.run_from(current.clock().reading(now), now);
         }
         let link = Link::new(config);
@@ -106,9 +108,10 @@ impl Agreement {
         Ok(())
     }
 
-    /// Looks for the next key in what arrived: the first frame of the autopilot that is accepted under it is the proof.
-    /// One with an old stamp may be a recording: it is answered by a heartbeat under that key, which lifts a vehicle that
-    /// has it. Returns the key where the proof was among these bytes, which have been taken then.
+    /// Looks for the next key in received bytes. The first frame of the autopilot that is accepted under the next key proves
+    /// that the vehicle has it. A frame with an old timestamp may be a recording: it is answered by a heartbeat under that
+    /// key, which raises the timestamps of a vehicle that has it. Returns the key if the proof is in these bytes, which are
+    /// then consumed.
     pub(super) fn look(
         &mut self,
         now: Now,
@@ -128,12 +131,12 @@ impl Agreement {
         link.handle_datagram(now, from, bytes, auth, &mut |delivery| {
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
-        // The link under the current key sees the same bytes, and reports them.
+        // The link under the current key handles the same bytes and reports them.
         while link.poll_event().is_some() {}
         if link.stats().stale > stale
             && let Some(current) = current
         {
-            // As when it is adopted: what lifts the vehicle must be above what it has had from us.
+            // As on adoption: the timestamp that raises the vehicle's must be above all that it has received from us.
             let _ = key.follow(current.clock().reading(now), now, store);
         }
         transmit(link, key, now, out, store);
@@ -144,8 +147,8 @@ impl Agreement {
         }
     }
 
-    /// Sends what is due under the next key. Heartbeats under it go out only while nothing answers those under the key in
-    /// force: then the vehicle may have the next one already, and this end would be accepted under none.
+    /// Sends what is due under the next key. Heartbeats under it are sent only while nothing answers those under the key in
+    /// force: the vehicle may then have the next key already, and would accept this end under neither.
     pub(super) fn handle_timeout(
         &mut self,
         now: Now,
@@ -161,7 +164,7 @@ impl Agreement {
             return;
         }
         if let Some(current) = current {
-            // The vehicle has one table of streams for all keys. Where the disk fails, nothing can be sent under this key.
+            // The vehicle has one table of streams for all keys. If the disk fails, nothing can be sent under this key.
             let _ = key.follow(current.clock().reading(now), now, store);
         }
         link.handle_timeout(now);
@@ -177,15 +180,15 @@ impl Agreement {
     ) -> Option<KeyState> {
         let mut next = self.next.take()?;
         if let Some(current) = current {
-            // The vehicle has one table of streams for all keys, so our stamps continue to rise. Where they cannot, its
-            // receiver shows it by silence, as with any clock that is behind.
+            // The vehicle has one table of streams for all keys, so our timestamps must continue to rise. If they cannot,
+            // the vehicle does not answer, as with any clock that is behind.
             let _ = next.key.follow(current.clock().reading(now), now, store);
         }
         Some(next.key)
     }
 }
 
-/// What the link under the next key wants sent.
+/// The frames that the link under the next key has to send.
 fn transmit(
     link: &mut Link<Peer>,
     key: &mut KeyState,

@@ -1,5 +1,5 @@
-//! A key rollover that an earlier process did not finish: which of the two keys the vehicle has is found out in flight,
-//! by asking under both. The key itself is never sent from here.
+//! Key recovery after a rollover that an earlier process did not finish: it finds out, also in flight, which of the two keys
+//! the vehicle has, by sending under both. The key itself is never sent from here.
 
 use std::collections::VecDeque;
 
@@ -23,13 +23,13 @@ pub enum KeyChange {
     DropNext,
 }
 
-/// The machine, and what it wants done with the files.
+/// The machine, and what the shell has to do with the key files.
 #[derive(Debug, Default)]
 pub(crate) struct KeyRecovery {
     rollover: Option<Box<KeyRollover<Peer>>>,
-    /// That the vehicle sends unsigned has been reported.
+    /// Whether the alert was raised that the vehicle sends unsigned.
     reported_open: bool,
-    /// What is to be done with the key files.
+    /// What to do with the key files.
     pub(crate) change: Option<KeyChange>,
 }
 
@@ -41,7 +41,7 @@ impl KeyRecovery {
             .map(|rollover| rollover.poll_timeout())
     }
 
-    /// Whether it is not known yet which key the vehicle has.
+    /// Whether the vehicle's key is still unknown.
     pub(super) fn is_open(&self) -> bool {
         self.rollover.is_some()
     }
@@ -68,7 +68,7 @@ impl KeyRecovery {
         Ok(())
     }
 
-    /// Takes a datagram while the key is not known. True where it has been taken.
+    /// Takes a datagram while the key is unknown. Returns true if it was taken.
     pub(super) fn handle_datagram(
         &mut self,
         now: Now,
@@ -83,15 +83,15 @@ impl KeyRecovery {
         true
     }
 
-    /// Does what is due while the key is not known.
+    /// Does what is due while the key is unknown.
     pub(super) fn handle_timeout(&mut self, now: Now) {
         if let Some(rollover) = &mut self.rollover {
             rollover.handle_timeout(now);
         }
     }
 
-    /// Moves what the search sends and reports to `out` and `events`. Once the vehicle has proved which key it has, that
-    /// is the `key` in force.
+    /// Moves frames to send to `out`, and reports to `events`. Once the vehicle has proved which key it has, that becomes
+    /// the `key` in force.
     pub(super) fn advance(
         &mut self,
         now: Now,
@@ -119,7 +119,7 @@ impl KeyRecovery {
             let alert = link::Event::Alert(Alert::VehicleUnsigned);
             events.push_back(VehicleEvent::Link(alert));
         }
-        // Only what the vehicle has proved ends the search: without a key nothing could ever be believed again.
+        // Only a proof of the vehicle ends the search: without a key no frame could ever be accepted again.
         if let Some(Outcome::Committed | Outcome::RolledBack) = rollover.outcome()
             && let Some(rollover) = self.rollover.take()
         {

@@ -1,10 +1,10 @@
-//! The signing link id that a vehicle's autopilot uses on its link, stored over restarts: recordings of another of its
-//! links, played in at a start, are then refused from the first one on.
+//! The signing link id that a vehicle's autopilot uses on its link, stored over restarts. With it, a replay of frames
+//! recorded on another of its links is refused from the first frame after a start.
 
 use mavlink_link::store::{Durability, Record};
 use stanag_msgs::Id;
 
-/// What was learned in an earlier run; `None` within for a record that cannot be understood: it is learned again.
+/// The link id learned in an earlier run; `None` if the record could not be decoded, so that it is learned again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LinkId(pub(crate) Option<u8>);
 

@@ -1,8 +1,8 @@
-//! How many of the vehicle's frames do not arrive, by the gaps in their numbers.
+//! The fraction of the vehicle's frames that are lost, measured by gaps in their sequence numbers.
 
 use std::time::Duration;
 
-/// Frames of one sender over one link, of the present window and the one before.
+/// Frames of one sender on one link, in the present window and the previous one.
 #[derive(Debug, Default)]
 pub(crate) struct Loss {
     last: Option<u8>,
@@ -12,7 +12,7 @@ pub(crate) struct Loss {
 }
 
 impl Loss {
-    /// A frame of this number has arrived.
+    /// A frame with this sequence number has arrived.
     pub(super) fn note(&mut self, now: Duration, seq: u8) {
         if now.saturating_sub(self.began) >= WINDOW {
             let idle = now.saturating_sub(self.began) >= 2 * WINDOW;
@@ -20,7 +20,7 @@ impl Loss {
             (self.received, self.lost) = (shift(self.received), shift(self.lost));
             self.began = now;
             if idle {
-                // After a silence its length says more than a number that has gone round.
+                // After a silence the sequence number may have wrapped around, so the gap is not counted.
                 self.last = None;
             }
         }
@@ -34,12 +34,12 @@ impl Loss {
                 self.lost[1] += u32::from(ahead - 1);
                 self.last = Some(seq);
             }
-            // It was overtaken, and was counted as lost.
+            // The frame arrived late and was already counted as lost.
             _ => self.lost[1] = self.lost[1].saturating_sub(1),
         }
     }
 
-    /// The part that did not arrive, 0 to 1; `None` before there are enough to say.
+    /// The fraction that did not arrive, 0 to 1; `None` until enough frames were counted.
     pub(crate) fn part(&self) -> Option<f64> {
         let [received, lost]: [u32; 2] =
             [self.received, self.lost].map(|counts| counts.iter().sum());

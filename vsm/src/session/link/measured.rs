@@ -1,8 +1,7 @@
-//! When what the vehicle shows was measured, by this computer's monotonic clock: the source of the Time Stamps of what it
-//! reports of itself.
+//! When the vehicle's values were measured, by this computer's monotonic clock: the source of the Time Stamps in reports.
 //!
-//! The vehicle dates its messages by its own clock (time_boot_ms, time_usec), which TIMESYNC compares with ours. Where that is
-//! not known, or cannot be believed, the time of arrival stands in.
+//! The vehicle stamps its messages with its own clock (time_boot_ms, time_usec), which TIMESYNC compares with ours. If that
+//! offset is unknown or implausible, the time of arrival is used.
 
 use std::time::Duration;
 
@@ -10,7 +9,7 @@ use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::timesync::{BootTime, Client};
 
-/// The times of the latest messages.
+/// The measurement times of the latest messages.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Measured {
     /// GLOBAL_POSITION_INT.
@@ -29,8 +28,8 @@ pub(crate) struct Measured {
 }
 
 impl Measured {
-    /// Forgets where the vehicle is, how fast it is and how it lies, each once it has not been reported for [`STALE`]: the last
-    /// place of a vehicle that flies on is not where it is. True where something was forgotten.
+    /// Forgets position, speed and attitude, each once it has not been reported for [`STALE`]: a vehicle that keeps flying
+    /// is not at its last reported position. Returns true if a value was forgotten.
     pub(super) fn forget_stale(&mut self, now: Duration, shown: &mut Telemetry) -> bool {
         let is_over = |at: &mut Option<Duration>| at.take_if(|at| *at + STALE <= now).is_some();
         let [position, velocity, attitude] = self.arrived.each_mut().map(is_over);
@@ -51,17 +50,17 @@ impl Measured {
         self.had_position
     }
 
-    /// It is received again: what it reported before its silence is reported again within moments, or is forgotten then.
+    /// The vehicle is received again: values from before its silence are soon reported again, or forgotten.
     pub(super) fn begin_again(&mut self, now: Duration) {
         for at in self.arrived.iter_mut().flatten() {
             *at = now;
         }
     }
 
-    /// Takes the time of a message that has just arrived.
+    /// Records the time of a message that has just arrived.
     pub(super) fn note(&mut self, now: Duration, clock: &mut Client, message: &MavMessage) {
         match message {
-            // With the speed.
+            // Arrives with the speed.
             MavMessage::GLOBAL_POSITION_INT(_) => {
                 (self.arrived[0], self.arrived[1]) = (Some(now), Some(now));
                 self.had_position = true;
@@ -83,12 +82,12 @@ impl Measured {
         *slot = Some(clock.measured(now, at).unwrap_or(now));
     }
 
-    /// When a report of now was valid; `None` of one that is not made of measurements.
+    /// The measurement time for a report composed now; `None` if the report contains no measurements.
     ///
-    /// One stamp stands for several messages of the vehicle: that of the position, which loses its worth soonest, where the
-    /// report has it.
+    /// A report may combine several messages of the vehicle but has one Time Stamp: that of the position, if it has one,
+    /// since a position ages fastest.
     pub(crate) fn of(&self, message: u16, now: Duration, vehicle: &Telemetry) -> Option<Duration> {
-        // As the report leaves it out.
+        // As in the report, which leaves it out.
         let position = self.position.filter(|_| vehicle.gps_fix != Some(false));
         let place = || position.or(self.attitude).or(self.velocity);
         let at = match message {
@@ -101,7 +100,7 @@ impl Measured {
     }
 }
 
-/// Each is requested at 5 Hz. Longer than until a vehicle of which nothing is received is silent: that is another alert.
+/// Each is requested at 5 Hz. This is longer than the time until a vehicle counts as silent, which is another alert.
 const STALE: Duration = Duration::from_secs(5);
 const AIR_AND_GROUND: u16 = 3009;
 const BODY_SENSED: u16 = 3010;

@@ -1,16 +1,17 @@
-//! The MAVLink side of one vehicle: what is believed of it, what is sent to it, and under which key.
+//! The MAVLink side of one vehicle: which frames are accepted, what is sent, and under which key.
 //!
-//! Promised: only verified frames of the vehicle's autopilot (component 1) reach [its state](state), and only fresh ones
-//! confirm anything. Where signing is off by configuration every frame of its system id counts. Parts:
+//! Promised: only verified frames of the vehicle's autopilot (component 1) update [its state](state), and only fresh ones
+//! confirm a command. If signing is off by configuration, every frame with its system id is accepted. Parts:
 //!
-//! - [`state`]: what the vehicle shows; [`measured`]: when that was so; [`services`]: what may be asked of it. The router lends both to the other machines
+//! - [`state`]: the vehicle's reported state; [`measured`]: when it was measured; [`services`]: commands, missions,
+//!   parameters and other requests to the vehicle. The router lends state and services to the other machines
 //! - `intake`: bytes become state, answers and [events](event); `sending`: messages become signed frames
-//! - `budget` and `rates`: what a link of few bits a second is used for
-//! - `key_agreement`: a key agreed over the air is looked for in the vehicle's frames; `key_recovery`: which of two keys
-//!   the vehicle has, after a rollover that a restart cut off
-//! - `encryption_status`: how the encrypted link below stands, which the shell keeps
-//! - `ground`: heights of the ground, for a vehicle that asks for them
-//! - `operator_control`: who may command the vehicle as MAVLink has it; `link_id`: its signing link id, over restarts
+//! - `budget` and `rates`: how a slow link is used
+//! - `key_agreement`: looks for a key agreed over the air in the vehicle's frames; `key_recovery`: finds out which of two
+//!   keys the vehicle has, after a restart interrupted a rollover
+//! - `encryption_status`: the state of the encrypted link below, which is kept by the shell
+//! - `ground`: terrain heights, for a vehicle that requests them
+//! - `operator_control`: MAVLink's operator control of the vehicle; `link_id`: its signing link id, stored over restarts
 
 mod budget;
 pub(crate) mod encryption_status;
@@ -79,25 +80,25 @@ pub(crate) struct VehicleLink {
     pub(super) commanders: Vec<u8>,
     /// The vehicle's signing link id as it is stored.
     stored_link_id: Option<u8>,
-    /// Since when frames have been accepted without a break.
+    /// Since when frames have been accepted without interruption.
     pub(super) live_since: Option<Duration>,
     /// When a frame last verified and was accepted, and under which key.
     verified: Option<(Duration, KeyId)>,
-    /// What else has arrived.
+    /// Frames and bytes that arrived but were not accepted.
     pub(super) arrivals: Arrivals,
-    /// Frames with stale timestamps of the time before the vehicle's clock was brought up to ours.
+    /// Frames with stale timestamps from before the vehicle's clock was raised to ours.
     stale_at_start: StaleAtStart,
     /// When this computer's clock was last found to be far ahead of the signing clock.
     wall_far_ahead: Option<Duration>,
     texts: Texts,
     asked: Asked,
-    /// The stamp of the first try of the command that runs, by component.
+    /// The timestamp of the first attempt of the running command, by component.
     asked_components: BTreeMap<u8, Stamp>,
-    /// Of the autopilot's frames.
+    /// Loss of the autopilot's frames.
     loss: Loss,
-    /// Something that was reported was forgotten, and an alert may stand.
+    /// A value was forgotten because it is no longer reported; an alert may be active.
     unreported: bool,
-    believed: Vec<(Node, MavMessage, Fresh)>,
+    accepted: Vec<(Node, MavMessage, Fresh)>,
     events: VecDeque<VehicleEvent>,
     budget: Budget,
     out: VecDeque<OutFrame>,
@@ -105,20 +106,20 @@ pub(crate) struct VehicleLink {
     pub(super) sent: ByType,
 }
 
-/// Stamps of what was requested: an answer is never stamped below its request.
+/// Timestamps of requests: an answer never has an older timestamp than its request.
 #[derive(Debug, Clone, Copy, Default)]
 struct Asked {
-    /// First message of the mission operation that runs.
+    /// First message of the running mission operation.
     mission: Option<Stamp>,
-    /// First try of the command that runs.
+    /// First attempt of the running command.
     command: Option<Stamp>,
-    /// First of the parameters that are requested.
+    /// First of the requested parameters.
     parameter: Option<Stamp>,
-    /// First of the file operation that runs.
+    /// First message of the running file operation.
     file: Option<Stamp>,
-    /// The last command that may change its state.
+    /// The last command that may change the vehicle's state.
     last: Option<Stamp>,
-    /// The oldest request for its time that is not answered.
+    /// The oldest unanswered time request.
     clock: Option<Stamp>,
 }
 
@@ -127,7 +128,7 @@ struct Asked {
 struct Fresh {
     mission: bool,
     command: bool,
-    /// To a command for the payload.
+    /// An answer to a command for the payload.
     payload: bool,
     parameter: bool,
     file: bool,
@@ -162,7 +163,7 @@ impl VehicleLink {
             asked_components: BTreeMap::new(),
             unreported: false,
             loss: Loss::default(),
-            believed: Vec::new(),
+            accepted: Vec::new(),
             events: VecDeque::new(),
             budget: Budget::new(rate_bps),
             out: VecDeque::new(),
@@ -171,7 +172,7 @@ impl VehicleLink {
         }
     }
 
-    /// The autopilot that it believes.
+    /// The autopilot whose frames are accepted.
     pub(crate) fn autopilot(&self) -> Node {
         self.vehicle
     }
@@ -184,7 +185,7 @@ impl VehicleLink {
         self.link.stats()
     }
 
-    /// Systems whose frames came and are not the vehicle's, with how many of each.
+    /// Other MAVLink systems that sent frames on this link, with the number of frames of each.
     pub(crate) fn other_systems(&self) -> impl Iterator<Item = (u8, u32)> + '_ {
         self.link.other_systems()
     }
@@ -229,11 +230,11 @@ impl VehicleLink {
             vehicle.silent = true;
             self.events.push_back(VehicleEvent::Silent);
         }
-        // A silent vehicle would let every rate time out; all are requested again once it is back.
+        // While the vehicle is silent every rate request would time out; all are requested again once it is back.
         if vehicle.live() {
             let (measured, shown) = (&mut vehicle.measured, &mut vehicle.telemetry);
             if measured.forget_stale(now.mono, shown) {
-                // Somebody else on this vehicle may have switched it off.
+                // Another program on the vehicle may have switched the message off.
                 intervals.request_again();
                 self.unreported = true;
             }
@@ -247,19 +248,19 @@ impl VehicleLink {
         self.flush(vehicle, effects);
     }
 
-    /// Where a live vehicle is, is not reported any more.
+    /// Raises or clears the alert that a live vehicle no longer reports its position.
     fn report_missing(&mut self, vehicle: &VehicleState, effects: &mut Effects<'_>) {
         if !self.unreported {
             return;
         }
         if !vehicle.live() || vehicle.telemetry.position.is_some() {
             self.unreported = false;
-            let text = "the position is reported again, or nothing is";
+            let text = "position reported again, or link to the vehicle lost";
             return effects.clear(Cause::Unreported, text);
         }
         if vehicle.measured.had_position() {
             let (priority, about) = (AlertPriority::Warning, SubsystemId::Comms);
-            let text = "the vehicle reports its position no more: none is sent, and nothing is judged by it; it is requested again";
+            let text = "vehicle stopped reporting its position: it is not sent or used for checks until it returns; it is requested again";
             effects.raise(Cause::Unreported, priority, about, text);
         }
     }
@@ -295,7 +296,7 @@ impl VehicleLink {
         self.events.pop_front()
     }
 
-    /// Whether there is an event that nobody has taken yet.
+    /// Whether an event is pending.
     pub(crate) fn has_events(&self) -> bool {
         !self.events.is_empty()
     }
@@ -304,7 +305,7 @@ impl VehicleLink {
         self.out.pop_front()
     }
 
-    /// Moves what the services and the link report to the events and alerts.
+    /// Turns reports of the services and the link into events and alerts.
     fn collect(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
         let now = effects.dli.now.mono;
         while let Some(event) = effects.vehicle.missions.poll_event() {
@@ -314,7 +315,7 @@ impl VehicleLink {
             self.events.push_back(VehicleEvent::Parameter(event));
         }
         while let Some(text) = self.texts.poll_event() {
-            // PX4 gives the reason of a refused command by STATUSTEXT only. A lower number is more severe.
+            // PX4 gives the reason for a refused command only by STATUSTEXT. A lower number is more severe.
             if text.severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32 {
                 vehicle.complaint = Some((now, text.text.clone()));
             }
@@ -345,7 +346,7 @@ impl VehicleLink {
         }
     }
 
-    /// Reports to operators and the log what became of the link.
+    /// Reports a link event to operators and the log.
     pub(crate) fn report(&self, event: Event<Peer>, effects: &mut Effects<'_>) {
         match event {
             Event::PeerChanged { from, to } => {
@@ -382,7 +383,7 @@ impl VehicleLink {
                     effects.notify(AlertPriority::Nominal, SubsystemId::Comms, text);
                 }
             }
-            // Its agent lets nothing unsigned pass, and reports by itself that PX4 has lost its key.
+            // The agent drops unsigned frames, and itself reports when PX4 has lost its key.
             Event::Alert(Alert::VehicleUnsigned) if self.agent_is_here(effects.dli.now.mono) => {
                 effects
                     .dli
@@ -397,16 +398,17 @@ impl VehicleLink {
 }
 
 impl VehicleLink {
-    /// Whether keys are agreed on with an agent beside the vehicle, and frames verify.
+    /// Whether keys are agreed with an agent on the vehicle, and frames verify.
     fn agent_is_here(&self, mono: Duration) -> bool {
         let accepted = self.link.accepted_at();
         self.agreement.wanted && accepted.is_some_and(|at| mono.saturating_sub(at) < AGENT_HERE)
     }
 }
 
-/// Keys that the vehicle may have instead of the one in force.
+/// Keys that the vehicle may have in place of the one in force.
 impl VehicleLink {
-    /// The vehicle may have `next` instead of its key: until that is known nothing of it is delivered.
+    /// Starts the key recovery: the vehicle may have `next` instead of its key. No frame is delivered until its key is
+    /// known.
     ///
     /// # Errors
     /// The disk cannot be read, or both are the same key.
@@ -428,7 +430,7 @@ impl VehicleLink {
             .advance(effects.dli.now, key, out, events, effects.dli.disk);
     }
 
-    /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.
+    /// Starts to look for this key in the vehicle's frames: the vehicle may start to sign with it at any moment.
     ///
     /// # Errors
     /// The clock of the key cannot be read.
@@ -440,7 +442,7 @@ impl VehicleLink {
         store: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         let mut config = *self.link.config();
-        // Heartbeats under the next key go where the vehicle is known to be.
+        // Heartbeats under the next key go to the vehicle's known address.
         if let Some(peer) = self.link.peer() {
             config.endpoint = Endpoint::Fixed(peer);
         }
@@ -449,21 +451,21 @@ impl VehicleLink {
             .offer(config, key, current, now, not_before, store)
     }
 
-    /// The vehicle signs with the next key already.
+    /// The vehicle already signs with the next key: puts it in force.
     pub(crate) fn adopt_next_key(&mut self, now: Now, store: &mut dyn Disk) {
         if let Some(next) = self.agreement.adopt(now, self.key.as_ref(), store) {
             self.key = Some(next);
         }
     }
 
-    /// Stores the link id that was learned, where it is another than the stored one.
+    /// Stores the learned link id if it differs from the stored one.
     pub(crate) fn store_link_id(&mut self, effects: &mut Effects<'_>) {
         let learned = self.link.learned_link_id();
-        // A learned id is only ever replaced by another, so that a restart begins with the last one known.
+        // A learned id is replaced only by another one, so that a restart begins with the last known id.
         if learned.is_none() || self.stored_link_id == learned {
             return;
         }
-        // Not tried again: a disk that fails is logged once, and costs one observation at the next start.
+        // No retry: a failing disk is logged once, and the id is learned again at the next start.
         self.stored_link_id = learned;
         let vehicle = effects.id;
         if let Err(fault) = effects.disk().save(&vehicle, &LinkId(learned)) {
@@ -475,12 +477,12 @@ impl VehicleLink {
 
 /// For the status.
 impl VehicleLink {
-    /// How old the newest frame of ours is that the vehicle has received for certain; `None` on an unsigned link.
+    /// The age of our newest frame that the vehicle has certainly received; `None` on an unsigned link.
     pub(crate) fn last_answer(&self, mono: Duration) -> Option<Duration> {
         self.link.unanswered(mono)
     }
 
-    /// How the link stands, for the status.
+    /// The state of the link, for the status.
     pub(crate) fn link_state_name(&self, mono: Duration) -> &'static str {
         if self.key_recovery.is_open() {
             return "settling";
@@ -488,12 +490,12 @@ impl VehicleLink {
         link_state_name(&self.link, mono)
     }
 
-    /// The part of its frames that did not arrive.
+    /// The fraction of its frames that did not arrive.
     pub(crate) fn lost(&self) -> Option<f64> {
         self.loss.part()
     }
 
-    /// How it stands as a data link of the DLI.
+    /// Its state as a data link of the DLI.
     pub(crate) fn data_link(
         &self,
         mono: Duration,
@@ -504,7 +506,7 @@ impl VehicleLink {
         let verified = (self.verified).is_some_and(|(at, _)| mono.saturating_sub(at) <= FRESH);
         DataLink {
             received: vehicle.live(),
-            // Signatures show it with every frame; without them the answers to TIMESYNC do, where the vehicle gives any.
+            // Signatures prove it with every frame. Without signing, answers to TIMESYNC do, if the vehicle sends any.
             answered: match self.link.unanswered(mono) {
                 Some(age) => Some(age <= UNANSWERED),
                 None => clock.answers(),
@@ -522,7 +524,7 @@ impl VehicleLink {
         self.verified
     }
 
-    /// What arrives, in place of verified frames or for want of a key; `None` where nothing does.
+    /// What arrives: verified frames, unverified ones, or the kind of refused data; `None` if nothing arrives.
     pub(crate) fn arrives(&self, mono: Duration) -> Option<&'static str> {
         let accepted = self.link.accepted_at();
         if accepted.is_some_and(|at| mono.saturating_sub(at) <= FRESH) {
@@ -534,12 +536,12 @@ impl VehicleLink {
 
     /// Whether this computer's clock is far ahead of the signing clock.
     pub(crate) fn wall_is_far_ahead(&self, mono: Duration) -> bool {
-        // The link reports it every ten seconds as long as it is so.
+        // The link repeats this report every ten seconds while the condition lasts.
         self.wall_far_ahead
             .is_some_and(|at| mono.saturating_sub(at) < 2 * WALL_REPORTED_EVERY)
     }
 
-    /// What the link shows of why the vehicle is not received.
+    /// Evidence of why the vehicle is not received.
     pub(crate) fn evidence<'a>(
         &'a self,
         mono: Duration,
@@ -560,12 +562,12 @@ impl VehicleLink {
         }
     }
 
-    /// Frames of the time before the vehicle's clock was brought up to ours. Each start of PX4 has some: they are no fault.
+    /// Stale frames from before the vehicle's clock was raised to ours. They occur at each start of PX4 and are not a fault.
     pub(crate) fn stale_at_start(&self, mono: Duration) -> u64 {
         self.stale_at_start.count(mono, self.stats().stale)
     }
 
-    /// Frames that verified under the key and were refused all the same, by the reason.
+    /// Frames that verified under the key but were refused, by reason.
     pub(crate) fn refused_though_verified(&self, mono: Duration) -> BTreeMap<&'static str, u64> {
         let stats = self.stats();
         [
@@ -583,7 +585,7 @@ impl VehicleLink {
         .collect()
     }
 
-    /// Frames that carried the vehicle's system id and were refused, by the reason.
+    /// Refused frames with the vehicle's system id, by reason.
     pub(crate) fn refused_frames(&self, mono: Duration) -> BTreeMap<&'static str, u64> {
         let stats = self.stats();
         let (unsigned, foreign) = self.key_recovery.refused_frames();
@@ -611,15 +613,15 @@ impl VehicleLink {
     }
 }
 
-/// PX4 stamps from the value of its key file when it starts, until a heartbeat of ours lifts it: its first frames verify and
-/// are refused. They are distinguished from recordings by their end: the link is live within [`LIFTED_WITHIN`].
+/// PX4 starts its timestamps at the value in its key file, until one of our heartbeats raises them: its first frames verify
+/// but are refused as stale. They differ from a replayed recording in that the link becomes live within [`LIFTED_WITHIN`].
 #[derive(Debug, Default)]
 struct StaleAtStart {
-    /// How many of them have been found to be so.
+    /// Number of frames counted as such.
     counted: u64,
-    /// Stale frames, of either kind, at the last time that the link was live.
+    /// Number of all stale frames when the link was last live.
     before: u64,
-    /// Since when the vehicle is behind.
+    /// Since when the vehicle's timestamps are behind.
     since: Option<Duration>,
 }
 
@@ -644,12 +646,12 @@ impl StaleAtStart {
     }
 }
 
-/// As long as the link itself waits before it reports that the vehicle stays behind.
+/// The same time that the link waits before it reports that the vehicle's timestamps stay behind.
 const LIFTED_WITHIN: Duration = Duration::from_secs(5);
 /// How often the link reports that the wall clock is far ahead.
 const WALL_REPORTED_EVERY: Duration = Duration::from_secs(10);
 
-/// How a link stands, for the status of bridge and agent.
+/// The state of a link, for the status of bridge and agent.
 pub(crate) fn link_state_name(link: &Link<Peer>, mono: Duration) -> &'static str {
     match link.state() {
         LinkState::Waiting => "waiting",
@@ -660,15 +662,15 @@ pub(crate) fn link_state_name(link: &Link<Peer>, mono: Duration) -> &'static str
     }
 }
 
-/// Whether for too long no frame of the other end has shown that it receives us.
+/// Whether the other end has not confirmed for too long that it receives us.
 fn is_unanswered(link: &Link<Peer>, mono: Duration) -> bool {
     link.unanswered(mono).is_some_and(|age| age > UNANSWERED)
 }
 
-/// How long a frame of ours may remain unanswered: heartbeats go out each second, and some are lost.
+/// How long our frames may remain unanswered: heartbeats are sent each second, and some are lost.
 const UNANSWERED: Duration = Duration::from_secs(5);
 
-/// How the link signs and verifies: by the key, or not at all where signing is off by configuration.
+/// How the link signs and verifies: with the key, or not at all if signing is off by configuration.
 fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn Disk) -> Auth<'a> {
     match key {
         Some(key) => Auth::Signed { key, store },
@@ -679,7 +681,7 @@ fn auth<'a>(key: Option<&'a mut KeyState>, store: &'a mut dyn Disk) -> Auth<'a> 
 /// How long an accepted frame shows that the agent is there: it sends a heartbeat each second.
 const AGENT_HERE: Duration = Duration::from_secs(3);
 
-/// What operators are sent for a link's alert.
+/// The text of a link alert for operators.
 pub(crate) fn alert_text(alert: Alert) -> &'static str {
     use Alert as A;
     match alert {

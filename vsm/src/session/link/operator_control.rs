@@ -1,10 +1,10 @@
-//! Operator control: who may command the vehicle as MAVLink has it.
+//! MAVLink's operator control: which MAVLink system may command the vehicle.
 //!
-//! Where the vehicle reports who may command it (CONTROL_STATUS), the VSM requests operator control
-//! (REQUEST_OPERATOR_CONTROL) for as long as a CUCS holds LOI 4 or 5, or the VSM flies for one that is lost, and
-//! releases it when nobody does: what is decided between the CUCSs is then visible to other MAVLink stations, and holds
-//! against them. It asks that no other be granted it without being asked first; who requests it is reported to the CUCS,
-//! which decides by giving control up. Of a vehicle that does not report it nothing is requested (PX4 v1.18 does not).
+//! If the vehicle reports who may command it (CONTROL_STATUS), the VSM requests operator control (REQUEST_OPERATOR_CONTROL)
+//! while a CUCS holds LOI 4 or 5, or while the VSM flies for a lost CUCS, and releases it afterwards. Other MAVLink stations
+//! then see the control decided between the CUCSs and cannot command against it. The VSM requests that no other system is
+//! granted control without its consent. A request by another system is reported to the CUCS, which grants it by releasing
+//! control. If the vehicle does not report operator control, nothing is requested (PX4 v1.18 does not).
 
 use std::time::Duration;
 
@@ -16,30 +16,30 @@ use super::state::VehicleState;
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
 
-/// What the vehicle reports of it, and what is requested.
+/// The reported operator control, and the request for it.
 #[derive(Debug, Default)]
 pub(crate) struct OperatorControl {
-    /// Who may command, 0 for nobody, and when that was reported.
+    /// The system that may command (0: none), and when that was reported.
     reported: Option<(u8, Duration)>,
     ticket: Option<Ticket>,
     next_at: Duration,
-    /// Held, or requested, although nobody controls the vehicle; or the other way round.
+    /// Whether it is held or requested although no CUCS controls the vehicle, or the reverse.
     pending: bool,
 }
 
 impl OperatorControl {
-    /// Who may command the vehicle, 0 for nobody; `None` where it does not report it.
+    /// The system that may command the vehicle (0: none); `None` if the vehicle does not report it.
     pub(crate) fn owner(&self, now: Duration) -> Option<u8> {
         let (owner, at) = self.reported?;
         (now.saturating_sub(at) < STALE).then_some(owner)
     }
 
-    /// Control has changed hands: the request that follows need not wait.
+    /// Control has changed: the next request need not wait.
     pub(crate) fn soon(&mut self) {
         self.next_at = Duration::ZERO;
     }
 
-    /// The end of a command: the next CONTROL_STATUS shows what came of it.
+    /// A command has ended: the next CONTROL_STATUS shows its effect.
     pub(crate) fn answered(&mut self, event: &command::Event) {
         if let command::Event::Done { ticket, .. } = event
             && self.ticket == Some(*ticket)
@@ -48,20 +48,20 @@ impl OperatorControl {
         }
     }
 
-    /// When the next request may be made, where one is wanted.
+    /// When the next request may be sent, if one is needed.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         self.pending.then_some(self.next_at)
     }
 
-    /// Keeps what a CONTROL_STATUS of the vehicle reports.
+    /// Handles a CONTROL_STATUS of the vehicle.
     pub(crate) fn note(&mut self, status: &CONTROL_STATUS_DATA, effects: &mut Effects<'_>) {
         let manager = GcsControlStatusFlags::GCS_CONTROL_STATUS_FLAGS_SYSTEM_MANAGER;
-        // Without the flag it is the status of a component, not of the whole system.
+        // Without this flag it is the status of one component, not of the whole system.
         if !status.flags.contains(manager) {
             return;
         }
         let own = effects.vehicle.own_system();
-        // Where several own it, each of them may command.
+        // If several systems own it, each of them may command.
         let owner = if status.gcs_secondary.contains(&own) {
             own
         } else {
@@ -71,7 +71,7 @@ impl OperatorControl {
         match owner {
             0 => effects.clear(
                 Cause::OperatorControl,
-                "no MAVLink system has operator control of the vehicle any more",
+                "no MAVLink system has operator control of the vehicle now",
             ),
             system if system == own => effects.clear(
                 Cause::OperatorControl,
@@ -88,7 +88,8 @@ impl OperatorControl {
         }
     }
 
-    /// Requests operator control where it is `wanted`, or releases it, of a vehicle that reports it.
+    /// Requests operator control if it is `wanted`, otherwise releases it. Does nothing for a vehicle that does not report
+    /// it.
     pub(crate) fn hold(&mut self, wanted: bool, vehicle: &VehicleState, effects: &mut Effects<'_>) {
         let now = effects.dli.now.mono;
         let own = effects.vehicle.own_system();
@@ -124,9 +125,9 @@ impl OperatorControl {
 
 /// CONTROL_STATUS comes at 1 Hz.
 const STALE: Duration = Duration::from_secs(5);
-/// From one try to the next.
+/// Time between two attempts.
 const BETWEEN: Duration = Duration::from_secs(2);
-/// param3 of the request: how long another station is shown that it waits, s.
+/// param3 of the request: how long another station is shown a pending request, s.
 const SHOWN_FOR_S: f32 = 10.0;
 
 #[cfg(test)]

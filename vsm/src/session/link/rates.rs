@@ -1,4 +1,4 @@
-//! Which messages are requested of a vehicle, and how often.
+//! Which messages are requested from a vehicle, and how often.
 
 use mavlink_link::service::interval::Rate;
 
@@ -7,14 +7,14 @@ use super::budget::reported_bytes_s;
 /// The requests of one vehicle.
 #[derive(Debug)]
 pub(super) struct Rates {
-    /// What the reports may take of the link, bytes a second; `None`: as much as they need.
+    /// How much of the link the vehicle's reports may use, bytes a second; `None`: no limit.
     bytes_s: Option<f64>,
     /// Message, rate in Hz, and the bytes of a frame.
     wanted: Vec<(u32, f32, u16)>,
 }
 
 impl Rates {
-    /// What the DLI needs. `rate_bps`: what the link carries, where that is little.
+    /// The messages that the DLI needs. `rate_bps`: the capacity of a slow link.
     pub(super) fn new(rate_bps: Option<u32>) -> Rates {
         Rates {
             bytes_s: rate_bps.map(reported_bytes_s),
@@ -22,7 +22,7 @@ impl Rates {
         }
     }
 
-    /// One more, or another rate of one.
+    /// Adds a message, or changes the rate of one.
     pub(super) fn add(&mut self, message: u32, hertz: f32) {
         match self.wanted.iter_mut().find(|(id, ..)| *id == message) {
             Some((_, known, _)) => *known = hertz,
@@ -30,8 +30,9 @@ impl Rates {
         }
     }
 
-    /// What is requested: all of it, lowered by one factor where the link has no room for it. Off is what PX4 streams by default and nobody
-    /// here needs; on a link with little room that is more, and comes first: until then the answers do not get through.
+    /// The rates to request. If they do not fit into the link, all are lowered by one factor. Messages that PX4 streams by
+    /// default and that are not needed are switched off; on a slow link there are more of these, and they come first,
+    /// because until then answers do not get through.
     pub(super) fn requested(&self) -> impl Iterator<Item = (u32, Rate)> {
         let factor = self.factor();
         let wanted = self.wanted.iter();
@@ -65,7 +66,8 @@ impl Rates {
     }
 }
 
-/// What the bridge cannot do without, and the longest time between two of it, us. HEARTBEAT is of the protocol itself.
+/// Messages that the bridge cannot work without, and the longest interval of each, us. HEARTBEAT is part of the protocol
+/// itself.
 pub(crate) fn needed_every_us() -> impl Iterator<Item = (u32, f32)> {
     let requested = NEEDED.iter().map(|(id, hertz, _)| (*id, 1e6 / hertz));
     requested.chain([(0, 1e6)])
@@ -73,7 +75,8 @@ pub(crate) fn needed_every_us() -> impl Iterator<Item = (u32, f32)> {
 
 /// Message, Hz, and the bytes of a whole frame with its signature.
 const NEEDED: &[(u32, f32, u16)] = &[
-    // First: with it a lossy link is not mistaken for a silent vehicle (its other source, HEARTBEAT, comes at 1 Hz).
+    // First, because it prevents a lossy link from being mistaken for a silent vehicle (the other source of the mode,
+    // HEARTBEAT, is sent at 1 Hz).
     (436, 5.0, 34), // CURRENT_MODE
     (30, 5.0, 53),  // ATTITUDE
     (33, 5.0, 53),  // GLOBAL_POSITION_INT
@@ -94,7 +97,7 @@ const UNUSED: &[u32] = &[
     85, // POSITION_TARGET_LOCAL_NED
     36, // SERVO_OUTPUT_RAW
 ];
-/// PX4 streams them more slowly, for other ground stations and for what a CUCS may request later.
+/// PX4 streams these more slowly. The bridge requests some of them later, when a CUCS asks for what they carry.
 const ONLY_WITH_ROOM: &[u32] = &[
     62,  // NAV_CONTROLLER_OUTPUT
     65,  // RC_CHANNELS
@@ -109,7 +112,7 @@ const ONLY_WITH_ROOM: &[u32] = &[
     330, // OBSTACLE_DISTANCE
     340, // UTM_GLOBAL_POSITION
 ];
-/// Of a frame that is requested later: few are longer.
+/// Assumed for a message that is requested later: few are longer.
 const FURTHER_BYTES: u16 = 80;
 const HEARTBEAT_BYTES: u16 = 34;
 

@@ -1,5 +1,5 @@
-//! What goes to the vehicle: signed at the moment of sending; the stamps of requests are kept, so that an answer can be
-//! distinguished from a recording of an older one.
+//! Sending to the vehicle. Frames are signed at the moment of sending; the timestamps of requests are kept, so that an
+//! answer can be distinguished from a replay of an older one.
 
 use mavlink::Message as _;
 use mavlink_link::Now;
@@ -21,7 +21,7 @@ use super::{VehicleLink, auth};
 use crate::session::effects::Effects;
 
 impl VehicleLink {
-    /// Signs and queues what the link and the services want sent; called after each change of theirs.
+    /// Signs and queues the frames of the link and the services; called after each change of them.
     pub(crate) fn flush(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
         let Effects {
             dli,
@@ -50,7 +50,7 @@ impl VehicleLink {
         while let Some(message) = services.posts.pop_front() {
             self.send(now, &message, store);
         }
-        // The operation has ended: the next one is judged by the stamp of its own first message.
+        // The operation has ended: answers to the next one are compared with the timestamp of its own first message.
         if services.missions.busy().is_none() {
             self.asked.mission = None;
         }
@@ -58,7 +58,7 @@ impl VehicleLink {
             && let Some(message) = services.missions.poll_transmit()
         {
             let stamp = self.send(now, &message, store);
-            // The first stamp is kept: the answer to it may arrive after a repeat was sent.
+            // Keep the first timestamp: the answer to it may arrive after a retry was sent.
             self.asked.mission = self.asked.mission.or(stamp);
         }
         if services.parameters.pending() == 0 {
@@ -77,7 +77,8 @@ impl VehicleLink {
             let stamp = self.send(now, &request, store);
             self.asked.clock = self.asked.clock.or(stamp);
         }
-        // PX4 loses acknowledgements of commands sent back to back: one is outstanding, and its end lets the next out.
+        // PX4 loses acknowledgements of commands sent back to back, so only one is outstanding, and the next is sent when it
+        // ends.
         loop {
             while let Some(event) = services.commands.poll_event() {
                 self.asked.command = None;
@@ -97,7 +98,7 @@ impl VehicleLink {
                 vehicle.state_is_newer = false;
             }
         }
-        // Like the autopilot's, for each component by itself; none of these changes the mode, nor arms.
+        // As for the autopilot, separately for each component. None of these commands changes the mode or arms.
         for (component, commands) in &mut services.components {
             loop {
                 while let Some(event) = commands.poll_event() {
@@ -126,7 +127,7 @@ impl VehicleLink {
         if !services.files.is_active() {
             self.asked.file = None;
         }
-        // Last of all: nothing that flies the vehicle waits for a file.
+        // Last: no flight command waits for a file.
         while self.budget.has_room(now.mono)
             && let Some(message) = services.files.poll_transmit()
         {
@@ -135,7 +136,7 @@ impl VehicleLink {
         }
     }
 
-    /// Sends the block of the ground that is due, to a vehicle that asks for it.
+    /// Sends the terrain block that is due, to a vehicle that has requested it.
     pub(super) fn send_ground(effects: &mut Effects<'_>) {
         match effects.vehicle.ground.advance(effects.dli.now.mono) {
             Some(Ok(block)) => effects.vehicle.post(block),
@@ -149,7 +150,7 @@ impl VehicleLink {
 
     fn send(&mut self, now: Now, message: &MavMessage, store: &mut dyn Disk) -> Option<Stamp> {
         let mut bytes = [0; MAX_FRAME];
-        // Refusals are counted and alerted by the link; the service repeats or gives up by its own timing.
+        // The link counts failures and raises alerts; the service retries or gives up by its own timing.
         let sent = self
             .link
             .send(now, auth(self.key.as_mut(), store), message, &mut bytes)
@@ -165,9 +166,9 @@ impl VehicleLink {
         self.budget.has_room(now.mono)
     }
 
-    /// Passes a frame of another ground station on, in its name and signed with the vehicle's key; false where it cannot
-    /// leave now. PX4 answers whom a frame names as its sender. `link_id`: of the
-    /// signature, where it is another than the link's own.
+    /// Forwards a frame of another ground station, under that station's ids and signed with the vehicle's key. Returns false
+    /// if it cannot be sent now. PX4 answers the sender named in a frame. `link_id`: link id of the signature, if it differs
+    /// from the link's own.
     pub(crate) fn pass_on(
         &mut self,
         now: Now,
@@ -207,8 +208,8 @@ impl VehicleLink {
         true
     }
 
-    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet; false where it cannot
-    /// leave now.
+    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` if there is none yet. Returns false if it
+    /// cannot be sent now.
     pub(crate) fn send_key_exchange(
         &mut self,
         now: Now,
@@ -231,9 +232,9 @@ impl VehicleLink {
     }
 }
 
-/// Whether a command may change the mode, or arm or disarm. Rates, messages and operator control are requested all the time, and
-/// values change within a mode (PX4 rejects an altitude or a course outside the modes that take one): a mode that was
-/// reported before is no less fresh for them.
+/// Whether a command may change the mode, or arm or disarm. Requests for rates, messages and operator control are frequent,
+/// and others change a value within a mode (PX4 rejects an altitude or a course in modes that do not use it): such commands
+/// do not make an earlier report of the mode stale.
 fn may_change_state(command: &MavMessage) -> bool {
     let command = match command {
         MavMessage::COMMAND_LONG(command) => command.command,

@@ -1,7 +1,7 @@
-//! What may be asked of the vehicle: commands, missions, parameters, rates, and messages that nothing answers.
+//! Requests to the vehicle: commands, missions, parameters, message rates, and messages without an answer.
 //!
-//! Each is a machine of `mavlink_link::service` that repeats until it is answered. The link machine sends what they
-//! queue, signed at the moment of sending, and returns their ends as [`VehicleEvent`](super::event::VehicleEvent)s.
+//! Each is a machine of `mavlink_link::service` that retries until it is answered. The link machine sends their queued
+//! messages, signed at the moment of sending, and reports results as [`VehicleEvent`](super::event::VehicleEvent)s.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -21,12 +21,13 @@ pub(crate) struct Services {
     /// The vehicle's clock against ours.
     pub(crate) clock: timesync::Client,
     pub(crate) ground: GroundService,
-    /// What it reports by EVENT.
+    /// Events of the vehicle (EVENT).
     pub(crate) events: event::Client,
-    /// Its events are taken by who asked, not by a machine.
+    /// The requesting program takes its events, not a machine.
     pub(crate) files: ftp::Client,
-    /// For the payload, by component, each with a client of its own: an answer names the command, not the component. The
-    /// autopilot as the manager of a gimbal is among them: a mode does not wait behind a gimbal that does not answer.
+    /// Commands for the payload, with one client for each component, because an answer names the command but not the
+    /// component. The autopilot as a gimbal manager has its own client too, so that a mode command never waits behind a
+    /// gimbal that does not answer.
     pub(super) components: BTreeMap<u8, command::Client>,
     pub(super) intervals: Intervals,
     rates: Rates,
@@ -36,7 +37,7 @@ pub(crate) struct Services {
 }
 
 impl Services {
-    /// For `own`, this VSM, towards `vehicle`, its autopilot.
+    /// Services from `own`, this VSM, to `vehicle`, its autopilot.
     /// `rate_bps`: what the link carries, where that is little.
     pub(crate) fn new(own: Node, vehicle: Node, rate_bps: Option<u32>) -> Services {
         let rates = Rates::new(rate_bps);
@@ -57,12 +58,12 @@ impl Services {
         }
     }
 
-    /// Sends a message that nothing answers.
+    /// Sends a message that has no answer.
     pub(crate) fn post(&mut self, message: MavMessage) {
         self.posts.push_back(message);
     }
 
-    /// What would be sent, without a link.
+    /// The messages to send, without a link.
     #[cfg(test)]
     pub(crate) fn take_posts(&mut self) -> Vec<MavMessage> {
         self.posts.drain(..).collect()
@@ -76,8 +77,8 @@ impl Services {
         }
     }
 
-    /// Commands for the payload to a component of the vehicle: a gimbal, a camera, or the autopilot as a gimbal's manager. No
-    /// command that flies the vehicle goes or waits here.
+    /// The client for payload commands to a component: a gimbal, a camera, or the autopilot as a gimbal manager. Flight
+    /// commands never use these clients.
     pub(crate) fn commands_to(&mut self, component: u8) -> &mut command::Client {
         let (own, node) = (self.own, Node::new(self.vehicle.system, component));
         (self.components)

@@ -1,6 +1,6 @@
-//! What the vehicle shows of itself: its telemetry, and how fresh that is.
+//! The vehicle's reported state: its telemetry, and how fresh it is.
 //!
-//! Written by the link machine alone, from verified frames of the autopilot; read by every other machine.
+//! Only the link machine writes it, from verified frames of the autopilot; every other machine reads it.
 
 use std::time::Duration;
 
@@ -11,22 +11,22 @@ use mavlink_link::dialect::MavType;
 
 use super::measured::Measured;
 
-/// As the vehicle last showed it.
+/// As last reported by the vehicle.
 #[derive(Debug)]
 pub(crate) struct VehicleState {
     pub(crate) telemetry: Telemetry,
-    /// Its gimbals and cameras, components of their own among them.
+    /// Its gimbals and cameras, including those that are separate components.
     pub(crate) payloads: Payloads,
-    /// Its HEARTBEAT came last at this time.
+    /// When its last HEARTBEAT arrived.
     pub(super) heartbeat_at: Option<Duration>,
-    /// It reported its mode last at this time.
+    /// When it last reported its mode.
     pub(super) mode_at: Option<Duration>,
     pub(super) silent: bool,
     pub(super) boot_ms: Option<u32>,
     pub(super) progress_boot_ms: Option<u32>,
     pub(super) state_is_newer: bool,
     pub(super) complaint: Option<(Duration, String)>,
-    /// When what it shows was measured.
+    /// When its values were measured.
     pub(crate) measured: Measured,
 }
 
@@ -37,7 +37,7 @@ impl Default for VehicleState {
             payloads: Payloads::default(),
             heartbeat_at: None,
             mode_at: None,
-            // Nothing was received yet: its state is as unknown as that of a vehicle that went silent.
+            // Nothing was received yet: its state is unknown, as for a vehicle that went silent.
             silent: true,
             boot_ms: None,
             progress_boot_ms: None,
@@ -85,7 +85,7 @@ impl VehicleState {
         self.silent || self.telemetry.armed != Some(false)
     }
 
-    /// Whether it has shown its state since the start: what is silent then has fallen silent.
+    /// Whether it has reported its state since the start of the VSM.
     pub(crate) fn was_live(&self) -> bool {
         self.silent_at().is_some()
     }
@@ -95,13 +95,13 @@ impl VehicleState {
         self.mode_at
     }
 
-    /// When it counts as silent, if nothing more comes.
+    /// When it will count as silent if no further data arrives.
     pub(super) fn silent_at(&self) -> Option<Duration> {
         let (mode, beat) = self.mode_at.zip(self.heartbeat_at)?;
         Some((mode + SILENCE).min(beat + NO_HEARTBEAT))
     }
 
-    /// Its clock since boot, ms, as of its latest message that shows it.
+    /// Its time since boot, ms, from the latest message that has it.
     pub(crate) fn boot_ms(&self) -> Option<u32> {
         self.boot_ms
     }
@@ -111,13 +111,13 @@ impl VehicleState {
         self.progress_boot_ms
     }
 
-    /// Whether its mode was reported by a message made after the last command was sent that may change it.
+    /// Whether its mode was reported after the last command that may change it.
     pub(crate) fn state_is_newer_than_command(&self) -> bool {
         self.state_is_newer
     }
 
-    /// The mode that it is in; none where its last report was made before the last command that may have changed it. What is
-    /// decided by an older one may be wrong for up to a second, and longer on a bad link.
+    /// Its current mode; `None` if the last report is older than the last command that may have changed it. A decision based
+    /// on an older report could be wrong for up to a second, and longer on a bad link.
     pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
         self.telemetry.mode.filter(|_| self.state_is_newer)
     }
@@ -129,7 +129,7 @@ impl VehicleState {
         kind.map_or(0, |kind: MavType| kind as u16)
     }
 
-    /// What the vehicle complained of just now by STATUSTEXT, to be appended to a refusal.
+    /// The vehicle's recent STATUSTEXT warning, to be appended to a refusal.
     pub(crate) fn latest_complaint(&self, now: Duration) -> Option<String> {
         let (at, text) = self.complaint.as_ref()?;
         (now.saturating_sub(*at) < COMPLAINT_LIFE).then(|| format!(" ({text})"))
@@ -139,10 +139,10 @@ impl VehicleState {
 /// A vehicle that has not reported its mode for this long, by HEARTBEAT or CURRENT_MODE, is silent, and its telemetry is
 /// stale.
 ///
-/// Heartbeats alone would not do: they come once a second, and where four packets of ten are lost three in a row are
-/// missing every few seconds, while all other messages arrive.
+/// Heartbeats alone are not enough: they are sent once a second, and if 40 % of the packets are lost, three in a row are
+/// missing every few seconds although other messages arrive.
 pub(crate) const SILENCE: Duration = Duration::from_millis(3_500);
-/// And so is one without a heartbeat for this long, since nothing else reports whether it is armed.
+/// A vehicle without a heartbeat for this long is silent too, since no other message reports whether it is armed.
 const NO_HEARTBEAT: Duration = Duration::from_secs(10);
-/// A complaint belongs to a refusal that follows within this time.
+/// A warning is taken as the reason of a refusal that follows within this time.
 const COMPLAINT_LIFE: Duration = Duration::from_secs(3);

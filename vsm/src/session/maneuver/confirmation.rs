@@ -112,7 +112,7 @@ impl Confirmation {
     }
 }
 
-/// Course over ground, rad; none of a vehicle that stands still.
+/// Course over ground, rad; `None` for a vehicle that does not move.
 fn course(telemetry: &Telemetry) -> Option<f64> {
     let [north, east, _] = telemetry.velocity_ned?;
     (north.hypot(east) > SLOWEST_M_S).then(|| east.atan2(north))

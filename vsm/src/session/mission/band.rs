@@ -1,14 +1,15 @@
 //! The altitude band: whether the vehicle itself is between `lowest_m` and `highest_m` of its limits (`vehicle.limits`).
 //!
-//! No fence item of MAVLink has a floor or a ceiling, and PX4's own fence has one ceiling (GF_MAX_VER_DIST, which narrows the
-//! band) and no floor. Routes and commands that leave the band are refused before they are sent; here is the vehicle that
-//! leaves it all the same, by a failsafe, a pilot or another station. An alert (16000) stands while it is outside, and with
-//! `vehicle.limits.outside = "hold"` a vehicle that flies by itself is put on hold.
+//! No fence item of MAVLink has a floor or a ceiling, and PX4's own fence has one ceiling (GF_MAX_VER_DIST, which narrows
+//! the band) and no floor. Routes and commands that leave the band are refused before they are sent. This module detects a
+//! vehicle that leaves it anyway, because of a failsafe, a pilot or another station. An alert (16000) is active while it is
+//! outside, and with `vehicle.limits.outside = "hold"` a vehicle in an automatic mode is put on hold.
 //!
-//! Every flight begins and most end below the floor: below counts only a vehicle that was above it in this flight, and that
-//! neither returns nor lands. A hold below the floor would keep a vehicle low that lands, so it is commanded in a mission only
-//! where the item flown is known, fresh, of the uploaded route and no landing. Nor is a vehicle put on hold that nobody
-//! controls (nothing would end it), or for which the VSM does something else already: there is the alert alone.
+//! Every flight begins and most end below the floor, so a vehicle counts as below it only if it was above it in this flight
+//! and is neither returning nor landing. A hold below the floor would keep a landing vehicle low. In a mission it is
+//! therefore commanded only if the current item is known, freshly reported, part of the uploaded route and not a landing. A
+//! vehicle is not put on hold if nobody controls it (nothing would end the hold) or if the VSM is already acting on it: then
+//! there is only the alert.
 
 use std::time::Duration;
 
@@ -25,43 +26,44 @@ use crate::session::effects::{Effects, Request};
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct BandWatch {
-    /// It was above the floor in this flight.
+    /// Whether it was above the floor in this flight.
     entered: bool,
-    /// It is outside.
+    /// Whether it is outside.
     outside: bool,
     /// Since when it is below the floor, by its own clock, s.
     below_s: Option<f64>,
-    /// It was put on hold for that.
+    /// The hold that was commanded for that.
     held: Option<Held>,
 }
 
-/// How far a hold has come.
+/// The progress of a hold.
 #[derive(Debug, Clone, Copy)]
 enum Held {
     /// It was commanded then.
     Commanded(Duration),
-    /// The vehicle has left the mode that it was in: what it flies from there on, somebody has commanded.
+    /// The vehicle has left its earlier mode: any later mode was commanded by somebody.
     Shown,
 }
 
-/// What the vehicle shows, m above home.
+/// The vehicle's state; heights in m above home.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     height_m: f64,
     lowest_m: f64,
     highest_m: f64,
-    /// It lands, or returns to land.
+    /// It is landing, or returning to land.
     descends: bool,
     /// The vehicle's clock, s since its boot.
     time_s: Option<f64>,
     /// It flies a mission.
     in_mission: bool,
-    /// When a MISSION_CURRENT last named the item flown, by the same clock; none where that is not ours, or a landing.
+    /// When a MISSION_CURRENT last named the current item, by the same clock; `None` if the item is not ours or is a
+    /// landing.
     route_named_s: Option<f64>,
 }
 
 impl Sample {
-    /// How far outside the band it is, m; 0 and below within.
+    /// Distance outside the band, m; 0 or less inside.
     fn beyond_m(&self) -> f64 {
         let below_m = match self.descends {
             true => f64::NEG_INFINITY,
@@ -102,7 +104,7 @@ impl BandWatch {
             highest_m,
             ..
         } = sample;
-        // A swing of a multicopter about its altitude, or of wings in a gust, is no reason to end what it flies.
+        // Altitude oscillations of a multicopter, or of a fixed wing in a gust, are no reason for a hold.
         let swing_m = if banks(telemetry.vehicle_type) {
             WINGS_M
         } else {
@@ -111,7 +113,7 @@ impl BandWatch {
         let mode = context.vehicle.settled_mode();
         let by_itself = mode.map(|mode| BY_ITSELF.contains(&mode));
         let flight = &context.flight;
-        // What is under way is somebody's recovery, perhaps from this.
+        // A maneuver in progress may be the recovery from this situation.
         let idle = !transferring && !flight.maneuver && !flight.loss_action && !flight.contingency;
         let acts = context.bounds.outside == Outside::Hold
             && sample.beyond_m() > swing_m
@@ -139,7 +141,7 @@ impl BandWatch {
             "the vehicle left its altitude band of {lowest_m:.0} to {highest_m:.0} m above home (vehicle.limits): it was at \
              {height_m:.0} m{end}"
         );
-        // One text for each way out, and a further one where it is held: an alert that counts metres is a stream.
+        // One text for each direction, and another when it is held: an alert with the current height would be a stream.
         if !self.outside || first {
             self.outside = true;
             let (priority, about) = (AlertPriority::Warning, SubsystemId::VsmStatus);
@@ -151,7 +153,7 @@ impl BandWatch {
     fn judge(&mut self, sample: &Sample) -> bool {
         self.entered |= sample.height_m >= sample.lowest_m;
         let beyond_m = sample.beyond_m();
-        // Back only where it is well within: an altitude measured at the edge flutters.
+        // Cleared only well inside: a measured altitude at the limit fluctuates.
         let edge_m = if self.outside { 0.0 } else { NOISE_M };
         let outside = self.entered && beyond_m > edge_m;
         if !outside {
@@ -164,7 +166,7 @@ impl BandWatch {
         outside
     }
 
-    /// Whether a hold ends no landing.
+    /// Whether a hold would not interrupt a landing.
     fn is_no_landing(&self, sample: &Sample) -> bool {
         if sample.height_m > sample.highest_m || !sample.in_mission {
             return true;
@@ -173,7 +175,8 @@ impl BandWatch {
         let (Some(below_s), Some(time_s), Some(named_s)) = times else {
             return false;
         };
-        // The MISSION_CURRENT that begins a landing may have been lost: the item was named since, and just now.
+        // The MISSION_CURRENT at the start of a landing may have been lost, so the item must have been reported since, and
+        // recently.
         named_s >= below_s && time_s - named_s <= FRESH_S
     }
 }
@@ -197,19 +200,19 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     })
 }
 
-/// The modes that no pilot flies, and that neither hold nor return already.
+/// Automatic modes that are not already a hold or a return.
 const BY_ITSELF: [Px4Mode; 4] = [
     Px4Mode::MISSION,
     Px4Mode::OFFBOARD,
     Px4Mode::ORBIT,
     Px4Mode::COURSE,
 ];
-/// An altitude is measured no better, m.
+/// Accuracy of a measured altitude, m.
 const NOISE_M: f64 = 1.0;
-/// How far PX4 swings about an altitude by itself, of a multicopter and of wings (`descent`), m.
+/// PX4's own oscillation about an altitude, for a multicopter and for a fixed wing (`descent`), m.
 const HOVERING_M: f64 = 5.0;
 const WINGS_M: f64 = 20.0;
-/// A hold that is not shown by then is commanded again.
+/// Time after which a hold that is not reported is commanded again.
 const AGAIN: Duration = Duration::from_secs(10);
 
 #[cfg(test)]

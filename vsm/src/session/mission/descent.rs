@@ -1,11 +1,11 @@
 //! The descent watch: a vehicle that sinks towards the ground in its mission is put on hold, with an alert (16000).
 //!
-//! A route below home is refused, so the lowest altitude of a loaded mission is known to be safe, and a vehicle that is well
-//! below it and still sinks is not where anybody has sent it: a wing whose altitude reference is wrong dives in AUTO.MISSION
-//! (PX4's own simulation does after a take-off from 489 m), a multicopter without enough thrust sinks, and PX4 reports
-//! neither. Not judged: a landing item of the route's own, and what another station has loaded.
+//! A route below home is refused, so the lowest altitude of a loaded mission is known to be safe. A vehicle that is well
+//! below it and still sinking has a fault: a fixed wing with a wrong altitude reference dives in AUTO.MISSION (PX4's own
+//! simulation does after a take-off from 489 m), and a multicopter without enough thrust sinks; PX4 reports neither. Not
+//! checked: a landing item of the route, and a mission that another station has loaded.
 //!
-//! How far below is well below:
+//! What "well below" means:
 //!
 //! - *multicopter*, 5 m: where a leg climbs PX4 v1.18 swings about the altitude of its item, by up to 4 m above and 1 m below
 //!   (docs/guide/curves.md); the whole of it counts, since nothing keeps a heavier one from swinging as far down;
@@ -13,8 +13,9 @@
 //!   measured: PX4 states none, and no aircraft has flown for it;
 //! - *a low mission*, half of its height: 3 m above home are left of 6, not 1.
 //!
-//! Below that a vehicle may still climb to its mission after a take-off or a mode by hand: what counts is height lost since. On that
-//! climb a multicopter swings as well, so that until it has been at the heights of its mission half of the margin has to be lost.
+//! Below that altitude a vehicle may still be climbing to its mission after a take-off or manual flight, so only height lost
+//! since then counts. A multicopter oscillates on that climb too: until it has reached the heights of its mission, it must
+//! lose half of the margin.
 
 use mapping::route::CompiledMission;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -28,11 +29,11 @@ use crate::session::effects::{Effects, Request};
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct DescentWatch {
-    /// The highest in this flight of the mission, m above home.
+    /// The highest point of this mission flight, m above home.
     highest_m: Option<f64>,
     /// Whether it has been at the heights of this mission.
     reached: bool,
-    /// Since when it is well below, by the vehicle's clock, s.
+    /// Since when it has been well below, by the vehicle's clock, s.
     below_s: Option<f64>,
 }
 
@@ -51,23 +52,23 @@ struct Sample {
     lowest_m: f64,
     /// Whether the mission has a landing, and whether it is flown now.
     landing: Option<bool>,
-    /// It turns by banking.
+    /// It is a type that turns by banking.
     banks: bool,
 }
 
-/// What a look finds.
+/// The result of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Finding {
     /// It is at the heights of its mission.
     High,
-    /// It is below them, and nothing shows that it sinks.
+    /// It is below them but not known to be sinking.
     Low,
     /// It sinks.
     Sinks,
 }
 
 impl DescentWatch {
-    /// Checks that the vehicle does not sink below its mission, and puts it on hold where it does.
+    /// Checks whether the vehicle sinks below its mission, and if so puts it on hold.
     pub(super) fn watch(
         &mut self,
         context: &Context<'_>,
@@ -84,7 +85,7 @@ impl DescentWatch {
             *self = DescentWatch::default();
             return;
         };
-        // What is under way changes mode or route: it is judged by itself.
+        // A maneuver in progress changes the mode or the route and has its own checks.
         if context.flight.maneuver || transferring {
             return;
         }
@@ -126,7 +127,7 @@ impl DescentWatch {
             return Finding::High;
         }
         let below_s = *self.below_s.get_or_insert(sample.time_s);
-        // Where the mission ends in a landing, the MISSION_CURRENT that begins it may have been lost.
+        // If the mission ends in a landing, the MISSION_CURRENT at its start may have been lost.
         let lands = match sample.landing {
             None => false,
             Some(now) => now || sample.named_s < below_s,
@@ -135,20 +136,20 @@ impl DescentWatch {
         let noise_m = if self.reached {
             LOST_M.min(most_m / 5.0)
         } else {
-            // On its way up to a low mission it must be found above the ground.
+            // On its climb to a low mission it must be detected before it reaches the ground.
             LOST_M.min(margin_m / 2.0).max(LOST_M.min(most_m / 5.0))
         };
         let sinks = sample.sinks_m_s > SINKS_M_S && lost_m > noise_m;
         if lands || !sinks {
             return Finding::Low;
         }
-        // Where the hold is not entered, it is found again once more height is lost.
+        // If the hold is not entered, the descent is detected again once more height is lost.
         self.highest_m = Some(sample.height_m);
         Finding::Sinks
     }
 }
 
-/// `None` where no mission of ours is flown.
+/// `None` if no mission of ours is being flown.
 fn sample(context: &Context<'_>, uploaded: &UploadedMission) -> Option<Sample> {
     let telemetry = &context.vehicle.telemetry;
     let mission = flown(context, uploaded)?;
@@ -166,13 +167,13 @@ fn sample(context: &Context<'_>, uploaded: &UploadedMission) -> Option<Sample> {
     })
 }
 
-/// Well below the mission, of a multicopter and of wings, m.
+/// The distance that counts as well below the mission, for a multicopter and a fixed wing, m.
 const HOVERING_M: f64 = 5.0;
 const WINGS_M: f64 = 20.0;
-/// Slower than this is no descent: a hovering vehicle moves by as much, m/s.
+/// A slower descent is ignored: a hovering vehicle moves as fast, m/s.
 const SINKS_M_S: f64 = 0.3;
-/// Height that is lost by more than noise and gusts, m; of a multicopter 1 m, and half of the margin, up to 2.5 m, on
-/// its way up to the mission.
+/// Loss of height that exceeds noise and gusts, m; for a multicopter 1 m, and on its climb to the mission half of the
+/// margin, up to 2.5 m.
 const LOST_M: f64 = 4.0;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Plans on their way to a station (13000 modes 3 and 4): the messages as they were sent, a few at a time.
+//! Downloads of plans to a station (13000 modes 3 and 4): the messages as they were received, a few at a time.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use super::store::MissionStore;
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
 
-/// A plan on its way to a station.
+/// A download in progress.
 #[derive(Debug)]
 pub(super) struct Download {
     origin: Origin,
@@ -23,7 +23,7 @@ pub(super) struct Download {
     next_at: Duration,
 }
 
-/// What of a plan is downloaded.
+/// The part of a plan to download.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part<'a> {
     All,
@@ -34,10 +34,10 @@ pub(super) enum Part<'a> {
 }
 
 impl Download {
-    /// The stored plan as its CUCS sent it, in its own numbers, or a part of it: of the route that 13000 has loaded what
-    /// was uploaded, beside it the other routes. What has been sent and not loaded is no part of it.
+    /// The stored plan as its CUCS sent it, with its own numbers, or a part of it: the loaded route as it was uploaded, and
+    /// the other routes. An upload that is not loaded is not part of it.
     ///
-    /// Refused where there is nothing to send, or where `busy`.
+    /// Refused if there is nothing to send, or if `busy`.
     pub(super) fn begin(
         context: &Context<'_>,
         store: &MissionStore,
@@ -73,7 +73,7 @@ impl Download {
         })
     }
 
-    /// Sends the next few messages: a full plan at once would overflow the station's socket. True at the end.
+    /// Sends the next few messages: a full plan at once would overflow the station's socket. Returns true at the end.
     pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) -> bool {
         if self.next_at > context.mono() {
             return false;
@@ -109,7 +109,7 @@ impl Download {
 fn messages(store: &MissionStore, part: Part<'_>) -> VecDeque<Message> {
     let stored = store.plan();
     let loaded = store.loaded.as_ref().map(|loaded| &loaded.plan);
-    // A record of an earlier version holds no messages: then the stored plan is all that can be sent.
+    // A record of an earlier version holds no messages: then only the stored plan can be sent.
     let loaded = loaded.filter(|loaded| !loaded.is_empty());
     let beside = loaded.map(|loaded| stored.beside(loaded));
     let plan = beside.as_ref().unwrap_or(stored);
@@ -122,12 +122,12 @@ fn messages(store: &MissionStore, part: Part<'_>) -> VecDeque<Message> {
         Part::Waypoint(number) if plan.waypoint(number).is_some() => {
             plan.messages_about(number).collect()
         }
-        // Stored, and no route leads to it.
+        // Stored, but not part of any route.
         Part::Waypoint(number) => stored.messages_about(number).collect(),
     }
 }
 
-/// A stored message as the VSM sends it: its own stamp; 50001 names vehicle and CUCS as its wrapper does.
+/// A stored message as the VSM sends it: with a new Time Stamp, and the vehicle and CUCS of its wrapper in 50001.
 fn restamped(message: Message, stamp: TimeStamp, cucs: Id, vehicle: Id) -> Message {
     match message {
         Message::UaRoute(mut route) => {
@@ -165,6 +165,6 @@ fn restamped(message: Message, stamp: TimeStamp, cucs: Id, vehicle: Id) -> Messa
     }
 }
 
-/// Messages of a download that go out at once, and the pause after them: 800 a second.
+/// Messages of a download that are sent at once, and the pause after them: 800 a second.
 const DOWNLOAD_BURST: usize = 8;
 const DOWNLOAD_PAUSE: Duration = Duration::from_millis(10);

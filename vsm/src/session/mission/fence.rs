@@ -1,5 +1,5 @@
-//! The geofence of one vehicle: areas of the configuration and of a CUCS (50016, 50017), uploaded, read back and
-//! compared; 50018 reports how it went.
+//! The geofence of one vehicle: areas of the configuration and of a CUCS (50016, 50017), uploaded, read back and compared;
+//! 50018 reports the result.
 //!
 //! Areas of the configuration are always part of the fence.
 
@@ -26,9 +26,9 @@ use crate::session::store::{record_fault, vehicle_record};
 #[derive(Debug)]
 pub(super) struct Fence {
     configured: Vec<Area>,
-    /// As a CUCS has sent them.
+    /// The areas as received from a CUCS.
     sent: Areas,
-    /// Those that were loaded last.
+    /// The areas that were last loaded.
     loaded: Areas,
     kept: Kept,
     work: Option<Work>,
@@ -42,7 +42,7 @@ struct Work {
     upload: Upload,
 }
 
-/// Who requested it, and how; none where the VSM does without.
+/// The requesting message; `None` if the VSM started the upload itself.
 type Requester = Option<(Origin, Mode)>;
 /// An area and its vertex, for 50018.
 type Vertex = (u16, u8);
@@ -57,7 +57,7 @@ struct Record {
 vehicle_record!(Record, "areas", Process);
 
 impl Fence {
-    /// The areas of the configuration are others: the vehicle is given them as soon as it can be.
+    /// The areas of the configuration have changed: they are uploaded as soon as possible.
     pub(super) fn set_configured(&mut self, configured: Vec<Area>, now: Duration) {
         self.configured = configured;
         self.kept.change(now);
@@ -79,7 +79,7 @@ impl Fence {
         &self.sent
     }
 
-    /// The areas of the configuration, and those that were loaded last.
+    /// The areas of the configuration and those that were last loaded.
     pub(super) fn areas(&self) -> (&[Area], &Areas) {
         (&self.configured, &self.loaded)
     }
@@ -89,17 +89,17 @@ impl Fence {
         self.kept.id().filter(|_| !self.busy())
     }
 
-    /// Whether a fence is on its way.
+    /// Whether a fence is being uploaded.
     pub(super) fn busy(&self) -> bool {
         self.work.is_some()
     }
 
-    /// The vehicle is there, or there again: what it holds is compared once it has had the time to report it.
+    /// The vehicle's link is up, for the first time or again: its fence is compared once it has had time to report it.
     pub(super) fn look_again(&mut self, now: Duration) {
         self.kept.look_again(now);
     }
 
-    /// When [`Fence::watch`] is due by the time alone.
+    /// When [`Fence::watch`] is next due.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let upload = self.work.as_ref().map(|work| &work.upload);
         self.kept.poll_timeout(upload)
@@ -149,12 +149,12 @@ impl Fence {
         let (areas, points) = match mode {
             Mode::Load | Mode::Download if self.sent.is_empty() => (Areas::default(), Err(none)),
             Mode::Load => {
-                // A fence that the vehicle would breach at once is refused.
+                // Refuse a fence that the vehicle would breach at once.
                 let place = context.vehicle.telemetry.position;
                 let at = place.map(|place| (place.latitude, place.longitude));
                 (self.sent.clone(), self.points(&self.sent, at))
             }
-            // A CUCS clears its own areas only: those of the configuration are uploaded again without them.
+            // A CUCS can clear only its own areas: those of the configuration are uploaded again without them.
             Mode::Clear => (Areas::default(), self.points(&Areas::default(), None)),
             Mode::Download => {
                 let mut answers: Vec<Message> = self.sent.messages().collect();
@@ -214,7 +214,7 @@ impl Fence {
         }
     }
 
-    /// What the mission service has done with the fence. False where it is about a mission.
+    /// Handles an event of the mission service. Returns false if it is not about the fence.
     pub(super) fn handle_service(
         &mut self,
         context: &Context<'_>,
@@ -232,7 +232,8 @@ impl Fence {
         true
     }
 
-    /// MISSION_CURRENT must name the fence that was read back; and later still. `free`: why no upload can begin now.
+    /// Checks that MISSION_CURRENT names the fence that was read back, and still does later. `free`: why no upload can begin
+    /// now.
     pub(super) fn watch(
         &mut self,
         context: &Context<'_>,
@@ -293,12 +294,12 @@ impl Fence {
         self.loaded = work.areas;
         self.kept.wanted = !self.loaded.is_empty() || !self.configured.is_empty();
         self.kept.uploaded(id);
-        // Not before the vehicle has cleared its own: a clearing that fails leaves the areas as they were.
+        // Only after the vehicle has cleared its fence: a failed clearing leaves the areas unchanged.
         if let Some((_, Mode::Clear)) = requester {
             self.sent.clear();
         }
         effects.clear(Cause::Fence, UPLOADED);
-        // Saved before the answer: a fence reported as complete must be known after a restart.
+        // Store before the answer: a fence reported as complete must be known after a restart.
         if let Err(fault) = self.save(effects) {
             let why = format!("the fence is uploaded, but cannot be stored: {fault}");
             return self.end(context, requester, None, why, effects);
@@ -346,10 +347,10 @@ impl Fence {
         effects.disk().save(&vehicle, &record)
     }
 
-    /// The areas of before a restart.
+    /// Restores the areas after a restart.
     ///
     /// # Errors
-    /// Their record is there and cannot be read.
+    /// Their record exists but cannot be read.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         let Some(record) = effects.disk().load::<Record>(&vehicle)? else {
@@ -379,7 +380,7 @@ fn items(points: &[FencePoint]) -> Vec<Item> {
     points.iter().map(|point| point.item).collect()
 }
 
-/// What the vehicle does where it breaks the fence, by its own parameter.
+/// The vehicle's action on a breach of the fence, by its own parameter.
 fn advise_breach(context: &Context<'_>, effects: &mut Effects<'_>) {
     let Some(action) = context.parameters.get("GF_ACTION") else {
         return;
@@ -429,5 +430,5 @@ fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
 }
 
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
-/// Why the warning is cleared.
+/// Text of the cleared warning.
 const UPLOADED: &str = "the fence is uploaded";

@@ -1,4 +1,4 @@
-//! What the mission machine reads, and what happens to it.
+//! What the mission machine reads, and its inputs.
 
 use mavlink_link::service::{command, mission};
 use stanag_msgs::Message;
@@ -20,7 +20,7 @@ pub(crate) struct Context<'a> {
 context::deref_to_common!(Context);
 
 impl Context<'_> {
-    /// What a vehicle is commanded that must be stopped on its way.
+    /// The action commanded to stop the vehicle during its mission.
     pub(super) fn stop(&self) -> &'static str {
         match self.returns_instead(self.flight.contingency) {
             true => "return",
@@ -29,7 +29,7 @@ impl Context<'_> {
     }
 }
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
     /// 13000 to 13004, 13006, 50001, 50002, 50016 or 50017 of a CUCS that holds the right.
@@ -37,32 +37,32 @@ pub(crate) enum Input<'a> {
         origin: Origin,
         message: &'a Message,
     },
-    /// A mode command needs another route uploaded first: of this type, or what 13000 has loaded where it is `None`.
+    /// A mode command needs another route uploaded first: one of this type, or if `None` the one that 13000 loaded.
     LoadAndFly {
         origin: Option<Origin>,
         route_type: Option<RouteType>,
         command: Box<VehicleOperatingModeCommand>,
     },
-    /// The mode command that waits for its route must not be carried out any more; with `without_right` only where its
-    /// sender does not control the vehicle.
+    /// Cancels the mode command that waits for its route; with `without_right` only if its sender does not control the
+    /// vehicle.
     DropWaitingCommand { why: String, without_right: bool },
-    /// A flight termination is commanded: a load must not take the vehicle out of it.
+    /// A flight termination is commanded: a load must not interrupt it.
     YieldToTermination,
     /// A command to the vehicle ended.
     CommandEnded(&'a command::Event),
     /// An operation of the mission service ended or progressed.
     ServiceEnded(mission::Event),
-    /// Data of the vehicle arrives, for the first time or again, or it has restarted: it may carry another mission.
+    /// The vehicle's link is up, for the first time or again, or it has restarted: it may carry another mission.
     LinkUp,
     /// Lets a load take its next step.
     Advance,
-    /// After bytes of the vehicle: where it is along its mission, and whether it makes progress.
+    /// Data of the vehicle has arrived: update its position along the mission and check its progress.
     WatchProgress,
     /// Compares the mission that the vehicle names with the one that was loaded.
     CompareWithVehicle,
-    /// Looks whether what is being sent is still of the CUCS in control, and whether anything more came of it.
+    /// Checks whether the upload still belongs to the CUCS in control, and whether it has stalled.
     WatchUpload,
-    /// Compares the fence and the rally points that the vehicle names with those that it should hold.
+    /// Compares the fence and rally points that the vehicle reports with those that it should hold.
     WatchFence,
     /// Sends the next few messages of a download.
     AdvanceDownload,

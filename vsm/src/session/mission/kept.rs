@@ -1,8 +1,8 @@
-//! Items of one kind that the vehicle should hold beside its mission: compared with what it names, and uploaded where they are
-//! others. The fence and the rally points are two of them.
+//! Items of one kind that the vehicle should hold in addition to its mission, such as the fence and the rally points:
+//! compared with what it reports, and uploaded if they differ.
 //!
-//! They are compared when data of the vehicle first arrives, and from then on: what is the same is not sent again; of what
-//! another station has changed there is a warning, and no contest.
+//! They are compared when the link to the vehicle comes up, and from then on. Unchanged items are not sent again. If another
+//! station changes them there is a warning, and they are not overwritten.
 
 use std::time::Duration;
 
@@ -14,30 +14,30 @@ use super::upload::Upload;
 use crate::session::context::WATCH_SLACK;
 use crate::session::link::services::Services;
 
-/// What is known of them.
+/// The state of these items.
 #[derive(Debug)]
 pub(super) struct Kept {
     kind: MavMissionType,
-    /// Whether any was ever requested, here or in the configuration: else the vehicle's own are left alone.
+    /// Whether any were ever requested, by a CUCS or the configuration: otherwise the vehicle's own items are left alone.
     pub(super) wanted: bool,
-    /// The id by which the vehicle names those that it should hold.
+    /// The vehicle's id for the items that it should hold.
     id: Option<u32>,
-    /// When what the vehicle holds is compared for the first time, or an upload is tried again.
+    /// When to compare the vehicle's items for the first time, or to retry an upload.
     look_at: Option<Duration>,
-    /// That was due, and could not be done yet: what it waits for is an event.
+    /// That is due but not possible yet; an event will make it possible.
     postponed: bool,
 }
 
-/// What a look has shown.
+/// The result of a check.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Seen {
-    /// Nothing that anything follows from.
+    /// Nothing to do.
     Nothing,
-    /// They have to be compared with what the vehicle names: [`Kept::holds`], and an upload where it does not.
+    /// The items must be compared with the vehicle's: [`Kept::holds`], followed by an upload if they differ.
     Due,
-    /// The vehicle names what it should hold.
+    /// The vehicle reports the items that it should hold.
     Same,
-    /// It names something else.
+    /// The vehicle reports different items.
     Other,
 }
 
@@ -52,25 +52,25 @@ impl Kept {
         }
     }
 
-    /// What it should hold is something else now.
+    /// The items that it should hold have changed.
     pub(super) fn change(&mut self, now: Duration) {
         self.wanted = true;
         self.look_at = Some(now);
     }
 
-    /// The vehicle is there, or there again: what it holds is compared once it has had the time to report it.
+    /// The vehicle's link is up, for the first time or again: its items are compared once it has had time to report them.
     pub(super) fn look_again(&mut self, now: Duration) {
         self.look_at = Some(now + LOOK_AFTER);
         self.postponed = false;
     }
 
-    /// The vehicle is without what it should hold.
+    /// The vehicle lacks the items that it should hold.
     pub(super) fn try_again(&mut self, now: Duration) {
         self.look_at = Some(now + TRY_AGAIN);
         self.postponed = false;
     }
 
-    /// When a look is due by the time alone. `upload`: what is on its way.
+    /// When a check is next due. `upload`: the upload in progress.
     pub(super) fn poll_timeout(&self, upload: Option<&Upload>) -> Option<Duration> {
         let due = match upload {
             Some(upload) => upload.poll_timeout(),
@@ -79,7 +79,7 @@ impl Kept {
         due.map(|due| due + WATCH_SLACK)
     }
 
-    /// The id by which the vehicle names what it holds.
+    /// The vehicle's id for the items that it holds.
     pub(super) fn named(&self, context: &Context<'_>) -> Option<u32> {
         let of = |mission: MissionProgress| match self.kind {
             MavMissionType::MAV_MISSION_TYPE_RALLY => mission.rally_points_id,
@@ -88,10 +88,10 @@ impl Kept {
         context.vehicle.telemetry.mission.map(of)
     }
 
-    /// Whether the vehicle names these items: PX4 does by a checksum, so that what it still holds is not sent again.
+    /// Whether the vehicle reports these items. PX4 reports a checksum, so items that it still holds are not sent again.
     pub(super) fn holds(&mut self, context: &Context<'_>, items: &[Item]) -> bool {
         let id = plan_id(items);
-        // 0 is named by a vehicle that holds none, and by one without ids, whatever it holds: that is cleared.
+        // An id of 0 is reported by a vehicle without items, and by a vehicle without ids, whatever it holds: it is cleared.
         let same = !items.is_empty() && self.named(context) == Some(id);
         if same {
             self.id = Some(id);
@@ -99,14 +99,14 @@ impl Kept {
         same
     }
 
-    /// Begins to upload items, or to clear where there is none.
+    /// Begins to upload the items, or to clear them if there are none.
     pub(super) fn send(
         &self,
         now: Duration,
         items: &[Item],
         vehicle: &mut Services,
     ) -> Result<Upload, String> {
-        // Without items there is nothing to read back and no id to wait for.
+        // Without items there is nothing to read back, and no id to wait for.
         let begun = if items.is_empty() {
             Upload::clear(now, self.kind, vehicle)
         } else {
@@ -115,21 +115,21 @@ impl Kept {
         begun.map_err(|fault| format!("the mission service is {fault}"))
     }
 
-    /// The vehicle holds them, read back, and names them by this id.
+    /// The vehicle holds them, confirmed by read-back, and reports this id.
     pub(super) fn uploaded(&mut self, id: u32) {
         self.id = Some(id);
     }
 
-    /// The id by which the vehicle names what it should hold; `None` until it has been seen to.
+    /// The vehicle's id for the items that it should hold; `None` until confirmed.
     pub(super) fn id(&self) -> Option<u32> {
         self.id.filter(|_| self.look_at.is_none())
     }
 
-    /// Looks. `may_change`: whether an upload can begin now.
+    /// Checks the items. `may_change`: whether an upload can begin now.
     pub(super) fn look(&mut self, context: &Context<'_>, may_change: bool) -> Seen {
         let due = self.look_at.is_some_and(|at| at <= context.mono());
         if !self.wanted || !context.vehicle.live() || !may_change {
-            // A time that is past and cannot be acted on would wake the timer at once, again and again.
+            // A past deadline that cannot be acted on would wake the timer in a busy loop.
             self.postponed |= due;
             return Seen::Nothing;
         }
@@ -137,7 +137,7 @@ impl Kept {
             self.look_at = None;
             return Seen::Due;
         }
-        // An id of 0 compares with nothing: everything is cleared, or the vehicle has no ids.
+        // An id of 0 cannot be compared: everything is cleared, or the vehicle has no ids.
         let (Some(id), None) = (self.id.filter(|id| *id != 0), self.look_at) else {
             return Seen::Nothing;
         };

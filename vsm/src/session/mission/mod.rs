@@ -1,21 +1,23 @@
-//! The mission of one vehicle: the plan that CUCSs send, its way to the vehicle and back, and the geofence.
+//! The mission of one vehicle: the plan that CUCSs send, its upload and download, and the geofence.
 //!
-//! A plan is staged as it comes (13001 to 13004, 13006, curves). 13000 compiles a route of it whole, uploads it, reads it back
-//! and compares it, and waits until the vehicle itself names it as its mission: only then it counts as loaded, and what
-//! was staged is stored. What is refused, cancelled or left by its CUCS leaves nothing behind. Parts, in the order of a
+//! A plan is staged as it arrives (13001 to 13004, 13006, curves). 13000 compiles one complete route of it, uploads it,
+//! reads it back, compares it, and waits until the vehicle reports it as its mission. Only then is the route loaded and the
+//! staged plan stored. An upload that is refused, cancelled or abandoned leaves nothing behind. Parts, in the order of a
 //! route's life:
 //!
-//! - [`input`]: what the machine reads, and what happens to it
-//! - [`staged`]: an upload as a CUCS sends it; [`received`]: it beside the stored plan, and how it ends
-//! - [`payload_action`]: whether a payload station can do what a 13004 asks of it
-//! - [`store`]: it, what is loaded and what the vehicle carries, in memory and on disk ([`plan_files`], [`record`])
-//! - [`transfer`]: 13000, the load or clearing that it begins, and how that ends, reported by 14000 ([`status`]);
-//!   [`download`]: the way back to a station
-//! - [`route_upload`]: a route is compiled, and the vehicle held if it must be; [`upload`]: items on their way to the
-//!   vehicle, for routes, the fence and rally points
-//! - [`progress`]: where along its route the vehicle is; [`watchdog`]: whether it gets any nearer; [`descent`]: whether it
-//!   sinks below it; [`band`]: whether it leaves its altitudes; [`resync`]: whether it still carries what was loaded
-//! - [`fence`]: areas of the configuration and of a CUCS; [`rally`]: places to return to; [`kept`]: what both share
+//! - [`input`]: what the machine reads, and its inputs
+//! - [`staged`]: an upload of a CUCS; [`received`]: the upload beside the stored plan, and how it ends
+//! - [`payload_action`]: whether a payload station can carry out a 13004
+//! - [`store`]: the plan, the loaded route and the uploaded mission, in memory and on disk ([`plan_files`], [`record`])
+//! - [`transfer`]: 13000, the load or clearing that it begins, and its result, reported by 14000 ([`status`]); [`download`]:
+//!   downloads to a station
+//! - [`route_upload`]: compiles a route and holds the vehicle if needed; [`upload`]: uploads items to the vehicle, for
+//!   routes, the fence and rally points
+//! - [`progress`]: the vehicle's position along its route; [`watchdog`]: whether it makes progress; [`descent`]: whether it
+//!   sinks below the route; [`band`]: whether it leaves its altitude band; [`resync`]: whether it still carries the loaded
+//!   mission
+//! - [`fence`]: areas of the configuration and of a CUCS; [`rally`]: rally points to return to; [`kept`]: the common part of
+//!   both
 
 mod band;
 mod descent;
@@ -81,25 +83,25 @@ pub(crate) struct Mission {
 }
 
 impl Mission {
-    /// The fence areas of the configuration are others.
+    /// The fence areas of the configuration have changed.
     pub(crate) fn set_areas(&mut self, areas: Vec<Area>, now: Duration) {
         self.fence.set_configured(areas, now);
     }
 
-    /// The rally points of the configuration are others.
+    /// The rally points of the configuration have changed.
     pub(crate) fn set_rally(&mut self, points: Vec<RallyPoint>, now: Duration) {
         self.rally.set_configured(points, now);
     }
 
-    /// The rally points of the configuration, and by which id the vehicle names them once it holds them.
+    /// The rally points of the configuration, and the vehicle's id for them once it holds them.
     pub(crate) fn rally(&self) -> (&[RallyPoint], Option<u32>) {
         (self.rally.points(), self.rally.id())
     }
 
-    /// The areas of the fence, and by which id the vehicle names them once it holds them.
+    /// The areas of the fence, and the vehicle's id for them once it holds them.
     pub(crate) fn fence(&self) -> (Vec<Area>, Option<u32>) {
         let (configured, loaded) = self.fence.areas();
-        // What was loaded was whole.
+        // The loaded route was complete.
         let loaded = loaded.whole().unwrap_or_default().into_iter();
         let loaded = loaded.map(|(_, area)| area);
         (
@@ -123,7 +125,7 @@ impl Mission {
         }
     }
 
-    /// What a restart finds.
+    /// Restores the records after a restart.
     ///
     /// # Errors
     /// A record exists and cannot be read.
@@ -138,31 +140,31 @@ impl Mission {
         self.band.outside()
     }
 
-    /// The waypoint that it flies to along its route, by the CUCS's number.
+    /// The waypoint that the vehicle flies to, by the CUCS's number.
     pub(crate) fn flies_to(&self, telemetry: &Telemetry) -> Option<u16> {
         let compiled = &self.uploaded()?.compiled;
         let to = self.progress.along(compiled, telemetry).to?;
         compiled.order.get(to).map(|leg| leg.number)
     }
 
-    /// What the vehicle carries.
+    /// The mission that the vehicle carries.
     pub(crate) fn uploaded(&self) -> Option<&UploadedMission> {
         self.store.uploaded.as_ref()
     }
 
-    /// What a 13000 of this CUCS would load; and, of that, what it has sent since its last 13000.
+    /// The plan that a 13000 of this CUCS would load, and the part of it that this CUCS has sent since its last 13000.
     pub(crate) fn upload_of(&self, cucs: Id) -> (&Plan, Option<&Plan>) {
         self.store.upload_of(cucs)
     }
 
-    /// Whether a waypoint is in what is stored, or in what a CUCS is sending.
+    /// Whether a waypoint is in the stored plan or in an upload.
     pub(crate) fn holds(&self, cucs: Id, number: u16) -> bool {
         let (offered, _) = self.upload_of(cucs);
         let mut plans = [self.store.plan(), offered].into_iter();
         plans.any(|plan| plan.waypoint(number).is_some())
     }
 
-    /// What the other machines may know.
+    /// The state that other machines may read.
     pub(crate) fn view(&self, vehicle: &VehicleState, services: &Services) -> MissionView<'_> {
         MissionView {
             plan: self.store.plan(),
@@ -237,12 +239,12 @@ impl Mission {
                 transfers.handle_command(context, event, store, progress, effects);
             }
             Input::ServiceEnded(event) => {
-                // MISSION_SET_CURRENT sends the vehicle elsewhere: PX4 repeats MISSION_ITEM_REACHED, and an earlier
-                // one must not count.
+                // MISSION_SET_CURRENT changes the target: PX4 repeats MISSION_ITEM_REACHED, and an earlier one must not
+                // count.
                 if let mission::Event::CurrentSet { .. } = &event {
                     progress.sent_on(telemetry);
                 }
-                // Never two at once (`may_change`): while a fence is on its way, the event is the fence's.
+                // Never two at once (`may_change`): while a fence is being uploaded, the event belongs to it.
                 if !fence.handle_service(context, &event, effects)
                     && !rally.handle_service(context, &event, effects)
                 {
@@ -330,7 +332,7 @@ impl Mission {
         }
     }
 
-    /// When an input that depends on the time is next due.
+    /// When a timed input is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let transfers = self.transfers.poll_timeout();
         let fence = self.fence.poll_timeout();

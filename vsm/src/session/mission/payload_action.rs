@@ -1,9 +1,10 @@
-//! Whether a payload station can do what a 13004 asks of it: asked when it is sent, since a mission reports nothing of it later. The
-//! right is asked again when the route is loaded: the station may have passed to another CUCS.
+//! Checks whether a payload station can carry out a 13004. This is checked on reception, since a mission reports nothing
+//! about it later. The right is checked again when the route is loaded, since the station may have passed to another CUCS.
 //!
-//! What no mission of PX4 does is refused by [`PayloadAction::of`] already. Here is what depends on this vehicle and its
-//! sender: a mission reaches PX4's own gimbal manager and no other, and a gimbal no farther than its drives. LOI 4 is needed as
-//! for every part of a plan, and LOI 3 of the station besides: who flies must not turn a sensor that another CUCS looks through.
+//! [`PayloadAction::of`] already refuses actions that no PX4 mission can do. This module checks what depends on the vehicle
+//! and the sender: a mission reaches only PX4's own gimbal manager, and a gimbal only turns within its limits. LOI 4 is
+//! needed, as for every part of a plan, and also LOI 3 of the station: the pilot CUCS must not turn a sensor that another
+//! CUCS is using.
 
 use mapping::payload::report::Station;
 use mapping::payload::waypoint::{PayloadAction, Pointing, camera_of};
@@ -17,8 +18,8 @@ use crate::config::Provisional;
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
 
-/// Whether who loads a route holds the payload stations that it points. Asked of 13000 alone: a route that is aboard is flown by LOI 4
-/// whoever holds a station, and one of contingency by nobody.
+/// Checks whether the sender of a 13000 holds the payload stations that the route points. Only 13000 is checked: flying a
+/// route aboard needs only LOI 4, and a contingency route is flown without any CUCS.
 ///
 /// # Errors
 /// The waypoint, and which right is missing.
@@ -44,12 +45,12 @@ fn may_point(context: &Context<'_>, by: Id, station: u8) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "it needs LOI 3 (payload) of station {station} beside LOI 4, held is {}",
+        "it needs LOI 3 (payload) of station {station} in addition to LOI 4; this CUCS holds {}",
         context.rights.held(by).in_words()
     ))
 }
 
-/// Whether a 13004 may become a part of a plan.
+/// Checks whether a 13004 may become part of a plan.
 ///
 /// # Errors
 /// Why not, for its sender.

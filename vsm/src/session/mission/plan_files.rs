@@ -1,7 +1,7 @@
-//! The plan on disk: a record, and a log of the messages since.
+//! The plan on disk: a record, and a log of later messages.
 //!
-//! `plan-VVVVVVVV.json` holds the plan whole. A plan comes message by message, and rewriting the record for each would
-//! write gigabytes for a long route; so a message is appended to `plan-VVVVVVVV.log`:
+//! `plan-VVVVVVVV.json` holds the whole plan. A plan arrives message by message, and rewriting the record for each would
+//! write gigabytes for a long route, so each message is appended to `plan-VVVVVVVV.log`:
 //!
 //! ```text
 //! record 3f0c…            the SHA-256 of the record that the log continues
@@ -11,9 +11,9 @@
 //! ```
 //!
 //! A log is folded into its record once it has grown well beyond it, and when an upload ends or a route is cleared. The
-//! messages of a log are of an upload, which the record holds apart from the stored plan. The log names its record because a process can
-//! end between the two files: a log that continues another record is an old one, whose messages are in the new record (or
-//! were cleared), and is ignored. Its last line counts only with its line feed: without, it is of a message that was never
+//! messages of a log belong to an upload, which the record holds apart from the stored plan. The log names its record
+//! because a process can end between the two writes: a log that continues another record is old, its messages are in the new
+//! record (or were cleared), and it is ignored. A last line without its line feed is ignored: that message was never
 //! answered.
 
 use data_encoding::HEXLOWER;
@@ -25,24 +25,24 @@ use super::received::ReceivedPlan;
 use super::record;
 use crate::session::store::{record_fault, record_name};
 
-/// The record of the plan and its log, as they are on disk.
+/// The state of the record and its log on disk.
 #[derive(Debug)]
 pub(super) struct PlanFiles {
-    /// What the first line of a log of the record is.
+    /// The first line of a log that continues the record.
     heading: String,
-    /// The first line of the log that is on disk: the log continues the record only where that is `heading`.
+    /// The first line of the log on disk: the log continues the record only if this equals `heading`.
     log_heading: Option<String>,
     lines: usize,
     bytes: usize,
     /// Messages in the record.
     recorded: usize,
-    /// The record must be written before the next message: the log may end in a part of a line, behind which another
-    /// could not be read, or a change of the plan was undone that is on disk.
+    /// The record must be written before the next message: either the log may end in an incomplete line, after which another
+    /// could not be read, or a change that is on disk was undone in memory.
     pub(super) rewrite: bool,
 }
 
 impl Default for PlanFiles {
-    /// Of a vehicle that has none.
+    /// The state of a vehicle without a plan.
     fn default() -> PlanFiles {
         PlanFiles {
             heading: heading(&[]),
@@ -99,7 +99,7 @@ impl PlanFiles {
 
     /// Whether a line must not be appended before the log is folded.
     pub(super) fn must_fold(&self, line: usize) -> bool {
-        // Amortised: a fold writes no more than was appended since the last, but for a constant.
+        // Amortised: a fold writes no more than was appended since the last one, plus a constant.
         let long = self.lines >= FOLD_LINES + 2 * self.recorded;
         self.rewrite || self.continues() && (long || self.bytes + line >= FOLD_BYTES)
     }
@@ -111,7 +111,7 @@ impl PlanFiles {
         vehicle: Id,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
-        // Where anything fails, the next message begins with a fold.
+        // If anything fails, the next message begins with a fold.
         self.rewrite = true;
         let name = log_name(vehicle);
         if self.continues() {
@@ -140,13 +140,13 @@ impl PlanFiles {
     ) -> Result<(), StoreError> {
         self.rewrite = true;
         let bytes = record::encode_plan(received, cucs, vehicle);
-        // Record before log: what a process leaves that ends in between is a log of another record, and ignored.
+        // Write the record before the log: if the process ends in between, the log belongs to another record and is ignored.
         disk.replace(&record_name(PLAN, vehicle), &bytes, Durability::Process)?;
         self.heading = heading(&bytes);
         if self.log_heading.is_some() {
             match disk.remove(&log_name(vehicle)) {
                 Ok(()) => self.log_heading = None,
-                // The plan has become again what the log once continued.
+                // The plan is again the one that the log continues.
                 Err(fault) if self.continues() => return Err(fault),
                 // A log that continues another record is ignored.
                 Err(_) => {}
@@ -168,9 +168,9 @@ pub(super) fn log_name(vehicle: Id) -> String {
     format!("{PLAN}-{:08x}.log", vehicle.0)
 }
 
-// The name of the record by its kind; of files that are on disks, so it stays.
+// The record's file name. It must not change, since such files exist on disks.
 const PLAN: &str = "plan";
-/// A log of no more lines than this is not worth a fold.
+/// A log with at most this many lines is not folded.
 pub(super) const FOLD_LINES: usize = 1_000;
 /// Half of what is read of a file at the start.
 const FOLD_BYTES: usize = 8 << 20;

@@ -1,7 +1,7 @@
-//! The rally points of one vehicle: those of the configuration, uploaded, read back and compared as the fence is.
+//! The rally points of one vehicle: those of the configuration, uploaded, read back and compared like the fence.
 //!
-//! That the vehicle may hold points of here is stored before it is given any: those that the configuration has lost are
-//! cleared on it also after a restart.
+//! Before any point is uploaded, it is stored that the vehicle may hold points of this VSM. So points removed from the
+//! configuration are cleared on the vehicle after a restart too.
 
 use std::time::Duration;
 
@@ -23,15 +23,15 @@ pub(super) struct Rally {
     points: Vec<RallyPoint>,
     kept: Kept,
     upload: Option<Upload>,
-    /// As it is on disk.
+    /// The record as it is on disk.
     stored: Record,
-    /// Since when the vehicle names points where the configuration has none.
+    /// Since when the vehicle has reported points although the configuration has none.
     strange_since: Option<Duration>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Record {
-    /// The vehicle may hold points of here.
+    /// Whether the vehicle may hold points of this VSM.
     wanted: bool,
 }
 
@@ -49,10 +49,10 @@ impl Rally {
         }
     }
 
-    /// What is known from before a restart.
+    /// Restores the record after a restart.
     ///
     /// # Errors
-    /// The record is there and cannot be read.
+    /// The record exists but cannot be read.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         self.stored = effects.disk().load(&vehicle)?.unwrap_or_default();
@@ -72,23 +72,23 @@ impl Rally {
         Ok(())
     }
 
-    /// The points of the configuration are others: the vehicle is given them as soon as it can be.
+    /// The points of the configuration have changed: they are uploaded as soon as possible.
     pub(super) fn set_configured(&mut self, points: Vec<RallyPoint>, now: Duration) {
         self.points = points;
         self.kept.change(now);
     }
 
-    /// The vehicle is there, or there again.
+    /// The vehicle's link is up, for the first time or again.
     pub(super) fn look_again(&mut self, now: Duration) {
         self.kept.look_again(now);
     }
 
-    /// Those of the configuration.
+    /// The points of the configuration.
     pub(super) fn points(&self) -> &[RallyPoint] {
         &self.points
     }
 
-    /// Whether points are on their way.
+    /// Whether points are being uploaded.
     pub(super) fn busy(&self) -> bool {
         self.upload.is_some()
     }
@@ -98,12 +98,12 @@ impl Rally {
         self.kept.id().filter(|_| !self.busy())
     }
 
-    /// When [`Rally::watch`] is due by the time alone.
+    /// When [`Rally::watch`] is next due.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.kept.poll_timeout(self.upload.as_ref())
     }
 
-    /// What the mission service has done with them. False where it is about something else.
+    /// Handles an event of the mission service. Returns false if it is not about rally points.
     pub(super) fn handle_service(
         &mut self,
         context: &Context<'_>,
@@ -119,7 +119,7 @@ impl Rally {
         true
     }
 
-    /// What the vehicle names is compared. `may_change`: whether an upload can begin now.
+    /// Compares the vehicle's points. `may_change`: whether an upload can begin now.
     pub(super) fn watch(
         &mut self,
         context: &Context<'_>,
@@ -157,14 +157,14 @@ impl Rally {
 
     fn compare(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.compare_return(context, effects);
-        // Left alone: but the vehicle may return to them.
+        // Leave them, but warn: the vehicle may return to them.
         let unknown = self.points.is_empty() && !self.kept.wanted && context.vehicle.live();
         let named = self.kept.named(context).filter(|_| unknown);
         match named {
             Some(0) | None => self.strange_since = None,
             Some(_) => {
                 let since = *self.strange_since.get_or_insert(context.mono());
-                // A MISSION_CURRENT of before a clearing may still be the latest.
+                // The latest MISSION_CURRENT may still be from before a clearing.
                 if context.mono() >= since + STRANGE_AFTER {
                     effects.warn(Cause::Rally, STRANGE);
                 }
@@ -200,7 +200,7 @@ impl Rally {
     }
 
     fn failed(&mut self, context: &Context<'_>, why: &str, effects: &mut Effects<'_>) {
-        // The vehicle would return to somewhere else than it should.
+        // The vehicle would return to a wrong place.
         self.kept.try_again(context.mono());
         effects.warn(
             Cause::Rally,
@@ -208,7 +208,7 @@ impl Rally {
         );
     }
 
-    /// Points that the vehicle's own RTL_TYPE ignores are none.
+    /// Warns if the vehicle's RTL_TYPE ignores the points.
     fn compare_return(&self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let rtl_type = context.parameters.get("RTL_TYPE");
         match rtl_type.filter(|value| !self.points.is_empty() && !rally::are_used(*value)) {
@@ -224,9 +224,9 @@ impl Rally {
 }
 
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_RALLY;
-/// Why the warning is cleared.
+/// Text of the cleared warning.
 const UPLOADED: &str = "the rally points are uploaded";
-/// MISSION_CURRENT comes at 1 Hz at least, and some are lost.
+/// MISSION_CURRENT arrives at 1 Hz at least, and some are lost.
 const STRANGE_AFTER: Duration = Duration::from_secs(5);
 const STRANGE: &str = "the vehicle holds rally points that the configuration does not have: it may return to them; clear them, \
                        or name them there";

@@ -1,7 +1,7 @@
-//! The plan as CUCSs send it: what is stored, and the upload that is to change it.
+//! The plan as received from CUCSs: the stored plan, and the upload that will change it.
 //!
-//! A plan comes as messages in any order (13001 to 13003, 50001, 50002), each answered when it is stored; 13000 ends them.
-//! What one CUCS has sent since its last 13000 is one upload, staged apart from the stored plan ([`StagedUpload`]):
+//! A plan arrives as messages in any order (13001 to 13003, 50001, 50002), each answered when it is stored; a 13000 ends
+//! them. All messages of one CUCS since its last 13000 are one upload, staged apart from the stored plan ([`StagedUpload`]):
 //!
 //! ```text
 //!            13001.. of the controller        13000                loaded
@@ -13,10 +13,10 @@
 //!       cleared, its 13001 came again
 //! ```
 //!
-//! Only what is stored is flown, downloaded or changed by a later upload. A dropped upload leaves nothing behind but the
-//! reason: the next one must be whole, since its CUCS may not know that a part of it is gone, and may be another CUCS,
-//! which continues what it has seen begun. A restart drops nothing that was acknowledged: the upload is still its owner's,
-//! as long as that is in control.
+//! Only the stored plan is flown, downloaded or changed by a later upload. A dropped upload leaves only its reason behind.
+//! The next upload must be complete, because its CUCS may not know that a part is gone, or may be another CUCS that
+//! continues an upload it has seen. A restart drops nothing that was acknowledged: the upload still belongs to its owner, as
+//! long as the owner is in control.
 
 use std::time::Duration;
 
@@ -29,19 +29,19 @@ use super::staged::StagedUpload;
 /// The stored plan, and the upload that is to change it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct ReceivedPlan {
-    /// As the last load has left it.
+    /// The stored plan, as of the last load.
     pub(super) stored: Plan,
-    /// What is being sent.
+    /// The upload being received.
     pub(super) staged: Option<StagedUpload>,
-    /// The upload that a 13000 is carried out for. What arrives since is of the next one.
+    /// The upload that a 13000 is loading. Later messages belong to the next upload.
     loading: Option<StagedUpload>,
-    /// Why the latest upload was dropped, until one that is whole follows, or nothing is stored.
+    /// Why the latest upload was dropped, until a complete one follows or nothing is stored.
     pub(super) dropped: Option<String>,
-    /// The 13000 that dropped an upload, by whom, and until when late messages of that may still arrive.
+    /// The 13000 that dropped an upload, and until when late messages of that upload may still arrive.
     ended: Option<(Id, TimeStamp, Duration)>,
 }
 
-/// A 13000 that dropped an upload: from whom it came, and its stamp.
+/// A 13000 that dropped an upload: its sender and Time Stamp.
 pub(super) type Order = Option<(Id, TimeStamp)>;
 
 impl ReceivedPlan {
@@ -53,38 +53,38 @@ impl ReceivedPlan {
         }
     }
 
-    /// What the next upload changes: the stored plan, as it will be if the load that is under way succeeds.
+    /// The plan that the next upload changes: the stored plan, assuming that the load in progress succeeds.
     fn base(&self) -> &Plan {
         let loading = self.loading.as_ref();
         loading.map_or(&self.stored, |upload| &upload.plan)
     }
 
-    /// What 13000 of this CUCS loads: its upload, or what is stored.
+    /// The plan that a 13000 of this CUCS loads: its upload, or the stored plan.
     pub(super) fn offered(&self, cucs: Id) -> &Plan {
         let own = self.staged.as_ref().filter(|staged| staged.owner == cucs);
         own.map_or_else(|| self.base(), |staged| &staged.plan)
     }
 
-    /// What the 13000 that is carried out loads.
+    /// The plan that the 13000 in progress loads.
     pub(super) fn to_load(&self) -> &Plan {
         self.base()
     }
 
-    /// Whose upload would change what is stored.
+    /// The owner of the upload that would change the stored plan.
     pub(super) fn open_by(&self) -> Option<Id> {
         let staged = self.staged.as_ref()?;
         (staged.plan != *self.base()).then_some(staged.owner)
     }
 
-    /// Whether the plan takes a message that continues the upload, or begins one where there is none.
+    /// Checks whether the plan accepts a message, which continues the upload or begins one.
     ///
     /// # Errors
-    /// It does not; nothing has changed.
+    /// It does not accept it; nothing has changed.
     pub(super) fn check(&self, message: &Message, cucs: Id, vehicle: Id) -> Result<(), StoreError> {
         self.offered(cucs).check(message, cucs, vehicle)
     }
 
-    /// Why the staged upload gives way to the one that this message is of.
+    /// Why the staged upload is replaced by the upload of this message.
     pub(super) fn gives_way(&self, message: &Message, cucs: Id) -> Option<String> {
         let staged = self.staged.as_ref()?;
         if staged.owner != cucs {
@@ -95,7 +95,7 @@ impl ReceivedPlan {
         }
     }
 
-    /// Lets it, but for what has been sent of the other one already.
+    /// Replaces the staged upload, keeping the messages that already belong to the new one.
     pub(super) fn give_way(&mut self, message: &Message, cucs: Id, vehicle: Id) {
         let Some(why) = self.gives_way(message, cucs) else {
             return;
@@ -119,7 +119,7 @@ impl ReceivedPlan {
     /// Stores a message in the upload of its sender.
     ///
     /// # Errors
-    /// The plan does not take it; nothing has changed but that another upload may have given way.
+    /// The plan does not accept it; nothing has changed, except that another upload may have been replaced.
     pub(super) fn store(
         &mut self,
         message: &Message,
@@ -127,12 +127,12 @@ impl ReceivedPlan {
         vehicle: Id,
     ) -> Result<(), StoreError> {
         self.give_way(message, cucs, vehicle);
-        // 50001 names its sender, which the upload's owner is only for messages of the wire.
+        // 50001 names its sender; only for messages from the network is that the upload's owner.
         self.check(message, cucs, vehicle)?;
         self.stage(cucs).store(message, vehicle)
     }
 
-    /// Whether a 13000 of this CUCS may load a route, where an upload was dropped before: from then on it may.
+    /// Checks whether a 13000 of this CUCS may load a route after an upload was dropped; from then on it may.
     ///
     /// # Errors
     /// The waypoint that is missing, if it is one, and why.
@@ -162,7 +162,7 @@ impl ReceivedPlan {
         Ok(())
     }
 
-    /// 13000 begins to load what this CUCS has sent, or what is stored. True where it is an upload.
+    /// A 13000 begins to load this CUCS's upload, or the stored plan. Returns true for an upload.
     pub(super) fn begin_load(&mut self, cucs: Id) -> bool {
         self.loading = self.staged.take_if(|staged| staged.owner == cucs);
         if let Some(upload) = &mut self.loading {
@@ -172,7 +172,7 @@ impl ReceivedPlan {
         self.loading.is_some()
     }
 
-    /// It is loaded: what was sent is stored. True where that changes what is stored.
+    /// The upload is loaded: stores it. Returns true if that changes the stored plan.
     pub(super) fn loaded(&mut self) -> bool {
         let Some(upload) = self.loading.take() else {
             return false;
@@ -182,7 +182,7 @@ impl ReceivedPlan {
         true
     }
 
-    /// 13000 could not load it now: nothing is wrong with the upload, which what has been sent since continues.
+    /// The 13000 failed for a reason outside the upload: later messages continue this upload.
     pub(super) fn load_failed(&mut self, vehicle: Id) {
         let Some(mut upload) = self.loading.take() else {
             return;
@@ -190,7 +190,7 @@ impl ReceivedPlan {
         upload.failed = true;
         match self.staged.take() {
             Some(since) if since.owner == upload.owner => upload.add(&since.sent, vehicle),
-            // Its owner has given up control, and another has begun to send.
+            // Its owner has released control, and another CUCS has begun an upload.
             Some(since) => {
                 self.dropped = Some(why_dropped(upload.owner, "another CUCS is in control"));
                 upload = StagedUpload::begin(since.owner, self.stored.clone());
@@ -201,7 +201,7 @@ impl ReceivedPlan {
         self.staged = Some(upload);
     }
 
-    /// 13000 was refused without a look at the upload, perhaps while another one is carried out.
+    /// The 13000 was refused without checking the upload, perhaps while another one is in progress.
     pub(super) fn load_not_begun(&mut self, cucs: Id) {
         if let Some(staged) = self.staged.as_mut().filter(|staged| staged.owner == cucs) {
             staged.sent = Plan::default();
@@ -209,19 +209,19 @@ impl ReceivedPlan {
         }
     }
 
-    /// As a restart finds it: a load that is under way then has failed.
+    /// The state after a restart: a load that was in progress has failed.
     pub(super) fn at_restart(&self, vehicle: Id) -> ReceivedPlan {
         let mut found = self.clone();
         found.load_failed(vehicle);
         found
     }
 
-    /// 13000 was refused for what is in the upload that is loaded, or else in the staged one: it is dropped.
+    /// The 13000 was refused because of the content of the upload being loaded, or of the staged one: drops it.
     pub(super) fn refuse(&mut self, now: Duration, order: Order, vehicle: Id) {
         self.end_by(now, order);
         if let Some(upload) = self.loading.take() {
             self.dropped = Some(why_dropped(upload.owner, REFUSED));
-            // What was sent since is of the next upload, and not to the plan that it was sent to.
+            // Later messages belong to the next upload, but the plan that they were meant to change no longer exists.
             if let Some(since) = self.staged.take() {
                 self.stage(since.owner).add(&since.sent, vehicle);
             }
@@ -230,7 +230,7 @@ impl ReceivedPlan {
         }
     }
 
-    /// 13000 mode 5: nothing of what was sent is loaded. True where there was something.
+    /// 13000 mode 5: drops the upload. Returns true if there was one.
     pub(super) fn cancel(&mut self, now: Duration, order: Order) -> bool {
         self.end_by(now, order);
         let staged = self.drop_staged(CANCELLED);
@@ -245,7 +245,7 @@ impl ReceivedPlan {
         self.ended = order.map(|(cucs, stamp)| (cucs, stamp, now + LATE_WITHIN));
     }
 
-    /// Drops the staged upload. True where there was one that had changed something.
+    /// Drops the staged upload. Returns true if it had changed the plan.
     pub(super) fn drop_staged(&mut self, why: &str) -> bool {
         let owner = self.open_by();
         self.staged = None;
@@ -255,15 +255,15 @@ impl ReceivedPlan {
         owner.is_some()
     }
 
-    /// Whether a message was sent before the 13000 that dropped its upload, by the same CUCS: it is of that upload, and was
-    /// overtaken on its way or had to be repeated.
+    /// Whether a message was sent before the 13000 of the same CUCS that dropped its upload: it belongs to that upload, and
+    /// arrived late or was a retry.
     pub(super) fn is_late(&self, now: Duration, cucs: Id, stamp: Option<TimeStamp>) -> bool {
         self.ended.is_some_and(|(by, ended, until)| {
             now < until && by == cucs && stamp.is_some_and(|stamp| stamp < ended)
         })
     }
 
-    /// 13000 mode 1 begins to clear: what is sent from here on is of another upload than what was sent before.
+    /// 13000 mode 1 begins to clear: later messages belong to a new upload.
     pub(super) fn begin_clear(&mut self) {
         if let Some(staged) = &mut self.staged {
             staged.sent = Plan::default();
@@ -271,7 +271,7 @@ impl ReceivedPlan {
         }
     }
 
-    /// Forgets a route, or everything (13000 mode 1), and what had been sent when that began.
+    /// Forgets a route or everything (13000 mode 1), and uploads from before it began.
     pub(super) fn clear(&mut self, route_id: Option<&str>, vehicle: Id) {
         let before = self.staged.as_ref().is_some_and(|staged| staged.failed);
         let sent = self
@@ -297,7 +297,7 @@ fn why_dropped(owner: Id, why: &str) -> String {
 
 const REFUSED: &str = "it was refused";
 const CANCELLED: &str = "it was cancelled (13000 mode 5)";
-/// A station repeats what is not answered for some seconds.
+/// Stations retry unanswered messages for some seconds.
 const LATE_WITHIN: Duration = Duration::from_secs(10);
 
 #[cfg(test)]

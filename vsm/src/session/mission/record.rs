@@ -1,6 +1,6 @@
-//! Plans as bytes on disk: what a CUCS has sent, and what was uploaded to the vehicle.
+//! The format of plans on disk: messages of a CUCS, and the mission uploaded to the vehicle.
 //!
-//! Messages are stored as they came, DLI bytes in hex: a field that nothing here reads is not lost.
+//! Messages are stored as received, as DLI bytes in hex, so that fields unknown to this program are not lost.
 
 use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 use mapping::altitude::Level;
@@ -21,47 +21,47 @@ use crate::session::store::{from_json, to_json};
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct UploadedMission {
     pub(crate) compiled: CompiledMission,
-    /// MISSION_CURRENT.mission_id of it, 0 where the vehicle has none.
+    /// Its MISSION_CURRENT.mission_id, 0 if the vehicle has none.
     pub(crate) mission_id: u32,
     pub(crate) route_type: RouteType,
     /// 13000's Mission ID, for 14000 and 3.
     pub(crate) mission_name: String,
-    /// The messages that it was made of; none in a record of an earlier version.
+    /// The messages that it was compiled from; empty in a record of an earlier version.
     pub(crate) plan: Plan,
 }
 
 impl UploadedMission {
-    /// Whether the vehicle flies it, where it names this mission; 0 names none.
+    /// Whether the vehicle, which reports this mission id, flies it; 0 is no id.
     pub(crate) fn is_aboard(&self, mission_id: u32) -> bool {
         self.mission_id == 0 || mission_id == 0 || self.mission_id == mission_id
     }
 
-    /// The item that AUTO.MISSION flies, where it is one of this mission.
+    /// The current item of AUTO.MISSION, if it is one of this mission.
     fn current_item(&self, telemetry: &Telemetry) -> Option<u16> {
         let flown = telemetry.mode == Some(Px4Mode::MISSION);
         let mission = telemetry.mission.filter(|_| flown)?;
         self.is_aboard(mission.mission_id).then_some(mission.seq)
     }
 
-    /// Whether the vehicle flies its landing: the touch-down, or what leads to it.
+    /// Whether the vehicle flies its landing: the touch-down or the approach.
     pub(crate) fn lands(&self, telemetry: &Telemetry) -> bool {
         let seq = self.current_item(telemetry);
         seq.is_some_and(|seq| self.compiled.lands(seq))
     }
 
-    /// Whether a wing flies to the touch-down: a hold would circle it as low as it has come.
+    /// Whether a fixed wing flies to its touch-down: a hold would make it circle at its present low height.
     pub(crate) fn is_on_final(&self, telemetry: &Telemetry) -> bool {
         let seq = self.current_item(telemetry);
         telemetry.airframe().has_wings() && seq.is_some_and(|seq| self.compiled.is_touch_down(seq))
     }
 
-    /// Whether it is the route of this name.
+    /// Whether it is the route with this name.
     pub(crate) fn is_of(&self, route_id: &str) -> bool {
         self.plan.route_named(route_id).is_some()
     }
 }
 
-/// A record that does not read back.
+/// A record that cannot be decoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the stored plan cannot be read: {0}")]
 pub(crate) struct RecordError(String);
@@ -75,12 +75,12 @@ struct PlanRecord {
     /// Why the latest upload was dropped.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     dropped: Option<String>,
-    /// Of versions that kept the upload in `messages`.
+    /// Written by versions that kept the upload in `messages`.
     #[serde(default, skip_serializing)]
     upload: Option<OldUploadRecord>,
 }
 
-/// The upload that is to change the plan.
+/// The upload that will change the plan.
 #[derive(Serialize, Deserialize)]
 struct StagedRecord {
     owner: u32,
@@ -95,7 +95,7 @@ struct StagedRecord {
 struct OldUploadRecord {
     /// The plan before it.
     base: Vec<String>,
-    /// What was sent of it.
+    /// Its messages so far.
     sent: Vec<String>,
     failed: bool,
 }
@@ -117,7 +117,7 @@ pub(super) fn encode_plan(received: &ReceivedPlan, cucs: Id, vehicle: Id) -> Vec
     })
 }
 
-/// The plan of a record, and of how many messages it is made.
+/// Decodes the plan of a record; also returns its number of messages.
 pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, usize), RecordError> {
     let record: PlanRecord = from_json(bytes).map_err(RecordError)?;
     let plan = |lines: &[String]| {
@@ -135,7 +135,7 @@ pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, us
             failed: staged.failed,
         });
     } else if let Some(upload) = record.upload {
-        // Whose it was is known only from the source of its messages.
+        // Its owner is known only from the source of its messages.
         let of_upload = upload.sent.last().or(record.messages.last());
         let sent_by = of_upload.and_then(|line| sources(line).ok()?.pop());
         received.staged = Some(StagedUpload {
@@ -149,7 +149,7 @@ pub(super) fn decode_plan(bytes: &[u8], vehicle: Id) -> Result<(ReceivedPlan, us
     Ok((received, lines))
 }
 
-/// From whom the messages of a line came.
+/// The sender of the messages of a line.
 fn sources(line: &str) -> Result<Vec<Id>, RecordError> {
     let bytes = unhex(line)?;
     let mut sources = Vec::new();
@@ -193,7 +193,7 @@ pub(super) fn decode_messages(
         for frame in frames(&bytes) {
             let frame = frame.map_err(fault)?;
             let message = Message::decode(frame.header.message_type, frame.data).map_err(fault)?;
-            // 50001 names the CUCS that sent it; the record may have been written for another since.
+            // 50001 names the CUCS that sent it; the record may have been written for another CUCS since.
             let cucs = match &message {
                 Message::CurveSegmentPaper(curve) => curve.cucs_id,
                 _ => None,
@@ -277,7 +277,7 @@ struct ItemFields {
     z: f32,
 }
 
-/// One of the two altitudes is set.
+/// Exactly one of the two altitudes is set.
 #[derive(Serialize, Deserialize)]
 struct LegRecord {
     number: u16,
@@ -318,7 +318,7 @@ impl LegRecord {
     }
 }
 
-/// Floats as their bits: JSON has no NaN, and a parameter of an item that is not set is one.
+/// Floats as their bits: JSON has no NaN, which is the value of unset item parameters.
 mod as_bits {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -409,7 +409,7 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
 mod tests {
     use super::*;
 
-    /// As versions before this one wrote it: a restart with a newer one must not lose a mission.
+    /// As written by earlier versions: an update must not lose a mission.
     const RECORD: &str = r#"{"mission_id":7,"mission_name":"M","route_type":8,"items":[{"frame":3,"command":16,"current":true,"autocontinue":true,"params":[0,1065353216,0,2143289344],"x":470000000,"y":-80000000,"z":1101004800}],"waypoint_of":[1],"legs":[{"number":1,"latitude":47.0,"longitude":-8.0,"amsl_m":null,"above_home_m":20.0,"speed_m_s":5.5}],"curved":{"legs":1,"chords":9,"tolerance_m":0.5,"bound_m":0.4,"predicted_m":null,"time_s":12.25},"messages":[]}"#;
 
     #[test]

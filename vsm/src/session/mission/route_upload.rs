@@ -1,4 +1,4 @@
-//! A route on its way to the vehicle: compiled, the vehicle held if it must be, then uploaded.
+//! The upload of a route: compiled, the vehicle put on hold if needed, then uploaded.
 //!
 //! Nothing is sent before the whole route is valid. A different plan uploaded while the vehicle flies its mission
 //! would be flown at once from the same index: the vehicle is put in AUTO.LOITER first.
@@ -27,30 +27,30 @@ use crate::session::maneuver::{self, Maneuver};
 pub(super) struct RouteUpload {
     phase: Phase,
     pub(super) route_type: RouteType,
-    /// The messages of the route that is sent, as they were when it was.
+    /// The messages of the route, as they were when its upload began.
     pub(super) plan: Plan,
     /// The vehicle was taken out of AUTO.MISSION for it.
     pub(super) held: bool,
-    /// What is compiled; `None` for one that was compiled before.
+    /// What to compile; `None` for a route that was compiled before.
     route: Option<UaRoute>,
-    /// For a mode: judged by itself. What a CUCS has sent beside it, perhaps half of another upload, must not keep the
-    /// vehicle from its contingency route.
+    /// For a mode: checked alone. Other messages of a CUCS, perhaps half of another upload, must not prevent a contingency
+    /// route.
     alone: bool,
 }
 
 #[derive(Debug)]
 enum Phase {
-    /// Compiled before, and uploaded once: sent as it was.
+    /// Compiled and uploaded before: sent unchanged.
     Again {
         compiled: CompiledMission,
     },
-    /// Waits for home, for the parameters that are being read, and for the geoid separation where an altitude needs it.
+    /// Waits for home, for parameters being read, and for the geoid separation if an altitude needs it.
     Site {
         deadline: Duration,
     },
-    /// The vehicle is put on hold.
+    /// The vehicle is being put on hold.
     Hold {
-        /// Apart: it is larger than everything else.
+        /// Boxed, because it is larger than the other variants.
         maneuver: Box<Maneuver>,
         compiled: CompiledMission,
     },
@@ -61,19 +61,19 @@ enum Phase {
     Ended,
 }
 
-/// What became of it.
+/// The result.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Outcome {
     Going,
     /// Per cent complete, when it has grown.
     Percent(u8),
-    /// The vehicle carries it, and names it as its mission.
+    /// The vehicle carries it and reports it as its mission.
     Done {
         compiled: CompiledMission,
         mission_id: u32,
     },
-    /// `touched`: the vehicle may carry something else than before. `flaw`: it is what was sent that cannot be flown; for
-    /// another reason the same may be loaded later.
+    /// `touched`: the vehicle may carry a different mission than before. `flaw`: the route itself cannot be flown; otherwise
+    /// the same route may be loaded later.
     Refused {
         waypoint: Option<u16>,
         why: String,
@@ -83,7 +83,7 @@ pub(super) enum Outcome {
 }
 
 impl RouteUpload {
-    /// Of a route of the stored plan.
+    /// The upload of a route of the stored plan.
     pub(super) fn new(
         now: Duration,
         route: &UaRoute,
@@ -102,7 +102,7 @@ impl RouteUpload {
         }
     }
 
-    /// Of a route that the vehicle carried before.
+    /// The upload of a route that the vehicle carried before.
     pub(super) fn again(uploaded: &UploadedMission) -> RouteUpload {
         RouteUpload {
             phase: Phase::Again {
@@ -127,7 +127,7 @@ impl RouteUpload {
         matches!(self.phase, Phase::Site { .. } | Phase::Again { .. })
     }
 
-    /// Begins what can begin, checks what is awaited.
+    /// Starts the next step if possible, and checks pending ones.
     pub(super) fn advance(
         &mut self,
         now: Duration,
@@ -164,7 +164,7 @@ impl RouteUpload {
             },
             Phase::Upload { upload, compiled } => {
                 let mission = state.telemetry.mission;
-                // PX4 acknowledges an infeasible plan too: only MISSION_STATE_NO_MISSION shows that.
+                // PX4 also acknowledges an infeasible plan: only MISSION_STATE_NO_MISSION shows that.
                 let flyable = mission
                     .is_some_and(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION);
                 let named = mission.map(|mission| mission.mission_id);
@@ -194,7 +194,7 @@ impl RouteUpload {
         }
     }
 
-    /// What the mission service has done.
+    /// Handles an event of the mission service.
     pub(super) fn handle_service(
         &mut self,
         now: Duration,
@@ -217,7 +217,7 @@ impl RouteUpload {
         }
     }
 
-    /// When [`RouteUpload::advance`] is next needed, beside after what the vehicle sends.
+    /// When [`RouteUpload::advance`] is next needed, apart from data of the vehicle.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         match &self.phase {
             Phase::Site { deadline } => Some(*deadline),
@@ -228,7 +228,7 @@ impl RouteUpload {
         }
     }
 
-    /// Ends it (13000 mode 5). True where the vehicle may carry something else than before.
+    /// Cancels it (13000 mode 5). Returns true if the vehicle may carry a different mission than before.
     pub(super) fn cancel(
         &mut self,
         now: Duration,
@@ -248,10 +248,10 @@ impl RouteUpload {
         }
     }
 
-    /// The route as mission items; `None` where that must `wait` for what the vehicle reports.
+    /// Compiles the route to mission items; `None` if it must `wait` for reports of the vehicle.
     ///
     /// # Errors
-    /// It cannot be flown; `None` where home is not known.
+    /// It cannot be flown; `None` if home is unknown.
     fn compile(
         &mut self,
         wait: bool,
@@ -270,7 +270,7 @@ impl RouteUpload {
         });
         let mut compiled = match compiled {
             Some(Ok(compiled)) => compiled,
-            // Home and the geoid separation are reported within seconds; any other fault would be the same later.
+            // Home and the geoid separation are reported within seconds; waiting does not help with any other fault.
             Some(Err(RouteError {
                 reason: Reason::Altitude(AltitudeError::NoGeoid),
                 ..
@@ -287,14 +287,14 @@ impl RouteUpload {
             let checked = compiled.check_terrain(site.home.amsl_m, &site.limits, terrain);
             compiled.notes.extend(checked.map_err(Some)?);
         }
-        // What is loaded stays as it is now, whatever a CUCS sends of the route during the upload.
+        // Keep a copy: a CUCS may send messages of this route during the upload.
         if let Some(route) = route {
             self.plan = judged.part(route);
         }
         Ok(Some(compiled))
     }
 
-    /// Sends it, from AUTO.LOITER where another mission is flown.
+    /// Sends it, from AUTO.LOITER if another mission is being flown.
     fn begin(
         &mut self,
         now: Duration,
@@ -307,13 +307,14 @@ impl RouteUpload {
             .mission
             .is_some_and(|mission| mission.mission_id == plan_id(&compiled.items));
         if same {
-            // PX4 applies nothing of an upload that it names already: only a read-back shows whether it holds these items.
+            // PX4 ignores an upload with the id that it already reports: only a read-back shows whether it holds these
+            // items.
             return match Upload::read_back(now, KIND, vehicle) {
                 Ok(upload) => self.begun(upload, compiled, 50),
                 Err(fault) => refused(None, Fault::NotRead(fault).explain("plan"), false),
             };
         }
-        // PX4 flies another plan from the index that it has reached in this one.
+        // PX4 would fly the new plan from the index that it has reached in the present one.
         if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
             let maneuver = Maneuver::new(maneuver::enter(&[Px4Mode::LOITER]), Commanded::default());
             let maneuver = Box::new(maneuver);
@@ -360,7 +361,7 @@ impl RouteUpload {
                 mission_id,
             },
             upload::Progress::Failed(fault) => {
-                // Only of an upload does the seq name an item that the vehicle refuses.
+                // Only for an upload does the seq name a refused item.
                 let item = fault.item().filter(|_| is_of_upload(&fault));
                 let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
                 Outcome::Refused {

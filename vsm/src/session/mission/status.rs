@@ -1,4 +1,4 @@
-//! 14000: how far the transfer of a plan is, and how it ended.
+//! 14000: the progress of a plan's transfer, and its result.
 
 use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, MissionTransferStatus as Status};
 use stanag_msgs::messages::MissionUploadDownloadStatus;
@@ -7,7 +7,8 @@ use stanag_msgs::{Message, Text};
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
 
-/// 14000 with status 0. A report: to a station without the allowance for all of them it is not sent, so that how it ended is.
+/// 14000 with status 0. This is a report, dropped if a station's rate limit is exhausted, so that the final result can still
+/// be sent.
 pub(super) fn report(effects: &mut Effects<'_>, station: usize, name: &str, percent: u8) {
     let status = (Status::InProgress, percent);
     let message = message(effects, name, Mode::Load, status, None);
@@ -37,7 +38,7 @@ pub(super) fn reject(
     effects.refuse(Some(origin), why);
 }
 
-/// Why nothing is done with a route.
+/// Why a route is refused.
 pub(super) fn not_received(route_id: &str) -> String {
     format!("route {route_id:?} has not been received (13001)")
 }

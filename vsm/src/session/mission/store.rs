@@ -1,7 +1,7 @@
-//! The stored plan and the upload that is to change it, what 13000 has loaded, and what the vehicle carries; in memory
+//! The stored plan and the upload that will change it, the loaded route, and the mission that the vehicle carries; in memory
 //! and on disk.
 //!
-//! What is sent becomes an upload, which its 13000 ends ([`super::received`]); each message is on disk before it is in
+//! Messages form an upload, which a 13000 ends ([`super::received`]); each message is written to disk before it is kept in
 //! memory ([`super::plan_files`]).
 
 use std::time::Duration;
@@ -19,43 +19,43 @@ use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
 use crate::session::store::{record_fault, record_name};
 
-/// What is stored.
+/// The store.
 #[derive(Debug, Default)]
 pub(super) struct MissionStore {
     received: ReceivedPlan,
     files: PlanFiles,
-    /// When the staged upload is given up, if nothing more comes of it.
+    /// When the staged upload is dropped if no further message arrives.
     staged_until: Option<Duration>,
-    /// What the vehicle carries, as it was read back from it.
+    /// The mission that the vehicle carries, as read back from it.
     pub(super) uploaded: Option<UploadedMission>,
-    /// What 13000 has loaded.
+    /// The route that 13000 loaded.
     pub(super) loaded: Option<UploadedMission>,
 }
 
 impl MissionStore {
-    /// The stored plan: nothing of an upload that 13000 has not loaded.
+    /// The stored plan, without any upload that is not loaded.
     pub(super) fn plan(&self) -> &Plan {
         &self.received.stored
     }
 
-    /// What a 13000 of this CUCS loads: what it has sent, to the stored plan.
+    /// The plan that a 13000 of this CUCS loads: the stored plan changed by its upload.
     pub(super) fn offered(&self, cucs: Id) -> &Plan {
         self.received.offered(cucs)
     }
 
-    /// The same, and what of it was sent since its last 13000.
+    /// The same, and the messages sent since its last 13000.
     pub(super) fn upload_of(&self, cucs: Id) -> (&Plan, Option<&Plan>) {
         let staged = self.received.staged.as_ref();
         let own = staged.filter(|staged| staged.owner == cucs);
         (self.offered(cucs), own.map(|staged| &staged.sent))
     }
 
-    /// What the 13000 that is carried out loads: what had been sent when it began.
+    /// The plan that the 13000 in progress loads: as sent when it began.
     pub(super) fn to_load(&self) -> &Plan {
         self.received.to_load()
     }
 
-    /// Why a message is not stored that was sent before the 13000 which ended its upload.
+    /// Why a message is not stored that was sent before the 13000 that ended its upload.
     pub(super) fn refuse_late(
         &self,
         now: Duration,
@@ -71,7 +71,7 @@ impl MissionStore {
     /// 13001 to 13004, 13006, 50001, 50002: staged at once, stored and flown after 13000.
     ///
     /// # Errors
-    /// The plan does not take it, or the disk does not: nothing has changed.
+    /// The plan or the disk does not accept it; nothing has changed.
     pub(super) fn store(
         &mut self,
         message: &Message,
@@ -82,10 +82,10 @@ impl MissionStore {
         if self.received.gives_way(message, cucs).is_some() {
             self.give_way(message, cucs, effects)?;
         }
-        // Checked before it is written: a message in the log that the plan refuses would fail the next start.
+        // Check before writing: a message in the log that the plan refuses would fail the next start.
         let checked = self.received.check(message, cucs, vehicle);
         checked.map_err(|fault| fault.to_string())?;
-        // Disk before memory: a message that is only in memory would be acknowledged, and lost by a restart.
+        // Disk before memory: a message that is only in memory would be acknowledged but lost in a restart.
         self.write_message(message, cucs, vehicle, effects.disk())
             .map_err(not_stored)?;
         let stored = self.received.store(message, cucs, vehicle);
@@ -94,7 +94,7 @@ impl MissionStore {
         Ok(())
     }
 
-    /// The staged upload gives way to the one that this message is of.
+    /// Replaces the staged upload by the upload of this message, if it belongs to another.
     fn give_way(
         &mut self,
         message: &Message,
@@ -115,7 +115,7 @@ impl MissionStore {
         Ok(())
     }
 
-    /// Drops an upload that its owner can load no more, or has left.
+    /// Drops an upload that its owner can no longer load or has abandoned.
     pub(super) fn watch_upload(
         &mut self,
         now: Duration,
@@ -125,13 +125,13 @@ impl MissionStore {
         let Some(owner) = self.received.staged.as_ref().map(|staged| staged.owner) else {
             return;
         };
-        // After a restart it is not known how old it is.
+        // After a restart its age is unknown.
         let until = *self.staged_until.get_or_insert(now + STAGED_WITHIN);
         let why = if controller != Some(owner) {
             "control of the vehicle has changed".to_owned()
         } else if now >= until {
             format!(
-                "nothing more came of it within {} min",
+                "no further message of it arrived within {} min",
                 STAGED_WITHIN.as_secs() / 60
             )
         } else {
@@ -143,7 +143,7 @@ impl MissionStore {
         }
     }
 
-    /// When [`MissionStore::watch_upload`] has something to do, beside after a change of control.
+    /// When [`MissionStore::watch_upload`] is next needed, apart from a change of control.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let staged = self.received.staged.is_some();
         self.staged_until.filter(|_| staged)
@@ -155,8 +155,8 @@ impl MissionStore {
         }
     }
 
-    /// Whether a 13000 may load a route of what [`MissionStore::offered`]; after an upload that was dropped it may only
-    /// load one that was sent whole since.
+    /// Checks whether a 13000 may load a route of [`MissionStore::offered`]. After a dropped upload it may only load a route
+    /// that was completely sent since.
     ///
     /// # Errors
     /// The waypoint that is missing, if it is one, and why.
@@ -168,10 +168,10 @@ impl MissionStore {
         self.received.admit_load(cucs, route)
     }
 
-    /// 13000 begins to load what was sent.
+    /// A 13000 begins to load the upload.
     ///
     /// # Errors
-    /// That the upload has ended here cannot be written: nothing has changed.
+    /// The end of the upload cannot be written; nothing has changed.
     pub(super) fn begin_load(
         &mut self,
         command: &MissionTransferCommand,
@@ -180,7 +180,7 @@ impl MissionStore {
     ) -> Result<(), String> {
         let vehicle = effects.id;
         if self.received.offered(cucs) != self.received.to_load() {
-            // A restart in the middle of the load: what is sent after it is of another upload than what was before.
+            // If a restart interrupts the load, later messages belong to a new upload.
             let command = Message::MissionTransferCommand(command.clone());
             self.write_message(&command, cucs, vehicle, effects.disk())
                 .map_err(not_stored)?;
@@ -189,7 +189,7 @@ impl MissionStore {
         Ok(())
     }
 
-    /// 13000 has not loaded what was sent, and can be repeated. `begun`: it was this one that was carried out.
+    /// The 13000 has failed and can be repeated. `begun`: it was the one in progress.
     pub(super) fn load_failed(&mut self, begun: bool, cucs: Id, effects: &mut Effects<'_>) {
         if begun {
             self.received.load_failed(effects.id);
@@ -207,7 +207,7 @@ impl MissionStore {
         }
     }
 
-    /// 13000 was refused for what was sent: nothing of it stays.
+    /// The 13000 was refused because of the upload's content: drops the upload.
     pub(super) fn refuse_upload(
         &mut self,
         now: Duration,
@@ -219,10 +219,10 @@ impl MissionStore {
         self.save_upload(cucs, effects);
     }
 
-    /// 13000 mode 5: nothing of what was sent stays.
+    /// 13000 mode 5: drops the upload.
     ///
     /// # Errors
-    /// It cannot be written: it is dropped, but a restart could find it.
+    /// The upload is dropped, but that cannot be written: a restart could restore it.
     pub(super) fn cancel_upload(
         &mut self,
         now: Duration,
@@ -235,22 +235,25 @@ impl MissionStore {
         }
         let written = self.fold_log(cucs, effects);
         written.map_err(|fault| {
-            format!("what was sent is dropped, but a restart of the VSM would find it: {fault}")
+            format!(
+                "the upload is dropped, but could not be deleted from disk: a restart of the VSM would restore it \
+                 ({fault})"
+            )
         })
     }
 
-    /// Writes how an upload ended. What cannot be written is tried again with the next message; a restart before it finds
-    /// the upload as it was sent.
+    /// Writes the end of an upload. A failed write is retried with the next message; a restart before that restores the
+    /// upload.
     fn save_upload(&mut self, cucs: Id, effects: &mut Effects<'_>) {
         if let Err(fault) = self.fold_log(cucs, effects) {
             effects.warn(Cause::Store, format!("the plan cannot be stored: {fault}"));
         }
     }
 
-    /// 13000 has loaded what was sent: it is stored.
+    /// The 13000 has loaded the upload: stores it.
     ///
     /// # Errors
-    /// It could not be written: it is staged as before.
+    /// It could not be written; it is staged as before.
     pub(super) fn upload_loaded(
         &mut self,
         cucs: Id,
@@ -273,7 +276,7 @@ impl MissionStore {
                 more => format!(" and {more} more"),
             };
             let text = format!(
-                "what is loaded has changed {purpose} route{name} too, which uses the same waypoint numbers: {}{more}; send that route \
+                "this load also changed {purpose} route{name}, which uses the same waypoint numbers: {}{more}; send that route \
                  again, with numbers of its own",
                 shown.join(", ")
             );
@@ -300,7 +303,7 @@ impl MissionStore {
     /// Clears a route that the vehicle does not carry, on disk too.
     ///
     /// # Errors
-    /// It could not be stored: it is there as before.
+    /// It could not be stored; the route is still there.
     pub(super) fn forget_route(
         &mut self,
         id: &str,
@@ -312,17 +315,17 @@ impl MissionStore {
         self.clear(Some(id), effects.id);
         self.save(cucs, effects).inspect_err(|_| {
             (self.received, self.loaded) = before;
-            // The record may have been written without the route already.
+            // The record may already have been written without the route.
             self.files.rewrite = true;
         })
     }
 
-    /// 13000 mode 1 has begun: what is sent from here on is kept.
+    /// 13000 mode 1 has begun: later messages are kept.
     pub(super) fn begin_clear(&mut self) {
         self.received.begin_clear();
     }
 
-    /// The vehicle carries nothing any more: clears a route, or everything, on disk too.
+    /// The vehicle no longer carries a mission: clears a route or everything, on disk too.
     ///
     /// # Errors
     /// It could not be stored.
@@ -344,7 +347,7 @@ impl MissionStore {
     }
 
     fn save(&mut self, cucs: Id, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        // The log can only add: what was cleared leaves the disk with a new record.
+        // The log is append-only: a clearing needs a new record.
         self.fold_log(cucs, effects)?;
         self.save_uploaded(effects)
     }
@@ -352,14 +355,14 @@ impl MissionStore {
     /// Writes the plan's record, so that a new log can begin.
     ///
     /// # Errors
-    /// It is not written. Record and log still hold what they held.
+    /// It is not written. Record and log are unchanged.
     fn fold_log(&mut self, cucs: Id, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         self.files
             .fold(&self.received, cucs, vehicle, effects.disk())
     }
 
-    /// Writes what is loaded, and what the vehicle carries.
+    /// Writes the loaded route and the mission that the vehicle carries.
     ///
     /// # Errors
     /// One of them is not written.
@@ -367,7 +370,7 @@ impl MissionStore {
         let vehicle = effects.id;
         for (kind, route) in [(LOADED, &self.loaded), (UPLOADED, &self.uploaded)] {
             let encoded = |route| record::encode_uploaded(route, vehicle);
-            // An empty record stands for no route: `restore` reads it as an absent one.
+            // An empty record means no route: `restore` reads it as absent.
             let bytes = route.as_ref().map_or_else(Vec::new, encoded);
             let name = record_name(kind, vehicle);
             // Rare enough to be synchronised; the messages of a plan are too many for that.
@@ -376,7 +379,7 @@ impl MissionStore {
         Ok(())
     }
 
-    /// The vehicle may carry something else than what was loaded: nothing is flown before the next load.
+    /// The vehicle may carry a different mission: no route is flown before the next load.
     pub(super) fn forget_uploaded(&mut self, effects: &mut Effects<'_>) {
         self.uploaded = None;
         if let Err(fault) = self.save_uploaded(effects) {
@@ -384,10 +387,10 @@ impl MissionStore {
         }
     }
 
-    /// What a restart finds.
+    /// Restores the records after a restart.
     ///
     /// # Errors
-    /// A record is there and cannot be read: starting without it would lose what was promised.
+    /// A record exists but cannot be read. Starting without it would break what was acknowledged.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let (vehicle, disk) = (effects.id, effects.disk());
         (self.received, self.files) = PlanFiles::read(vehicle, disk)?;
@@ -407,14 +410,14 @@ fn not_stored(fault: StoreError) -> String {
     format!("it cannot be stored: {fault}")
 }
 
-/// Of the waypoints in a text, so many are named.
+/// Maximum number of waypoints named in a text.
 const SHOWN: usize = 8;
 
-/// An upload of which nothing more comes for so long is dropped: its operator may have forgotten it, and what is sent
-/// later, without a 13001, would be added to it.
+/// An upload without further messages for this long is dropped: its operator may have forgotten it, and later messages
+/// without a 13001 would be added to it.
 const STAGED_WITHIN: Duration = Duration::from_secs(5 * 60);
 
-// The names of records by kind; of files that are on disks, so they stay.
+// The records' file names. They must not change, since such files exist on disks.
 const LOADED: &str = "chosen";
 const UPLOADED: &str = "aboard";
 

@@ -1,4 +1,4 @@
-//! The Mission Transfer Command (13000), and what is on its way to the vehicle for it or for a mode command.
+//! The Mission Transfer Command (13000), and the transfers to the vehicle for it or for a mode command.
 //!
 //! One load or clearing at a time, and one download. Each is answered by 14000, and refused with the reason.
 
@@ -38,7 +38,7 @@ pub(super) struct Transfers {
 #[derive(Debug)]
 struct Load {
     work: Work,
-    /// Who requested it by 13000; none where a mode command needs another route.
+    /// The requesting 13000; `None` if a mode command needs another route.
     origin: Option<Origin>,
     mission_name: String,
     /// Flown once the route is uploaded.
@@ -51,14 +51,14 @@ struct Load {
 #[derive(Debug)]
 enum Work {
     Load(RouteUpload),
-    /// Of everything, or of the route of this name, which is the one that the vehicle carries.
+    /// Clears everything, or the route with this name, which the vehicle carries.
     Clear {
         route_id: Option<String>,
         upload: Upload,
     },
 }
 
-/// A mode command that waits for a route of this type to be uploaded, or for the loaded one, and who gave it.
+/// A mode command, with its sender, that waits for the upload of a route of this type or of the loaded one.
 pub(super) type WaitingCommand = (
     Option<Origin>,
     Option<RouteType>,
@@ -67,8 +67,8 @@ pub(super) type WaitingCommand = (
 /// Whether the vehicle's mission store can be changed now, or why not.
 pub(super) type Free = Result<(), &'static str>;
 
-/// Whether the mission aboard can be taken from the vehicle: it is put on hold for that, or PX4 does so where there is none
-/// any more, and on its final approach a wing would circle as low as it has come.
+/// Checks whether the mission aboard can be replaced or cleared. The vehicle is put on hold for that, or PX4 does so when
+/// its mission is gone; on its final approach a fixed wing would circle at its present low height.
 fn replaceable(context: &Context<'_>, store: &MissionStore) -> Free {
     let telemetry = &context.vehicle.telemetry;
     let aboard = store.uploaded.as_ref();
@@ -143,7 +143,7 @@ impl Transfers {
         let cucs = cucs_of(context, &origin);
         let found = route_to_load(store.offered(cucs), route_id);
         let route = found.as_ref().ok().map(|(route, _)| route);
-        // Before anything else: what is left of a dropped upload must not wait for a better moment.
+        // Before anything else: an incomplete upload must be refused even if no transfer is possible now.
         if let Err((waypoint, why)) = store.admit_load(cucs, route) {
             if self.load.is_none() {
                 store.refuse_upload(context.mono(), (cucs, origin.stamp), effects);
@@ -171,7 +171,7 @@ impl Transfers {
         if route_id.is_none() && several {
             let named = route.route_id.as_ref().map_or("", |id| id.as_str());
             effects.advise(format!(
-                "13000 names no Route ID: of several flight routes the latest, {named:?}, is loaded"
+                "13000 has no Route ID: the latest of several flight routes, {named:?}, is loaded"
             ));
         }
         if !store.to_load().defines(&route) {
@@ -187,7 +187,7 @@ impl Transfers {
         });
     }
 
-    /// Everything, or one route: of one that it does not carry the vehicle knows nothing.
+    /// Clears everything or one route. Only a route that the vehicle carries needs a request to it.
     fn clear(
         &mut self,
         context: &Context<'_>,
@@ -205,7 +205,8 @@ impl Transfers {
             let fault = if !known {
                 Some(not_received(id))
             } else {
-                // The route may be the one on its way. A silent vehicle is no obstacle: nothing is requested of it.
+                // The route may be the one being uploaded. A silent vehicle is no obstacle, since nothing is requested of
+                // it.
                 let busy = self.load.is_some();
                 busy.then(|| "another transfer is in progress".to_owned())
             };
@@ -245,7 +246,7 @@ impl Transfers {
         store: &mut MissionStore,
         effects: &mut Effects<'_>,
     ) {
-        // What was sent of an upload, loaded or not, is dropped with it: else the next 13000 would load it.
+        // This also drops the upload, loaded or not: otherwise the next 13000 would load it.
         let sender = (cucs_of(context, &origin), origin.stamp);
         let dropped = store.cancel_upload(context.mono(), sender, effects);
         self.end_load(context, "cancelled", store, effects);
@@ -253,13 +254,13 @@ impl Transfers {
             download.cancel(effects);
         }
         match dropped {
-            // Also where nothing is in progress: what mode 5 requests is the case then.
+            // Also if nothing is in progress: the state that mode 5 requests is then already reached.
             Ok(()) => status::complete(effects, &origin, name, Mode::Cancel),
             Err(why) => status::reject(effects, origin, name, Mode::Cancel, None, why),
         }
     }
 
-    /// Ends a load or a clearing, whoever asked for it.
+    /// Ends a load or a clearing.
     pub(super) fn end_load(
         &mut self,
         context: &Context<'_>,
@@ -281,7 +282,7 @@ impl Transfers {
         load.end(None, why.to_owned(), effects);
     }
 
-    /// A mode command that needs another route uploaded first: the latest of a type, or what 13000 has loaded.
+    /// A mode command needs another route uploaded first: the latest of a type, or the one that 13000 loaded.
     pub(super) fn load_and_fly(
         &mut self,
         context: &Context<'_>,
@@ -311,7 +312,7 @@ impl Transfers {
         });
     }
 
-    /// What the vehicle carried, and no longer does: nobody has requested that.
+    /// Uploads the mission that the vehicle has lost, without a request by a CUCS.
     pub(super) fn load_again(&mut self, uploaded: &UploadedMission) {
         let upload = RouteUpload::again(uploaded);
         self.load = Some(Load::of(upload, uploaded.mission_name.clone()));
@@ -359,19 +360,19 @@ impl Transfers {
         if context.parameters.awaits_performance(context) && upload.may_wait(now) {
             return;
         }
-        // A mode on its way in must be seen before another plan goes up: it could be flown at once.
+        // Wait until a commanded mode is confirmed before uploading another plan: it could be flown at once.
         if context.flight.maneuver && upload.has_not_begun() {
             *blocked = true;
             return;
         }
         if upload.has_not_begun() {
-            // The vehicle may be in what was commanded and given up: another plan would be flown at once. What it sends next calls
-            // this again; of a silent one the mission service reports that it does not answer.
+            // The vehicle may be in a mode that was commanded and then given up: another plan would be flown at once. Its
+            // next message calls this again; if it is silent, the mission service reports a timeout.
             if context.vehicle.live() && !context.vehicle.state_is_newer_than_command() {
                 *blocked = true;
                 return;
             }
-            // Asked when it was requested, and again now: a wing may have come to its final approach since.
+            // Checked on the request and again now: a fixed wing may have reached its final approach since.
             if let Err(why) = replaceable(context, store) {
                 let outcome = Outcome::Refused {
                     waypoint: None,
@@ -418,7 +419,7 @@ impl Transfers {
         }
     }
 
-    /// What the mission service has done for a load or a clearing.
+    /// Handles an event of the mission service for a load or a clearing.
     pub(super) fn handle_service(
         &mut self,
         context: &Context<'_>,
@@ -444,7 +445,7 @@ impl Transfers {
         }
     }
 
-    /// The vehicle carries no mission any more.
+    /// The vehicle no longer carries a mission.
     fn cleared(
         &mut self,
         context: &Context<'_>,
@@ -474,7 +475,7 @@ impl Transfers {
         }
     }
 
-    /// What became of a load.
+    /// Handles the result of a load.
     fn follow(
         &mut self,
         context: &Context<'_>,
@@ -528,7 +529,7 @@ impl Transfers {
                     }
                 }
                 if touched {
-                    // 13000 was to replace what was loaded. A load for a mode leaves that: it can be uploaded again.
+                    // A 13000 was to replace the loaded route. A load for a mode keeps it, so that it can be uploaded again.
                     if load.origin.is_some() {
                         store.loaded = None;
                     }
@@ -539,7 +540,7 @@ impl Transfers {
         }
     }
 
-    /// The vehicle carries a route, and names it as its mission.
+    /// The vehicle carries a route and reports it as its mission.
     fn uploaded(
         &mut self,
         context: &Context<'_>,
@@ -558,20 +559,20 @@ impl Transfers {
         for note in &compiled.notes {
             effects.advise(note);
         }
-        // PX4 applies nothing of a plan that it holds already, so the progress along the same items stays valid.
+        // PX4 ignores an upload of the plan that it already holds, so the progress along the same items stays valid.
         let before = store.uploaded.as_ref();
         if before.is_none_or(|before| before.compiled.items != compiled.items) {
             progress.begin(&context.vehicle.telemetry);
         } else if load.origin.is_some() {
             advise_where_it_continues(context, compiled, effects);
         }
-        // Only 13000 loads; a route that a mode needed is carried for that. What was loaded may have been sent again.
+        // Only 13000 loads a route; a route for a mode is only carried. The loaded route may have been sent again.
         let loaded = store.loaded.as_ref();
         if load.origin.is_some() || loaded.is_some_and(|loaded| is_same(loaded, &uploaded)) {
             store.loaded = Some(uploaded.clone());
         }
         store.uploaded = Some(uploaded);
-        // What is answered as loaded must still be known after a crash, and the plan that it is of.
+        // A route that is answered as loaded, and its plan, must still be known after a crash.
         let cucs = load.origin.map(|origin| cucs_of(context, &origin));
         let saved = store.save_uploaded(effects).and_then(|()| {
             let stored = |cucs| store.upload_loaded(cucs, effects);
@@ -598,7 +599,7 @@ impl Transfers {
         self.load.is_some()
     }
 
-    /// What the other machines may know.
+    /// The state that other machines may read.
     pub(super) fn view(&self) -> Transfer {
         let Some(load) = &self.load else {
             return Transfer::None;
@@ -619,7 +620,7 @@ impl Transfers {
         command.select_flight_path_control_mode
     }
 
-    /// When a load or a download takes its next step.
+    /// When a load or a download needs its next step.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let load = self.load.as_ref().and_then(|load| match &load.work {
             Work::Load(upload) if !load.blocked => upload.poll_timeout(),
@@ -632,7 +633,7 @@ impl Transfers {
 }
 
 impl Load {
-    /// Of a route that nobody has requested.
+    /// The load of a route without a request by a CUCS.
     fn of(upload: RouteUpload, mission_name: String) -> Load {
         Load {
             work: Work::Load(upload),
@@ -643,7 +644,7 @@ impl Load {
         }
     }
 
-    /// Whether nobody has requested it: the vehicle had lost what was loaded.
+    /// Whether no CUCS requested it: the vehicle had lost its loaded mission.
     fn is_own(&self) -> bool {
         self.origin.is_none() && self.then.is_none()
     }
@@ -653,7 +654,7 @@ impl Load {
         matches!(&self.work, Work::Load(upload) if upload.held)
     }
 
-    /// Answers whoever requested it, and flies it where that was commanded.
+    /// Answers the requester, and flies the route if a mode was commanded.
     fn done(self, effects: &mut Effects<'_>) {
         if self.then.is_none() && self.held() {
             effects.advise(
@@ -667,7 +668,7 @@ impl Load {
             status::complete(effects, &origin, &self.mission_name, Mode::Load);
         }
         if let Some((origin, command)) = self.then {
-            // Judged again; `just_loaded` keeps a plan that changed during the upload from being loaded once more.
+            // The command is checked again; `just_loaded` prevents another load if the plan has changed during the upload.
             effects.request(Request::Fly {
                 origin,
                 command,
@@ -701,8 +702,8 @@ impl Load {
     }
 }
 
-/// The route of a plan that a load means: the one named, else the latest flight route, else the latest of all, else the
-/// flight that waypoints without a 13001 are, from waypoint 1.
+/// Selects the route to load: the named one, otherwise the latest flight route, otherwise the latest of all, otherwise a
+/// flight route of the waypoints without a 13001, from waypoint 1.
 fn route_to_load(plan: &Plan, route_id: Option<&str>) -> Result<(UaRoute, RouteType), String> {
     let route = match route_id {
         Some(id) => plan
@@ -749,13 +750,13 @@ fn answer_clear(
     match saved {
         Ok(()) => status::complete(effects, &origin, name, Mode::Clear),
         Err(fault) => {
-            let why = format!("what is left cannot be stored: {fault}");
+            let why = format!("the remaining plan cannot be stored: {fault}");
             status::reject(effects, origin, name, Mode::Clear, None, why);
         }
     }
 }
 
-/// What the vehicle has reported of where it is and what it can do; `None` before it has reported its home.
+/// The vehicle's reported position and capabilities; `None` before it has reported its home.
 fn site<'a>(context: &Context<'a>) -> Option<Site<'a>> {
     let telemetry = &context.vehicle.telemetry;
     Some(Site {
@@ -771,7 +772,7 @@ fn site<'a>(context: &Context<'a>) -> Option<Site<'a>> {
     })
 }
 
-/// PX4 applies nothing of a plan that it holds already: what has been flown of it is not flown again.
+/// PX4 ignores an upload of the plan that it already holds, so the flown part is not flown again: notifies the operator.
 fn advise_where_it_continues(
     context: &Context<'_>,
     compiled: &CompiledMission,
@@ -785,7 +786,7 @@ fn advise_where_it_continues(
     });
     let Some(mission) = mission else { return };
     let number = compiled.waypoint_of.get(usize::from(mission.seq));
-    // At the end of a wing's route, and in its landing pattern, the route is flown again from its start.
+    // At the end of a fixed wing's route, and in its landing pattern, the route restarts from its beginning.
     if let Some(number) = number.filter(|number| **number != 0) {
         effects.advise(format!(
             "the vehicle already holds this plan: mode 11 (waypoint) continues to waypoint {number}, unless another is commanded"
@@ -803,5 +804,5 @@ fn cucs_of(context: &Context<'_>, origin: &Origin) -> Id {
     asker.map_or(Id::NULL, |asker| asker.id)
 }
 
-/// What becomes of an upload that is refused for what is in it.
-const DROPPED: &str = "; nothing of this upload is kept: correct it, and send it whole";
+/// Appended to a refusal because of the upload's content.
+const DROPPED: &str = "; this upload is discarded: correct it and send the whole route";

@@ -1,8 +1,8 @@
-//! Items on their way to the vehicle's mission store, for routes, the fence and rally points.
+//! The upload of items to the vehicle's mission store, for routes, the fence and rally points.
 //!
-//! A MISSION_ACK proves little: it may be of another station's transfer, and PX4 stores some fields otherwise than they
-//! were sent. So the items are read back and compared, and then MISSION_CURRENT must name them by their id: only that
-//! says that the vehicle flies by these items, and by no others.
+//! A MISSION_ACK proves little: it may belong to another station's transfer, and PX4 stores some fields differently from how
+//! they were sent. So the items are read back and compared, and then MISSION_CURRENT must report their id: only that proves
+//! that the vehicle uses exactly these items.
 //!
 //! ```text
 //! send ------> Sending --Uploaded--> Reading --same items--> Naming --MISSION_CURRENT--> done
@@ -26,7 +26,7 @@ pub(super) struct Upload {
     phase: Phase,
     /// The vehicle may hold some of the items.
     touched: bool,
-    /// As it was reported last.
+    /// The last reported progress.
     percent: u8,
 }
 
@@ -38,18 +38,18 @@ enum Phase {
     Naming { id: u32, deadline: Duration },
 }
 
-/// How far it is.
+/// Its phase.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Progress {
     Going,
-    /// Per cent complete, where that has grown; the read-back is the second half.
+    /// Per cent complete, if that has grown; the read-back is the second half.
     Percent(u8),
-    /// The vehicle names the items by this id; 0 where it has no ids, or where everything is cleared.
+    /// The vehicle reports the items with this id; 0 if it has no ids, or if everything is cleared.
     Done(u32),
     Failed(Fault),
 }
 
-/// Why it did not reach its end.
+/// Why it failed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Fault {
     NotSent(StartError),
@@ -59,9 +59,9 @@ pub(super) enum Fault {
         reason: Failure,
     },
     Differs(Difference),
-    /// MISSION_CURRENT names something else.
+    /// MISSION_CURRENT reports another id.
     NotNamed,
-    /// MISSION_CURRENT names it, and does not call it flyable.
+    /// MISSION_CURRENT reports its id, but not as flyable.
     Unusable,
 }
 
@@ -77,7 +77,7 @@ impl Upload {
         Ok(Upload::begun(kind, Phase::Sending, 0))
     }
 
-    /// Begins with the read-back: the vehicle names these items already, and PX4 would apply nothing of an upload.
+    /// Begins with the read-back: the vehicle already reports these items, and PX4 would ignore an upload.
     pub(super) fn read_back(
         now: Duration,
         kind: MavMissionType,
@@ -111,7 +111,7 @@ impl Upload {
         self.touched
     }
 
-    /// What the mission service has done.
+    /// Handles an event of the mission service.
     pub(super) fn handle(
         &mut self,
         now: Duration,
@@ -130,7 +130,7 @@ impl Upload {
                     ..
                 },
             ) => {
-                // From here on the vehicle may hold something else than before, however the upload ends.
+                // From here on the vehicle may hold different items than before, however the upload ends.
                 self.touched = true;
                 self.grown(percent / 2)
             }
@@ -161,8 +161,7 @@ impl Upload {
                 },
             ) => match verify(self.kind, items, read) {
                 Ok(()) => {
-                    // The id that came with the read-back belongs to the items just compared; a MISSION_ACK may be of
-                    // another transfer.
+                    // The id of the read-back belongs to the compared items; a MISSION_ACK may belong to another transfer.
                     self.phase = Phase::Naming {
                         id: *opaque_id,
                         deadline: now + NAMED_WITHIN,
@@ -170,8 +169,8 @@ impl Upload {
                     Progress::Going
                 }
                 Err(difference) if self.touched => Progress::Failed(Fault::Differs(difference)),
-                // It names these items, and holds others: they are sent after all. 14000 stays at what it has reported, until
-                // that is reached again.
+                // It reports this id but holds other items: send them after all. 14000 keeps its progress until that is
+                // reached again.
                 Err(_) => match vehicle.missions.upload(now, self.kind, items.to_vec()) {
                     Ok(()) => {
                         self.phase = Phase::Sending;
@@ -193,12 +192,12 @@ impl Upload {
         }
     }
 
-    /// Whether MISSION_CURRENT names the items, and calls them usable. `named`: the id that it holds for this kind.
+    /// Checks whether MISSION_CURRENT reports the items as usable. `named`: its id for this kind.
     pub(super) fn check(&self, now: Duration, named: Option<u32>, usable: bool) -> Progress {
         let Phase::Naming { id, deadline } = self.phase else {
             return Progress::Going;
         };
-        // ArduPilot has no ids: for it the read-back must do.
+        // ArduPilot has no ids: for it the read-back must be enough.
         let is_named = id == 0 || named == Some(id);
         if is_named && usable {
             Progress::Done(id)
@@ -227,7 +226,7 @@ impl Upload {
     }
 
     fn grown(&mut self, percent: u8) -> Progress {
-        // A step of five: 14000 is a report, not a stream.
+        // In steps of five per cent: 14000 is a report, not a stream.
         if percent < self.percent.saturating_add(5) {
             return Progress::Going;
         }
@@ -237,7 +236,7 @@ impl Upload {
 }
 
 impl Phase {
-    /// What the mission service is busy with.
+    /// The operation that the mission service is busy with.
     fn operation(&self) -> Option<Operation> {
         match self {
             Phase::Clearing => Some(Operation::Clear),
@@ -261,11 +260,11 @@ impl Fault {
         }
     }
 
-    /// Whether the vehicle finds fault with the items themselves: sent again, they would be refused again. Whether a route is
-    /// feasible depends on its fence too, which can be changed.
+    /// Whether the vehicle refuses the items themselves, so that a retry would fail too. The feasibility of a route also
+    /// depends on the fence, which can be changed.
     pub(super) fn is_flaw(&self) -> bool {
         use MavMissionResult as R;
-        // PX4 answers with these to a transfer that crosses another.
+        // PX4 answers with these if two transfers overlap.
         let passing = [
             R::MAV_MISSION_ERROR,
             R::MAV_MISSION_OPERATION_CANCELLED,
@@ -314,7 +313,7 @@ fn mission_result(result: MavMissionResult) -> &'static str {
         R::MAV_MISSION_DENIED => "denied",
         R::MAV_MISSION_INVALID_SEQUENCE => "items out of sequence",
         R::MAV_MISSION_OPERATION_CANCELLED => "cancelled",
-        // PX4 v1.18 answers so to the second of two stations that transfer at once.
+        // PX4 v1.18's answer to the second of two stations that transfer at the same time.
         R::MAV_MISSION_ERROR => "error, perhaps another station's transfer",
         _ => "invalid parameter",
     }
@@ -322,5 +321,5 @@ fn mission_result(result: MavMissionResult) -> &'static str {
 
 /// Per cent complete when the read-back begins.
 const HALF: u8 = 50;
-/// MISSION_CURRENT comes at 1 Hz at least, and some are lost.
+/// MISSION_CURRENT arrives at 1 Hz at least, and some are lost.
 const NAMED_WITHIN: Duration = Duration::from_secs(5);

@@ -1,17 +1,16 @@
-//! The mission watchdog: a vehicle in AUTO.MISSION that comes no nearer to its item is put on hold, with an alert
-//! (16000) that names the waypoint in the CUCS's numbers.
+//! The mission watchdog: a vehicle in AUTO.MISSION that makes no progress towards its item is put on hold, with an alert
+//! (16000) that names the CUCS's waypoint number.
 //!
-//! A multicopter under PX4 has no test of having passed a waypoint: one that misses it continues along the leg's line,
-//! or hovers beside it, in mission mode and without a message. Two findings end that:
+//! PX4 does not detect that a multicopter has passed a waypoint: one that misses it continues along the leg's line, or
+//! hovers beside it, in mission mode and without a message. The watchdog detects two cases:
 //!
-//! - *missed*: it is further from the item than it has been, by more than any turn takes at the speed it had, and has
-//!   been so for some seconds;
-//! - *stuck*: for longer than the configured time it has come no nearer, neither over ground nor in height.
+//! - *missed*: for some seconds it has been further from the item than before, by more than any turn takes at its speed;
+//! - *stuck*: for longer than the configured time it has not come nearer, neither over ground nor in height.
 //!
-//! Promised of regular flight: neither is found. A turn, a climb on the spot, head wind, a slow speed, a hover, a loiter
-//! and a jump are progress, or are allowed for; each new item begins a new approach. Time is the vehicle's own, so that a
-//! simulation faster or slower than time is judged as the flight that it is. Nothing is judged but by a MISSION_CURRENT
-//! that shows the item is still the same: a lost one must not make a passed waypoint a missed one.
+//! Promised: neither is reported in regular flight. A turn, a climb on the spot, head wind, a slow speed, a hover, a loiter
+//! and a jump count as progress or are allowed for; each new item begins a new approach. Time is by the vehicle's clock, so
+//! that simulations faster or slower than real time work too. The watchdog only decides with a MISSION_CURRENT that confirms
+//! the current item: a lost message must not make a passed waypoint a missed one.
 
 use mapping::altitude::Level;
 use mapping::limits::metres;
@@ -31,7 +30,7 @@ pub(super) struct MissionWatchdog {
     approach: Option<Approach>,
 }
 
-/// What the vehicle shows of its flight along a mission.
+/// The vehicle's state along its mission.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sample {
     /// The vehicle's clock, s since its boot.
@@ -40,15 +39,15 @@ struct Sample {
     named_s: f64,
     /// MISSION_CURRENT.seq.
     seq: u16,
-    /// What lies between it and the item; none for an item without a place.
+    /// Its distance to the item; `None` for an item without a position.
     away: Option<Away>,
-    /// Where the item is a loiter.
+    /// The loiter, if the item is one.
     loiter: Option<Loiter>,
     /// Speed over ground, m/s.
     speed_m_s: f64,
-    /// It turns by banking: a turn takes room.
+    /// It turns by banking, so a turn needs room.
     banks: bool,
-    /// The slowest speed that anything commands, m/s.
+    /// The slowest commanded speed, m/s.
     slowest_m_s: f64,
 }
 
@@ -62,7 +61,7 @@ struct Away {
 struct Loiter {
     /// Within this distance it is at its loiter, m.
     near_m: f64,
-    /// How long it stays, s; none for ever.
+    /// How long it stays, s; `None`: without end.
     stay_s: Option<f64>,
 }
 
@@ -70,31 +69,31 @@ struct Loiter {
 #[derive(Debug, Clone, Copy)]
 struct Approach {
     seq: u16,
-    /// The nearest so far.
+    /// The shortest distance so far.
     best: Option<Away>,
-    /// When it last came nearer, s.
+    /// When it last made progress, s.
     since_s: f64,
-    /// The fastest since then, m/s.
+    /// The highest speed since then, m/s.
     fastest_m_s: f64,
-    /// Since when it has been further away than a turn takes it, s.
+    /// Since when it has been further away than a turn explains, s.
     beyond_s: Option<f64>,
 }
 
-/// What a look finds.
+/// The result of a check.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Finding {
     /// Nothing to report.
     Nothing,
-    /// It has come nearer, or has a new item.
+    /// It has made progress, or has a new item.
     Progress,
-    /// It flies away from the item: so far from it, m.
+    /// It flies away from the item; its distance, m.
     Missed(f64),
-    /// It comes no nearer, and has not for so long, s.
+    /// It has made no progress for this long, s.
     Stuck(f64),
 }
 
 impl MissionWatchdog {
-    /// Checks whether the vehicle makes progress along its mission, and puts it on hold where it does not.
+    /// Checks whether the vehicle makes progress along its mission, and if not puts it on hold.
     pub(super) fn watch(
         &mut self,
         context: &Context<'_>,
@@ -110,7 +109,7 @@ impl MissionWatchdog {
             self.approach = None;
             return;
         };
-        // What is under way changes mode or route: it is judged by itself.
+        // A maneuver in progress changes the mode or the route and has its own checks.
         if context.flight.maneuver || transferring {
             return;
         }
@@ -131,10 +130,10 @@ impl MissionWatchdog {
         effects.request(Request::Hold);
     }
 
-    /// Takes in what is seen; `limit_s` is the longest time without progress that needs no explanation.
+    /// Updates with the present state; `limit_s` is the longest allowed time without progress.
     fn judge(&mut self, sample: &Sample, limit_s: f64) -> Finding {
         let approach = match &mut self.approach {
-            // A clock that went back is that of a vehicle that has restarted.
+            // If the clock went back, the vehicle has restarted.
             Some(approach) if approach.seq == sample.seq && approach.since_s <= sample.time_s => {
                 approach
             }
@@ -147,13 +146,13 @@ impl MissionWatchdog {
         if approach.is_nearer(sample) {
             return Finding::Progress;
         }
-        // This item is judged only where the vehicle has named it since, and just now.
+        // Decide only if the vehicle has reported this item since, and recently.
         if sample.named_s < approach.since_s || sample.time_s - sample.named_s > FRESH_S {
             return Finding::Nothing;
         }
         let finding = approach.judge(sample, limit_s);
         if finding != Finding::Nothing {
-            // Where the hold is not entered, the next sample begins a new approach.
+            // If the hold is not entered, the next sample begins a new approach.
             self.approach = Some(Approach::begun(sample));
         }
         finding
@@ -171,13 +170,13 @@ impl Approach {
         }
     }
 
-    /// Takes in a distance; whether it is progress.
+    /// Updates with a distance; returns whether it is progress.
     fn is_nearer(&mut self, sample: &Sample) -> bool {
         let (Some(best), Some(away)) = (&mut self.best, sample.away) else {
             self.best = self.best.or(sample.away);
             return false;
         };
-        // Each by itself: on entering AUTO.MISSION PX4 climbs on the spot first, and comes no nearer over ground.
+        // Separately: on entering AUTO.MISSION PX4 first climbs on the spot, without progress over ground.
         let ground = away.ground_m < best.ground_m - STEP_M;
         let height = away.height_m < best.height_m - STEP_M;
         if ground {
@@ -188,7 +187,7 @@ impl Approach {
         }
         if ground || height {
             self.since_s = sample.time_s;
-            // A turn back must undo only the speed flown since the nearest point.
+            // A turn back only has to cancel the speed flown since the nearest point.
             self.fastest_m_s = sample.speed_m_s;
             self.beyond_s = None;
         }
@@ -197,10 +196,10 @@ impl Approach {
 
     fn judge(&mut self, sample: &Sample, limit_s: f64) -> Finding {
         let still_s = sample.time_s - self.since_s;
-        // Turning back takes a time, and coming back the same again; a slow flight takes long for a step.
+        // Turning back takes time, and flying back the same again; at a slow speed each step of progress takes long.
         let mut patience_s = limit_s + TURN_S * self.fastest_m_s + STEP_M / sample.slowest_m_s;
         let (Some(away), Some(best)) = (sample.away, self.best) else {
-            // A delay (13006) is no stay at a place, and ends by its time too.
+            // A delay (13006) is not a stay at a position, and also ends by time.
             patience_s += sample.loiter.and_then(|delay| delay.stay_s).unwrap_or(0.0);
             return stuck(still_s, patience_s);
         };
@@ -209,11 +208,11 @@ impl Approach {
         {
             self.beyond_s = None;
             let Some(stay_s) = loiter.stay_s else {
-                // A loiter without end is never stuck; the time counts from when it is left.
+                // A loiter without end is never stuck; the time counts from its end.
                 self.since_s = sample.time_s;
                 return Finding::Nothing;
             };
-            // It counts its stay from when it is on its circle and at its height: some turns later.
+            // The vehicle counts its stay from when it is on its circle and at its height, some turns later.
             patience_s +=
                 stay_s + CIRCLES * loiter.near_m / sample.speed_m_s.max(SLOWEST_CIRCLE_M_S);
             return stuck(still_s, patience_s);
@@ -225,7 +224,7 @@ impl Approach {
         };
         if away.ground_m > best.ground_m + room_m {
             let since_s = *self.beyond_s.get_or_insert(sample.time_s);
-            // Where the MISSION_CURRENT of the next item was lost, a passed waypoint would look like a missed one.
+            // If the MISSION_CURRENT of the next item was lost, a passed waypoint would look like a missed one.
             if sample.time_s - since_s >= BEYOND_FOR_S && sample.named_s >= since_s {
                 return Finding::Missed(away.ground_m);
             }
@@ -244,27 +243,28 @@ fn stuck(still_s: f64, patience_s: f64) -> Finding {
     }
 }
 
-/// The progress along the uploaded mission, where that is flown, and not another station's.
+/// The state along the uploaded mission, if it is being flown and is not another station's.
 pub(super) fn flown(context: &Context<'_>, uploaded: &UploadedMission) -> Option<MissionProgress> {
     let telemetry = &context.vehicle.telemetry;
     let mission = telemetry.mission?;
-    // A watch that ends in a hold judges no report of before the last command: a pilot may have the vehicle since.
-    // Nor while a flight termination holds: nothing else is commanded then, whatever would be announced.
+    // A check that may command a hold must not use reports from before the last command: a pilot may have the vehicle since.
+    // Nor during a flight termination: nothing else is commanded then, so the alert would be wrong.
     let flown = context.vehicle.settled_mode() == Some(Px4Mode::MISSION)
         && telemetry.airborne()
         && !context.termination.holds;
     let over = mission.state == MissionState::MISSION_STATE_COMPLETE;
-    // The items of another station's plan are unknown here; an id of 0 names no plan.
+    // The items of another station's plan are unknown; an id of 0 identifies no plan.
     let foreign = !uploaded.is_aboard(mission.mission_id);
     (flown && !over && !foreign).then_some(mission)
 }
 
-/// `None` where no mission of ours is flown.
+/// `None` if no mission of ours is being flown.
 fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<Sample> {
     let telemetry = &context.vehicle.telemetry;
     let uploaded = uploaded?;
     let mission = flown(context, uploaded)?;
-    // Beyond the route a wing waits for its landing, or lands: PX4 aborts a landing by itself, and a hold would keep it low.
+    // After its route a fixed wing waits for its landing, or lands: PX4 aborts a landing by itself, and a hold would keep it
+    // low.
     if waits_or_lands(&uploaded.compiled, mission.seq) {
         return None;
     }
@@ -312,13 +312,13 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     })
 }
 
-/// Whether the vehicle waits at the end of its route for its landing, or lands, when it reports this item: any number.
+/// Whether a vehicle that reports this item waits at the end of its route for its landing, or lands. Accepts any number.
 fn waits_or_lands(compiled: &CompiledMission, seq: u16) -> bool {
     let start = compiled.landing_start();
     start.is_some_and(|start| seq >= start.saturating_sub(1))
 }
 
-/// All but the types that only hover: a convertiplane banks half of the time.
+/// All types but those that only hover: a convertiplane banks half of the time.
 pub(super) fn banks(kind: Option<MavType>) -> bool {
     use MavType as T;
     !matches!(
@@ -339,13 +339,13 @@ pub(super) fn seconds(ms: u32) -> f64 {
     f64::from(ms) / 1e3
 }
 
-/// Less than this is no progress: a hovering vehicle moves by as much, m.
+/// Minimum progress: a hovering vehicle moves by as much, m.
 const STEP_M: f64 = 1.0;
-/// Seconds for each m/s that turning back and coming back take.
+/// Seconds per m/s for turning back and flying back.
 const TURN_S: f64 = 2.0;
-/// What a stop takes beside v^2 / 2 (a deceleration of 1 m/s^2), m.
+/// Distance for a stop in addition to v^2 / 2 (a deceleration of 1 m/s^2), m.
 const HOVERING_ROOM_M: f64 = 20.0;
-/// What a turn takes beside v^2 (a circle at 20 degrees of bank, down wind), m.
+/// Distance for a turn in addition to v^2 (a circle at 20 degrees of bank, downwind), m.
 const BANKING_ROOM_M: f64 = 100.0;
 /// A position may jump for a moment, s.
 const BEYOND_FOR_S: f64 = 5.0;
@@ -356,11 +356,11 @@ const CIRCLE_NEAR_M: f64 = 300.0;
 /// Length of the turns before a stay counts, in radii.
 const CIRCLES: f64 = 20.0;
 const SLOWEST_CIRCLE_M_S: f64 = 5.0;
-/// Where no speed is commanded, m/s: slower than any cruise.
+/// Assumed speed if none is commanded, m/s: slower than any cruise.
 const UNCOMMANDED_M_S: f64 = 1.0;
-/// A slower command is judged as this, m/s.
+/// Minimum assumed speed for a slower command, m/s.
 const SLOWEST_M_S: f64 = 0.01;
-/// MISSION_CURRENT comes each second and on change, s.
+/// MISSION_CURRENT arrives each second and on change, s.
 pub(super) const FRESH_S: f64 = 3.0;
 const NAV_LOITER_UNLIM: u16 = 17;
 const NAV_DELAY: u16 = 93;

@@ -1,4 +1,4 @@
-//! The proof that a station is at an address: questions that only who has received them can answer.
+//! The proof that a station is at an address: a challenge that only its receiver can answer.
 
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use super::{FIRST_PAUSE, Path, Paths, Station};
 /// What a 17000 of a heartbeat of ours is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Proof {
-    /// None, or none any more.
+    /// No proof, or an expired one.
     None,
     /// One of several: ask again.
     Round,
@@ -41,7 +41,7 @@ impl Paths {
         let question = station.question_bytes();
         let round = match station.find(address) {
             Some(path) => {
-                // An address that is believed is asked only where there is another.
+                // A proven address is challenged again only if there is another one.
                 let idle = path.trusted && !contested;
                 if !again && (idle || path.ask_at > now.mono) {
                     return None;
@@ -142,7 +142,7 @@ impl Paths {
         (at <= now).then(|| station.current.as_ref().map(|path| path.address))?
     }
 
-    /// What nobody can know who has not received it.
+    /// An unpredictable value, known only to its receiver.
     fn cookie(&self, index: usize, address: SocketAddr, round: u8, slot: u64) -> u64 {
         let mut hash = Sha256::new_with_prefix(self.secret);
         hash.update(index.to_be_bytes());

@@ -80,7 +80,7 @@ impl Discovery {
         self.next.values().map(|(at, _)| *at).min()
     }
 
-    /// Takes the end of a request; false where it is none of these.
+    /// Handles the end of a request; returns false if it is not one of these.
     pub(super) fn ended(
         &mut self,
         component: u8,

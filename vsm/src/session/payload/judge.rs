@@ -18,7 +18,7 @@ use stanag_msgs::messages::{EoIrLaserPayloadCommand, PayloadSteeringCommand};
 
 use super::step::{Focus, Slew, Step, Zoom};
 
-/// What a command is judged by.
+/// The state with which a command is checked.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Situation<'a> {
     pub(super) station: Station<'a>,

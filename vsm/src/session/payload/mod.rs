@@ -1,14 +1,14 @@
-//! Payload stations: what a CUCS with LOI 3 of a station has its gimbal and camera do (19001, 19100).
+//! Payload stations: commands of a CUCS with LOI 3 to a station's gimbal and camera (19001, 19100).
 //!
-//! A command becomes steps ([`judge`], pure), each carried out by the gimbal manager or the camera and done when that shows it
-//! ([`step`]); then the command is acknowledged as carried out. LOI 3 is by station: a command for a station that its sender
-//! does not hold is refused, whatever else it holds. Devices are asked what they are, and what they do ([`discovery`]).
+//! A command becomes steps ([`judge`], pure), each sent to the gimbal manager or the camera and completed when that reports
+//! the result ([`step`]); then the command is acknowledged as carried out. LOI 3 is held per station: a command for a
+//! station that its sender does not hold is refused. [`discovery`] requests the capabilities and state of the devices.
 //!
-//! Several commands of one station run beside each other, since zooming does not wait for turning. A newer command that turns, zooms or
-//! focuses replaces an older one that still does: an operator who moves a stick sends many.
+//! Several commands of one station run in parallel, since zooming need not wait for turning. A newer command to turn, zoom
+//! or focus replaces an older one in progress: an operator who moves a stick sends many.
 //!
-//! Rates end: PX4 stops a gimbal 2 s after its rates were set, so they are set again each second. To look at a place the gimbal is
-//! sent its direction again and again. Both end, and a zoom stops, once who commanded them no longer holds the station.
+//! PX4 stops a gimbal 2 s after its rates were set, so they are set again each second. To look at a place, the gimbal's
+//! direction is sent repeatedly. Both end, and a zoom stops, once the commanding CUCS no longer holds the station.
 
 mod discovery;
 mod judge;
@@ -56,11 +56,11 @@ struct State {
     /// The pointing mode that was commanded last, and the one that has been shown.
     commanded: EoirPointingMode,
     shown: EoirPointingMode,
-    /// Who commanded it last.
+    /// The CUCS that last commanded it.
     by: Option<Id>,
     moving: Option<Moving>,
     zooming: bool,
-    /// A zoom of who held it before is to be stopped, once the camera's queue has room.
+    /// A zoom of the previous holder must be stopped once the camera's queue has room.
     stops_zoom: bool,
     by_hand: bool,
 }
@@ -104,7 +104,7 @@ struct Task {
 struct Running {
     /// Its command, until it is answered.
     ticket: Option<(u8, Ticket)>,
-    /// What shows it is reported after this.
+    /// Only reports after this time confirm it.
     since: Duration,
     until: Duration,
     before: Before,
@@ -234,7 +234,7 @@ impl Payload {
         }
     }
 
-    /// Judges a command. `None` where there is nothing to be done for it.
+    /// Decides a command. `None` if there is nothing to do.
     fn begin(
         &mut self,
         context: &Context<'_>,
@@ -338,7 +338,7 @@ impl Payload {
         }))
     }
 
-    /// The one station that a command names, where its sender holds it and it is there.
+    /// The single station that a command names, if its sender holds it and it is present.
     fn station(
         &self,
         context: &Context<'_>,
@@ -355,7 +355,7 @@ impl Payload {
         };
         if !context.rights.holds_station(by, number) {
             return Err(format!(
-                "it needs LOI 3 (payload) of station {number}, held is {}",
+                "it needs LOI 3 (payload) of station {number}; this CUCS holds {}",
                 context.rights.held(by).in_words()
             ));
         }
@@ -365,8 +365,8 @@ impl Payload {
             .ok_or_else(|| format!("the vehicle has no payload station {number}"))
     }
 
-    /// A newer command moves what older ones still move: their steps of it end, and so do they, refused once what else they
-    /// commanded is done. Returns the pointing mode that one of them was to show.
+    /// A newer command replaces the matching steps of older ones. The older commands are refused once their other steps are
+    /// completed. Returns the pointing mode that one of them was to confirm.
     fn replace(
         &mut self,
         station: u8,
@@ -402,7 +402,7 @@ impl Payload {
         mode
     }
 
-    /// Carries out what can be done now.
+    /// Carries out the steps that are possible now.
     fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         if self.tasks.is_empty() {
             return;
@@ -417,7 +417,7 @@ impl Payload {
                     task.advance(context, &station, state, effects)
                 }
                 None => Some(Err(format!(
-                    "the vehicle has no payload station {} any more",
+                    "the vehicle no longer has payload station {}",
                     task.station
                 ))),
             };
@@ -503,8 +503,8 @@ impl Payload {
         self.end(&task, Err(why), effects);
     }
 
-    /// Ends what continues in the name of a CUCS that no longer holds the station: rates, a place, a zoom. Whoever holds it next
-    /// begins with no pointing mode.
+    /// Ends continuing motions of a CUCS that no longer holds the station: rates, a place, a zoom. The next holder begins
+    /// without a pointing mode.
     fn end_with_holder(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
         for (number, state) in &mut self.states {
@@ -532,7 +532,7 @@ impl Payload {
                         .into_iter()
                         .for_each(|one| effects.vehicle.post(one));
                 }
-                // A queue that is full empties within seconds: then again, and whoever holds it by then inherits nothing else.
+                // A full queue empties within seconds: retry then. The next holder inherits nothing else.
                 stops_zoom =
                     state.stops_zoom || (state.zooming && !stop_zoom(&station, now, effects));
             }
@@ -544,7 +544,7 @@ impl Payload {
         }
     }
 
-    /// Sends again what keeps a gimbal moving, until another takes it.
+    /// Repeats the message that keeps a gimbal moving, until another system takes the gimbal.
     fn keep_moving(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
         let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
@@ -687,7 +687,7 @@ impl Task {
     }
 }
 
-/// A payload station that is there.
+/// A present payload station.
 fn station_of<'a>(context: &Context<'a>, number: u8) -> Option<Station<'a>> {
     let all = context.equipment();
     let equipment = all.into_iter().find(|one| one.number == number)?;
@@ -744,7 +744,7 @@ fn start(
     })
 }
 
-/// Requests a message of a component once; its end is nobody's.
+/// Requests a message of a component once; the result of the request is ignored.
 fn ask(component: u8, message: u16, now: Duration, effects: &mut Effects<'_>) {
     let client = effects.vehicle.commands_to(component);
     // One at a time: a camera that is slow to answer must not have a queue of them.
@@ -812,7 +812,8 @@ fn is_replaced(step: &Step, by: &[Step]) -> bool {
 }
 
 const REPLACED: &str = "replaced by a newer command for the same gimbal, zoom or focus";
-/// What shows a step is requested again after this.
+/// Time after which the report that confirms a step is requested again.
 const ASK_AGAIN: Duration = Duration::from_millis(400);
-/// Of one station: who holds another is not kept waiting. A newer one replaces what it moves, and so four are many.
+/// Maximum number of tasks per station, so that holders of other stations need not wait. Newer commands replace older ones,
+/// so four are enough.
 const MAX_TASKS: usize = 4;

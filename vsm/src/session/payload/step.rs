@@ -1,4 +1,4 @@
-//! One step of a payload command: what is sent for it, and what of the reported state shows that it is done.
+//! One step of a payload command: the message to send, and the reported state that confirms it.
 //!
 //! An accepted COMMAND_ACK proves little here too: PX4's gimbal manager acknowledges a retraction that it does not carry out. So a
 //! step ends when the gimbal or the camera reports what it was to bring about, in a message that came after the answer.

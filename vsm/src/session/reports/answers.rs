@@ -1,5 +1,5 @@
-//! Answers of many messages: sent a few at a time, so that they do not overflow the buffers of a small ground station; 17000
-//! "carried out" follows the last. Each station has its turn: what is sent to one does not wait for the answers of another.
+//! Answers of many messages, sent a few at a time so that they do not overflow the buffers of a small ground station; 17000
+//! "carried out" follows the last message. The stations are independent: none waits for the answers to another.
 
 use std::time::Duration;
 
@@ -24,12 +24,12 @@ enum Outgoing {
 }
 
 impl AnswerQueue {
-    /// How much waits to be sent to a station.
+    /// Number of messages waiting for a station.
     pub(super) fn waiting(&self, station: usize) -> usize {
         self.queues.waiting(station)
     }
 
-    /// Whether no more is taken for a station.
+    /// Whether the queue of a station is full.
     pub(super) fn is_full(&self, station: usize) -> bool {
         self.waiting(station) > MAX_WAITING
     }
@@ -72,7 +72,7 @@ impl AnswerQueue {
         self.send_due(effects);
     }
 
-    /// Drops what a station has not been sent yet; the requests that are not answered to their end.
+    /// Drops a station's unsent messages; returns the requests that were not answered completely.
     pub(super) fn abort(&mut self, station: usize) -> Vec<Origin> {
         let dropped = self.queues.take(station).into_iter();
         let done = |outgoing| match outgoing {
@@ -92,7 +92,7 @@ impl AnswerQueue {
             match self.queues.pop() {
                 None => break,
                 Some((to, Outgoing::Answer(answer))) => {
-                    // Stamped when sent, not when queued: stamps rise strictly, and other messages go out in between.
+                    // Stamped when sent, not when queued: stamps rise strictly, and other messages are sent in between.
                     let answer = stamped(*answer, effects.stamp());
                     effects.send(to, &answer);
                 }
@@ -137,7 +137,7 @@ fn stamped(mut answer: Message, stamp: TimeStamp) -> Message {
 /// Messages of one burst, and the pause after it.
 const BURST: usize = 16;
 const PAUSE: Duration = Duration::from_millis(20);
-/// Answers that may wait for a station; a level of interoperability has some 200.
+/// Maximum number of queued answers per station; one level of interoperability has some 200.
 pub(super) const MAX_WAITING: usize = 4_096;
 
 #[cfg(test)]

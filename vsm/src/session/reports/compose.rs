@@ -1,7 +1,9 @@
-//! The reports, composed from what the vehicle shows: 3, 3001, 3002, 4000, 4001 and 16002, which are pushed; and status in
-//! detail, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 3016, 12001, 12101, 16001, 18300, 18500, 28001 to 32400, 50025.
+//! Composes the reports from the vehicle's state: 3, 3001, 3002, 4000, 4001 and 16002, which are pushed; and detailed
+//! status, only on request by 17001 or 17002: 3000, 3004 to 3007, 3009 to 3011, 3016, 12001, 12101, 16001, 18300, 18500,
+//! 28001 to 32400, 50025.
 //!
-//! What the vehicle must stream for the latter is requested of the vehicle then, not before: a radio has no room for it.
+//! The MAVLink messages for the latter are requested of the vehicle only when needed: a radio has no room for them all the
+//! time.
 
 use mapping::data_link::DataLink;
 use mapping::equipment_reports as equipment;
@@ -83,10 +85,10 @@ pub(super) fn one(sources: &Sources<'_>, message: u16, stamp: TimeStamp) -> Opti
             let commanded = &sources.flight.commanded;
             Some(report::operating_states(vehicle, commanded, compiled, !live, stamp).into())
         }
-        // What a silent vehicle reported last is no state of now: it is not repeated.
+        // The last report of a silent vehicle is not its present state: do not repeat it.
         4000 if live => report::inertial_states(vehicle, stamp).map(Message::InertialStates),
         4001 if live => {
-            // Only once it has left the route, for AUTO.LOITER or an orbit: until then it flies to a waypoint still.
+            // Only once it has left the route, for AUTO.LOITER or an orbit: until then it still flies to a waypoint.
             if vehicle.mode != Some(Px4Mode::MISSION)
                 && let Some(states) =
                     report::loiter_place_states(vehicle, &sources.flight.commanded, stamp)
@@ -104,7 +106,7 @@ pub(super) fn one(sources: &Sources<'_>, message: u16, stamp: TimeStamp) -> Opti
     }
 }
 
-/// Requests of the vehicle what a report is made of, beyond what it streams anyway.
+/// Requests the messages that a report needs in addition to those always streamed.
 pub(super) fn request_streams(report: u16, effects: &mut Effects<'_>) {
     match report {
         3009 => effects.vehicle.request_rate(WIND_COV, 1.0),
@@ -123,7 +125,7 @@ pub(super) fn request_streams(report: u16, effects: &mut Effects<'_>) {
     }
 }
 
-/// Status in detail; none of a silent vehicle but what the VSM itself knows.
+/// Detailed status; for a silent vehicle only what the VSM itself knows.
 fn details(
     sources: &Sources<'_>,
     station: usize,
@@ -152,7 +154,7 @@ fn details(
         }
         3006 => vec![status::lights(effects.stamp()).into()],
         3007 if live => {
-            // A command that the vehicle refused is not one that its engines follow.
+            // A command that the vehicle refused is not reported as commanded to the engines.
             let followed = flight
                 .engine_command
                 .filter(|command| vehicle.armed == Some(*command != CommandedEngineState::Stop));
@@ -271,7 +273,7 @@ pub(super) fn station_bits(report: &Message) -> Option<u16> {
     }
 }
 
-/// 3011: the sticks that came last.
+/// 3011: the last received sticks.
 fn sticks_status(sticks: &stanag_msgs::messages::UaStickCommand, stamp: TimeStamp) -> Message {
     Message::from(UaStickStatus {
         time_stamp: Some(stamp),

@@ -1,5 +1,5 @@
-//! The configuration phase: the vehicle's parameters are read once it is there, 40000 is answered from them, and stations
-//! that were configured are sent what changes later.
+//! The configuration phase: reads the vehicle's parameters once its link is up, answers 40000 from them, and sends later
+//! changes to configured stations.
 //!
 //! No right is needed: configuration comes before a grant.
 
@@ -34,9 +34,9 @@ pub(super) struct Configuration {
     waiting: Vec<(Origin, Request)>,
     /// Stations that have been configured: they are sent changes.
     configured: BTreeSet<usize>,
-    /// What they were last sent of the modes that can be commanded.
+    /// The commandable modes last sent to them.
     modes: Option<Available>,
-    /// Whether the vehicle hovered when that was looked at last.
+    /// Whether the vehicle hovered at the last check.
     hovered: Option<bool>,
     controls: ControlWatch,
 }
@@ -45,7 +45,7 @@ pub(super) struct Configuration {
 enum Reading {
     #[default]
     NotYet,
-    /// So many parameters are still to come.
+    /// Number of parameters still to be read.
     Left(usize),
     Done,
 }
@@ -100,7 +100,7 @@ impl Configuration {
             return effects.refuse(Some(origin), why);
         }
         effects.acknowledge(&origin, AckType::Received);
-        // Of a silent vehicle the rest may never come: it is answered with what is known.
+        // A silent vehicle may never send the rest: answer with what is known.
         if context.vehicle.live() && self.must_wait(&request) {
             return self.waiting.push((origin, request));
         }
@@ -134,12 +134,13 @@ impl Configuration {
         answers.send_due(effects);
     }
 
-    /// The vehicle is there, or there again: its parameters are to be read, in this order; none while they already are.
+    /// The vehicle's link is up, for the first time or again: returns the parameters to read, in this order; none if a
+    /// reading is in progress.
     pub(super) fn names_to_read(&self) -> Vec<Name> {
         if self.is_reading() {
             return Vec::new();
         }
-        // What bounds routes first: a load waits for it.
+        // Parameters that limit routes first, because a load waits for them.
         let others = NAMES
             .iter()
             .filter(|name| !Performance::NAMES.contains(name));
@@ -147,12 +148,12 @@ impl Configuration {
         names.filter_map(|name| Name::new(name).ok()).collect()
     }
 
-    /// So many of them have been requested.
+    /// This many of them were requested.
     pub(super) fn begin_reading(&mut self, requested: usize) {
         self.reading = Reading::Left(requested);
     }
 
-    /// So many of them have come, or will not. Who has waited is answered once all have.
+    /// This many of them were received or failed. Waiting requests are answered once all are done.
     pub(super) fn count_read(
         &mut self,
         context: &Context<'_>,
@@ -170,7 +171,7 @@ impl Configuration {
         }
     }
 
-    /// The vehicle is silent: what is known is all that will be.
+    /// The vehicle is silent: no further parameters will arrive.
     pub(super) fn stop_reading(
         &mut self,
         context: &Context<'_>,
@@ -203,7 +204,7 @@ impl Configuration {
         self.is_reading() || request.is_of_controls() && self.controls.is_reading()
     }
 
-    /// Answers who has waited, and need not any more.
+    /// Answers waiting requests that no longer need to wait.
     pub(super) fn answer_waiting(
         &mut self,
         context: &Context<'_>,
@@ -220,7 +221,7 @@ impl Configuration {
         }
     }
 
-    /// One control more was read, or is not there.
+    /// One more control was read or does not exist.
     pub(super) fn count_control(
         &mut self,
         context: &Context<'_>,
@@ -233,7 +234,7 @@ impl Configuration {
         }
     }
 
-    /// What the vehicle's metadata says of its parameters from here on.
+    /// New metadata of the vehicle's parameters.
     pub(super) fn define_parameters(
         &mut self,
         context: &Context<'_>,
@@ -258,8 +259,8 @@ impl Configuration {
         self.controls.names_to_read(context, effects)
     }
 
-    /// Keeps a value that the vehicle has reported; where it is another, stations that were configured are sent what it
-    /// changes. `informed`: stations that are sent its 50012 for another reason.
+    /// Keeps a reported value; if it has changed, sends the resulting changes to configured stations. `informed`: stations
+    /// that receive its 50012 for another reason.
     pub(super) fn store_parameter(
         &mut self,
         context: &Context<'_>,
@@ -276,7 +277,7 @@ impl Configuration {
             Value::Real(value) => f64::from(value),
         };
         let known = self.parameters.get(name.as_str()).is_some();
-        // Only a value that was known before can change what has been reported.
+        // Only a change of a known value can change what was reported.
         let before = if known {
             self.bounded(context)
         } else {
@@ -298,7 +299,7 @@ impl Configuration {
         self.report_changes(&changed, None, answers, effects);
     }
 
-    /// Reports by 44003 which modes can be commanded now, where that has changed.
+    /// Reports by 44003 which modes can be commanded now, if that has changed.
     pub(super) fn watch_modes(
         &mut self,
         context: &Context<'_>,
@@ -306,7 +307,7 @@ impl Configuration {
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
-        // Where nobody was configured yet there is nothing to change.
+        // Without a configured station there is nothing to update.
         if let Some(before) = self.modes {
             let available = available_modes(context, mission);
             self.modes = Some(available);
@@ -315,7 +316,7 @@ impl Configuration {
         }
     }
 
-    /// Reports by 41002 and 41003 what has changed with the state of a VTOL: it is commanded by other limits then.
+    /// Reports by 41002 and 41003 the limits that change with the state of a VTOL.
     pub(super) fn watch_state(
         &mut self,
         context: &Context<'_>,
@@ -337,7 +338,7 @@ impl Configuration {
         self.report_changes(&changed, None, answers, effects);
     }
 
-    /// Sends changes to the stations that 40000 has configured, but for the one that made them.
+    /// Sends changes to the configured stations, except the one that made them.
     pub(super) fn report_changes(
         &self,
         changed: &[Message],
@@ -359,7 +360,7 @@ impl Configuration {
         answers.send_due(effects);
     }
 
-    /// The answers that parameters bound, in an order that is always the same.
+    /// The answers that depend on parameters, in a fixed order.
     fn bounded(&self, context: &Context<'_>) -> Vec<Message> {
         self.bounded_as(context.vehicle.telemetry.hovers(), context)
     }
@@ -396,7 +397,7 @@ impl Configuration {
         }
     }
 
-    /// PX4's own reaction to the loss of this VSM, as its parameters set it. It is changed only on command.
+    /// PX4's own reaction to the loss of this VSM, as set by its parameters. It is changed only on command.
     fn report_own_failsafe(&self, effects: &mut Effects<'_>) {
         let parameters = &self.parameters;
         let (Some(action), Some(after_s)) =
@@ -433,7 +434,7 @@ fn own_failsafe(action: f64) -> &'static str {
     }
 }
 
-/// What PX4 does when it receives nothing from a ground station.
+/// PX4's action when it loses the ground station.
 const LOSS_ACTION: &str = "NAV_DLL_ACT";
 /// After how long it does so, s.
 const LOSS_TIME: &str = "COM_DL_LOSS_T";

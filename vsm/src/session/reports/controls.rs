@@ -1,7 +1,7 @@
-//! The vehicle's controls: which of its parameters are (`vehicle.controls`), and who is reported their values.
+//! The vehicle's controls: the parameters offered to stations (`vehicle.controls`), and the reports of their values.
 //!
-//! They are read once the vehicle is there, each in turn with what stations request. Stations that were configured (40000) are
-//! sent each control that is new or described again, and each value that is another, whoever has set it.
+//! They are read once the vehicle's link is up, alternating with requests of stations. Configured stations (40000) receive
+//! each new or changed description, and each changed value, whatever the cause of the change.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ use crate::session::log::LogLevel;
 #[derive(Debug, Default)]
 pub(super) struct ControlWatch {
     controls: Controls,
-    /// So many of them are still to be read.
+    /// Number of controls still to be read.
     left: usize,
 }
 
@@ -34,7 +34,7 @@ impl ControlWatch {
         self.left > 0
     }
 
-    /// The vehicle is there, or is described again: these are to be read; none while they already are.
+    /// The vehicle's link is up, or it has new metadata: returns the controls to read; none if a reading is in progress.
     pub(super) fn names_to_read(
         &mut self,
         context: &Context<'_>,
@@ -61,7 +61,7 @@ impl ControlWatch {
         names
     }
 
-    /// One more was read, or is not there. Returns whether it was the last.
+    /// One more was read or does not exist. Returns whether it was the last.
     pub(super) fn count_read(&mut self) -> bool {
         self.left = self.left.saturating_sub(1);
         self.left == 0
@@ -72,7 +72,7 @@ impl ControlWatch {
         self.left = 0;
     }
 
-    /// What the vehicle's metadata says from here on; stations that were configured are sent what that changes.
+    /// New metadata of the vehicle; the changes are sent to configured stations.
     pub(super) fn define(
         &mut self,
         context: &Context<'_>,
@@ -98,7 +98,7 @@ impl ControlWatch {
         }
     }
 
-    /// The vehicle reports a parameter. `informed`: stations that are sent its 50012 for another reason.
+    /// The vehicle reports a parameter. `informed`: stations that receive its 50012 for another reason.
     pub(super) fn learn(
         &mut self,
         context: &Context<'_>,
@@ -122,7 +122,7 @@ impl ControlWatch {
         report(context, messages, configured, informed, answers, effects);
     }
 
-    /// Why a parameter must not be written: the configuration chooses what is, and it is none of them.
+    /// Why a parameter must not be written: it is not one of the configured controls.
     pub(super) fn check_write(
         &self,
         chosen: Option<&config::Controls>,
@@ -133,7 +133,7 @@ impl ControlWatch {
             return Ok(());
         }
         Err(format!(
-            "parameter {name} is none of the vehicle's controls (vehicle.controls): the configuration of message 50011 lists them"
+            "parameter {name} is not one of the vehicle's controls (vehicle.controls): the configuration of message 50011 lists them"
         ))
     }
 }
@@ -168,5 +168,5 @@ fn report(
     answers.send_due(effects);
 }
 
-/// Parameters that are read for the controls at most; of a pattern most are another board's or airframe's.
+/// Maximum number of parameters read for the controls; most matches of a pattern belong to other boards or airframes.
 const MAX_READ: usize = 2 * Controls::MAX;

@@ -51,7 +51,7 @@ fn timer(context: &Context<'_>, flight: &FlightView<'_>) -> LostLinkTimer {
     }
 }
 
-/// 28000. There is one link, and it carries the commands of whoever controls the vehicle: none of it is lent.
+/// 28000. There is one link, and it carries the commands of the controlling CUCS: stations cannot be given control of it.
 pub(super) fn control_request(
     context: &Context<'_>,
     origin: Origin,
@@ -78,5 +78,5 @@ pub(super) fn control_request(
     );
 }
 
-/// 404.06: a release of nothing asks what there is.
+/// 404.06: a release of nothing is a query.
 const RELEASE: u8 = 1;

@@ -1,14 +1,14 @@
-//! The vehicle's events and texts as alerts: each once, whichever form of it arrives first.
+//! The vehicle's events and texts as alerts: each is raised once, whichever form arrives first.
 //!
-//! PX4 sends most of what it reports twice: as an EVENT, which names it by a number, and as a STATUSTEXT that ends with a tab,
-//! for ground stations without events. Some is sent as one of the two alone. Here:
-//! - with the vehicle's definitions an event is alerted by its own text and level, and the text of the same priority that
-//!   says the same is dropped, if it comes after; where it came before, the event is;
-//! - without definitions a text stands for the event of its priority that comes with it. An event without one is alerted by
-//!   its numbers;
-//! - what is as urgent as an error or more is never dropped: rather twice than not at all;
-//! - reports on health and on the checks before arming, which PX4 repeats whole whenever one of them changes, are one alert
-//!   that stands while something keeps a disarmed vehicle from arming. In flight what is new in them is alerted.
+//! PX4 sends most reports twice: as an EVENT, which has a number, and as a STATUSTEXT that ends with a tab, for ground
+//! stations without events. Some reports have only one of these forms. So:
+//! - with the vehicle's event definitions an event is alerted with its own text and level; of an event and a text with the
+//!   same priority and meaning, the later one is dropped;
+//! - without definitions a text replaces the event with the same priority that arrives with it. An event without a text is
+//!   alerted by its numbers;
+//! - errors and anything more urgent are never dropped: better twice than not at all;
+//! - reports of health and arming checks, which PX4 repeats completely whenever one of them changes, are one alert, active
+//!   while a check prevents a disarmed vehicle from arming. In flight only new faults are alerted.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -26,13 +26,13 @@ use crate::session::effects::Effects;
 #[derive(Debug, Default)]
 pub(super) struct EventAlerts {
     catalogue: Option<Catalogue>,
-    /// What was alerted just now, and may come again in its other form.
+    /// Recent alerts whose other form may still arrive.
     alerted: VecDeque<Alerted>,
-    /// Events without definition, each until its text would have come.
+    /// Events without definition, each waiting for its text.
     unnamed: VecDeque<(Duration, Received)>,
     /// The report on health and arming checks that is arriving.
     report: Option<(Duration, Vec<Check>)>,
-    /// The last one.
+    /// The last complete report.
     checks: Vec<Check>,
 }
 
@@ -54,12 +54,12 @@ struct Check {
 }
 
 impl EventAlerts {
-    /// What the vehicle's events mean.
+    /// The definitions of the vehicle's events.
     pub(super) fn define(&mut self, catalogue: Catalogue) {
         self.catalogue = Some(catalogue);
     }
 
-    /// The vehicle has restarted: what it reported of its checks is over.
+    /// The vehicle has restarted: its earlier checks no longer apply.
     pub(super) fn restart(&mut self, effects: &mut Effects<'_>) {
         (self.report, self.checks) = (None, Vec::new());
         self.unnamed.clear();
@@ -96,7 +96,7 @@ impl EventAlerts {
         match event {
             Event::Received(event) => self.received(context, event, effects),
             Event::Lost(count) => {
-                // It may have lost its end, or one of its checks: the next one is whole.
+                // Its end or one of its checks may be lost: the next report will be complete.
                 self.report = None;
                 let text = format!("{count} events of the vehicle were lost");
                 effects.notify(AlertPriority::Caution, AUTOPILOT_SUBSYSTEM, text);
@@ -105,7 +105,7 @@ impl EventAlerts {
         }
     }
 
-    /// Alerts what no text has come for, and clears what a take-off has answered.
+    /// Raises alerts for events without a text, and clears the arming checks after a take-off.
     pub(super) fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
         while self.unnamed.front().is_some_and(|(due, _)| *due <= now)
@@ -113,10 +113,10 @@ impl EventAlerts {
         {
             Self::alert_plain(&event, effects);
         }
-        // Its end was lost: what comes now is no part of it.
+        // The end of the report was lost: later events do not belong to it.
         self.report.take_if(|(until, _)| *until <= now);
         if context.vehicle.telemetry.armed == Some(true) {
-            let text = "the vehicle is armed: what its checks before arming reported is over";
+            let text = "the vehicle is armed: its earlier arming checks no longer apply";
             effects.clear(Cause::ArmingChecks, text);
         }
     }
@@ -156,7 +156,7 @@ impl EventAlerts {
                 }
             }
             (known, Some((_, report))) => {
-                // Its first argument is the modes that it keeps from being flown: most vehicles have no sticks, and need none.
+                // Its first argument has the modes that it blocks. Most vehicles have no sticks and do not need them.
                 let [a, b, c, d, ..] = event.arguments;
                 let modes = u32::from_le_bytes([a, b, c, d]);
                 if modes & COMMANDED_MODES != 0 && report.len() < MAX_CHECKS {
@@ -170,7 +170,7 @@ impl EventAlerts {
                 }
             }
             (_, None) if !may_be_dropped(priority) => Self::alert_plain(event, effects),
-            // Its text may have come, or be on its way.
+            // Its text may have arrived already, or may still arrive.
             (_, None) => {
                 if !self.take(now, priority, |one| one.as_text) {
                     if self.unnamed.len() >= MAX_WAITING
@@ -184,7 +184,7 @@ impl EventAlerts {
         }
     }
 
-    /// A whole report on health and arming checks.
+    /// A complete report of health and arming checks.
     fn judge_checks(
         &mut self,
         context: &Context<'_>,
@@ -202,7 +202,7 @@ impl EventAlerts {
             let failed = || checks.iter().filter(fails);
             let named = failed().filter(|one| one.named);
             let mut texts: Vec<&str> = named.map(|one| one.text.as_str()).collect();
-            // One is reported for each group of modes that it keeps from being flown.
+            // A check is reported for each group of modes that it blocks.
             texts.dedup();
             let unnamed = failed().filter(|one| !one.named).map(|one| one.id);
             let unnamed = unnamed.collect::<BTreeSet<_>>().len();
@@ -210,7 +210,7 @@ impl EventAlerts {
             let more = texts.len() - shown.len() + unnamed;
             match (shown, more) {
                 ([], 0) => effects.clear(Cause::ArmingChecks, CHECKS_OVER),
-                // Numbers of events are of no use to an operator.
+                // Event numbers are useless to an operator.
                 ([], _) => {
                     let text = format!("{unnamed} (their texts have not been read)");
                     Self::raise_checks(&text, effects);
@@ -250,7 +250,7 @@ impl EventAlerts {
         });
     }
 
-    /// Whether one like this was alerted just now, with the same priority. It answers for one twin.
+    /// Whether the other form was alerted just now, with the same priority. It is used for one match only.
     fn take(
         &mut self,
         now: Duration,
@@ -267,22 +267,22 @@ impl EventAlerts {
     }
 }
 
-/// Whether an alert of this priority may be left to another one that says the same, as far as can be judged.
+/// Whether an alert with this priority may be dropped in favour of one that seems to have the same meaning.
 fn may_be_dropped(priority: AlertPriority) -> bool {
     matches!(priority, AlertPriority::Caution | AlertPriority::Nominal)
 }
 
-/// Subsystem ID of what the autopilot reports of itself: VSM specific.
+/// Subsystem ID for the autopilot's own reports: VSM specific.
 pub(super) const AUTOPILOT_SUBSYSTEM: SubsystemId = SubsystemId::from_raw(20);
-/// PX4 sends both in the same round of its loop; a lost event is requested again for up to 2.5 s.
+/// PX4 sends both in the same loop iteration; a lost event is requested again for up to 2.5 s.
 const TWIN_WITHIN: Duration = Duration::from_secs(3);
-/// PX4 sends a report in one go; what is lost of it is requested again for up to 2.5 s.
+/// PX4 sends a report in one burst; lost events are requested again for up to 2.5 s.
 const REPORT_WITHIN: Duration = Duration::from_secs(3);
-/// Events, and texts, that wait for their twins.
+/// Maximum number of events or texts that wait for their other form.
 const MAX_WAITING: usize = 32;
-/// PX4's navigation states that a CUCS commands, as bits: mission, loiter, return, take-off, land.
+/// PX4's navigation states that a CUCS can command, as bits: mission, loiter, return, take-off, land.
 const COMMANDED_MODES: u32 = 1 << 3 | 1 << 4 | 1 << 5 | 1 << 17 | 1 << 18;
-/// PX4 keeps a report to 14.
+/// PX4 limits a report to 14 checks.
 const MAX_CHECKS: usize = 64;
 const NAMED_CHECKS: usize = 3;
 const CHECKS_OVER: &str = "the vehicle's checks before arming no longer fail";

@@ -1,8 +1,8 @@
-//! What the vehicle reports of its own health: as alerts that stand as long as their cause (16000), and as subsystem
-//! status on request (15000, 15001).
+//! The vehicle's reported health: as alerts (16000) that are active as long as their cause, and as subsystem status on
+//! request (15000, 15001).
 //!
-//! A cause must have lasted before it is raised, and be gone for a while before it is cleared: one that comes and goes
-//! makes one alert, not a storm. While the vehicle is silent nothing changes: what it reported last may no longer hold.
+//! A cause must last for a while before it is raised, and be gone for a while before it is cleared, so that an intermittent
+//! cause makes one alert and not a storm. While the vehicle is silent nothing changes: its last report may no longer hold.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -24,22 +24,22 @@ use crate::session::effects::Effects;
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct HealthWatch {
-    /// Causes that are raised, or about to be.
+    /// Causes that are raised or about to be raised.
     causes: BTreeMap<HealthFault, Watched>,
-    /// The vehicle was live when it was last looked at: else nothing is waited for.
+    /// Whether the vehicle was live at the last check: otherwise nothing is due.
     live: bool,
 }
 
 #[derive(Debug)]
 struct Watched {
-    /// Since when it is as it is now: present, or gone.
+    /// Since when it has been in its present state: present or gone.
     since: Duration,
     present: bool,
     raised: bool,
 }
 
 impl HealthWatch {
-    /// Raises what has lasted, clears what is gone.
+    /// Raises causes that have lasted long enough, and clears those that are gone.
     pub(super) fn watch(
         &mut self,
         context: &Context<'_>,
@@ -78,7 +78,7 @@ impl HealthWatch {
         }
         let lasted = now.saturating_sub(watched.since);
         match finding {
-            // Once raised, a new text or priority goes out at once: only the cause itself must have lasted.
+            // Once raised, a new text or priority is sent at once: only the cause itself must last.
             Some(finding) if watched.raised || lasted >= RAISE_AFTER => {
                 watched.raised = true;
                 let Finding {
@@ -97,7 +97,7 @@ impl HealthWatch {
         }
     }
 
-    /// When a cause has lasted long enough, or been gone for long enough.
+    /// When the next cause must be raised or cleared.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let pending =
             self.causes
@@ -114,7 +114,7 @@ impl HealthWatch {
     }
 }
 
-/// 15000: 16001 of each subsystem that is requested, all where none is named.
+/// 15000: sends 16001 for each requested subsystem, or for all if none is named.
 pub(super) fn subsystem_status(
     context: &Context<'_>,
     parameters: &Parameters,
@@ -144,7 +144,7 @@ pub(super) fn subsystem_status(
     effects.acknowledge(&origin, AckType::CarriedOut);
 }
 
-/// 15001: 16001 with the text of each alert that stands for a subsystem.
+/// 15001: sends 16001 with the text of each active alert of a subsystem.
 pub(super) fn subsystem_detail(
     context: &Context<'_>,
     origin: Origin,
@@ -175,7 +175,7 @@ pub(super) fn subsystem_detail(
     effects.acknowledge(&origin, AckType::CarriedOut);
 }
 
-/// The reference by which 15001 requests detail of this subsystem: -1 where no alert stands for it.
+/// The reference with which 15001 requests details of this subsystem: -1 if it has no active alert.
 pub(super) fn detail_reference(alerts: &Alerts, subsystem: SubsystemId) -> i32 {
     let stands = alerts.standing().any(|alert| alert.subsystem == subsystem);
     if stands {
@@ -199,10 +199,10 @@ pub(super) fn edition_2(context: &Context<'_>, station: usize) -> Result<(), Str
     }
 }
 
-/// SYS_STATUS comes at 1 Hz: a fault that is reported once and never again is none.
+/// SYS_STATUS arrives at 1 Hz: a fault that is reported only once is ignored.
 const RAISE_AFTER: Duration = Duration::from_millis(1_500);
 const CLEAR_AFTER: Duration = Duration::from_secs(3);
-/// 1101.06: there is no more detail.
+/// 1101.06: no further details.
 const NO_MORE: i32 = -1;
 
 #[cfg(test)]

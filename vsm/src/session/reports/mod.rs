@@ -1,14 +1,14 @@
-//! What the stations of one vehicle are sent: on schedule, on request and on change; and what they configure.
+//! Reports to the stations of one vehicle: on schedule, on request and on change; and the configuration messages.
 //!
-//! - `compose`: the reports, from what the vehicle shows; `push`: when each is due to whom (17001)
-//! - `requests`: what is requested of the vehicle for one answer: its software, a ping
+//! - `compose`: composes the reports from the vehicle's state; `push`: when each is due, for each station (17001)
+//! - `requests`: requests to the vehicle for a single answer: its software versions, a ping
 //! - `answers`: answers of many messages, a few at a time
 //! - `configuration`: the configuration phase (40000), and changes of what it has reported
 //! - `controls`: parameters that stations are offered as controls
 //! - `parameters`: the vehicle's parameters for stations (50010 to 50012); `settings`: for `vsm check-vehicle`
 //! - `data_link`: the link as stations see it (28000 to 32400)
-//! - `events`: what it reports by EVENT and STATUSTEXT, each once
-//! - `health`: what the vehicle reports of its own health, as alerts and as subsystem status (15000, 15001)
+//! - `events`: the vehicle's EVENTs and STATUSTEXTs, each reported once
+//! - `health`: the vehicle's reported health, as alerts and as subsystem status (15000, 15001)
 
 mod answers;
 mod compose;
@@ -73,13 +73,13 @@ pub(crate) struct Reports {
     health: HealthWatch,
     events: EventAlerts,
     identity: Option<Identity>,
-    /// Fields without effect that stations were already sent: station, message, field.
+    /// Fields without effect that were already reported to stations: station, message, field.
     ignored: BTreeSet<(usize, u16, u8)>,
     /// Reports of a change of mode.
     modes: Allowance,
 }
 
-/// What message 3 has reported last and can change: tail number and Mission ID.
+/// The changeable values last reported by message 3: tail number and Mission ID.
 type Identity = (String, Option<String>);
 
 /// What it reads.
@@ -94,7 +94,7 @@ pub(crate) struct Context<'a> {
 
 context::deref_to_common!(Context);
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
     /// 50010, 50011, 50014, 15000 or 15001 of a CUCS that holds the right.
@@ -117,12 +117,12 @@ pub(crate) enum Input<'a> {
         station: usize,
         request: &'a GenericInformationRequestMessage,
     },
-    /// A command is about to be carried out: its station is sent once the fields that never have an effect.
+    /// A command is about to be carried out: reports once to its station the fields that never have an effect.
     NoteIgnored {
         origin: &'a Origin,
         message: &'a Message,
     },
-    /// The station has begun or ceased to hold LOI 2: what it scheduled is forgotten.
+    /// The station has gained or lost LOI 2: its schedule is forgotten.
     ListenerChanged {
         station: usize,
     },
@@ -134,7 +134,7 @@ pub(crate) enum Input<'a> {
     Restarted,
     ModeChanged,
     ParameterServiceEnded(param::Event),
-    /// The vehicle reports a parameter that nobody requested: somebody has changed it.
+    /// The vehicle reports an unrequested parameter: another system has changed it.
     ParameterReported(param::Name, param::Value),
     /// `vsm check-vehicle`.
     ReadSettings,
@@ -143,11 +143,11 @@ pub(crate) enum Input<'a> {
     Text(text::Text),
     /// An event of the vehicle.
     Event(event::Event),
-    /// What the vehicle's events mean.
+    /// The definitions of the vehicle's events.
     DefineEvents(Catalogue),
-    /// What the vehicle's metadata says of its parameters.
+    /// The metadata of the vehicle's parameters.
     DefineParameters(ParameterMetadata),
-    /// These configuration values have changed; `by` knows already.
+    /// These configuration values have changed; `by` already knows.
     Configured {
         changed: Vec<Message>,
         by: Option<usize>,
@@ -158,15 +158,15 @@ pub(crate) enum Input<'a> {
         answers: Vec<Message>,
         origin: Option<Origin>,
     },
-    /// Reports by 44003 which modes can be commanded now, where that has changed.
+    /// Reports by 44003 which modes can be commanded now, if that has changed.
     WatchModes,
-    /// Sends message 3 where tail number or Mission ID has changed.
+    /// Sends message 3 if tail number or Mission ID has changed.
     WatchIdentity,
     SendConfiguration,
     WatchRequests,
     WatchHealth,
     ClearAnswers,
-    /// Sends the reports whose time has come.
+    /// Sends the reports that are due.
     PushDue,
 }
 
@@ -179,7 +179,7 @@ impl Reports {
     /// Takes an input.
     ///
     /// # Errors
-    /// Of 17001 and 17002 only: the reason, for the operator. The caller answers.
+    /// The reason, for the operator; for 17001 and 17002 only. The caller answers.
     pub(crate) fn handle(
         &mut self,
         context: &Context<'_>,
@@ -212,7 +212,7 @@ impl Reports {
             Input::LinkUp => {
                 effects.clear(Cause::VehicleSilent, "link to the vehicle is up");
                 self.report_state(context, effects);
-                // They may have been changed during the silence, or by a restart in it.
+                // They may have changed during the silence, or by a restart.
                 self.read_parameters(context, effects);
             }
             Input::LinkDown => {
@@ -235,7 +235,7 @@ impl Reports {
                 let text = "the autopilot has restarted";
                 effects.notify(AlertPriority::Warning, AUTOPILOT_SUBSYSTEM, text);
             }
-            // Of a vehicle that changes its mode with every frame the reports on schedule show what it is in.
+            // If a vehicle changes its mode with every frame, the scheduled reports are enough.
             Input::ModeChanged if !self.modes.take(common.mono(), MODES) => {}
             Input::ModeChanged => {
                 self.report_state(context, effects);
@@ -248,7 +248,7 @@ impl Reports {
             Input::ParameterServiceEnded(event) => self.parameter_ended(context, event, effects),
             Input::ParameterReported(name, value) => {
                 let before = self.learn_parameter(context, name, value, None, effects);
-                // A first value is no change; a later one that nobody here requested was set by another station.
+                // A first value is not a change; a later, unrequested one was set by another station.
                 if let Some(before) = before.filter(|before| *before != value) {
                     effects.advise(parameters::foreign_change(name, value, before));
                 }
@@ -259,7 +259,7 @@ impl Reports {
             Input::Event(event) => self.events.event(common, &event, effects),
             Input::DefineEvents(catalogue) => self.events.define(catalogue),
             Input::DefineParameters(metadata) => {
-                // Names of another firmware are not read any more.
+                // Names of another firmware are no longer read.
                 self.parameters.drop_controls();
                 let configuration = &mut self.configuration;
                 configuration.define_parameters(common, metadata, answers, effects);
@@ -298,7 +298,7 @@ impl Reports {
         Ok(())
     }
 
-    /// When an input that depends on the time is next due.
+    /// When a timed input is next due.
     pub(crate) fn poll_timeout(&self, alerts: &Alerts) -> Option<Duration> {
         [
             self.push.poll_timeout(),
@@ -313,7 +313,7 @@ impl Reports {
         .min()
     }
 
-    /// A load, or another configuration, has changed message 3; a new listener is sent it at its grant.
+    /// A load or a new configuration has changed message 3; a new listener receives it with its grant.
     fn watch_identity(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let tail_number = &context.config.tail_number;
         let mission_id = context
@@ -448,7 +448,7 @@ impl Reports {
         Ok(())
     }
 
-    /// Reports once to a station each field of its messages that asks for something and never has an effect here.
+    /// Reports once to a station each used field of its messages that never has an effect in this VSM.
     fn note_ignored(&mut self, origin: &Origin, message: &Message, effects: &mut Effects<'_>) {
         let unused = ignored_fields::unused_fields(message).into_iter();
         let names: Vec<&str> = unused
@@ -479,7 +479,7 @@ impl Reports {
                     }
                     continue;
                 }
-                // Not by `all`: the reports that are pushed all the time take no allocation.
+                // Do not use `all`: the regularly pushed reports must not allocate.
                 let sources = self.sources(context);
                 let stamp = compose::stamp(&sources, station, message, effects);
                 if let Some(report) = compose::one(&sources, message, stamp) {
@@ -514,7 +514,7 @@ impl Reports {
     }
 
     fn read_controls(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        // Of a silent vehicle each would wait for its retries; it is read once it is there.
+        // With a silent vehicle each would wait for its retries; they are read once its link is up.
         if !context.vehicle.live() {
             return;
         }
@@ -581,14 +581,14 @@ impl Reports {
                 return;
             }
             Some(Purpose::Configuration) => {
-                // A vehicle that lacks it is bounded by the rest.
+                // A vehicle without this parameter is limited by the others.
                 if let Event::Read { name, value } = event {
                     self.learn_parameter(context, name, value, None, effects);
                 }
                 return self.count_read(context, 1, effects);
             }
             Some(Purpose::Controls) => {
-                // What a pattern names and the vehicle lacks is no control.
+                // A name that the vehicle does not have is not a control.
                 if let Event::Read { name, value } = event {
                     self.learn_parameter(context, name, value, None, effects);
                 }
@@ -626,7 +626,7 @@ impl Reports {
                         parameter::report(name, entry.value, described, place).into()
                     })
                     .collect();
-                // The requester counts as `asker`: the list brings it the same values.
+                // The requester counts as `asker`: it receives the same values in the list.
                 for entry in entries {
                     let (name, value) = (entry.name, entry.value);
                     self.learn_parameter(context, name, value, Some(station), effects);
@@ -641,8 +641,8 @@ impl Reports {
         self.configuration.controls().controls().metadata()
     }
 
-    /// Keeps a value; who follows the parameter is sent it where it is another than before, but for `asker`, who follows
-    /// it from here on. Returns the value before.
+    /// Keeps a value. If it has changed, sends it to all stations that follow the parameter, except `asker`, which follows
+    /// it from here on. Returns the previous value.
     fn learn_parameter(
         &mut self,
         context: &Context<'_>,
@@ -667,7 +667,7 @@ impl Reports {
     }
 }
 
-/// Reports whose layouts are derived from Edition 2 are sent unless the configuration says that they are off.
+/// Reports whose layouts are derived from Edition 2 are sent unless the configuration switches them off.
 fn in_use(context: &Context<'_>, station: usize, message: u16) -> Result<(), String> {
     if compose::PAYLOAD.contains(&message) && context.provisional(station) == Provisional::Off {
         return Err(format!(
@@ -683,7 +683,7 @@ fn known_report(message: u16) -> Result<(), String> {
         return Ok(());
     }
     let named = table::named(message);
-    // 17003, 32301: their layout is known but for the one field that matters.
+    // 17003, 32301: their layout is known except for the one field that matters.
     let fields = table::message(message).map_or(&[][..], |info| info.fields);
     let unsized_field = fields.iter().find(|field| field.wire.bytes().is_none());
     Err(match unsized_field {

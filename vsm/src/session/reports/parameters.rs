@@ -1,11 +1,12 @@
 //! The vehicle's parameters for ground stations: 50010 reads, 50011 writes, 50012 reports.
 //!
-//! A value out of its range is refused here, since PX4 stores what it is given. A write is carried out once the vehicle
-//! reports the new value. Whoever has requested a parameter is sent its later changes, also those that another station
-//! makes; that a station beside us changes any known parameter is a 16000 alert too.
+//! A value out of range is refused here, since PX4 stores any value. A write is complete once the vehicle reports the new
+//! value. A station that has requested a parameter receives its later changes, also those made by another station. If
+//! another station changes any known parameter, a 16000 alert is raised too.
 //!
-//! The vehicle is asked one thing at a time. What the bridge needs itself comes first, since a load waits for it; the
-//! stations have their turns ([`Turns`]), [`MAX_PLACES`] places each, and a rate. What finds no place is refused by name.
+//! Only one request to the vehicle is outstanding. The bridge's own requests come first, since a load waits for them. The
+//! stations take turns ([`Turns`]), with [`MAX_PLACES`] queued requests each and a rate limit. Requests beyond that are
+//! refused with the reason.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -26,20 +27,20 @@ use crate::session::turns::Turns;
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct ParameterRequests {
-    /// What the bridge needs itself.
+    /// The bridge's own requests.
     own: VecDeque<(Purpose, Name)>,
     stations: Turns<(Purpose, Wanted)>,
-    /// For whom the vehicle is being asked.
+    /// The requester of the outstanding request.
     active: Option<(Purpose, Wanted)>,
-    /// As the vehicle has last reported them.
+    /// The parameters as last reported by the vehicle.
     known: BTreeMap<Name, Known>,
-    /// Stations that have requested all parameters: they follow each.
+    /// Stations that have requested all parameters and so follow each.
     follow_all: BTreeSet<usize>,
-    /// What each station may still ask for.
+    /// The rate limits of the stations.
     rates: BTreeMap<usize, Allowances>,
 }
 
-/// For whom the vehicle is asked.
+/// The requester of a request.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Purpose {
     Configuration,
@@ -48,7 +49,7 @@ pub(super) enum Purpose {
     /// `vsm check-vehicle`.
     Settings,
     Station(Origin),
-    /// Nobody waits for it any more.
+    /// Its requester no longer waits for it.
     Nobody,
 }
 
@@ -62,7 +63,8 @@ enum Wanted {
 #[derive(Debug)]
 struct Known {
     value: Value,
-    /// Who has requested it. A name that the vehicle does not have is followed by nobody: names are the stations' to invent.
+    /// The stations that have requested it. Names that the vehicle does not have are not followed, since stations could
+    /// invent any number of them.
     followers: BTreeSet<usize>,
 }
 
@@ -72,7 +74,7 @@ struct Allowances {
     lists: Allowance,
 }
 
-/// What the machine asks of the vehicle.
+/// Requests to the vehicle.
 impl ParameterRequests {
     /// Reads parameters for the configuration phase, each once.
     pub(super) fn read_for_configuration(
@@ -81,7 +83,7 @@ impl ParameterRequests {
         names: Vec<Name>,
         effects: &mut Effects<'_>,
     ) {
-        // What is left of an earlier reading would end this one too early.
+        // The rest of an earlier reading would end this one too early.
         self.drop_configuration();
         let names = names.into_iter();
         self.own
@@ -89,7 +91,7 @@ impl ParameterRequests {
         self.advance(context, effects);
     }
 
-    /// The reading for the configuration phase has ended, whatever of it was not read.
+    /// Ends the reading for the configuration phase, even if it is incomplete.
     pub(super) fn drop_configuration(&mut self) {
         self.own
             .retain(|(purpose, _)| !matches!(purpose, Purpose::Configuration));
@@ -112,7 +114,7 @@ impl ParameterRequests {
         self.advance(context, effects);
     }
 
-    /// What is left of them is not read.
+    /// Cancels the reading of the remaining controls.
     pub(super) fn drop_controls(&mut self) {
         self.stations.take(CONTROLS);
         if let Some((purpose @ Purpose::Controls, _)) = &mut self.active {
@@ -166,7 +168,7 @@ impl ParameterRequests {
             .parameter_name
             .as_ref()
             .map_or("", |name| name.as_str());
-        // PX4 v1.18 accepts and stores values out of range (NAV_DLL_ACT 99): only this check stands before it.
+        // PX4 v1.18 accepts and stores values out of range (NAV_DLL_ACT 99): this is the only check.
         let checked = match command.commanded_value {
             Some(value) => {
                 let described = controls.controls().metadata().get(name);
@@ -216,7 +218,7 @@ impl ParameterRequests {
         self.advance(context, effects);
     }
 
-    /// Asks the vehicle the next thing, where it is asked nothing.
+    /// Sends the next request to the vehicle if none is outstanding.
     pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         while self.active.is_none() {
             let own = self.own.pop_front();
@@ -246,7 +248,7 @@ impl ParameterRequests {
                 (Err(full), Purpose::Station(origin)) => {
                     effects.refuse(Some(origin), full.to_string());
                 }
-                // It has one request at a time, so this waits for no more than its unread events.
+                // It has one request at a time, so this only waits for its unread events.
                 (Err(_), _) => {
                     if let (Wanted::Read(_), Purpose::Controls) = (wanted, purpose) {
                         self.stations.push(CONTROLS, (purpose, wanted));
@@ -259,7 +261,7 @@ impl ParameterRequests {
         }
     }
 
-    /// For whom the request is that has just ended. Whoever takes it lets the next one begin ([`Self::advance`]).
+    /// The requester of the request that has just ended. The caller then starts the next one ([`Self::advance`]).
     pub(super) fn ended(&mut self) -> Option<Purpose> {
         let (purpose, wanted) = self.active.take()?;
         if let (Purpose::Station(origin), Wanted::List) = (purpose, wanted) {
@@ -269,9 +271,9 @@ impl ParameterRequests {
     }
 }
 
-/// What the vehicle has reported, and who follows it.
+/// Reported parameters, and the stations that follow them.
 impl ParameterRequests {
-    /// Keeps a value that the vehicle has reported, and that a station follows it; what it was before, where it was known.
+    /// Keeps a reported value, and adds the station as a follower. Returns the previous value, if known.
     pub(super) fn learn(
         &mut self,
         name: Name,
@@ -298,13 +300,13 @@ impl ParameterRequests {
             .collect()
     }
 
-    /// How many names it remembers.
+    /// Number of known names.
     #[cfg(test)]
     pub(super) fn remembered(&self) -> usize {
         self.known.len()
     }
 
-    /// The station does not listen any more.
+    /// The station no longer listens.
     pub(super) fn forget(&mut self, station: usize) {
         self.follow_all.remove(&station);
         for known in self.known.values_mut() {
@@ -313,7 +315,7 @@ impl ParameterRequests {
     }
 }
 
-/// What a station is sent that follows a parameter, or has requested it.
+/// The report for a station that follows or has requested a parameter.
 pub(super) fn report(name: Name, value: Value, metadata: &ParameterMetadata) -> Message {
     let name = name.as_str();
     parameter::report(name, value, metadata.get(name), None).into()
@@ -358,7 +360,7 @@ fn why(reason: &Refusal) -> String {
     }
 }
 
-/// The turn of the controls, which no station has.
+/// The controls' place among the turns of the stations.
 const CONTROLS: usize = usize::MAX;
 /// A bound on memory: PX4 has some 950.
 const MAX_KNOWN: usize = 4_096;

@@ -1,4 +1,5 @@
-//! When each report is due to whom: 3001, 3002, 4000 and 4001 from the grant of LOI 2, and what 17001 schedules.
+//! When each report is due for each station: 3001, 3002, 4000 and 4001 from the grant of LOI 2, and reports scheduled by
+//! 17001.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -22,12 +23,12 @@ pub(super) enum Period {
 impl Push {
     /// 17001: all of a station's messages are due again.
     pub(super) fn schedule(&mut self, station: usize, message: u16, period: Period) {
-        // `Never` is kept too: without an entry the default period of that message would apply.
+        // Keep `Never` too: without an entry the default period of that message would apply.
         self.scheduled.insert((station, message), period);
         self.reset(station);
     }
 
-    /// The station no longer listens, or begins to: what it has scheduled is forgotten.
+    /// The station starts or stops listening: its schedule is forgotten.
     pub(super) fn forget(&mut self, station: usize) {
         self.scheduled.retain(|(of, _), _| *of != station);
         self.reset(station);
@@ -68,7 +69,7 @@ impl Push {
             if *due > now {
                 continue;
             }
-            // Kept in step, unless a pause was longer than the period.
+            // Keep the phase, unless a pause was longer than the period.
             *due = if *due + period > now {
                 *due + period
             } else {
@@ -85,7 +86,7 @@ impl Push {
     }
 }
 
-/// What is pushed without any 17001; 3001 on change too. At most 500 ms apart, with room for a late timer.
+/// Reports pushed without any 17001; 3001 on change too. At most 500 ms apart, with a margin for a late timer.
 const DEFAULTS: &[(u16, Duration)] = &[
     (3001, Duration::from_millis(400)),
     (3002, Duration::from_millis(400)),
@@ -94,7 +95,7 @@ const DEFAULTS: &[(u16, Duration)] = &[
     (16002, Duration::from_millis(1_000)),
 ];
 
-/// And to who holds LOI 3 of a station.
+/// In addition for holders of LOI 3 of a payload station.
 const PAYLOAD: (u16, Duration) = (21101, Duration::from_millis(500));
 
 #[cfg(test)]

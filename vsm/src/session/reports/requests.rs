@@ -1,4 +1,4 @@
-//! What is requested of the vehicle for one answer: its software (50013), and the round trip of a ping (50015).
+//! Requests to the vehicle for a single answer: its software versions (50013), and the round trip of a ping (50015).
 
 use std::time::Duration;
 
@@ -81,13 +81,13 @@ impl Requests {
         }
     }
 
-    /// Pings of a station that are on their way.
+    /// Outstanding pings of a station.
     fn pending(&self, station: usize) -> usize {
         let of_it = |ping: &&Ping| ping.origin.station == station;
         self.pings.iter().filter(of_it).count()
     }
 
-    /// The vehicle has returned a ping.
+    /// The vehicle has answered a ping.
     pub(super) fn ping_returned(&mut self, seq: u32, effects: &mut Effects<'_>) {
         if let Some(place) = self.pings.iter().position(|ping| ping.seq == seq) {
             let ping = self.pings.swap_remove(place);
@@ -96,7 +96,7 @@ impl Requests {
         }
     }
 
-    /// 17002 for 50013: at once where the vehicle has reported its software, else as soon as it has.
+    /// 17002 for 50013: answered at once if the vehicle has reported its software, otherwise as soon as it does.
     pub(super) fn software(
         &mut self,
         context: &Context<'_>,
@@ -112,13 +112,13 @@ impl Requests {
         }
         if self.software_by.is_none() {
             self.software_by = Some(context.mono() + SOFTWARE_WITHIN);
-            // Where it cannot be requested now, the VSM's own version is reported when the time is over.
+            // If it cannot be requested now, the VSM's own version is reported after the timeout.
             let request = request_message(AUTOPILOT_VERSION);
             let _ = effects.vehicle.commands.submit(context.mono(), request);
         }
     }
 
-    /// What is known, to those that wait.
+    /// Sends the known versions to the waiting stations.
     fn report_software(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.software_by = None;
         for (station, fields) in std::mem::take(&mut self.software) {
@@ -132,7 +132,7 @@ impl Requests {
         }
     }
 
-    /// Ends what has been answered, or waited for in vain.
+    /// Ends answered requests and those that have timed out.
     pub(super) fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
         let known = context.vehicle.telemetry.software.is_some();

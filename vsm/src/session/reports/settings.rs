@@ -1,4 +1,4 @@
-//! The vehicle's settings as `vsm check-vehicle` wants them: read on request, one after the other, each with how that ended.
+//! The vehicle's settings for `vsm check-vehicle`: read on request, one after the other, each with its result.
 //!
 //! One at a time, so that stations that request parameters meanwhile wait for one answer and not for all.
 
@@ -8,7 +8,7 @@ use mapping::hardening::Reading;
 use mavlink_link::service::param::{Event, MavParamError, Name, Refusal, Value};
 use serde::{Deserialize, Serialize};
 
-/// What a vehicle has answered about its settings.
+/// A vehicle's answers about its settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct VehicleSettings {
     /// Vehicle ID.
@@ -26,7 +26,7 @@ pub struct VehicleSettings {
 }
 
 impl VehicleSettings {
-    /// Keeps how the reading of a parameter ended; an answer that is none leaves it unknown.
+    /// Keeps the result of reading a parameter; without an answer it stays unknown.
     pub fn note(&mut self, event: &Event) {
         match event {
             Event::Read { name, value } => {
@@ -35,7 +35,7 @@ impl VehicleSettings {
                     // Shortest form: 0.1 as an f32 must not be shown as 0.10000000149.
                     Value::Real(value) => value.to_string().parse().unwrap_or(f64::NAN),
                 };
-                // JSON has no word for what is not finite.
+                // JSON cannot represent a value that is not finite.
                 if value.is_finite() {
                     self.values.insert(name.to_string(), value);
                 }
@@ -65,7 +65,7 @@ impl VehicleSettings {
 #[derive(Debug, Default)]
 pub(super) struct SettingsReading {
     left: VecDeque<Name>,
-    /// It was requested of the vehicle, and has not ended.
+    /// The outstanding request.
     awaited: Option<Name>,
     found: VehicleSettings,
 }
@@ -79,7 +79,7 @@ impl SettingsReading {
         }
     }
 
-    /// The next to request, if none is on its way.
+    /// The next to request, if none is outstanding.
     pub(super) fn next(&mut self) -> Option<Name> {
         if self.awaited.is_some() {
             return None;
@@ -93,7 +93,7 @@ impl SettingsReading {
         self.found.note(event);
     }
 
-    /// The vehicle is silent: what was not read stays unknown.
+    /// The vehicle is silent: settings that were not read stay unknown.
     pub(super) fn give_up(&mut self) {
         self.left.clear();
     }

@@ -1,16 +1,16 @@
 //! Flight termination (2005, 3005; #46 and #108 of Edition 2.5): two orders of a CUCS that holds LOI 5, and nothing else.
 //!
-//! [`rules`] decides, without messages, clock or vehicle; its promises stand there. Here an order becomes what it decides by,
-//! and what it decides becomes messages: an entry of the audit log first, the command to the vehicle only once that is on
-//! the disk; an alert to every station; 3005 on every change, and twice a second while anything is armed.
+//! [`rules`] decides, without messages, clock or vehicle, and lists its promises. This module converts orders to its inputs
+//! and its decisions to messages: first an entry of the audit log, then, once that is on the disk, the command to the
+//! vehicle; an alert to every station; and 3005 on every change, and twice a second while anything is armed.
 //!
-//! The command does not go the way of all others (`mavlink_link::service::command`): there it would wait behind a command
-//! that the vehicle does not answer. It is sent by itself, again every second, until the vehicle shows it: PX4 executes it
-//! once, and answers its repetitions with TEMPORARILY_REJECTED, so that COMMAND_ACK says nothing. It is sent also to a
-//! vehicle of which nothing is received: a link whose way down has failed is a reason to end a flight. A mode that a pilot can
-//! leave is not commanded for ever without sight of the vehicle, though: five times.
+//! The command does not use the queue of other commands (`mavlink_link::service::command`), where it would wait behind an
+//! unanswered command. It is sent directly, every second, until the vehicle reports it. COMMAND_ACK is ignored: PX4 executes
+//! the command once and answers retries with TEMPORARILY_REJECTED. It is also sent to a vehicle of which no data arrives,
+//! since a failed downlink is a reason to end a flight. But a mode that a pilot can leave is commanded at most five times
+//! without data of the vehicle.
 //!
-//! Only what the vehicle has reported after the last command counts as its answer: it may have landed, or returned, before.
+//! Only a report after the last command counts as the vehicle's answer: it may have been landing or returning before.
 //!
 //! While it is commanded, and while the vehicle lands or returns by it, nothing else is flown: maneuvers and streams end,
 //! uploads are dropped, and every other command is refused until a reset.
@@ -44,9 +44,9 @@ use crate::config::{Provisional, TerminationAction as Action};
 #[derive(Debug, Default)]
 pub(crate) struct Termination {
     rules: Rules,
-    /// The order to execute, which is answered by what becomes of it.
+    /// The order to execute, which is answered with its outcome.
     commanded: Option<(Origin, Action)>,
-    /// The order to arm, which is answered once its entry of the audit log is on its way.
+    /// The order to arm, which is answered once its entry of the audit log is queued.
     armed: Option<Origin>,
     /// The entry that the command waits for, and until when at the latest.
     audit: Option<(Option<Changes>, Duration)>,
@@ -187,7 +187,7 @@ impl Termination {
                 let armed_s = armed_s(context);
                 let why = text::refusal(refusal, armed_s);
                 if refusal != Refusal::Steps(two_steps::Refusal::NotPlanned) {
-                    // Who tries to end a flight is known to all.
+                    // All stations are notified of an attempt to end a flight.
                     let id = context.asker(origin.station).map(|asker| asker.id);
                     let by = id.map_or_else(String::new, |id| format!(" of {id}"));
                     let others: Vec<usize> = effects.listeners.clone();
@@ -201,7 +201,7 @@ impl Termination {
         }
     }
 
-    /// The entry of the audit log is on its way to the disk, or there.
+    /// The entry of the audit log is queued for the disk, or stored.
     fn audited(
         &mut self,
         context: &Context<'_>,
@@ -219,8 +219,8 @@ impl Termination {
         self.send_when_audited(context, effects);
     }
 
-    /// Sends the command once its entry of the audit log is on the disk. A disk that fails does not keep an aircraft that must
-    /// be ended in the air: then it is sent all the same, and an alert reports it.
+    /// Sends the command once its entry of the audit log is on the disk. A failing disk must not keep an aircraft in the air
+    /// that must be ended: then the command is still sent, and an alert is raised.
     fn send_when_audited(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let Some((stored, until)) = self.audit else {
             return;
@@ -243,7 +243,7 @@ impl Termination {
     }
 }
 
-/// What becomes of it.
+/// Progress of the termination.
 impl Termination {
     fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.send_when_audited(context, effects);
@@ -310,7 +310,7 @@ impl Termination {
         }
     }
 
-    /// A CUCS in control that cannot reset must not be refused everything else.
+    /// A CUCS in control that cannot reset must not have all its commands refused.
     fn release_where_no_reset_can_come(
         &mut self,
         context: &Context<'_>,
@@ -376,7 +376,7 @@ impl Termination {
         }
     }
 
-    /// One alert stands as long as anything is armed, commanded or done, and changes with it.
+    /// One alert is active as long as anything is armed, commanded or executed, and changes with it.
     fn alert(&self, outcome: Outcome, words: String, effects: &mut Effects<'_>) {
         let priority = match (self.rules.stage(), outcome) {
             (Stage::Safe, Outcome::Reset(_, false)) => {
@@ -480,9 +480,9 @@ fn command_of(action: Action, system: u8) -> MavMessage {
 
 /// Between two commands, until the vehicle shows it.
 const AGAIN: Duration = Duration::from_secs(1);
-/// A landing or a return is commanded so often in succession without a report of the vehicle's mode.
+/// How often a landing or a return is commanded without a report of the vehicle's mode.
 const UNSEEN: u32 = 5;
-/// The command waits so long for its entry of the audit log.
+/// How long the command waits for its entry of the audit log.
 const AUDITED_WITHIN: Duration = Duration::from_secs(1);
 /// 3005, while anything is armed, commanded or done.
 const REPORT_EVERY: Duration = Duration::from_millis(500);

@@ -1,12 +1,12 @@
-//! What may be done towards a flight termination, and when: a machine without messages, clock, disk or vehicle.
+//! The rules of a flight termination: a machine without messages, clock, disk or vehicle.
 //!
 //! Promised, and checked by `every_state` over every state that can be reached:
 //! - It is commanded only by two orders, to arm and then to execute, the second later than the first by the station's own
 //!   stamps, of one CUCS that holds LOI 5 in control at an address that it has proven, each fresh, with no handover in
 //!   progress, within [`Plan::armed`] of each other.
-//! - What is armed and not commanded in time, changes hands, or is planned otherwise by a configuration that was read
-//!   again, is not armed any more. A restart arms nothing: nothing of this is stored.
-//! - [`Stage::Executing`] is what the vehicle shows, never what was commanded.
+//! - It is disarmed if it is not commanded in time, if control changes, or if a reloaded configuration plans it differently.
+//!   A restart arms nothing: this state is not stored.
+//! - [`Stage::Executing`] is the vehicle's reported state, never the commanded one.
 //! - PX4 does not leave a flight termination: then no reset is granted.
 
 #[cfg(test)]
@@ -20,7 +20,7 @@ use stanag_msgs::enums::FtState;
 use crate::config::TerminationAction as Action;
 use crate::session::two_steps::{self, Latest, Order};
 
-/// How far a termination has gone.
+/// The stage of a termination.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) enum Stage {
     /// Nothing is armed.
@@ -35,7 +35,7 @@ pub(crate) enum Stage {
         /// Until it is disarmed.
         until: Duration,
     },
-    /// It is commanded, and the vehicle does not show it.
+    /// It is commanded, but not confirmed by the vehicle.
     Commanded {
         /// By whom.
         by: Id,
@@ -116,7 +116,7 @@ impl From<two_steps::Refusal> for Refusal {
     }
 }
 
-/// What has become of it.
+/// The outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Outcome {
     Armed(Id, Action),
@@ -131,7 +131,7 @@ pub(crate) enum Outcome {
     ControlPassed(Id),
     Replanned(Id),
     Confirmed(Id, Action),
-    /// The vehicle shows it, and nobody here has commanded it.
+    /// The vehicle reports it without a command of this VSM.
     ByItself,
     Unconfirmed(Id, Action),
     /// The vehicle was disarmed before it showed it.
@@ -140,9 +140,9 @@ pub(crate) enum Outcome {
     Done(Action),
     /// The CUCS in control cannot send the order to reset: other commands are taken again.
     ReleasedTo(Id, Action),
-    /// It has left what it was commanded.
+    /// It has left the commanded state.
     Left(Action),
-    /// It shows no termination any more: PX4 has restarted.
+    /// It no longer reports a termination: PX4 has restarted.
     Restarted,
 }
 
@@ -163,7 +163,8 @@ impl Rules {
     pub(crate) fn reported(&self) -> FtState {
         match self.stage {
             Stage::Safe => FtState::Reset,
-            // Commanded is not yet done: a range officer must not read that a vehicle falls which still flies.
+            // Commanded does not mean executed: a range officer must not read that a vehicle is falling while it is still
+            // flying.
             Stage::Armed { .. } | Stage::Commanded { .. } => FtState::Arm,
             Stage::Executing { .. } => FtState::Execute,
         }
@@ -192,7 +193,7 @@ impl Rules {
 
     fn reset(&self, at: &Circumstances) -> Result<(Stage, Outcome), Refusal> {
         if self.stage != Stage::Safe {
-            // One that was made before, and was long on its way, must not undo what was ordered since.
+            // An older, delayed order must not undo a newer one.
             two_steps::follows(self.ordered, at)?;
         }
         let outcome = match self.stage {
@@ -323,7 +324,7 @@ impl Rules {
             (Stage::Armed { by, until, .. }, _) if now >= until => {
                 (Stage::Safe, Outcome::ArmedTooLong(by))
             }
-            // Sent on, it would end the next flight as soon as somebody arms the vehicle again.
+            // If it were still sent, it would end the next flight as soon as the vehicle is armed again.
             (Stage::Commanded { by, action, .. }, Shows::Disarmed) => {
                 (Stage::Safe, Outcome::DisarmedFirst(by, action))
             }

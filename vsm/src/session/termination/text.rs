@@ -27,9 +27,9 @@ pub(super) fn refusal(refusal: Refusal, armed_s: f64) -> String {
         Refusal::Steps(other) => other.words(armed_s),
         Refusal::Disarmed => "the vehicle is disarmed: there is no flight to end".into(),
         Refusal::AlreadyCommanded => {
-            "it is commanded already, and commanded again until the vehicle shows it".into()
+            "it is already commanded; the command is repeated until the vehicle confirms it".into()
         }
-        Refusal::AlreadyExecuting => "the vehicle shows it already".into(),
+        Refusal::AlreadyExecuting => "the vehicle already shows it".into(),
         Refusal::Final => {
             "a flight termination is final in PX4: it ends with a restart of the autopilot on the ground".into()
         }

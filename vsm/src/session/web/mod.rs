@@ -1,4 +1,4 @@
-//! One connection of a web client: what of its frames is believed, and how it is sent messages. The contract is
+//! One connection of a web client: which of its frames are accepted, and how messages are sent to it. The contract is
 //! docs/guide/websocket.md.
 //!
 //! - [`Hello`] is what a client opens with. Whose it is, and whether it verifies, is the bridge's to say, which has the guard
@@ -171,7 +171,8 @@ impl WebEnd {
     /// What a frame asks for: nothing of it is read before it has verified, and it counts once. `now`: by a monotonic clock.
     ///
     /// # Errors
-    /// It is not believed, and the connection ends. What is believed and cannot be used is within: that is answered.
+    /// The frame is not accepted, and the connection ends. The inner error is for an accepted frame that cannot be used:
+    /// that is answered.
     pub fn open(
         &mut self,
         now: Duration,

@@ -29,9 +29,9 @@ pub enum WebRefusal {
     Flood,
     /// What it sends is no frame.
     Form,
-    /// Its key is not in force any more, or the configuration has it no more.
+    /// Its key is no longer in force, or the client was removed from the configuration.
     KeyGone,
-    /// A newer connection with its key is there.
+    /// A newer connection with its key exists.
     Replaced,
     /// Nothing comes from it.
     Dead,

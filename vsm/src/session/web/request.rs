@@ -19,7 +19,7 @@ pub enum Request {
 /// A file of a route.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RouteFile {
-    /// Whom it is for.
+    /// Its destination.
     pub vehicle: Id,
     /// The name of the file, whose ending is its format.
     pub file: String,

@@ -6,7 +6,7 @@
 //!   programs of this computer reach the DLI.
 //! - No order is taken while another CUCS controls any vehicle of this VSM, or one of them is not known to be disarmed, unless the
 //!   configuration allows that: the link of each ends with it.
-//! - What is armed and not executed in time, or changes hands, is not armed any more. A restart arms nothing.
+//! - It is disarmed if it is not executed in time or if control changes. A restart arms nothing.
 //! - What is ordered stays ordered: no reset takes it back.
 
 #[cfg(test)]

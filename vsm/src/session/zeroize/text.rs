@@ -13,7 +13,7 @@ pub(crate) fn refusal(refusal: Refusal, armed_s: f64) -> String {
         }
         Refusal::Steps(other) => other.words(armed_s),
         Refusal::Unguarded => {
-            "whoever can send to the DLI could have sent it: give this station a guard (cucs.guard), or run `vsm zeroize` on the \
+            "anyone who can send to the DLI could have sent it: give this station a guard (cucs.guard), or run `vsm zeroize` on the \
              VSM's computer"
                 .into()
         }

@@ -309,5 +309,5 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 const LANES: usize = 2;
-/// What the system adds to the name of an open file that has none any more.
+/// The suffix that the system adds to the name of a deleted open file.
 const DELETED: &str = " (deleted)";

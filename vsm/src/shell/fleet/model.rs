@@ -9,9 +9,9 @@ use stateright::{Checker as _, Model, Property};
 const NODES: usize = 2;
 /// What is stored at most, requests in all, and owners in all: enough for each order of two owners, a crash, and a request that is
 /// repeated.
-const MOST_STORED: u8 = 3;
-const MOST_REQUESTS: u8 = 4;
-const MOST_OWNERS: u8 = 3;
+const MAX_STORED: u8 = 3;
+const MAX_REQUESTS: u8 = 4;
+const MAX_OWNERS: u8 = 3;
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 struct State {
@@ -123,7 +123,7 @@ impl Model for Lease {
                     // One change at a time: what is held back meanwhile is no more than a longer queue.
                     if local > durable {
                         actions.push(Action::Repeat(at));
-                    } else if local < MOST_STORED {
+                    } else if local < MAX_STORED {
                         actions.push(Action::Change(at));
                     }
                 }
@@ -139,7 +139,7 @@ impl Model for Lease {
         match action {
             Action::Expire => state.owner = None,
             Action::TakeOver(at) => {
-                if state.owner.is_some() || state.revision == MOST_OWNERS {
+                if state.owner.is_some() || state.revision == MAX_OWNERS {
                     return None;
                 }
                 state.revision += 1;
@@ -157,7 +157,7 @@ impl Model for Lease {
                     return None;
                 };
                 let same = *epoch == state.epoch || self.0 == Flaw::AgainWithoutEpoch;
-                if state.owner.is_some() || !same || state.revision == MOST_OWNERS {
+                if state.owner.is_some() || !same || state.revision == MAX_OWNERS {
                     return None;
                 }
                 state.revision += 1;
@@ -181,7 +181,7 @@ impl Model for Lease {
                 let Node::Serves { created, local, .. } = &mut state.nodes[at] else {
                     return None;
                 };
-                if state.made == MOST_REQUESTS {
+                if state.made == MAX_REQUESTS {
                     return None;
                 }
                 if let Action::Change(_) = action {

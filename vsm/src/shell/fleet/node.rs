@@ -110,7 +110,7 @@ struct Keeper {
 }
 
 impl Held {
-    /// Receives the reason when this node must not serve any more. Once.
+    /// Receives the reason, once, when this node must stop serving.
     #[must_use]
     pub fn ended(&mut self) -> mpsc::Receiver<String> {
         let none = || mpsc::channel(1).1;
@@ -553,7 +553,7 @@ impl Keep {
         self.node.leave(&self.remote.etcd);
     }
 
-    /// Why this node must not serve any more, or nothing.
+    /// Why this node must stop serving, if it must.
     fn renew(&mut self, sent: Instant) -> io::Result<Option<String>> {
         let etcd = &self.remote.etcd;
         // Before anything is renewed: an earlier state may have the same owner.

@@ -1,4 +1,4 @@
-//! What `vsm fleet` shows and orders: who takes part, who serves, who is not to.
+//! The functions of `vsm fleet`: shows which nodes take part and which one serves, and drains or resumes nodes.
 
 use std::io;
 use std::time::Duration;

@@ -81,12 +81,12 @@ impl Names {
         format!("{}complete", self.prefix)
     }
 
-    /// Who is there, with his lease.
+    /// The present nodes, with their leases.
     pub(super) fn node(&self, node: &str) -> String {
         format!("{}node/{node}", self.prefix)
     }
 
-    /// Who is not to serve.
+    /// The drained nodes.
     pub(super) fn drained(&self, node: &str) -> String {
         format!("{}drained/{node}", self.prefix)
     }
@@ -181,11 +181,11 @@ impl Remote {
             }
             let owner = self.etcd.get(&owner)?;
             if owner.is_none_or(|entry| entry.created != right.created) {
-                return Err(io::Error::other("this node does not own the VSM any more"));
+                return Err(io::Error::other("this node no longer owns the VSM"));
             }
             // A request of before has arrived late: behind that.
         }
-        Err(io::Error::other("requests of before are still arriving"))
+        Err(io::Error::other("earlier requests are still arriving"))
     }
 
     /// Stores a file whole: until the last step it is in etcd what it was.

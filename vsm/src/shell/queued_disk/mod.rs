@@ -77,7 +77,7 @@ struct Lane {
     done: Receiver<Done>,
 }
 
-/// The end of a log: what of it is lost where a synchronisation fails.
+/// The end of a log that is lost if a synchronisation fails.
 #[derive(Debug)]
 struct Tail {
     /// Which file it is, whatever its name is by now.
@@ -157,7 +157,7 @@ impl QueuedDisk {
     pub fn wait(&mut self, within: Duration) -> bool {
         let end = Instant::now() + within;
         loop {
-            // What is taken here is still news for whoever polls.
+            // A result that is taken here must still be reported to the next poll.
             self.news |= self.poll();
             if self
                 .open
@@ -365,7 +365,7 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        // One that follows a record on its way goes the same way: it would be overwritten otherwise.
+        // A write that follows a queued record must be queued too: otherwise the queued one would overwrite it.
         if durability == Durability::Process && !self.waiting.contains_key(name) {
             self.ceilings.get_mut().remove(name);
             let shared = self.disk.system().is_shared();
@@ -373,7 +373,7 @@ impl Disk for QueuedDisk {
                 self.check(name)?;
             }
             self.disk.replace(name, bytes, durability)?;
-            // The end of a log that is replaced is none of the new one's.
+            // The end of a replaced log does not belong to the new one.
             self.tails.remove(name);
             self.lanes[lane_of(name)]
                 .next

@@ -46,7 +46,7 @@ pub(super) struct Batch {
     pub(super) records: BTreeMap<String, Waiting>,
     /// Logs that have grown.
     pub(super) logs: Vec<Grown>,
-    /// Files that were deleted while a record of that name was on its way.
+    /// Files that were deleted while a record with that name was queued.
     pub(super) removed: BTreeSet<String>,
     /// Files that have come, gone or changed their names: their folder is synchronised.
     pub(super) names: BTreeSet<String>,

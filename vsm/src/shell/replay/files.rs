@@ -24,7 +24,7 @@ pub enum ReplayError {
         cause: io::Error,
     },
     /// There is nothing to show.
-    #[error("{}: no recording, expected a file .tlog or .pcapng of [record], or a folder with some", path.display())]
+    #[error("{}: not a recording, expected a file .tlog or .pcapng of [record], or a folder with some", path.display())]
     None {
         /// The folder, or the file.
         path: PathBuf,

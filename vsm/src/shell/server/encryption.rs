@@ -103,7 +103,7 @@ impl Core {
                     // The alert is logged, too.
                     let notice = ExchangeNotice::Once(AlertPriority::Warning, text);
                     self.bridge
-                        .tell_of_exchange(*index, now, notice, &mut self.store);
+                        .notify_of_exchange(*index, now, notice, &mut self.store);
                 } else if let Some(about) = self.bridge.vehicles().nth(*index) {
                     log.push(LogEntry { level, about, text });
                 }

@@ -85,7 +85,7 @@ async fn relay(shared: &Shared, vehicle: Id, stream: &mut UnixStream) -> bool {
             )
         };
         if !is_there {
-            refuse(stream, "the vehicle is configured no more").await;
+            refuse(stream, "vehicle was removed from the configuration").await;
             return true;
         }
         let Some(event) = event else {
@@ -149,7 +149,7 @@ async fn read_request(stream: &mut UnixStream) -> Result<(Option<Id>, Operation)
     let read = (&mut reader).take(MAX_LINE).read_line(&mut line).await;
     read.map_err(|cause| format!("the request cannot be read: {cause}"))?;
     let request: Request = serde_json::from_str(&line)
-        .map_err(|cause| format!("the request is none of vsm files: {cause}"))?;
+        .map_err(|cause| format!("not a request of vsm files: {cause}"))?;
     let vehicle = request.vehicle.as_deref().map(|text| {
         let id = text.parse::<Id>();
         id.map_err(|_| format!("vehicle {text:?}: expected four bytes in hex such as 1b:00:01:01"))

@@ -101,7 +101,7 @@ pub(super) fn open(
     Ok(forwards)
 }
 
-/// Whether who is on the link is known by the same key and ids as before.
+/// Whether the ground station of the link has the same key and ids as before.
 fn stays(served: &Served<'_>, number: usize, forward: &Forward, key: Option<&SigningKey>) -> bool {
     let mut before = served.config.forwards();
     let before = before.find(|one| one.link == forward.link);
@@ -110,7 +110,7 @@ fn stays(served: &Served<'_>, number: usize, forward: &Forward, key: Option<&Sig
         && served.bridge.forward_key(number) == key.map(SigningKey::id)
 }
 
-/// Who has which key: vehicles, and other ground stations.
+/// The owners of keys: vehicles, and other ground stations.
 pub(super) fn owners<'a>(
     config: &'a Config,
     vehicles: &'a [(Id, KeyId)],

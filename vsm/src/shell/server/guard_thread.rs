@@ -165,7 +165,7 @@ impl Answers {
     }
 
     fn send(&self, done: Done) {
-        // Nobody reads it any more once the bridge has ended.
+        // After the end of the bridge nobody reads it.
         let _ = self.done.send(done);
     }
 
@@ -201,7 +201,7 @@ impl Answers {
         }
     }
 
-    /// What nobody has paired with costs no more than this look.
+    /// Without any pairing this check is the only cost.
     fn take_step(&mut self, from: SocketAddr, bytes: &[u8]) {
         let Some(step) = ExchangeDatagram::parse(bytes) else {
             return;
@@ -237,7 +237,7 @@ impl Answers {
         self.files = files;
         let paired = self.files.iter().any(|(_, files)| files.peer().is_some());
         if paired && let Err(why) = self.make_end() {
-            tracing::error!("guards cannot agree about keys: {why}");
+            tracing::error!("guards cannot agree on keys: {why}");
         }
         let now = self.clock.now();
         let Some(end) = &mut self.end else { return };
@@ -252,7 +252,7 @@ impl Answers {
                     );
                     end.set(*id, memory, now.mono);
                 }
-                Err(fault) => tracing::error!("CUCS {id} cannot agree about keys: {fault}"),
+                Err(fault) => tracing::error!("CUCS {id} cannot agree on keys: {fault}"),
             }
         }
         for (id, keys) in paired {

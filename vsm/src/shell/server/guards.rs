@@ -44,7 +44,7 @@ pub(super) fn keys(
     Ok(all)
 }
 
-/// Who has each of them.
+/// The owner of each key.
 pub(super) fn owners(keys: &[(Id, Vec<GuardKeyUntil>)]) -> Vec<(String, KeyId)> {
     let of = |(station, keys): &(Id, Vec<GuardKeyUntil>)| {
         let name = format!("CUCS {station}");

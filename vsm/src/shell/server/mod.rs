@@ -1,5 +1,6 @@
-//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second
-//! thread synchronises the disk, and a third agrees about keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket of who asks for it).
+//! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second thread
+//! synchronises the disk, and a third agrees on keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket for
+//! such requests).
 
 mod encryption;
 mod error;
@@ -35,8 +36,8 @@ use self::forward::ForwardReader;
 use self::guard_thread::Done;
 use self::shared::Shared;
 use self::tasks::{
-    keep_time, receive_dli, receive_forward, receive_vehicle, send, take_stored, tell_settings,
-    tell_status, watch_group,
+    keep_time, receive_dli, receive_forward, receive_vehicle, send, send_settings, send_status,
+    take_stored, watch_group,
 };
 use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
@@ -61,7 +62,7 @@ pub struct Server {
     zeroize: UnixListener,
     /// Where a person pairs the guard of a CUCS.
     pairing: UnixListener,
-    /// What has come of it.
+    /// The results of pairings.
     agreed: UnboundedReceiver<Done>,
     page: Option<(TcpListener, Page)>,
     /// The WebSocket of the page, where web clients may control.
@@ -103,7 +104,7 @@ impl Server {
     /// Lets the file of the configuration be read again while it serves: by SIGHUP, and by `vsm reload`.
     ///
     /// # Errors
-    /// The socket for `vsm reload` cannot be had.
+    /// The socket for `vsm reload` cannot be opened.
     pub fn reload_from(&mut self, path: &Path) -> Result<(), StartError> {
         let listener = {
             let core = self.shared.core.borrow();
@@ -195,11 +196,11 @@ impl Server {
         tasks.spawn(&local, "disk", |beat| take_stored(of_all, beat));
         let of_all = shared.clone();
         tasks.spawn(&local, "status socket", |beat| {
-            tell_status(of_all, beat, status)
+            send_status(of_all, beat, status)
         });
         let of_all = shared.clone();
         tasks.spawn(&local, "settings socket", |beat| {
-            tell_settings(of_all, beat, settings)
+            send_settings(of_all, beat, settings)
         });
         let of_all = shared.clone();
         tasks.spawn(&local, "file socket", |beat| {
@@ -248,5 +249,5 @@ impl Server {
     }
 }
 
-/// What is left to write gets so long at the end: longer than a slow disk takes, shorter than a service manager waits.
+/// Time limit for remaining writes at the end: longer than a slow disk takes, shorter than a service manager waits.
 const LAST_WRITES: Duration = Duration::from_secs(10);

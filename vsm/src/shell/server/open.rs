@@ -37,7 +37,7 @@ impl Server {
     /// Opens store, keys, sockets and recordings. Must be called within a tokio runtime.
     ///
     /// # Errors
-    /// Any of them cannot be had; nothing has been sent then.
+    /// Any of them cannot be opened; nothing has been sent in that case.
     pub fn open(config: &Config) -> Result<Server, StartError> {
         // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
         Server::open_on(config, FileDisk::open(&config.store.dir)?)

@@ -1,5 +1,5 @@
-//! The socket by which a person at this computer opens a window for the guard of a CUCS or has its key rotated (`vsm guard pair`,
-//! `vsm guard rotate`), and what the thread of `guard_thread` has done on its way to the bridge.
+//! The socket by which a person at this computer opens a window for the guard of a CUCS or has its key rotated (`vsm guard
+//! pair`, `vsm guard rotate`), and the results of `guard_thread`, passed to the bridge.
 
 use std::io;
 use std::rc::Rc;
@@ -38,7 +38,7 @@ enum Wish {
     Rotate,
 }
 
-/// Moves what the thread has done to the bridge, the socket and whoever waits for it.
+/// Passes the results of the thread to the bridge, the socket and waiting clients.
 pub(super) async fn serve(
     shared: Rc<Shared>,
     beat: Rc<Beat>,
@@ -62,7 +62,7 @@ pub(super) async fn serve(
             Next::Asked(Ok(stream)) => greet(&shared, &beat, stream, &mut waiting).await,
             Next::Asked(Err(cause)) => pause_after("the socket for pairing", &cause).await,
             Next::Gone => {
-                // Nobody is at the window any more.
+                // The client of the window is gone.
                 if waiting.take().is_some_and(|one| one.what == Wish::Pair) {
                     shared.with(|core, _| core.guard_thread.give(Work::Close));
                 }
@@ -178,7 +178,7 @@ async fn take(
             });
             ended = !sent;
             let text = match sent {
-                true => format!("CUCS {cucs} is asked to agree about another key"),
+                true => format!("CUCS {cucs} is requested to agree on a new key"),
                 false => format!("refused: nothing of the guard of CUCS {cucs} has verified yet"),
             };
             Some(text)
@@ -190,7 +190,7 @@ async fn take(
             return;
         }
         Done::Agreed(cucs, key, keys) => {
-            tracing::info!("CUCS {cucs}: a new guard key {key} is agreed about");
+            tracing::info!("CUCS {cucs}: agreeing on the new guard key {key}");
             if let Some(one) = waiting.as_mut().filter(|one| one.cucs == cucs) {
                 one.key = Some(key);
                 ended = one.what == Wish::Rotate;

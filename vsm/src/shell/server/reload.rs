@@ -1,11 +1,12 @@
-//! The configuration is read again while the bridge serves: at SIGHUP, and for `vsm reload`.
+//! Reloads the configuration while the bridge serves: on SIGHUP and for `vsm reload`.
 //!
-//! It is checked as a whole first, and everything that a new vehicle needs is opened. What then fails leaves the bridge as
-//! it was; what it keeps until a restart is named ([`Config::changes`]). Links of vehicles that stay are not touched.
+//! The whole configuration is checked first, and everything that a new vehicle needs is opened. If that fails, the bridge
+//! stays unchanged. Changes that need a restart are listed ([`Config::changes`]). Links of vehicles that stay are not
+//! touched.
 //!
-//! Files and names are read on a thread of their own ([`read`]): a folder of elevation files takes seconds, a name whose
-//! server does not answer half a minute, and a vehicle in flight misses heartbeats and set points after one. So it is for
-//! the key files and recordings of vehicles that are added, and for what the store holds of them ([`read_ahead`]).
+//! Files and host names are read on a separate thread ([`read`]): a folder of elevation files takes seconds, a name server
+//! that does not answer half a minute, and after one second a vehicle in flight misses heartbeats and set points. The same
+//! applies to key files and recordings of added vehicles, and to their records in the store ([`read_ahead`]).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -146,15 +147,14 @@ impl Reading {
         path: &Path,
         resolver: Resolver,
     ) -> Result<Reread, String> {
-        // What an earlier one has read too late is dropped here: it holds locks on the files of vehicles, which this one would be
-        // refused.
+        // Drop the late result of an earlier reload: it holds locks on files of vehicles, which this reload needs.
         let waits = matches!(
             self.0.as_mut().map(oneshot::Receiver::try_recv),
             Some(Err(TryRecvError::Empty))
         );
         if waits {
             return Err(
-                "an earlier reload still waits for a file or a name server: reload again once it has answered"
+                "an earlier reload is still waiting for a file or a name server: reload again once that has answered"
                     .to_owned(),
             );
         }

@@ -73,7 +73,7 @@ pub(super) struct Core {
     pub(super) bridge: Bridge,
     /// What it runs with.
     pub(super) config: Config,
-    /// The links, as the bridge numbers them; `None` where one is not needed any more.
+    /// The links, by the bridge's numbers; `None` for one that is no longer needed.
     pub(super) ports: Vec<Option<OpenPort>>,
     /// One for each other ground station.
     pub(super) forwards: Vec<OpenForward>,

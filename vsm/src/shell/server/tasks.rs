@@ -88,7 +88,7 @@ pub(super) async fn receive_vehicle(
             }
         };
         let Some(received) = beat.during(received).await else {
-            // No vehicle is on this link any more; its socket closes with this task.
+            // No vehicle uses this link now; its socket closes with this task.
             return beat.finish();
         };
         match received {
@@ -137,7 +137,7 @@ pub(super) async fn receive_forward(
             }
         };
         let Some(received) = beat.during(received).await else {
-            // The configuration has it no more; its socket closes with this task.
+            // It was removed from the configuration; its socket closes with this task.
             return beat.finish();
         };
         match received {
@@ -164,7 +164,7 @@ pub(super) async fn receive_forward(
             }),
             Err(cause) => pause_after("the link of a ground station", &cause).await,
         }
-        // Who sends without a pause must not keep the vehicles and the clock from their turn.
+        // A station that sends continuously must not block vehicles and timers.
         beat.during(tokio::task::yield_now()).await;
     }
 }
@@ -341,7 +341,7 @@ fn send_some(
 /// Datagrams in a call: more gain little, and hold up what is for a vehicle.
 const MAX_BATCH: usize = 16;
 
-/// True where the datagram is for a web client: it is in that one's queue, or nobody is there to have it.
+/// True if the datagram is for a web client: it was queued, or the client is not connected.
 fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
     let mut core = shared.core.borrow_mut();
     let Core { bridge, web, .. } = &mut *core;
@@ -402,7 +402,7 @@ async fn write_bytes(bytes: &[u8], to: Peer, writer: &VehicleWriter) -> bool {
     true
 }
 
-/// Lets what has waited for the disk take effect.
+/// Applies changes that have waited for the disk.
 pub(super) async fn take_stored(shared: Rc<Shared>, beat: Rc<Beat>) {
     loop {
         beat.during(shared.stored.notified()).await;
@@ -466,7 +466,7 @@ pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group
     }
 }
 
-pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
+pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         match beat.during(listener.accept()).await {
             Ok((stream, _)) => {
@@ -478,7 +478,7 @@ pub(super) async fn tell_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: Un
 }
 
 /// `vsm check-vehicle`: one after the other, each as long as the vehicles take to answer.
-pub(super) async fn tell_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
+pub(super) async fn send_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         let stream = match beat.during(listener.accept()).await {
             Ok((stream, _)) => stream,
@@ -501,13 +501,13 @@ pub(super) async fn tell_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: 
     }
 }
 
-/// A socket that fails again and again is logged once in a while, and takes no whole core.
+/// Logs an error and pauses, so that a socket that keeps failing does not flood the log or use a whole core.
 pub(super) async fn pause_after(what: &str, cause: &io::Error) {
     tracing::warn!("{what}: {cause}");
     tokio::time::sleep(Duration::from_millis(500)).await;
 }
 
-/// Longest datagram that UDP can carry: one that is too long is counted, not cut.
+/// The longest UDP datagram, so that one that is too long is counted, not cut.
 const LARGEST_DATAGRAM: usize = 65_536;
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
@@ -518,8 +518,8 @@ const TURN: Duration = Duration::from_millis(2);
 /// A station sends a heartbeat each second or two.
 const WATCH_FOR: Duration = Duration::from_secs(3);
 const FIRST_WATCH: Duration = Duration::from_secs(2);
-/// Less than evidence of the DLI side lasts, so that a finding stands as long as its cause. To join a group elsewhere has
-/// a network carry it there: no more than that.
+/// Shorter than evidence of the DLI side lasts, so that a finding stays active as long as its cause. Each check joins the
+/// group on other interfaces, which adds traffic to their networks, so it is rare.
 const WATCH_EVERY: Duration = Duration::from_secs(240);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
 /// How long the vehicles may take to answer about their settings: over a slow radio each takes a second or so.

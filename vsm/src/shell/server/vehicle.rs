@@ -92,7 +92,7 @@ pub(super) fn open_exchange(
     }
     if let Some(next) = keys.next()? {
         tracing::warn!(
-            "a handover of key {} is not finished: finding out which key the vehicle has",
+            "the rotation to key {} is not finished: finding out which key the vehicle has",
             next.id()
         );
         bridge.settle_key(index, next, now, NOT_BEFORE, store)?;
@@ -164,7 +164,7 @@ pub(super) fn vehicle_keys(
         keys.commit()?;
     }
     if keys.current()?.is_none() && mode == ExchangeMode::Legacy {
-        // Until there is an agreed key the link has one that nobody else holds: nothing unsigned is believed.
+        // Until a key is agreed the link has a random key that nobody else holds, so that no unsigned frame is accepted.
         keys.stage(&key_file::random().map_err(StartError::Random)?)?;
         keys.commit()?;
     }

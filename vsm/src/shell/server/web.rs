@@ -12,7 +12,7 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, mut reports: Repor
     // Where all connections are gone the thread of them is: without it nobody is served.
     while let Some(report) = beat.during(reports.recv()).await {
         take(&shared, report);
-        // Who sends without a pause must not keep the vehicles and the clock from their turn.
+        // A client that sends continuously must not block vehicles and timers.
         beat.during(tokio::task::yield_now()).await;
     }
 }

@@ -5,8 +5,8 @@
 //! Prometheus, `tiles` the pictures under the map; `page` holds the page itself: HTML, style, ES modules, and Leaflet for the map. All of it is in the
 //! program: no other host is asked for anything.
 //!
-//! What can be read is for who asks by the address or by a name of the configuration. A web page that has its own name
-//! point to this computer (DNS rebinding) sends that name as Host, and is refused.
+//! Only requests by address or by a configured name are answered. A web page that has its own name point to this computer
+//! (DNS rebinding) sends that name as Host, and is refused.
 //!
 //! A connection has one answer. Of those that are open the one that has sent no request for longest makes room for the
 //! next: however many send nothing, a request is answered.
@@ -200,7 +200,7 @@ fn check_source<T>(
     }
 }
 
-/// Whom the request names: in its target where that is a whole URL, else in its one Host.
+/// The host that the request names: in its target if that is an absolute URL, otherwise in its only Host header.
 fn host_of<T>(request: &Request<T>) -> Option<Authority> {
     fn only(headers: &HeaderMap) -> Option<Authority> {
         let mut all = headers.get_all(HOST).iter();

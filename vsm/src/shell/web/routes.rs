@@ -34,7 +34,7 @@ pub(super) enum Query {
 type Moment = Option<Duration>;
 
 impl Query {
-    /// Answers it; whoever asked may have left.
+    /// Answers it; the client may be gone.
     pub(super) fn answer(self, source: &impl Source, kept: &mut Kept) {
         let _ = match self {
             Query::Page(to) => {
@@ -184,7 +184,7 @@ async fn ask(
     }
 }
 
-/// A picture of the ground; none where there is none, which a map shows as the grid.
+/// A map tile; `None` if there is none, where the map shows its grid.
 async fn tile(tiles: Option<Arc<Tiles>>, (zoom, x, y): (u8, u32, u32)) -> Response<Body> {
     let Some(tiles) = tiles else {
         return text(StatusCode::NOT_FOUND, THERE_ARE);
@@ -243,10 +243,10 @@ const JSON: &str = "application/json";
 const PROMETHEUS: &str = "text/plain; version=0.0.4";
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-const THERE_ARE: &str = "there are /, /page.json, /status.json, /map.json, /events.json, /tracks.json, /metrics and, with [web] tiles, /tiles/ZOOM/X/Y\n";
+const THERE_ARE: &str = "expected one of /, /page.json, /status.json, /map.json, /events.json, /tracks.json, /metrics and, with [web] tiles, /tiles/ZOOM/X/Y\n";
 const EXPECTED: &str = "expected /events.json?from=NUMBER, the number of the first event to show; of a recording at=MS too, the \
     milliseconds since 1970 of a moment, as /status.json and /map.json take it\n";
-const ONLY_GET: &str = "only GET: nothing is commanded here\n";
+const ONLY_GET: &str = "expected GET: this page accepts no commands\n";
 
 macro_rules! assets {
     ($($name:literal $kind:literal,)*) => {

@@ -55,7 +55,7 @@ impl Tiles {
     /// # Errors
     /// It cannot be read, is no PMTiles file of version 3, or has other tiles than PNG, JPEG, WebP or AVIF.
     pub fn open(path: &Path) -> Result<Self, TilesError> {
-        // On a thread of its own, because whoever starts a bridge may be within a runtime.
+        // On a separate thread, because the caller may be inside a runtime.
         let opened = thread::scope(|scope| {
             let open = || {
                 let runtime = tokio::runtime::Builder::new_current_thread().build();
@@ -125,7 +125,7 @@ impl Tiles {
     /// A tile; none where the file has none.
     ///
     /// # Errors
-    /// The file cannot be read any more, or is damaged there.
+    /// The file can no longer be read, or is damaged there.
     pub async fn get(&self, zoom: u8, x: u32, y: u32) -> PmtResult<Option<Bytes>> {
         let Ok(place) = TileCoord::new(zoom, x, y) else {
             return Ok(None);

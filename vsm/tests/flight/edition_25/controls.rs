@@ -99,7 +99,7 @@ fn a_control_is_described_set_and_refused_in_the_messages_of_the_edition() {
     assert_eq!(value(&operator, "MPC_XY_CRUISE"), Some(7.0));
     for (name, value, why) in [
         ("MPC_XY_CRUISE", 30.0, "expected 3 to 20"),
-        ("NAV_DLL_ACT", 0.0, "none of the vehicle's controls"),
+        ("NAV_DLL_ACT", 0.0, "not one of the vehicle's controls"),
     ] {
         let refused = set(&mut rig, &mut operator, name, value);
         assert_eq!(refused, Delivery::Refused, "{name}");

@@ -317,7 +317,7 @@ fn an_upload_whose_contingencies_are_lost_with_the_disk_is_refused_until_they_ar
     assert_eq!(transfer(&mut rig, &mut station, 2), None);
     let alerts = station.alerts(&rig).concat();
     assert!(
-        alerts.contains("waypoint 1 leads on a contingency"),
+        alerts.contains("the contingency waypoint of waypoint 1"),
         "{alerts}"
     );
     let second = with(waypoint(2, 3, 80.0, 0.0), "Contingency Waypoint A", 20);

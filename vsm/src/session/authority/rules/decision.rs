@@ -1,4 +1,5 @@
-//! What the machine decides of an input: the answer to who asked, what changed hands, which handovers began and ended.
+//! A decision about an input: the answer to the requester, the rights that changed hands, and the handovers that began and
+//! ended.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,12 +8,12 @@ use stanag_msgs::Id;
 
 use super::rights::Rights;
 
-/// What came of an input.
+/// The decision about an input.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Decision {
-    /// For who asked.
+    /// The answer to the requester.
     pub answer: Answer,
-    /// What changed hands, in order. Each is a line of the audit log.
+    /// Changes of rights, in order. Each is a line of the audit log.
     pub changes: Vec<Change>,
     /// Handovers that began, or now wait for something else.
     pub begun: Vec<Handover>,
@@ -20,49 +21,49 @@ pub struct Decision {
     pub ended: Vec<Ended>,
 }
 
-/// The answer to a request. What is held afterwards is asked of the machine.
+/// The answer to a request. The machine has the rights held afterwards.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Answer {
-    /// All that was asked for is held, given up, or done.
+    /// The request is fully carried out.
     #[default]
     Granted,
-    /// Something is still to be decided: another is asked, or a load ends first.
+    /// Part of it is pending: another CUCS must answer, or a load must end first.
     Waits,
-    /// Something of it was refused; the rest, if any, was granted.
+    /// Part of it was refused; the rest, if any, was granted.
     Refused {
-        /// What was not granted.
+        /// The rights that were not granted.
         missing: Rights,
         /// Why.
         why: Refusal,
     },
 }
 
-/// Why something is not granted.
+/// Why rights are not granted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Refusal {
     /// `cucs.loi` does not allow it.
     NotAuthorised,
-    /// Another holds it.
+    /// Another CUCS holds it.
     Held(Id),
     /// An override of this holder, without `cucs.override`.
     NoOverride(Id),
     /// An override by a lower `cucs.rank` than this holder's.
     Rank(Id),
-    /// It is being handed over to another.
+    /// It is being handed over to another CUCS.
     Busy(Id),
-    /// The vehicle takes off or lands: control passes to another by override only.
+    /// The vehicle is taking off or landing: control passes by override only.
     LaunchOrLanding,
-    /// A CUCS that the configuration does not list, or the asker itself, cannot succeed.
+    /// The named successor is not configured, or is the sender itself.
     NoSuccessor(Id),
-    /// The asker holds nothing of what it wants to hand over.
+    /// The sender holds none of the rights that it wants to hand over.
     NotHeld,
     /// There is no handover to answer.
     NoHandover,
-    /// It cannot be stored: a right that would not survive a restart is not granted.
+    /// The decision cannot be stored: a right that would not survive a restart is not granted.
     NotStored,
     /// The vehicle has no payload station of that number, or none at all.
     NoStation,
-    /// Its sender has had more decisions stored than it may in a short time.
+    /// Its sender has caused too many stored decisions in a short time.
     TooOften,
 }
 
@@ -97,13 +98,13 @@ impl fmt::Display for Refusal {
 /// Rights that changed hands in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Change {
-    /// Who had some of them.
+    /// The previous holder.
     pub from: Option<Id>,
-    /// All that `from` lost.
+    /// All rights that `from` lost.
     pub lost: Rights,
-    /// Who has them now.
+    /// The new holder.
     pub to: Option<Id>,
-    /// All that `to` gained.
+    /// All rights that `to` gained.
     pub gained: Rights,
     /// Why.
     pub why: Reason,
@@ -112,19 +113,19 @@ pub struct Change {
 /// Why rights changed hands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Reason {
-    /// They were free, and asked for.
+    /// They were free and requested.
     Requested,
-    /// Their holder gave them up.
+    /// Their holder released them.
     Released,
     /// Taken by override.
     Overridden,
     /// Their holder consented, or its successor accepted.
     HandedOver,
-    /// Taken, or given, while their holder was silent.
+    /// Taken by, or given to, another while their holder was silent.
     OfferedInSilence,
     /// Their holder was silent for too long.
     Lost,
-    /// A station, explicitly asked for by the controller.
+    /// A payload station that the controller requested by number.
     Controller,
     /// The configuration no longer allows it.
     Withdrawn,
@@ -148,11 +149,11 @@ impl fmt::Display for Reason {
 /// A handover that is not decided yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Handover {
-    /// Who holds the rights; nobody where free control waits for a load of another.
+    /// The holder; `None` if free control waits for another CUCS's load.
     pub from: Option<Id>,
-    /// Who is to have them.
+    /// The acquirer.
     pub to: Id,
-    /// Which.
+    /// The rights.
     pub rights: Rights,
     /// What it waits for.
     pub stage: Stage,
@@ -165,14 +166,14 @@ pub enum Stage {
     Consent(Duration),
     /// The named successor's acceptance, until then.
     Acceptance(Duration),
-    /// It is decided, for this reason, and waits until the load of another has ended.
+    /// It is decided, for this reason, and waits for another CUCS's load to end.
     Load(Reason),
 }
 
 /// A handover that ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ended {
-    /// As it was.
+    /// The handover.
     pub handover: Handover,
     /// How it ended.
     pub outcome: Outcome,
@@ -181,17 +182,17 @@ pub struct Ended {
 /// How a handover ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// These rights were moved, in one step.
+    /// These rights passed, in one step.
     Completed(Rights),
     /// The holder refused.
     Refused,
     /// The successor declined.
     Declined,
-    /// Who began it withdrew it.
+    /// Its initiator withdrew it.
     Withdrawn,
     /// Nobody answered in time.
     Lapsed,
-    /// Another has the rights now, or one of the two is gone.
+    /// Another CUCS has the rights now, or one of the parties is gone.
     Overtaken,
     /// The vehicle began to take off or land.
     LaunchOrLanding,

@@ -1,8 +1,8 @@
-//! Positive handover: a wish that the holder consents to, or a successor that the holder names and that accepts.
+//! Positive handover: the holder consents to a request of another CUCS, or names a successor, which accepts.
 //!
-//! Both are message 4; who is meant is its Requesting CUCS ID. From the CUCS that it names, it is a wish, the
-//! acceptance of an offer, or with no level named the end of either. From another, which must be the holder, it is
-//! consent to that wish, a refusal where no level is named, or the naming of a successor where nobody has asked.
+//! Both use message 4; its Requesting CUCS ID names the acquirer. Sent by the acquirer, it is a request ("wish" in this
+//! module), the acceptance of an offer or, without levels, the withdrawal of either. Sent by the holder, it is the consent
+//! to the acquirer's wish, its refusal if no level is named, or an offer if the acquirer has not asked.
 
 use stanag_msgs::Id;
 
@@ -35,10 +35,10 @@ impl Authority {
         decision
     }
 
-    /// The acquirer withdraws its wish, or declines what it is offered.
+    /// The acquirer withdraws its wish or declines an offer.
     fn give_up(&mut self, acquirer: Id, decision: &mut Decision) -> Result<Answer, Refusal> {
         let known = decision.ended.len();
-        // Offers first: the second pass would end them as withdrawn, the outcome of what the acquirer began itself.
+        // Offers first: the second pass would end them as withdrawn, which is the outcome only of the acquirer's own wishes.
         self.end_where(Outcome::Declined, decision, |handover| {
             handover.to == acquirer && matches!(handover.stage, Stage::Acceptance(_))
         });
@@ -89,7 +89,7 @@ impl Authority {
         Ok(tally.answer())
     }
 
-    /// The holder refuses a wish, or takes back what it offered.
+    /// The holder refuses a wish or withdraws an offer.
     fn refuse(
         &mut self,
         holder: Id,
@@ -128,7 +128,7 @@ impl Authority {
             let Some(handover) = self.pending.get(index).copied() else {
                 return Err(Refusal::NoHandover);
             };
-            // Offered or agreed on already: the same message again begins nothing, and extends no deadline.
+            // Already offered or agreed: the same message again has no effect and extends no deadline.
             if !matches!(handover.stage, Stage::Consent(_)) {
                 return Ok(Answer::Waits);
             }
@@ -136,7 +136,7 @@ impl Authority {
         }
         let successor = at.asker(acquirer).ok_or(Refusal::NoSuccessor(acquirer))?;
         let held = self.held(holder);
-        // Holding either level is enough to offer both: LOI 4 and 5 are never with two CUCSs.
+        // Holding one of the levels is enough to offer both: LOI 4 and 5 always have the same holder.
         let control = if held.control().is_empty() {
             Rights::NONE
         } else {
@@ -169,7 +169,7 @@ impl Authority {
         Ok(Answer::Waits)
     }
 
-    /// A successor asks for what it has been offered: that is its acceptance.
+    /// A successor requests what it was offered: that accepts the offer.
     pub(super) fn accept_offers(
         &mut self,
         at: &Circumstances<'_>,
@@ -195,7 +195,7 @@ impl Authority {
         }
     }
 
-    /// Both sides agree on this handover, or on a part of it: it is done, or waits for the load of another.
+    /// Both sides agree on this handover or a part of it: it is carried out, or waits for another CUCS's load.
     fn agree(
         &mut self,
         at: &Circumstances<'_>,
@@ -205,7 +205,7 @@ impl Authority {
         decision: &mut Decision,
     ) -> Result<Answer, Refusal> {
         let stations = Rights::of_stations(handover.rights.both(wanted).stations());
-        // Control is handed over as a whole: the holder of the other level would be a second controller.
+        // Control is handed over as a whole: otherwise the holder of the other level would be a second controller.
         let control = if wanted.control().is_empty() {
             Rights::NONE
         } else {
@@ -258,9 +258,10 @@ impl Authority {
         decision.begun.push(handover);
     }
 
-    /// Keeps a handover in its place. What is pending has one order, whichever began first: control, then stations.
+    /// Inserts a pending handover in a fixed order, independent of its start: control, then stations.
     pub(super) fn expect(&mut self, handover: Handover) {
-        // No two pending handovers are of one right, so their order decides nothing; one order keeps the model small.
+        // No two pending handovers concern the same right, so their order has no effect; a fixed order keeps the model
+        // small.
         let place = |one: &Handover| (one.rights.control().is_empty(), one.rights.stations().raw());
         let index = self
             .pending
@@ -284,7 +285,7 @@ impl Authority {
         });
     }
 
-    /// To whom rights are already being handed over, for one that begins another handover of them.
+    /// The CUCS to which these rights are already being handed over, if any.
     fn claim(&self, at: &Circumstances<'_>, by: Id, rights: Rights) -> Option<Id> {
         self.pending
             .iter()
@@ -292,7 +293,7 @@ impl Authority {
             .map(|handover| handover.to)
     }
 
-    /// Ends the wishes that are no claim against this one.
+    /// Ends wishes that must not compete with this handover.
     fn overtake_wishes(
         &mut self,
         at: &Circumstances<'_>,
@@ -305,9 +306,9 @@ impl Authority {
         });
     }
 
-    /// Looks at every handover again after something has changed: some can be done now, some never.
+    /// Checks every handover after a change: some can be completed now, and some never.
     pub(super) fn settle(&mut self, at: &Circumstances<'_>, decision: &mut Decision) {
-        // Each round ends one handover, or is the last.
+        // Each iteration ends one handover or is the last one.
         while let Some((index, next)) = self.next_to_settle(at) {
             let handover = self.pending.remove(index);
             match next {
@@ -343,12 +344,13 @@ impl Authority {
         if self.held(to).contains(rights) {
             return Some(Next::Complete(Reason::HandedOver));
         }
-        // A part has passed to a third since: no answer of `from`, or of its successor, can decide it any more.
+        // Part of the rights has passed to a third CUCS: neither `from` nor its successor can decide the handover now.
         if third {
             return Some(Next::End(Outcome::Overtaken));
         }
         match stage {
-            // Its holder has let go of some: the acquirer, who asked, has that at once, and asks for no more.
+            // The holder has released some of the rights: the acquirer gets those at once, and the wish covers only the
+            // rest.
             Stage::Consent(_) if !holder_has_all => {
                 let loses_control =
                     control && holders.iter().any(|(_, part)| !part.control().is_empty());
@@ -364,7 +366,7 @@ impl Authority {
                     Next::Complete(Reason::Requested)
                 })
             }
-            // A silent holder cannot consent: who has requested it gets it, as one that requests it now would.
+            // A silent holder cannot consent: the acquirer gets the rights, as it would by requesting them now.
             Stage::Consent(_) | Stage::Acceptance(_)
                 if from.is_some_and(|from| {
                     self.silence(from) >= Silence::Offered && at.is_fit(to, from)
@@ -386,7 +388,7 @@ impl Authority {
                 Some(Next::End(Outcome::Overtaken))
             }
             Stage::Load(_) if blocked => None,
-            // Before the arm of launch and landing: during these control moves by override only.
+            // This arm must come before that of launch and landing, during which control passes by override only.
             Stage::Load(Reason::Overridden) => Some(Next::Complete(Reason::Overridden)),
             Stage::Load(_) if at.launch_or_landing && !holders.is_empty() => {
                 Some(Next::End(Outcome::LaunchOrLanding))
@@ -396,13 +398,13 @@ impl Authority {
     }
 }
 
-/// Whether it is a mere wish in the name of one without a guard, and this station has one: anybody could renew such a wish for
-/// ever, and no guarded station would hand over, or ask for, anything.
+/// Whether it is a wish of an unguarded CUCS and this station has a guard. Anybody could renew such a wish forever and so
+/// keep a guarded station from handing over or requesting rights.
 fn gives_way(at: &Circumstances<'_>, handover: &Handover, by: Id) -> bool {
     matches!(handover.stage, Stage::Consent(_)) && !at.is_fit(handover.to, by)
 }
 
-/// What becomes of a handover.
+/// The next step of a handover.
 enum Next {
     Complete(Reason),
     End(Outcome),

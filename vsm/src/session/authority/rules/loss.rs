@@ -1,4 +1,4 @@
-//! The silence of holders, rights that the configuration withdraws, and the passing of time.
+//! Silent holders, rights withdrawn by the configuration, and the passing of time.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use super::rights::Rights;
 use super::{Asker, Authority, Circumstances, Silence};
 
 impl Authority {
-    /// The silence of a CUCS has gone so far. At [`Silence::Lost`] it loses control and its payload stations, and
-    /// what it wished for; it keeps LOI 2, which commands nothing. One that comes back gets nothing by itself.
+    /// The silence of a CUCS has reached this stage. At [`Silence::Lost`] it loses control, its payload stations and its
+    /// pending requests; it keeps LOI 2, which commands nothing. A CUCS that comes back must request its rights again.
     pub fn silence_of(&mut self, at: &Circumstances<'_>, id: Id, silence: Silence) -> Decision {
         let mut decision = Decision::default();
         if silence == Silence::None || self.held(id).is_empty() {
@@ -20,7 +20,7 @@ impl Authority {
             self.end_where(Outcome::Overtaken, &mut decision, |handover| {
                 let asked =
                     handover.from == Some(id) && matches!(handover.stage, Stage::Consent(_));
-                // A wish in the name of one without a guard is not first where a guarded holder is lost.
+                // If a guarded holder is lost, a request by a CUCS without a guard is not served first.
                 handover.to == id || (asked && !at.is_fit(handover.to, id))
             });
             let held = self.held(id);
@@ -33,7 +33,7 @@ impl Authority {
         decision
     }
 
-    /// The configuration is another: what it no longer allows is taken away, and handovers of it end.
+    /// The configuration has changed: withdraws rights that it no longer allows, and ends handovers of them.
     pub fn reconfigured(&mut self, at: &Circumstances<'_>) -> Decision {
         let mut decision = Decision::default();
         let allowed = |id| at.asker(id).map_or(Rights::NONE, Asker::may_hold);
@@ -49,7 +49,7 @@ impl Authority {
         decision
     }
 
-    /// Time has passed, a load has ended, or the vehicle flies otherwise.
+    /// Time has passed, a load has ended, or the vehicle's mode has changed.
     pub fn look_again(&mut self, at: &Circumstances<'_>) -> Decision {
         let mut decision = Decision::default();
         self.settle(at, &mut decision);

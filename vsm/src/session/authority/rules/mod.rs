@@ -1,12 +1,13 @@
-//! Who has which rights over one vehicle: a machine without clock, messages or store.
+//! The rights over one vehicle: a machine without clock, messages or store.
 //!
 //! Promised, and checked by `tests/authority/every_state.rs` over every state that can be reached:
-//! - LOI 4 and 5 have one holder together, the controller. LOI 3 has one holder a payload station. LOI 2 may be held
-//!   by any number.
-//! - Rights change hands in one step, reported as a [`Change`]: the changes alone show who holds what at any moment.
-//! - A release is always granted. Nothing is taken from a holder that is present, but by its consent, by override, or
-//!   where the controller asks for a payload station by its number.
-//! - While a mission is loaded for one CUCS, control does not pass to another: what was decided waits for the end.
+//! - LOI 4 and 5 have one holder, the controller. LOI 3 has one holder per payload station. Any number of CUCSs may hold LOI
+//!   2.
+//! - Rights change hands in one step, reported as a [`Change`]: the changes alone show the holders at any moment.
+//! - A release is always granted. A present holder loses a right only by its consent, by an override, or when the controller
+//!   requests a payload station by number.
+//! - While a mission is loaded for one CUCS, control does not pass to another: a decided handover waits for the end of the
+//!   load.
 //! - While the vehicle takes off or lands, control passes from its holder to another by override only.
 //!
 //! Inputs are requests ([`Authority::request`], [`Authority::handover`]), the silence of a CUCS and the time; each
@@ -30,22 +31,22 @@ pub use record::Record;
 pub use request::Access;
 pub use rights::{CONTROL, Rights, Stations};
 
-/// The rights over one vehicle. That one right has one holder is the shape of it.
+/// The rights over one vehicle. Its form allows only one holder for each right.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Authority {
-    /// The controller, and which of LOI 4 and 5 it asked for.
+    /// The controller, and which of LOI 4 and 5 it requested.
     control: Option<(Id, LoiBitmap)>,
     /// LOI 3: the holder of each payload station that has one.
     stations: BTreeMap<u8, Id>,
-    /// LOI 2, asked for by itself.
+    /// Explicitly requested LOI 2.
     monitors: BTreeSet<Id>,
-    /// Control first, then by station. No two are for rights that have one holder.
+    /// Pending handovers: control first, then by station. No two concern the same single-holder right.
     pending: Vec<Handover>,
     /// Holders that are silent.
     silent: BTreeMap<Id, Silence>,
 }
 
-/// Who asks, and what the configuration lets it have.
+/// A requester, and its rights by the configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Asker {
     /// The CUCS.
@@ -54,11 +55,11 @@ pub struct Asker {
     pub authorised: LoiBitmap,
     /// `cucs.override`.
     pub may_override: bool,
-    /// `cucs.rank`, and [`GUARDED_RANK`] more with a guard: an override takes from its own rank and below.
+    /// `cucs.rank`, plus [`GUARDED_RANK`] with a guard: an override can take rights from the same rank and below.
     pub rank: u16,
 }
 
-/// Any station with a guard is above all without: in the name of one without anybody can ask.
+/// Any station with a guard ranks above all without one: anybody can send requests in the name of an unguarded station.
 pub const GUARDED_RANK: u16 = 0x100;
 
 impl Asker {
@@ -73,30 +74,30 @@ impl Asker {
     }
 }
 
-/// How far the silence of a CUCS has gone: `authority.warn_s`, `offer_s`, `act_s`.
+/// The stage of a CUCS's silence: `authority.warn_s`, `offer_s`, `act_s`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Silence {
-    /// Received lately, or it never sent heartbeats.
+    /// Received recently, or it never sent heartbeats.
     #[default]
     None,
     /// Operators are warned.
     Warned,
-    /// Another may take what it holds.
+    /// Another CUCS may take its rights.
     Offered,
-    /// What it holds is taken away.
+    /// It loses its rights.
     Lost,
 }
 
-/// What the machine must know to decide.
+/// The inputs of a decision.
 #[derive(Debug, Clone, Copy)]
 pub struct Circumstances<'a> {
-    /// The time, on a clock that does not go back.
+    /// The time, by the monotonic clock.
     pub now: Duration,
     /// Every CUCS of the configuration.
     pub roster: &'a [Asker],
-    /// Who loads a mission just now; the null id where the VSM does by itself.
+    /// The CUCS that is loading a mission; the null id if the VSM itself is.
     pub loading: Option<Id>,
-    /// The vehicle takes off or lands.
+    /// The vehicle is taking off or landing.
     pub launch_or_landing: bool,
 }
 
@@ -105,21 +106,21 @@ impl Circumstances<'_> {
         self.roster.iter().find(|asker| asker.id == id)
     }
 
-    /// Whether one is as good as the other, where that is not asked for its consent: who can keep a guarded station silent
-    /// could ask in the name of one without a guard.
+    /// Whether one CUCS may take rights from the other without its consent. An unguarded one may not take from a guarded
+    /// one: an attacker who keeps a guarded station silent could send requests in the name of an unguarded station.
     fn is_fit(&self, to: Id, holder: Id) -> bool {
         let is_guarded = |id| self.asker(id).is_some_and(Asker::is_guarded);
         is_guarded(to) || !is_guarded(holder)
     }
 
-    /// Whether control may not pass to this one before the load has ended.
+    /// Whether control must not pass to this CUCS before the load has ended.
     fn load_of_another(&self, to: Id) -> bool {
         self.loading.is_some_and(|owner| owner != to)
     }
 }
 
 impl Authority {
-    /// Everything that a CUCS holds, as LOI Granted shows it: LOI 3 to 5 imply LOI 2.
+    /// All rights of a CUCS, as shown by LOI Granted: LOI 3 to 5 imply LOI 2.
     #[must_use]
     pub fn granted(&self, id: Id) -> LoiBitmap {
         self.held(id).levels()
@@ -137,7 +138,7 @@ impl Authority {
         self.stations.get(&station) == Some(&id)
     }
 
-    /// What a CUCS holds by itself.
+    /// The explicit rights of a CUCS.
     #[must_use]
     pub fn held(&self, id: Id) -> Rights {
         let mut levels = LoiBitmap::NONE;
@@ -158,7 +159,7 @@ impl Authority {
             .with(Rights::of_stations(Stations::from_raw(stations)))
     }
 
-    /// Every CUCS that holds something, and what.
+    /// Every CUCS that holds rights, with its rights.
     pub fn holders(&self) -> impl Iterator<Item = (Id, Rights)> + '_ {
         let all: BTreeSet<Id> = self
             .monitors
@@ -176,25 +177,25 @@ impl Authority {
         self.control.map(|(id, _)| id)
     }
 
-    /// Whether a CUCS holds what commands, the vehicle or a station: silence costs it that, and nothing else.
+    /// Whether a CUCS holds a right to command the vehicle or a payload station: only these are lost by silence.
     #[must_use]
     pub fn commands(&self, id: Id) -> bool {
         self.controller() == Some(id) || !self.held(id).stations().is_empty()
     }
 
-    /// The handovers that are not decided yet, or wait for a load to end.
+    /// Handovers that are not decided yet or wait for a load to end.
     #[must_use]
     pub fn pending(&self) -> &[Handover] {
         &self.pending
     }
 
-    /// How far the silence of a holder has gone.
+    /// The stage of a holder's silence.
     #[must_use]
     pub fn silence(&self, id: Id) -> Silence {
         self.silent.get(&id).copied().unwrap_or_default()
     }
 
-    /// Whether nobody holds anything and nothing is pending.
+    /// Whether nobody holds a right and no handover is pending.
     #[must_use]
     pub fn is_free(&self) -> bool {
         self.control.is_none()
@@ -203,7 +204,7 @@ impl Authority {
             && self.pending.is_empty()
     }
 
-    /// What others than this one hold of what has one holder. Control is held as a whole.
+    /// Single-holder rights that other CUCSs hold. Control is held as a whole.
     fn held_by_others(&self, id: Id) -> Rights {
         let control = match self.control {
             Some((holder, _)) if holder != id => CONTROL,
@@ -217,7 +218,7 @@ impl Authority {
         Rights::of_control(control).with(Rights::of_stations(Stations::from_raw(stations)))
     }
 
-    /// The holder of control, or of the stations, that is asked for: by holder, what of it each has.
+    /// The holders of the requested rights, and the part that each holds.
     fn by_holder(&self, wanted: Rights, asker: Id) -> Vec<(Id, Rights)> {
         let others = self.holders().filter(|(id, _)| *id != asker);
         others
@@ -234,7 +235,7 @@ impl Authority {
             .collect()
     }
 
-    /// Writes rights down, without a word about it.
+    /// Sets rights without reporting a change.
     fn put(&mut self, id: Id, rights: Rights) {
         if rights.monitors() {
             self.monitors.insert(id);
@@ -251,18 +252,18 @@ impl Authority {
         }
     }
 
-    /// Moves rights that are free, its own, or held by others, to one CUCS in one step.
+    /// Moves rights to one CUCS in one step, whether they are free, its own, or held by others.
     fn give(&mut self, to: Id, rights: Rights, why: Reason, decision: &mut Decision) {
         let gained = rights.without(self.held(to));
         if gained.is_empty() {
             return;
         }
-        // Found before anything moves: afterwards the losers no longer hold it.
+        // Find the losers before moving anything: afterwards they no longer hold the rights.
         let losers: Vec<(Id, Rights)> = self
             .by_holder(gained, to)
             .into_iter()
             .map(|(id, part)| {
-                // Who loses control loses both of its levels.
+                // A CUCS that loses control loses both levels.
                 let held = self.held(id);
                 let control = if part.control().is_empty() {
                     LoiBitmap::NONE
@@ -305,7 +306,7 @@ impl Authority {
         }
     }
 
-    /// Takes rights away: they are free.
+    /// Takes rights away, so that they are free.
     fn take(&mut self, from: Id, rights: Rights, why: Reason, decision: &mut Decision) {
         let lost = self.held(from).both(rights);
         if lost.is_empty() {

@@ -1,4 +1,4 @@
-//! Authority and pending handovers as they are stored: before they are answered.
+//! The stored form of rights and pending handovers, written before a decision is answered.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use super::decision::{Handover, Reason, Stage};
 use super::rights::{Rights, Stations};
 use super::{Asker, Authority, CONSENT_WITHIN};
 
-/// What is stored.
+/// The stored form.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Record {
     held: Vec<Held>,
@@ -45,7 +45,7 @@ enum StageName {
 }
 
 impl Authority {
-    /// What must be stored.
+    /// The state to store.
     #[must_use]
     pub fn record(&self) -> Record {
         let held = self.holders().map(|(id, rights)| Held {
@@ -73,8 +73,8 @@ impl Authority {
         }
     }
 
-    /// Rights and handovers as they were stored, as far as the configuration still allows them. Who is asked for
-    /// consent or acceptance has the whole time again.
+    /// Restores rights and handovers, as far as the configuration still allows them. The time to consent or accept starts
+    /// again.
     #[must_use]
     pub fn restored(record: &Record, now: Duration, roster: &[Asker]) -> Authority {
         let mut authority = Authority::default();
@@ -86,7 +86,7 @@ impl Authority {
         };
         for held in &record.held {
             if let Some((id, rights)) = rights(held.id, held.levels, held.stations) {
-                // A record that names two holders of one right was not written by this program: the first has it.
+                // A record with two holders of one right was not written by this program: the first one keeps it.
                 let free = rights.without(authority.held_by_others(id));
                 authority.put(id, free);
             }
@@ -95,7 +95,7 @@ impl Authority {
             let Some((to, rights)) = rights(pending.to, pending.levels, pending.stations) else {
                 continue;
             };
-            // Deadlines are times of a clock that starts again with the process: none is stored.
+            // Deadlines are not stored: their clock starts again with the process.
             let until = now + CONSENT_WITHIN;
             authority.expect(Handover {
                 from: pending.from.map(Id),
@@ -104,7 +104,7 @@ impl Authority {
                 stage: match pending.stage {
                     StageName::Consent => Stage::Consent(until),
                     StageName::Acceptance => Stage::Acceptance(until),
-                    // The load ended with the earlier process: the next look at the handover completes or ends it.
+                    // The load ended with the earlier process: the next check of the handover completes or ends it.
                     StageName::LoadThenRequested => Stage::Load(Reason::Requested),
                     StageName::LoadThenOverridden => Stage::Load(Reason::Overridden),
                     StageName::LoadThenHandedOver => Stage::Load(Reason::HandedOver),

@@ -9,15 +9,15 @@ use super::{Asker, Authority, Circumstances, Silence};
 /// Requested Access (0001.10).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Access {
-    /// 0: give up these rights; all that are held where none is named.
+    /// 0: release these rights; all held rights if none is named.
     Release,
-    /// 1: have these rights.
+    /// 1: request these rights.
     Control,
-    /// 2: have these rights, also where another holds them.
+    /// 2: take these rights even if another CUCS holds them.
     Override,
 }
 
-/// What is found out of one request while it is decided.
+/// Intermediate results while a request is decided.
 pub(super) struct Tally {
     missing: Rights,
     why: Option<Refusal>,
@@ -25,7 +25,7 @@ pub(super) struct Tally {
 }
 
 impl Authority {
-    /// Decides message 1. `explicit` where the payload stations were named by number: the controller is given those.
+    /// Decides message 1. `explicit`: the payload stations were named by number; the controller gets those.
     pub fn request(
         &mut self,
         at: &Circumstances<'_>,
@@ -42,9 +42,9 @@ impl Authority {
         }
         let mut tally = Tally::new(asker, wanted);
         let wanted = wanted.both(asker.may_hold());
-        // Requesting what was offered is its acceptance, by message 1 as by message 4.
+        // Requesting an offered right accepts it, by message 1 as by message 4.
         self.accept_offers(at, asker.id, wanted, &mut tally, &mut decision);
-        // Control first: whoever gets it may name a station.
+        // Control first: the controller may then take a station by number.
         for part in parts(wanted) {
             self.grant_free(at, asker.id, part, &mut tally, &mut decision);
             for (holder, part) in self.by_holder(part, asker.id) {
@@ -52,7 +52,7 @@ impl Authority {
                     Ok(why) => {
                         self.seize(at, asker.id, holder, part, why, &mut tally, &mut decision)
                     }
-                    // What is offered to it, or asked of the holder, may still come.
+                    // An offer or a request to the holder may still succeed.
                     Err(_) if self.is_pending(asker.id, part) => tally.waits = true,
                     Err(why) => tally.refuse(part, why),
                 }
@@ -63,10 +63,10 @@ impl Authority {
         decision
     }
 
-    /// Always granted. It also withdraws what the asker still wished for, of these rights.
+    /// A release is always granted. It also withdraws pending requests of its sender for these rights.
     fn release(&mut self, asker: Id, wanted: Rights, decision: &mut Decision) {
         let wanted = if wanted.is_empty() {
-            // Not only what is held: what is still requested is withdrawn too.
+            // Not only held rights: pending requests are withdrawn too.
             self.held(asker).with(EVERYTHING)
         } else {
             wanted
@@ -77,7 +77,7 @@ impl Authority {
         self.take(asker, wanted, Reason::Released, decision);
     }
 
-    /// Grants what nobody else holds, as far as it is not on its way to another.
+    /// Grants rights that nobody else holds, unless they are being handed over to another CUCS.
     pub(super) fn grant_free(
         &mut self,
         at: &Circumstances<'_>,
@@ -94,7 +94,7 @@ impl Authority {
         });
         if let Some(claim) = claimed {
             let refused = free.both(EVERYTHING.without(self.held(to)));
-            // Control is claimed as a whole.
+            // Control is requested as a whole.
             let control = if claim.rights.control().is_empty() {
                 Rights::NONE
             } else {
@@ -107,7 +107,7 @@ impl Authority {
             }
         }
         let news = free.without(self.held(to));
-        // Free control waits for the load of another too, so that two plans are never mixed.
+        // Free control also waits for another CUCS's load, so that two plans are never mixed.
         if !news.control().is_empty() && self.controller().is_none() && at.load_of_another(to) {
             let control = Rights::of_control(news.control());
             tally.waits = true;
@@ -119,7 +119,7 @@ impl Authority {
         self.give(to, free, Reason::Requested, decision);
     }
 
-    /// Whether a part that another holds may be taken from it without being asked.
+    /// Whether rights that another CUCS holds may be taken without its consent.
     fn may_take(
         &self,
         at: &Circumstances<'_>,
@@ -137,13 +137,13 @@ impl Authority {
                 return Ok(Reason::Overridden);
             }
         }
-        // LOI 3 that names no station means every free one: it takes none from a holder, not even for the controller.
+        // LOI 3 without a station number means every free station: it takes none from a holder, not even for the controller.
         let fit = at.is_fit(asker.id, holder);
         if fit && !control && explicit && self.controller() == Some(asker.id) {
             return Ok(Reason::Controller);
         }
         if fit && self.silence(holder) >= Silence::Offered {
-            // During launch and landing only an override moves control, whether its holder is silent or not.
+            // During launch and landing control passes only by override, whether its holder is silent or not.
             return if control && at.launch_or_landing {
                 Err(Refusal::LaunchOrLanding)
             } else {
@@ -157,7 +157,7 @@ impl Authority {
         })
     }
 
-    /// Takes a part from its holder, at once or after the load of another.
+    /// Takes rights from their holder, at once or after another CUCS's load.
     #[expect(
         clippy::too_many_arguments,
         reason = "one step of a request, with what it reports to"
@@ -189,7 +189,7 @@ impl Authority {
             tally.waits = true;
             return;
         }
-        // An override ends what was agreed on, but not an override by one of its own rank or above.
+        // An override ends an agreed handover, but not an override by a CUCS of the same rank or above.
         let rank = |id: Id| at.asker(id).map_or(0, |asker| asker.rank);
         let stays = standing.find(|other| {
             other.to != to
@@ -235,7 +235,7 @@ impl Tally {
 
     pub(super) fn answer(self) -> Answer {
         match self.why {
-            // What waits is answered when it is decided; a part that is refused is known by LOI Granted then.
+            // A pending request is answered when it is decided; LOI Granted then shows which part was refused.
             _ if self.waits => Answer::Waits,
             Some(why) => Answer::Refused {
                 missing: self.missing,
@@ -252,7 +252,7 @@ fn parts(wanted: Rights) -> [Rights; 2] {
     [wanted.without(stations), stations]
 }
 
-/// All rights that there are.
+/// All rights.
 const EVERYTHING: Rights = Rights::everything();
 
 #[cfg(test)]

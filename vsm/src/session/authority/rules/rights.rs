@@ -1,4 +1,4 @@
-//! What can be held: levels of interoperability, and payload stations.
+//! Rights: levels of interoperability, and payload stations.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ impl Stations {
         self.0
     }
 
-    /// One station, 1 to 32; no station for another number.
+    /// One station, 1 to 32; empty for any other number.
     #[must_use]
     pub const fn one(number: u8) -> Stations {
         if number >= 1 && number <= 32 {
@@ -62,13 +62,13 @@ impl Stations {
         StationBitmap17To32::from_raw((self.0 >> 16) as u16)
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// The numbers, rising.
+    /// The numbers, in increasing order.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         (1..=32).filter(move |number| self.0 & (1 << (number - 1)) != 0)
     }
@@ -82,7 +82,7 @@ impl fmt::Debug for Stations {
 
 /// A set of rights: LOI 2, LOI 4 and LOI 5, and LOI 3 by station.
 ///
-/// Only what is held by itself: that LOI 3 to 5 imply LOI 2 is in [`Rights::levels`].
+/// Explicit rights only: [`Rights::levels`] adds the LOI 2 that LOI 3 to 5 imply.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Rights {
     /// LOI 2 and LOI 4, 5; never LOI 3.
@@ -97,8 +97,8 @@ impl Rights {
         stations: Stations::NONE,
     };
 
-    /// What a request means (0001.08, 0001.09). LOI 3 that names no station means every station; stations without
-    /// LOI 3 mean nothing.
+    /// The rights of a request (0001.08, 0001.09). LOI 3 without a station means every station; stations without LOI 3 are
+    /// ignored.
     #[must_use]
     pub fn named(levels: LoiBitmap, stations: Stations) -> Rights {
         let stations = match (levels.contains(LoiBitmap::LOI3), stations.is_empty()) {
@@ -112,7 +112,7 @@ impl Rights {
         }
     }
 
-    /// All that there are.
+    /// All rights.
     #[must_use]
     pub const fn everything() -> Rights {
         Rights {
@@ -121,7 +121,7 @@ impl Rights {
         }
     }
 
-    /// LOI 2 by itself.
+    /// LOI 2 only.
     #[must_use]
     pub const fn monitor() -> Rights {
         Rights {
@@ -130,7 +130,7 @@ impl Rights {
         }
     }
 
-    /// Of these levels only LOI 4 and 5.
+    /// Only LOI 4 and 5 of these levels.
     #[must_use]
     pub const fn of_control(levels: LoiBitmap) -> Rights {
         Rights {
@@ -151,19 +151,19 @@ impl Rights {
         self.stations
     }
 
-    /// LOI 4 and 5 of it.
+    /// Its LOI 4 and 5.
     #[must_use]
     pub fn control(self) -> LoiBitmap {
         LoiBitmap::from_raw(self.own & CONTROL.raw())
     }
 
-    /// Whether LOI 2 is held by itself.
+    /// Whether LOI 2 is held explicitly.
     #[must_use]
     pub fn monitors(self) -> bool {
         self.own & LoiBitmap::LOI2.raw() != 0
     }
 
-    /// As LOI Granted shows it (0021.07): LOI 3 with any station, and LOI 2 with anything.
+    /// The levels as shown by LOI Granted (0021.07): LOI 3 with any station, and LOI 2 with any right.
     #[must_use]
     pub fn levels(self) -> LoiBitmap {
         let mut raw = self.own;
@@ -187,13 +187,13 @@ impl Rights {
         LoiBitmap::from_raw(self.own | loi3)
     }
 
-    /// Nothing at all.
+    /// Whether there are no rights.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self == Rights::NONE
     }
 
-    /// What is in both.
+    /// The intersection.
     #[must_use]
     pub const fn both(self, other: Rights) -> Rights {
         Rights {
@@ -202,7 +202,7 @@ impl Rights {
         }
     }
 
-    /// What is in either.
+    /// The union.
     #[must_use]
     pub const fn with(self, other: Rights) -> Rights {
         Rights {
@@ -211,7 +211,7 @@ impl Rights {
         }
     }
 
-    /// What is not in the other.
+    /// The rights that are not in the other set.
     #[must_use]
     pub const fn without(self, other: Rights) -> Rights {
         Rights {
@@ -220,13 +220,13 @@ impl Rights {
         }
     }
 
-    /// Whether the other is in it.
+    /// Whether it contains the other set.
     #[must_use]
     pub fn contains(self, other: Rights) -> bool {
         other.without(self).is_empty()
     }
 
-    /// Whether both claim something that has one holder: a station, or control, which LOI 4 and 5 are together.
+    /// Whether both contain the same single-holder right: a station, or control (LOI 4 and 5 together).
     #[must_use]
     pub fn collides(self, other: Rights) -> bool {
         !Stations(self.stations.0 & other.stations.0).is_empty()
@@ -235,7 +235,7 @@ impl Rights {
 }
 
 impl Rights {
-    /// As [`Display`](fmt::Display), with the names of the levels: for alerts, which people read. `LOI 4, 5 (control, launch)`.
+    /// As [`Display`](fmt::Display), but with the names of the levels, for alerts: `LOI 4, 5 (control, launch)`.
     #[must_use]
     pub fn in_words(self) -> String {
         let own = LoiBitmap::from_raw(self.own).in_words();

@@ -18,13 +18,13 @@ use crate::session::flight::situation::{
 use crate::session::flight::wings;
 use crate::session::maneuver::{self, Step};
 
-/// A loiter as far as it is composed.
+/// A partly composed loiter.
 struct Draft {
     steps: Vec<Step>,
     commanded: Commanded,
-    /// The speed that is still to be commanded by itself, m/s.
+    /// The speed that still needs its own command, m/s.
     speed_m_s: Option<f64>,
-    /// The mode is named: the loiter is flown as it is configured now.
+    /// The command names the mode: the loiter uses the present configuration.
     restarts: bool,
 }
 
@@ -65,7 +65,7 @@ pub(super) fn loiter(
         speed_m_s: speed,
         restarts: names_mode(command),
     };
-    // A VTOL hovers, or circles on its wings, as the loiter asks: it turns into that first.
+    // A VTOL hovers or circles on its wings, as the loiter requires: it transitions first.
     let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
     if place.is_none() && level.is_none() && !wings::circles_here(pattern, hovers, command) {
         stay(&mut draft, command, loiters, at)?;
@@ -86,7 +86,7 @@ pub(super) fn loiter(
     Ok(Task::Steps(steps, commanded))
 }
 
-/// The places that a loiter leads over, for a height above the ground: only that needs to know where the vehicle is.
+/// The places that a loiter passes over, for a height above the ground: only that needs the vehicle's position.
 pub(super) fn flown_over(
     place: Option<(f64, f64)>,
     pattern: Pattern,
@@ -105,7 +105,7 @@ pub(super) fn flown_over(
         Pattern::Hover => 0.0,
         Pattern::Own => own_m,
         Pattern::Circle(radius_m) => radius_m,
-        // Wherever its long axis points.
+        // For any direction of its long axis.
         Pattern::FigureEight([half_m, radius_m, _]) => {
             let radius_m = radius_m.unwrap_or(own_m);
             half_m.unwrap_or(radius_m) + radius_m
@@ -114,7 +114,7 @@ pub(super) fn flown_over(
     Ok(disc(centre, radius_m))
 }
 
-/// Where it is, at its altitude.
+/// A loiter at the present position and altitude.
 fn stay(
     draft: &mut Draft,
     command: &VehicleOperatingModeCommand,
@@ -142,7 +142,7 @@ fn stay(
     Ok(())
 }
 
-/// At another place, or at another altitude.
+/// A loiter at another position or altitude.
 fn go(
     draft: &mut Draft,
     place: Option<(f64, f64)>,
@@ -158,7 +158,7 @@ fn go(
         .position
         .ok_or("the vehicle has not reported a position yet")?;
     let home = at.telemetry.home.ok_or("home is not known yet")?;
-    // Without an altitude the vehicle is sent there at its present one, which a flight by hand may have left below home.
+    // Without a commanded altitude the vehicle flies there at its present one, which may be below home after manual flight.
     let level = level.unwrap_or(Level::Amsl(present.amsl_m));
     if let Err(fault @ HeightError::BelowHome { .. }) = at.limits.check_height(level, home.amsl_m) {
         return Err(format!(
@@ -174,7 +174,7 @@ fn go(
             .map_err(|fault| format!("mode 12 (loiter): {fault}"))?;
     }
     let here = (present.latitude, present.longitude);
-    // Where nothing but its altitude is commanded, a wing that loiters keeps its circle.
+    // If only an altitude is commanded, a loitering fixed wing keeps its circle.
     let keeps = place.is_none()
         && at.settled_mode() == Some(Px4Mode::LOITER)
         && draft.steps.is_empty()
@@ -199,7 +199,7 @@ fn go(
                 wings::check_circle(wings, radius_m, speed, at)?;
             }
             if hovers {
-                // PX4 takes the speed on a multicopter's circle from DO_ORBIT alone: no DO_CHANGE_SPEED follows.
+                // PX4 takes the speed on a multicopter's circle from DO_ORBIT only, so no DO_CHANGE_SPEED follows.
                 within_the_circle(speed, radius_m)?;
                 draft.speed_m_s = None;
                 draft.commanded.speed_m_s = speed;
@@ -219,7 +219,7 @@ fn go(
     Ok(())
 }
 
-/// The circle that is flown, at another speed.
+/// The present circle at another speed.
 fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, String> {
     let orbit = at
         .telemetry
@@ -233,7 +233,7 @@ fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, Str
     Ok(steps)
 }
 
-/// PX4 flies a circle more slowly than commanded where it would be drawn outward by more than it allows.
+/// PX4 flies a circle more slowly than commanded if the centripetal acceleration would exceed its limit.
 fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String> {
     let most_m_s = (MAX_INWARD_M_S2 * radius_m).sqrt();
     match speed_m_s {
@@ -244,5 +244,5 @@ fn within_the_circle(speed_m_s: Option<f64>, radius_m: f64) -> Result<(), String
     }
 }
 
-/// What PX4 allows toward the centre of a circle, m/s2.
+/// PX4's limit of centripetal acceleration, m/s2.
 const MAX_INWARD_M_S2: f64 = 2.0;

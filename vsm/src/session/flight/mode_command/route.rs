@@ -1,4 +1,4 @@
-//! Modes that fly a route: the one aboard, from the waypoint that is commanded, or another one that is uploaded first.
+//! Modes that fly a route: the one aboard, from the commanded waypoint, or another one that is uploaded first.
 
 use curve_paths::Position;
 use mapping::mode::Px4Mode;
@@ -23,7 +23,7 @@ pub(super) fn fly(
     route: RouteType,
     at: &Situation<'_>,
 ) -> Result<Task, String> {
-    // What makes it impossible is found out before another route goes aboard for it.
+    // Detect reasons for refusal before another route is uploaded for the command.
     let speed = speed(command, &at.route_performance)?;
     wings::may_begin_a_route(at)?;
     let number = command
@@ -38,7 +38,7 @@ pub(super) fn fly(
         {
             uploaded
         }
-        // Another route went aboard for another mode: what 13000 has loaded comes back.
+        // Another mode has uploaded another route: upload the one that 13000 loaded again.
         _ if route == RouteType::Flight && at.loaded.is_some() && at.loaded != at.uploaded => {
             let knows = |number| {
                 at.loaded
@@ -52,7 +52,7 @@ pub(super) fn fly(
         Some(uploaded) if route == RouteType::Flight && holds(at.telemetry, uploaded).is_none() => {
             return Err(mission_not_reported("mode 11 (waypoint)"));
         }
-        // Mode 11 flies what 13000 has loaded, never what has been stored since.
+        // Mode 11 flies the route that 13000 loaded, never one that was stored later.
         _ if route == RouteType::Flight => {
             return Err(
                 "mode 11 (waypoint): the vehicle no longer holds the loaded route; load it again (13000)"
@@ -83,8 +83,8 @@ pub(super) fn fly(
     if enters || start.is_some() {
         check_way_to_route(uploaded, start, enters, at)?;
     }
-    // A speed for the leg that is being flown is the operator's decision: it applies, and the mission watchdog holds a
-    // vehicle that flies past its waypoint.
+    // The operator may set a speed for the current leg. It applies, and the mission watchdog holds a vehicle that misses its
+    // waypoint.
     let begins = enters || start.is_some();
     if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
@@ -104,7 +104,7 @@ pub(super) fn fly(
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
         wings::turn_for_the_leg(uploaded, seq.unwrap_or(0), at, &mut steps)?;
     }
-    // Before the mode: in AUTO.MISSION the vehicle flies to the item that is current.
+    // Before the mode: in AUTO.MISSION the vehicle flies to the current item.
     steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
     if begins {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
@@ -115,7 +115,7 @@ pub(super) fn fly(
         at.commanded
     };
     if let Some(speed_m_s) = speed {
-        // After the mode: entering one takes PX4 back to its own speed.
+        // After the mode: PX4 resets to its own speed when it enters a mode.
         steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
         commanded.speed_m_s = Some(speed_m_s);
         commanded.speed_type = Some(flown_as(at.wings.is_none()));
@@ -123,7 +123,7 @@ pub(super) fn fly(
     Ok(Task::Steps(steps, commanded))
 }
 
-/// The item to begin with where no waypoint is named; none to fly on to the current one.
+/// The first item if no waypoint is named; `None` to continue to the current item.
 fn continued_from(
     command: &VehicleOperatingModeCommand,
     uploaded: &UploadedMission,
@@ -131,16 +131,18 @@ fn continued_from(
 ) -> Option<u16> {
     let restart = restarts_route(command, at.telemetry, Some(uploaded)).then_some(0);
     match at.under_way.item {
-        // Where an earlier command sends the vehicle, and it does not report yet.
+        // The target of an earlier command that the vehicle does not report yet.
         Some(item) if !uploaded.compiled.lands(item) => Some(item),
-        // But to the landing of a mode 19: it may have become current, and mode 11 flies back to where the route was left.
+        // Except the landing of a mode 19: it may have become the current item, and mode 11 returns to where the route was
+        // left.
         Some(_) => restart.or(at.telemetry.mission.map(|mission| mission.seq)),
         None => restart,
     }
 }
 
-/// Whether the straight way from the vehicle to where its route is begun or continued is above the terrain, where that is
-/// known. On the ground there is none yet: a launch is refused elsewhere, and this is compared when the route is flown.
+/// Checks that the straight path from the vehicle to the point where its route begins or continues is above the terrain, if
+/// that is known. A vehicle on the ground is not checked: a launch has its own checks, and this check is made when the route
+/// is flown.
 fn check_way_to_route(
     uploaded: &UploadedMission,
     start: Option<u16>,
@@ -162,7 +164,7 @@ fn check_way_to_route(
         .ok_or("the vehicle has not reported a position yet")?;
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     let to_m = leg.level.amsl(home.amsl_m);
-    // On entering AUTO.MISSION a multicopter climbs before, on the spot; a wing climbs on the way.
+    // On entering AUTO.MISSION a multicopter first climbs on the spot; a fixed wing climbs on the way.
     let climbs_first = enters && at.wings.is_none();
     let from_m = if climbs_first {
         present.amsl_m.max(to_m)
@@ -179,8 +181,8 @@ fn check_way_to_route(
     })
 }
 
-/// Whether the vehicle comes to the place that a flight from this item leads to first without a climb or a descent on the
-/// way: on entering AUTO.MISSION PX4 climbs before, on the spot.
+/// Whether the vehicle flies to the first place from this item without a climb or descent on the way: on entering
+/// AUTO.MISSION PX4 first climbs on the spot.
 fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situation<'_>) -> bool {
     let compiled = &uploaded.compiled;
     let leg = compiled.leg_of_item(compiled.place_from(seq));
@@ -193,13 +195,13 @@ fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situatio
     above_m.abs() < NEAR_M || (enters && above_m < 0.0)
 }
 
-/// Whether a route that has been flown to its end restarts: where the mode is commanded, and no waypoint.
+/// Whether a completed route restarts: if the mode is commanded without a waypoint.
 pub(crate) fn restarts_route(
     command: &VehicleOperatingModeCommand,
     vehicle: &Telemetry,
     uploaded: Option<&UploadedMission>,
 ) -> bool {
-    // A wing's mission is not complete at the end of its route: it waits there for its landing.
+    // A fixed wing's mission is not complete at the end of its route: it loiters there until its landing.
     let past = |seq| uploaded.is_some_and(|uploaded| uploaded.compiled.is_past_the_route(seq));
     let complete = vehicle.mission.is_some_and(|mission| {
         mission.state == MissionState::MISSION_STATE_COMPLETE || past(mission.seq)
@@ -207,7 +209,7 @@ pub(crate) fn restarts_route(
     complete && names_mode(command) && !steps_to_waypoint(command)
 }
 
-/// Whether a route aboard is the one that is to be flown: mode 11 flies what 13000 has loaded, but for contingency routes.
+/// Whether the route aboard is the one to fly: mode 11 flies the route that 13000 loaded, except for contingency routes.
 fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> bool {
     if wanted == RouteType::Flight {
         let contingency = [RouteType::ContingencyA, RouteType::ContingencyB];
@@ -220,7 +222,7 @@ fn serves(uploaded: &UploadedMission, wanted: RouteType, at: &Situation<'_>) -> 
     }
 }
 
-/// Whether a route that a mode has put aboard is still what has been sent. What 13000 has loaded stays until the next
+/// Whether a route that a mode has uploaded still matches the received one. The route that 13000 loaded stays until the next
 /// 13000.
 pub(super) fn is_current(uploaded: &UploadedMission, route: RouteType, at: &Situation<'_>) -> bool {
     at.just_loaded

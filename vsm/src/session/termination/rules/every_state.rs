@@ -154,7 +154,7 @@ fn check(before: Rules, input: Input, after: Rules, done: Result<Option<Outcome>
         assert!(is_good(&at), "{}", about());
         assert_eq!(at.plan.map(|plan| plan.action), action_of(after.stage));
     }
-    // A handover arms and commands nothing, and leaves nothing armed by who has no control any more.
+    // A handover arms and commands nothing, and disarms what the previous controller had armed.
     if let Input::Control(controller) = input
         && let Stage::Armed { by, .. } = after.stage
     {

@@ -1,7 +1,7 @@
 //! One connection of a web client, from its challenge to its last frame.
 //!
-//! It serves its client alone: while that does not read, nothing of it is read either, and what it is sent waits in a queue that has
-//! an end. Whatever ends it is reported by name.
+//! Each connection serves one client. While the client does not read, its own frames are not read either, and frames for it
+//! wait in a bounded queue. Every end of a connection is reported with its reason.
 
 use std::collections::VecDeque;
 use std::future::pending;
@@ -51,12 +51,12 @@ pub(super) async fn run(
             ended
         }
     };
-    if let Ended::Refused(why) | Ended::Told(why) = why {
+    if let Ended::Refused(why) | Ended::ByBridge(why) = why {
         let frame = CloseFrame {
             code: why.code(),
             reason: why.reason().into(),
         };
-        // What is unread as a connection closes has the system reset it, and the reason is lost.
+        // If a connection closes with unread data, the system resets it and the client never receives the reason.
         let _ = timeout(CLOSE_WITHIN, async {
             let _ = socket.send(Message::Close(Some(frame))).await;
             while let Some(Ok(_)) = socket.recv().await {}
@@ -70,17 +70,17 @@ pub(super) async fn run(
 enum Ended {
     /// The client has left.
     Left,
-    /// It is refused here, which is to be counted.
+    /// This module refuses it, and the refusal is counted.
     Refused(WebRefusal),
-    /// The bridge ends it, and has counted that.
-    Told(WebRefusal),
+    /// The bridge ends it and has already counted that.
+    ByBridge(WebRefusal),
 }
 
 impl Ended {
     fn refusal(self) -> Option<WebRefusal> {
         match self {
             Ended::Refused(why) => Some(why),
-            Ended::Left | Ended::Told(_) => None,
+            Ended::Left | Ended::ByBridge(_) => None,
         }
     }
 }
@@ -101,7 +101,7 @@ async fn open(
             Received::Other => {}
         }
     };
-    // What is no hello is none of the bridge's business.
+    // A frame that is not a hello is refused here: the bridge never receives it.
     Hello::parse(&frame, vsm, of_vsm).map_err(Ended::Refused)?;
     let (answer, answered) = oneshot::channel();
     let hello = Report::Hello {
@@ -111,11 +111,11 @@ async fn open(
         frame,
         answer,
     };
-    let ends = Ended::Told(WebRefusal::Ends);
+    let ends = Ended::ByBridge(WebRefusal::Ends);
     reports.send(hello).await.map_err(|_| ends)?;
     let admitted = answered.await.map_err(|_| ends)?;
-    // Who says nothing of the reason does so here alone: the bridge has counted it.
-    let admitted = admitted.map_err(Ended::Told)?;
+    // A refusal by the bridge is already counted there.
+    let admitted = admitted.map_err(Ended::ByBridge)?;
     send(socket, admitted.welcome.clone()).await?;
     Ok(admitted)
 }
@@ -168,7 +168,7 @@ impl Connection {
                 },
                 Some(datagram) = self.admitted.queue.recv() => self.pass(socket, &datagram).await,
                 ended = &mut self.admitted.ends => {
-                    return Ended::Told(ended.unwrap_or(WebRefusal::Ends));
+                    return Ended::ByBridge(ended.unwrap_or(WebRefusal::Ends));
                 }
                 taken = imported(&mut self.import) => self.answer_route(socket, taken).await,
                 _ = pings.tick() => self.ping(socket).await,
@@ -194,7 +194,7 @@ impl Connection {
             sent = timeout(SILENCE, send(socket, frame)) => {
                 sent.unwrap_or(Err(Ended::Refused(WebRefusal::TooSlow)))
             }
-            ended = &mut self.admitted.ends => Err(Ended::Told(ended.unwrap_or(WebRefusal::Ends))),
+            ended = &mut self.admitted.ends => Err(Ended::ByBridge(ended.unwrap_or(WebRefusal::Ends))),
         }
     }
 
@@ -213,7 +213,7 @@ impl Connection {
         match opened.map_err(Ended::Refused)? {
             Ok((_, Request::Message(bytes))) => self.report(bytes).await,
             Ok((of, Request::Route(_))) if self.import.is_some() || !self.route.is_empty() => {
-                let why = "route: the one before is still on its way";
+                let why = "route: the previous route is still being sent";
                 self.answer_error(socket, of, why).await
             }
             Ok((of, Request::Route(file))) => {
@@ -264,10 +264,10 @@ impl Connection {
             bytes,
         };
         let sent = self.reports.send(report).await;
-        sent.map_err(|_| Ended::Told(WebRefusal::Ends))
+        sent.map_err(|_| Ended::ByBridge(WebRefusal::Ends))
     }
 
-    /// The next messages of a route: no more than a station may send, or they would be dropped.
+    /// The next messages of a route: only as many as the station's rate limit allows, since others would be dropped.
     async fn send_route(&mut self) -> Result<(), Ended> {
         for _ in 0..ROUTE_BATCH {
             let Some(bytes) = self.route.pop_front() else {
@@ -281,7 +281,7 @@ impl Connection {
     async fn ping(&mut self, socket: &mut WebSocket) -> Result<(), Ended> {
         let now = Instant::now();
         if now.saturating_duration_since(self.answered) > SILENCE {
-            // Who sends and answers no ping reads nothing.
+            // A client that sends but answers no ping is not reading.
             let sends = now.saturating_duration_since(self.received) <= SILENCE;
             return Err(Ended::Refused(if sends {
                 WebRefusal::TooSlow

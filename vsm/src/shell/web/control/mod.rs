@@ -123,7 +123,7 @@ impl Waiting {
         full
     }
 
-    /// It has verified, and keeps its place whoever comes.
+    /// It has verified and keeps its place, whatever other clients connect.
     fn leave(&self, number: u64) {
         let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.retain(|(one, _)| *one != number);

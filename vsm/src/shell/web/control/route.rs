@@ -20,7 +20,7 @@ pub(super) struct Taken {
 /// Reads it.
 ///
 /// # Errors
-/// It is none, or cannot be sent as it is: what was found, and where.
+/// The file is not a route, or cannot be sent unchanged: with what was found, and where.
 pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
     // Of the name its ending is used, and it stands in errors: it names no file here.
     let name = Path::new(&file.file)
@@ -31,7 +31,7 @@ pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
         return Err("route: expected either altitude_m or height_m".to_owned());
     }
     let mut import = Import::of(file.line.clone(), file.altitude_m, file.height_m);
-    import.most_unpacked = Some(MOST_UNPACKED);
+    import.most_unpacked = Some(MAX_UNPACKED);
     let (route, losses) = formats::content_to_send(name, file.content.clone(), &import)
         .map_err(|fault| format!("route: {fault}"))?;
     let unix_ms = TimeStamp(file.stamp).unix_ms();
@@ -46,11 +46,11 @@ pub(super) fn datagrams(file: &RouteFile, cucs: Id) -> Result<Taken, String> {
     })
 }
 
-/// A frame has an end: of many the first are named, and how many more there are.
+/// A frame is bounded: names the first losses, and the number of the others.
 fn lost_of(losses: &Losses) -> Vec<String> {
-    let named = losses.lost.iter().take(MOST_NAMED);
+    let named = losses.lost.iter().take(MAX_NAMED);
     let mut named: Vec<String> = named.map(|loss| lost(loss, losses)).collect();
-    let more = losses.lost.len().saturating_sub(MOST_NAMED);
+    let more = losses.lost.len().saturating_sub(MAX_NAMED);
     if more > 0 {
         named.push(format!("and {more} more"));
     }
@@ -58,8 +58,8 @@ fn lost_of(losses: &Losses) -> Vec<String> {
 }
 
 /// The text of a route of ten thousand waypoints has less.
-const MOST_UNPACKED: u64 = 1 << 20;
-const MOST_NAMED: usize = 50;
+const MAX_UNPACKED: u64 = 1 << 20;
+const MAX_NAMED: usize = 50;
 
 fn lost(loss: &Loss, of: &Losses) -> String {
     match loss.item {
