@@ -495,7 +495,7 @@ impl AirsideServer {
                 tracing::debug!("a packet to {to} was not sent: {cause}");
             }
         }
-        while let Some((level, text)) = encryption.poll_notice() {
+        while let Some((level, text)) = encryption.poll_notice(self.clock.mono()) {
             write_log(level, &text);
         }
         Ok(())
