@@ -295,6 +295,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.held = hold;
     }
 
+    /// Whether the new key is due to be sent, or is held back.
+    #[must_use]
+    pub fn key_is_due(&self) -> bool {
+        self.setup_due && self.peer.is_some()
+    }
+
     /// Whether any frame of the vehicle has been believed.
     #[must_use]
     pub fn has_received(&self) -> bool {

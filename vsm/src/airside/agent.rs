@@ -90,4 +90,6 @@ pub struct Agent {
     pub(super) zeroize: Stage,
     /// What it flies by itself.
     pub(super) alone: Alone,
+    /// A key that is due to PX4 waits for the shell.
+    pub(super) key_held: bool,
 }

@@ -335,6 +335,21 @@ impl Agent {
         self.watch.is_disarmed(mono)
     }
 
+    /// Whether PX4 is due to be sent a key.
+    #[must_use]
+    pub fn key_is_due(&self, mono: Duration) -> bool {
+        match &self.phase {
+            Phase::Keyless | Phase::CannotSign { .. } => false,
+            Phase::HandingOver(on) => on.handover.key_is_due(),
+            Phase::Relaying(_) => self.settings.restamp && self.watch.restamp_is_due(mono),
+        }
+    }
+
+    /// Holds keys for PX4 back, or no longer: while the shell finds out who would receive them. All else continues.
+    pub fn hold_key(&mut self, hold: bool) {
+        self.key_held = hold;
+    }
+
     /// Counts what the shell has held back, for the status.
     pub fn count_held_back(&mut self, why: &'static str) {
         self.relay.held_back.count(why);

@@ -109,6 +109,7 @@ impl Agent {
             reports: Reports::default(),
             zeroize: Stage::default(),
             alone: Alone::new(settings.contingency.as_ref(), Id(settings.ids[1])),
+            key_held: false,
             settings,
         };
         agent.resume(held, now, keys)?;

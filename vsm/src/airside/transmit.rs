@@ -62,12 +62,14 @@ impl Agent {
             Phase::Keyless | Phase::CannotSign { .. } => return None,
             Phase::HandingOver(on) => {
                 // A key that a power cut could take from this disk is not given to PX4.
-                on.handover.hold_key(!keys.is_stored());
+                on.handover.hold_key(self.key_held || !keys.is_stored());
                 let sent = on.handover.poll_transmit(now, keys.disk(), out)?;
                 (sent.to, sent.len, sent.secret)
             }
             Phase::Relaying(relaying)
-                if self.settings.restamp && self.watch.restamp_is_due(now.mono) =>
+                if self.settings.restamp
+                    && !self.key_held
+                    && self.watch.restamp_is_due(now.mono) =>
             {
                 self.watch.restamped();
                 let key = &mut relaying.key;

@@ -222,7 +222,7 @@ impl AirsideServer {
         let mut stop = std::pin::pin!(stop);
         let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
         let mut pings = service::ping_interval().map(tokio::time::interval);
-        let stored = self.stored.clone();
+        let (stored, looked) = (self.stored.clone(), self.px4_peers.looked());
         self.settle().await?;
         loop {
             let encryption = self.encryption.as_ref().map(Encryption::poll_timeout);
@@ -232,6 +232,8 @@ impl AirsideServer {
                 () = &mut stop => break,
                 () = next_ping(&mut pings) => service::alive(),
                 () = stored.notified() => drop(self.disk.store.poll()),
+                // A key that waits for it is sent below.
+                () = looked.notified() => {}
                 received = self.radio.0.receive(&mut from_radio) => match received {
                     Ok((length, from)) => {
                         let bytes = from_radio.get(..length).unwrap_or_default();
@@ -430,10 +432,12 @@ impl AirsideServer {
     async fn settle(&mut self) -> Result<(), TaskFault> {
         self.settle_zeroize().await;
         let mut out = [0; MAX_FRAME];
-        while let Some(sent) = self
-            .agent
-            .poll_transmit(self.clock.now(), &mut self.disk, &mut out)
-        {
+        loop {
+            self.hold_key();
+            let now = self.clock.now();
+            let Some(sent) = self.agent.poll_transmit(now, &mut self.disk, &mut out) else {
+                break;
+            };
             let frame = out.get(..sent.len).unwrap_or_default();
             let (writer, task) = match sent.side {
                 Side::Radio => (&mut self.radio.1, RADIO_WRITER),
@@ -442,7 +446,7 @@ impl AirsideServer {
             if tracing::enabled!(tracing::Level::DEBUG) {
                 tracing::debug!("{}", sent_text(sent.side, sent.to, frame));
             }
-            let stranger = sent.secret.then(|| self.px4_peers.may_have_key(sent.to));
+            let stranger = sent.secret.then(|| self.px4_peers.take_look(sent.to));
             if let (Side::Radio, Some(encryption)) = (sent.side, &mut self.encryption) {
                 encryption.send(self.clock.mono(), sent.to, frame);
                 // At once: it holds few packets, and a burst of PX4's frames makes many.
@@ -461,12 +465,20 @@ impl AirsideServer {
                 out.zeroize();
             }
         }
+        self.px4_peers.forget_look();
         self.report_pairing().await;
         self.send_encrypted().await?;
         while let Some(note) = self.agent.poll_note() {
             write_log(note.level, &note.text);
         }
         Ok(())
+    }
+
+    /// A key waits until its receiver has been looked up; this thread does not.
+    fn hold_key(&mut self) {
+        let mono = self.clock.mono();
+        let hold = self.agent.key_is_due(mono) && !self.px4_peers.has_looked(mono);
+        self.agent.hold_key(hold);
     }
 
     /// Sends what the encrypted link has for the radio, and writes its log.
@@ -484,7 +496,7 @@ impl AirsideServer {
                 tracing::debug!("a packet to {to} was not sent: {cause}");
             }
         }
-        while let Some((level, text)) = encryption.poll_notice() {
+        while let Some((level, text)) = encryption.poll_notice(self.clock.mono()) {
             write_log(level, &text);
         }
         Ok(())
@@ -644,8 +656,9 @@ mod tests {
         Ceiling::raise(&mut store, &id, used).unwrap();
         drop(store);
         let mut server = AirsideServer::open(&config).unwrap();
-        server.px4_peers = LocalPeers::of_users(permitted);
+        // Before the table is read, so that it is in the first.
         let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        server.px4_peers = LocalPeers::of_users(permitted);
         let mut given = false;
         let pose = async {
             let end = tokio::time::Instant::now() + Duration::from_secs(3);

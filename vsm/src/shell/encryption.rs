@@ -20,6 +20,7 @@ pub(super) struct Encryption {
     pub(super) address: LinkAddress,
     link: EncryptedLink<Peer>,
     out: Box<[u8; MAX_WIRE]>,
+    faults: Faults,
 }
 
 /// What an end is: which, whose, and with whom.
@@ -71,6 +72,7 @@ impl Encryption {
             address: address.clone(),
             link: EncryptedLink::open(config, now.mono, disk)?,
             out: Box::new([0; MAX_WIRE]),
+            faults: Faults::default(),
         })
     }
 
@@ -119,21 +121,28 @@ impl Encryption {
     }
 
     /// The next thing for the log; a warning is one for operators too.
-    pub(super) fn poll_notice(&mut self) -> Option<(LogLevel, String)> {
-        Some(match self.link.poll_event()? {
-            EncryptedEvent::Keys { epoch } => (
-                LogLevel::Info,
-                format!("the link is encrypted under new keys (epoch {epoch})"),
-            ),
-            EncryptedEvent::UnderAttack => (
-                LogLevel::Warning,
-                "encrypted link: many recent packets were modified, replayed or forged".to_owned(),
-            ),
-            EncryptedEvent::Fault(cause) => (
-                LogLevel::Warning,
-                format!("encrypted link: no session keys could be agreed on: {cause}"),
-            ),
-        })
+    pub(super) fn poll_notice(&mut self, now: Duration) -> Option<(LogLevel, String)> {
+        while let Some(event) = self.link.poll_event() {
+            match event {
+                EncryptedEvent::Keys { epoch } => {
+                    self.faults.end();
+                    let text = format!("the link is encrypted under new keys (epoch {epoch})");
+                    return Some((LogLevel::Info, text));
+                }
+                EncryptedEvent::UnderAttack => {
+                    let text =
+                        "encrypted link: many recent packets were modified, replayed or forged";
+                    return Some((LogLevel::Warning, text.to_owned()));
+                }
+                EncryptedEvent::Fault(cause) if self.faults.are_due(now) => {
+                    let text =
+                        format!("encrypted link: no session keys could be agreed on: {cause}");
+                    return Some((LogLevel::Warning, text));
+                }
+                EncryptedEvent::Fault(_) => {}
+            }
+        }
+        None
     }
 
     /// How it stands.
@@ -146,5 +155,50 @@ impl Encryption {
     }
 }
 
+/// Faults that come again with each try, several a second while a disk is full: the first is logged, then one a minute until keys
+/// are agreed on.
+#[derive(Debug, Default)]
+struct Faults {
+    logged_at: Option<Duration>,
+}
+
+impl Faults {
+    fn are_due(&mut self, now: Duration) -> bool {
+        let due = self
+            .logged_at
+            .is_none_or(|at| now.saturating_sub(at) >= FAULT_AGAIN);
+        if due {
+            self.logged_at = Some(now);
+        }
+        due
+    }
+
+    fn end(&mut self) {
+        self.logged_at = None;
+    }
+}
+
+const FAULT_AGAIN: Duration = Duration::from_secs(60);
 /// A third of what a radio of 57,600 baud needs for one packet.
 const LINGER: Duration = Duration::from_millis(5);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_that_lasts_is_logged_when_it_begins_and_once_a_minute() {
+        let mut faults = Faults::default();
+        let tried = (0..2_400).map(|tries| Duration::from_millis(400 * tries));
+        let logged: Vec<u64> = tried
+            .filter(|now| faults.are_due(*now))
+            .map(|now| now.as_secs())
+            .collect();
+        let minutes: Vec<u64> = (0..16).map(|minute| 60 * minute).collect();
+        assert_eq!(logged, minutes);
+        // Keys were agreed on, and the disk is full again.
+        faults.end();
+        let again = Duration::from_secs(961);
+        assert!(faults.are_due(again) && !faults.are_due(again));
+    }
+}

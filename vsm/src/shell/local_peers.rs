@@ -2,68 +2,46 @@
 //!
 //! PX4 takes its first key unsigned, and after a power cut it is unsigned again; so whoever sends unsigned heartbeats in its
 //! name is given the key. On a serial line that is whoever holds the cable. On loopback it would be any program of this
-//! computer, whoever runs it, unless the kernel is asked whose socket it is: `/proc/self/net/udp` names the user of each.
+//! computer, whoever runs it, unless the kernel is asked whose socket it is (`socket_owners`).
 //!
 //! - What comes from a socket of another user is dropped, before any machine sees it: such a program can neither pose as
 //!   the vehicle nor keep a key from it by posing as a second one.
-//! - Just before a key leaves, the receiver is looked up once more, in a fresh table. Between that look and the sending
-//!   (microseconds) the vehicle's program would have to end and another to take its port.
+//! - Just before a key leaves, the receiver is looked up once more, in a table whose reading has begun after the key was due.
+//!   Between that look and the sending (milliseconds; where users hold many thousands of sockets, as long as the kernel takes
+//!   for its table) the vehicle's program would have to end and another to take its port.
+//! - Neither sockets that somebody holds nor datagrams that somebody sends delay anybody: a datagram costs one look-up of the
+//!   same length in what another thread has read. What comes from a port that was opened since is dropped too, for a second at
+//!   most (three times as long as the reading takes, where that is longer).
 //!
 //! Permitted are this process's own user, root, who could read the key anyway, and the users of the configuration. A person
 //! who vouches for the link (`i_trust_this_link`) switches the check off.
 
-use std::fs::File;
-use std::io::{self, BufRead, BufReader};
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::collections::HashMap;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::sync::Notify;
+
+pub use super::socket_owners::Stranger;
+use super::socket_owners::{NOT_YET, Socket, SocketOwners, sockets};
 use crate::config::LinkAddress;
 use crate::session::Peer;
-
-/// A peer that may not have a key.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Stranger {
-    /// A socket at its address belongs to somebody else.
-    #[error("{at} belongs to user {uid}, expected user {}", list(expected))]
-    OtherUser {
-        /// The address.
-        at: SocketAddr,
-        /// The user's id.
-        uid: u32,
-        /// The users that are permitted.
-        expected: Vec<u32>,
-    },
-    /// No socket of this computer is there.
-    #[error("no program of this computer has {at} open")]
-    Nobody {
-        /// The address.
-        at: SocketAddr,
-    },
-    /// The kernel gives no owner.
-    #[error("the owner of {at} is not known: {cause}")]
-    Unknown {
-        /// The address.
-        at: SocketAddr,
-        /// The system's reason.
-        cause: String,
-    },
-}
-
-fn list(uids: &[u32]) -> String {
-    let uids: Vec<String> = uids.iter().map(u32::to_string).collect();
-    uids.join(" or ")
-}
 
 /// The check for one link.
 #[derive(Debug)]
 pub struct LocalPeers {
     /// `None`: anyone on the link may have the key.
-    permitted: Option<Vec<u32>>,
-    sockets: Vec<(SocketAddr, u32)>,
-    read_at: Option<Duration>,
-    /// The last that was admitted, so that a frame costs one comparison.
-    admitted: Option<SocketAddr>,
-    /// The last that was not, and is in the log.
+    owners: Option<SocketOwners>,
+    /// Notified when a look is done.
+    looked: Arc<Notify>,
+    /// The look before the key that is due, and when it was asked for.
+    look: Option<u64>,
+    look_at: Option<Duration>,
+    /// Where nobody was found lately, with the number of readings then.
+    unknown: HashMap<SocketAddr, u64>,
+    /// The last that was not admitted, and is in the log.
     reported_at: Option<Duration>,
     dropped: u64,
 }
@@ -79,86 +57,132 @@ impl LocalPeers {
     /// With exactly these users permitted.
     #[must_use]
     pub fn of_users(permitted: Option<Vec<u32>>) -> LocalPeers {
+        LocalPeers::reading(permitted, sockets)
+    }
+
+    /// With the kernel's table read so.
+    fn reading(
+        permitted: Option<Vec<u32>>,
+        read: impl FnMut() -> io::Result<Vec<Socket>> + Send + 'static,
+    ) -> LocalPeers {
+        let looked = Arc::new(Notify::new());
         LocalPeers {
-            permitted,
-            sockets: Vec::new(),
-            read_at: None,
-            admitted: None,
+            owners: permitted.map(|users| SocketOwners::start(users, looked.clone(), read)),
+            looked,
+            look: None,
+            look_at: None,
+            unknown: HashMap::new(),
             reported_at: None,
             dropped: 0,
         }
     }
 
-    /// Whether what came from there may be looked at. The table is read once a second, and where an address is not in it,
-    /// at most four times a second: a program with many ports costs no more than that.
+    /// Whether what came from there may be looked at, by what was read last. Never waits.
     pub fn admits(&mut self, mono: Duration, from: Peer) -> bool {
-        let Peer::Udp(from) = from else {
+        let (Some(owners), Peer::Udp(from)) = (&self.owners, from) else {
             return true;
         };
-        if self.permitted.is_none() {
+        let Err(stranger) = owners.judge(from) else {
             return true;
-        }
-        let age = self.read_at.map(|at| mono.saturating_sub(at));
-        if age.is_none_or(|age| age >= READ_AGAIN) {
-            self.read(mono);
-        } else if self.admitted == Some(from) {
-            return true;
-        } else if age.is_some_and(|age| age >= READ_FOR_UNKNOWN) && !self.knows(from) {
-            self.read(mono);
-        }
-        let permitted = self.permitted.as_deref().unwrap_or_default();
-        let judged = judge(&self.sockets, permitted, from);
-        if let Err(stranger) = judged {
-            self.dropped = self.dropped.saturating_add(1);
-            let quiet = self
-                .reported_at
-                .is_some_and(|at| mono.saturating_sub(at) < REPORT_AGAIN);
-            if !quiet {
-                self.reported_at = Some(mono);
-                tracing::warn!(
-                    "a datagram of this computer is dropped ({} in all): {stranger}",
-                    self.dropped
-                );
-            }
+        };
+        let readings = owners.readings();
+        self.dropped = self.dropped.saturating_add(1);
+        let is_other = matches!(stranger, Stranger::OtherUser { .. });
+        if !is_other && self.may_be_new(from, readings) {
+            tracing::debug!("a datagram of this computer is dropped: {stranger}");
             return false;
         }
-        self.admitted = Some(from);
-        true
+        let quiet = self
+            .reported_at
+            .is_some_and(|at| mono.saturating_sub(at) < REPORT_AGAIN);
+        if !quiet {
+            self.reported_at = Some(mono);
+            tracing::warn!(
+                "a datagram of this computer is dropped ({} in all): {stranger}",
+                self.dropped
+            );
+        }
+        false
     }
 
-    /// Whether the peer may be sent a key, by a table that is read now.
+    /// Whether the port may have been opened after the last reading began: two more show it.
+    fn may_be_new(&mut self, from: SocketAddr, readings: u64) -> bool {
+        if self.unknown.len() >= MAX_UNKNOWN && !self.unknown.contains_key(&from) {
+            self.unknown.clear();
+        }
+        let first = *self.unknown.entry(from).or_insert(readings);
+        readings < first.saturating_add(2)
+    }
+
+    /// Whether the peer may be sent a key, by a table that is read now. Waits for that: not for a thread that has something else
+    /// to do.
     ///
     /// # Errors
     /// It may not.
     pub fn may_have_key(&self, to: Peer) -> Result<(), Stranger> {
-        let (Some(permitted), Peer::Udp(at)) = (&self.permitted, to) else {
+        let (Some(owners), Peer::Udp(at)) = (&self.owners, to) else {
             return Ok(());
         };
-        let sockets = sockets().map_err(|cause| Stranger::Unknown {
-            at,
-            cause: cause.to_string(),
-        })?;
-        judge(&sockets, permitted, at)
+        if !owners.wait(owners.ask()) {
+            let cause = "the kernel takes too long".to_owned();
+            return Err(Stranger::Unknown { at, cause });
+        }
+        owners.judge(at)
+    }
+
+    /// A key is due: whether a look at its receiver, which begins now, is done. Never waits; [`LocalPeers::looked`] is notified
+    /// when it is worth to ask again.
+    pub fn has_looked(&mut self, mono: Duration) -> bool {
+        let Some(owners) = &self.owners else {
+            return true;
+        };
+        if let Some(number) = self.look {
+            return owners.has_answered(number);
+        }
+        let rests = self
+            .look_at
+            .is_some_and(|at| mono.saturating_sub(at) < LOOK_AGAIN);
+        if !rests {
+            self.look = Some(owners.ask());
+            self.look_at = Some(mono);
+        }
+        false
+    }
+
+    /// What the look shows. It holds for this one key: before the next another one is made.
+    ///
+    /// # Errors
+    /// The peer may not have the key, or was not looked up.
+    pub fn take_look(&mut self, to: Peer) -> Result<(), Stranger> {
+        let (Some(owners), Peer::Udp(at)) = (&self.owners, to) else {
+            return Ok(());
+        };
+        match self.look.take() {
+            Some(number) if owners.has_answered(number) => owners.judge(at),
+            _ => Err(Stranger::Unknown {
+                at,
+                cause: NOT_YET.to_owned(),
+            }),
+        }
+    }
+
+    /// No key has left by a look that is done: later it would be old.
+    pub fn forget_look(&mut self) {
+        if let Some(owners) = &self.owners {
+            self.look = self.look.filter(|number| !owners.has_answered(*number));
+        }
+    }
+
+    /// Notified when a look is done.
+    #[must_use]
+    pub fn looked(&self) -> Arc<Notify> {
+        self.looked.clone()
     }
 
     /// Datagrams dropped so far.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
-    }
-
-    fn knows(&self, from: SocketAddr) -> bool {
-        self.sockets.iter().any(|(bound, _)| reaches(*bound, from))
-    }
-
-    fn read(&mut self, mono: Duration) {
-        self.read_at = Some(mono);
-        self.admitted = None;
-        // Without a table nobody is admitted: `judge` finds nobody at the address.
-        self.sockets = sockets().unwrap_or_else(|cause| {
-            tracing::error!("the owners of sockets cannot be read: {cause}");
-            Vec::new()
-        });
     }
 }
 
@@ -172,186 +196,32 @@ fn permitted(users: &[u32]) -> Vec<u32> {
     all
 }
 
-/// Each socket that a datagram to `at` could reach must be a permitted user's: with `SO_REUSEADDR` there may be several.
-fn judge(sockets: &[(SocketAddr, u32)], permitted: &[u32], at: SocketAddr) -> Result<(), Stranger> {
-    let reached = |(bound, _): &&(SocketAddr, u32)| reaches(*bound, at);
-    // Beside a socket of IPv4 itself the system gives [::] nothing of IPv4: any user may bind that one, with IPV6_V6ONLY,
-    // to PX4's port, and must not cut PX4 off by it.
-    let by_ipv4 = sockets
-        .iter()
-        .filter(reached)
-        .any(|(bound, _)| bound.is_ipv4());
-    let mut found = false;
-    for (bound, uid) in sockets.iter().filter(reached) {
-        if by_ipv4 && bound.is_ipv6() && bound.ip().is_unspecified() {
-            continue;
-        }
-        if !permitted.contains(uid) {
-            let (uid, expected) = (*uid, permitted.to_vec());
-            return Err(Stranger::OtherUser { at, uid, expected });
-        }
-        found = true;
-    }
-    if found {
-        Ok(())
-    } else {
-        Err(Stranger::Nobody { at })
-    }
-}
-
-/// Whether a socket bound there gets what is sent to `to`.
-fn reaches(bound: SocketAddr, to: SocketAddr) -> bool {
-    let (here, to_ip) = (bound.ip().to_canonical(), to.ip().to_canonical());
-    // [::] is given IPv4 too.
-    let any = here == IpAddr::V6(Ipv6Addr::UNSPECIFIED)
-        || (here == IpAddr::V4(Ipv4Addr::UNSPECIFIED) && to_ip.is_ipv4());
-    bound.port() == to.port() && (any || here == to_ip)
-}
-
-/// The UDP sockets of this network name space and their users.
-fn sockets() -> io::Result<Vec<(SocketAddr, u32)>> {
-    let mut all = Vec::new();
-    for path in ["/proc/self/net/udp", "/proc/self/net/udp6"] {
-        match File::open(path) {
-            Ok(file) => add_entries(BufReader::new(file), &mut all)?,
-            // A kernel without IPv6.
-            Err(cause) if cause.kind() == io::ErrorKind::NotFound && path.ends_with('6') => break,
-            Err(cause) => return Err(cause),
-        }
-    }
-    Ok(all)
-}
-
-/// Line by line, whatever the length of the table: any user can open sockets, and a bound on it would be a way to have
-/// everybody dropped. The kernel's limits of open files bound what is kept, some 40 bytes a socket.
-fn add_entries(mut table: impl BufRead, all: &mut Vec<(SocketAddr, u32)>) -> io::Result<()> {
-    let mut line = String::new();
-    while table.read_line(&mut line)? > 0 {
-        // The first line is a heading, and no entry.
-        all.extend(entry(&line));
-        line.clear();
-    }
-    Ok(())
-}
-
-/// `sl local_address rem_address st tx_queue:rx_queue tr:when retrnsmt uid ...`
-fn entry(line: &str) -> Option<(SocketAddr, u32)> {
-    let mut fields = line.split_ascii_whitespace();
-    let (address, port) = fields.nth(1)?.split_once(':')?;
-    let uid = fields.nth(5)?.parse().ok()?;
-    let port = u16::from_str_radix(port, 16).ok()?;
-    // Words of 32 bits, each printed as a number of this computer's byte order.
-    let word = |at: usize| u32::from_str_radix(address.get(at..at + 8)?, 16).ok();
-    let ip = match address.len() {
-        8 => IpAddr::from(word(0)?.to_ne_bytes()),
-        32 => {
-            let mut bytes = [0; 16];
-            for (at, part) in bytes.chunks_mut(4).enumerate() {
-                part.copy_from_slice(&word(8 * at)?.to_ne_bytes());
-            }
-            IpAddr::from(bytes)
-        }
-        _ => return None,
-    };
-    Some((SocketAddr::new(ip, port), uid))
-}
-
-const READ_AGAIN: Duration = Duration::from_secs(1);
-const READ_FOR_UNKNOWN: Duration = Duration::from_millis(250);
+/// Only what is logged depends on it.
+const MAX_UNKNOWN: usize = 64;
+/// A key that is due and cannot leave, since the disk is full, asks no more often.
+const LOOK_AGAIN: Duration = Duration::from_millis(250);
 const REPORT_AGAIN: Duration = Duration::from_secs(10);
 const OVERFLOW_USER: u32 = 65_534;
 
 #[cfg(test)]
 mod tests {
     use std::net::UdpSocket;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::sync::mpsc::channel;
+    use std::time::Instant;
 
     use super::*;
 
-    fn at(text: &str) -> SocketAddr {
-        text.parse().unwrap()
-    }
-
-    #[test]
-    fn the_kernels_table_is_read() {
-        // As Linux prints them on a little-endian computer.
-        let v4 = "  411: 0100007F:38D6 00000000:0000 07 00000000:00000000 00:00000000 00000000  1001        0 19340 2 0 0";
-        let v6 = " 1284: 0000000000000000FFFF00000100007F:1F90 00000000000000000000000000000000:0000 07 \
-                  00000000:00000000 00:00000000 00000000     0        0 5 2 0 0";
-        if cfg!(target_endian = "little") {
-            assert_eq!(entry(v4), Some((at("127.0.0.1:14550"), 1_001)));
-            let (mapped, root) = entry(v6).unwrap();
-            assert_eq!(
-                (mapped.ip().to_canonical(), root),
-                (at("127.0.0.1:8080").ip(), 0)
-            );
+    /// Waits for the reading that shows it, at most so long as one should take by far.
+    fn soon(mut is_so: impl FnMut() -> bool) -> bool {
+        let end = Instant::now() + Duration::from_secs(20);
+        while Instant::now() < end {
+            if is_so() {
+                return true;
+            }
+            std::thread::sleep(Duration::from_millis(5));
         }
-        for cut in 0..40 {
-            assert_eq!(entry(&v4[..cut]), None);
-        }
-    }
-
-    #[test]
-    fn a_table_of_any_length_is_read_to_its_end() {
-        let line = |port: u32| {
-            format!(
-                "  411: 0100007F:{port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000  1001        0 19340 2 \
-                 0000000000000000 0\n"
-            )
-        };
-        let heading =
-            "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n";
-        let others: String = (0..100_000)
-            .map(|number| line(1 + number % 60_000))
-            .collect();
-        let table = format!("{heading}{others}{}", line(65_000));
-        assert!(table.len() > 8 << 20);
-        let mut all = vec![];
-        add_entries(table.as_bytes(), &mut all).unwrap();
-        assert_eq!(all.len(), 100_001);
-        assert_eq!(all.last().unwrap().0.port(), 65_000);
-    }
-
-    #[test]
-    fn every_socket_that_could_get_the_key_must_be_a_permitted_users() {
-        let px4 = at("127.0.0.1:14580");
-        let judged = |sockets: &[(&str, u32)]| {
-            let sockets: Vec<_> = sockets.iter().map(|(text, uid)| (at(text), *uid)).collect();
-            judge(&sockets, &[1_000, 0], px4)
-        };
-        for good in [
-            &[("127.0.0.1:14580", 1_000)][..],
-            &[("0.0.0.0:14580", 0)],
-            &[("[::]:14580", 1_000)],
-            &[("[::ffff:127.0.0.1]:14580", 1_000)],
-            // Beside IPv4 itself [::] is given nothing of it, whoever binds it.
-            &[("127.0.0.1:14580", 1_000), ("[::]:14580", 1_001)],
-            &[("0.0.0.0:14580", 1_000), ("[::]:14580", 1_001)],
-            // Others that are somewhere else.
-            &[
-                ("127.0.0.1:14580", 1_000),
-                ("127.0.0.1:14581", 1_001),
-                ("127.0.0.2:14580", 1_001),
-                ("[::1]:14580", 7),
-            ],
-        ] {
-            assert_eq!(judged(good), Ok(()), "{good:?}");
-        }
-        for bad in [
-            &[("127.0.0.1:14580", 1_001)][..],
-            &[("0.0.0.0:14580", 1_001)],
-            // One address shared by SO_REUSEADDR.
-            &[("127.0.0.1:14580", 1_000), ("127.0.0.1:14580", 1_001)],
-        ] {
-            let found = judged(bad);
-            assert!(
-                matches!(found, Err(Stranger::OtherUser { uid: 1_001, .. })),
-                "{bad:?}: {found:?}"
-            );
-        }
-        assert_eq!(
-            judged(&[("127.0.0.1:9", 1_000)]),
-            Err(Stranger::Nobody { at: px4 })
-        );
+        false
     }
 
     #[test]
@@ -376,12 +246,13 @@ mod tests {
         // Where a person vouches for the link nobody is looked up.
         let mut trusted = LocalPeers::of_users(None);
         assert!(trusted.admits(Duration::ZERO, peer) && trusted.may_have_key(peer).is_ok());
+        assert!(trusted.has_looked(Duration::ZERO) && trusted.take_look(peer).is_ok());
         drop(socket);
         assert_eq!(
             ours.may_have_key(peer),
             Err(Stranger::Nobody { at: address })
         );
-        assert!(!ours.admits(READ_AGAIN, peer), "it is gone");
+        assert!(!ours.admits(Duration::ZERO, peer), "it is gone");
     }
 
     #[test]
@@ -389,13 +260,83 @@ mod tests {
         let own = rustix::process::geteuid().as_raw();
         let mut peers = LocalPeers::of_users(Some(vec![own]));
         let first = UdpSocket::bind("127.0.0.1:0").unwrap();
-        assert!(peers.admits(Duration::ZERO, Peer::Udp(first.local_addr().unwrap())));
+        let from = Peer::Udp(first.local_addr().unwrap());
+        assert!(soon(|| peers.admits(Duration::ZERO, from)));
         let second = UdpSocket::bind("127.0.0.1:0").unwrap();
         let from = Peer::Udp(second.local_addr().unwrap());
+        assert!(soon(|| peers.admits(Duration::ZERO, from)));
+    }
+
+    #[test]
+    fn an_address_that_is_anothers_by_now_is_judged_again() {
+        let own = Arc::new(AtomicU32::new(1_000));
+        let uid = own.clone();
+        let px4: SocketAddr = "127.0.0.1:14580".parse().unwrap();
+        let mut peers = LocalPeers::reading(Some(vec![1_000]), move || {
+            Ok(vec![(px4, uid.load(Ordering::Relaxed))])
+        });
+        assert!(soon(|| peers.admits(Duration::ZERO, Peer::Udp(px4))));
+        own.store(1_001, Ordering::Relaxed);
+        assert!(soon(|| !peers.admits(Duration::ZERO, Peer::Udp(px4))));
+        own.store(1_000, Ordering::Relaxed);
+        assert!(soon(|| peers.admits(Duration::ZERO, Peer::Udp(px4))));
+    }
+
+    #[test]
+    fn a_flood_of_foreign_datagrams_reads_nothing_and_keeps_little() {
+        let (read, begin) = (Arc::new(AtomicU32::new(0)), Instant::now());
+        let counted = read.clone();
+        let mut peers = LocalPeers::reading(Some(vec![1_000]), move || {
+            counted.fetch_add(1, Ordering::Relaxed);
+            Ok(vec![])
+        });
+        for port in 1..=50_000 {
+            let from = SocketAddr::from(([127, 0, 0, 1], port));
+            assert!(!peers.admits(Duration::ZERO, Peer::Udp(from)));
+        }
+        assert_eq!(peers.dropped(), 50_000);
+        assert!(peers.unknown.len() <= MAX_UNKNOWN);
+        let most = u32::try_from(begin.elapsed().as_secs()).unwrap() + 1;
+        assert!(read.load(Ordering::Relaxed) <= most);
+    }
+
+    #[test]
+    fn a_key_waits_for_a_look_that_begins_after_it_was_due_and_nobody_else_does() {
+        let px4: SocketAddr = "127.0.0.1:14580".parse().unwrap();
+        let to = Peer::Udp(px4);
+        let (go, gone) = channel::<u32>();
+        let mut peers = LocalPeers::reading(Some(vec![1_000]), move || {
+            let uid = gone.recv().map_err(io::Error::other)?;
+            Ok(vec![(px4, uid)])
+        });
+        go.send(1_000).unwrap();
+        assert!(soon(|| peers.admits(Duration::ZERO, to)));
+        let taken = peers.take_look(to);
         assert!(
-            !peers.admits(Duration::from_millis(1), from),
-            "not read again yet"
+            matches!(taken, Err(Stranger::Unknown { .. })),
+            "none was made: {taken:?}"
         );
-        assert!(peers.admits(READ_FOR_UNKNOWN, from));
+        // The port is another's by the time that the reading is done.
+        assert!(!peers.has_looked(Duration::ZERO));
+        assert!(!peers.has_looked(Duration::ZERO));
+        assert!(peers.admits(Duration::ZERO, to), "meanwhile frames pass");
+        go.send(1_001).unwrap();
+        go.send(1_001).unwrap();
+        assert!(soon(|| peers.has_looked(Duration::ZERO)));
+        let taken = peers.take_look(to);
+        assert!(
+            matches!(taken, Err(Stranger::OtherUser { uid: 1_001, .. })),
+            "{taken:?}"
+        );
+        // The next key has a look of its own, which is not asked for at once.
+        assert!(!peers.has_looked(Duration::ZERO) && peers.look.is_none());
+        assert!(!peers.has_looked(LOOK_AGAIN));
+        assert!(peers.look.is_some());
+        go.send(1_000).unwrap();
+        go.send(1_000).unwrap();
+        assert!(soon(|| peers.has_looked(LOOK_AGAIN)));
+        // No key has left by it.
+        peers.forget_look();
+        assert!(peers.take_look(to).is_err());
     }
 }

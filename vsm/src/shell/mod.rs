@@ -4,7 +4,7 @@
 //! and `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file`
 //! and `key_store` are the signing keys, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
 //! `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the networks,
-//! `local_peers` who is at their other end, `encryption` the encrypted links on these; `recording` and `dli_recording` write
+//! `local_peers` with `socket_owners` who is at their other end, `encryption` the encrypted links on these; `recording` and `dli_recording` write
 //! what passes, `log_pipe` the log; `status_socket`, `pairing_socket`, `web` and `service` show the state to people and to
 //! systemd; `tasks` ends a program of which a part has ended. On these stand the programs: `server` (`vsm run`), `replay`
 //! (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm airside`), `guard_proxy` and `guard_link` (`vsm
@@ -44,6 +44,7 @@ pub mod self_check;
 pub mod server;
 pub mod service;
 pub mod settings_link;
+mod socket_owners;
 pub mod sockets;
 pub mod status_socket;
 pub mod tasks;

@@ -98,7 +98,7 @@ impl Core {
         let mut log = vec![];
         for (index, one) in &mut self.encryptions {
             one.handle_timeout(now, &mut self.store);
-            while let Some((level, text)) = one.poll_notice() {
+            while let Some((level, text)) = one.poll_notice(now.mono) {
                 if level == LogLevel::Warning {
                     // The alert is logged, too.
                     let notice = ExchangeNotice::Once(AlertPriority::Warning, text);
