@@ -14,9 +14,10 @@
 //!
 //! An end whose stamps the other has left behind (a restart, a computer that slept) is lifted: what verified and is too old is
 //! answered by an empty datagram, above whose stamp its next one will be. That is no longer than what it answers, and is sent
-//! at most five times a second.
+//! at most five times a second under each key.
 //!
-//! `group` is the way to a multicast group, which goes one way only.
+//! `clock` is how two ends find one clock that are further apart than an hour, `group` the way to a multicast group, which goes one
+//! way only.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -34,8 +35,10 @@ use stanag_msgs::guard::{
 use super::counters::Counters;
 use super::web::Hello;
 
+mod clock;
 mod group;
 
+use self::clock::{Asked, Turn};
 pub use self::group::GroupReceiver;
 pub(crate) use self::group::{GroupSender, OFFER_EVERY};
 
@@ -52,12 +55,10 @@ pub struct GuardEnd {
     keys: Vec<Keyed>,
     /// Under which the other end sent last: it has that one for certain.
     in_use: usize,
-    /// The key and the stamp of what has verified last and was not believed: it can be lifted under that key.
-    behind: Option<(usize, Stamp)>,
+    /// The key and the stamp of what has verified last and was not believed: its sender can be lifted, or asked, under that key.
+    unbelieved: Option<(usize, Stamp)>,
     /// What has verified first from elsewhere than where its sender is.
     elsewhere: VecDeque<Elsewhere>,
-    /// When an empty datagram may be sent again.
-    lift_at: Duration,
     verified: u64,
     /// When a frame of a web client has verified last.
     framed: Option<Duration>,
@@ -72,8 +73,9 @@ struct Keyed {
     until: Option<Duration>,
     clock: SigningClock,
     window: Window,
-    /// The newest stamp that a lift has answered.
-    lifted: Stamp,
+    /// What a lift may answer.
+    lifts: Turn,
+    asked: Asked,
 }
 
 /// A datagram that has come from elsewhere than where its sender is: it is believed once more from there, for a moment. Who
@@ -104,8 +106,10 @@ pub enum GuardRefusal {
     Old,
     /// It was held back on its way.
     Late,
-    /// It is stamped over an hour ahead of this computer's clock.
+    /// It is stamped over an hour ahead of this end's clock, which nobody has proved to be so late.
     Ahead,
+    /// It answers no challenge of this end, or none of late.
+    Unasked,
     /// The disk does not have the ceiling of its stamp yet.
     Disk,
 }
@@ -123,6 +127,7 @@ impl GuardRefusal {
             GuardRefusal::Old => "guard: too old",
             GuardRefusal::Late => "guard: held back on its way",
             GuardRefusal::Ahead => "guard: over an hour ahead",
+            GuardRefusal::Unasked => "guard: answers no challenge",
             GuardRefusal::Disk => "guard: waits for the disk",
         }
     }
@@ -131,6 +136,12 @@ impl GuardRefusal {
     #[must_use]
     pub const fn wants_lift(self) -> bool {
         matches!(self, GuardRefusal::Old | GuardRefusal::Late)
+    }
+
+    /// Whether the sender is to be sent something, if it is its turn: see [`GuardEnd::reply`].
+    #[must_use]
+    pub const fn wants_reply(self) -> bool {
+        self.wants_lift() || matches!(self, GuardRefusal::Ahead)
     }
 }
 
@@ -170,9 +181,8 @@ impl GuardEnd {
             sends,
             keys: Vec::new(),
             in_use: 0,
-            behind: None,
+            unbelieved: None,
             elsewhere: VecDeque::new(),
-            lift_at: Duration::ZERO,
             verified: 0,
             framed: None,
             refused: Counters::default(),
@@ -205,7 +215,8 @@ impl GuardEnd {
                     until: *until,
                     clock: SigningClock::start(id, Origin::KeyFile, stored, not_before, now),
                     window: Window::default(),
-                    lifted: Stamp::ZERO,
+                    lifts: Turn::default(),
+                    asked: Asked::default(),
                 });
             }
         }
@@ -317,12 +328,7 @@ impl GuardEnd {
         disk: &mut dyn Disk,
     ) -> Result<(&'a [u8], KeyId), GuardRefusal> {
         let trailer = &guarded.trailer;
-        if Some(trailer.direction) != self.sends.back() {
-            return Err(GuardRefusal::Direction);
-        }
-        if trailer.sender != self.peer {
-            return Err(GuardRefusal::Sender);
-        }
+        self.judge_way(trailer)?;
         let own = self.own;
         let mut named = self.keys.iter_mut().enumerate();
         let mut named = named
@@ -336,9 +342,10 @@ impl GuardEnd {
         let Some((place, keyed)) = verified else {
             return Err(GuardRefusal::Forged);
         };
+        self.unbelieved = None;
         let stamp = stamp_of(trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
         // Not the key in use: a recording under the key before would have everything sealed under that.
-        self.behind = Some((place, stamp));
+        self.unbelieved = Some((place, stamp));
         if !keyed.clock.allows(stamp, now) {
             return Err(GuardRefusal::Ahead);
         }
@@ -350,13 +357,23 @@ impl GuardEnd {
         followed.map_err(|_| GuardRefusal::Disk)?;
         keyed.window.take(now.mono, stamp);
         let key = keyed.id;
-        self.behind = None;
+        self.unbelieved = None;
         // A VSM answers under the key that its CUCS uses. A CUCS sends under the one in force: were it to follow too, what was on its way
         // when a key was replaced would have both follow each other to and fro.
         if self.sends == Direction::ToCucs {
             self.in_use = place;
         }
         Ok((guarded.datagram, key))
+    }
+
+    fn judge_way(&self, trailer: &Trailer) -> Result<(), GuardRefusal> {
+        if Some(trailer.direction) != self.sends.back() {
+            return Err(GuardRefusal::Direction);
+        }
+        if trailer.sender != self.peer {
+            return Err(GuardRefusal::Sender);
+        }
+        Ok(())
     }
 
     /// Seals an empty datagram under a key that the other end may have: what it answers shows whether it does. The length.
@@ -424,35 +441,29 @@ impl GuardEnd {
         out: &mut [u8; MAX_GUARDED],
         disk: &mut dyn Disk,
     ) -> Result<usize, SealError> {
+        let sender = (self.own, self.sends);
         let keyed = self.keys.get_mut(place).ok_or(SealError::NoKey)?;
-        let stamp = keyed.clock.take(now, disk)?;
-        let trailer = Trailer {
-            direction: self.sends,
-            sender: self.own,
-            key_id: keyed.key.id(),
-            stamp_us: micros(stamp),
-        };
+        let trailer = keyed.trailer(sender, now, disk)?;
         let sealed = keyed.key.seal(&trailer, self.peer, datagram, out);
         Ok(sealed?)
     }
 
-    /// The empty datagram by which the other end is lifted, after what was refused last, where it is time for one; its length.
-    pub fn lift(
+    /// What the other end is sent after what was refused last, where it is time for it; its length. What was too old is answered by an
+    /// empty datagram, by which it is lifted, and what was too far ahead by a challenge. Neither is longer than what it answers.
+    pub fn reply(
         &mut self,
         now: Now,
         out: &mut [u8; MAX_GUARDED],
         disk: &mut dyn Disk,
     ) -> Option<usize> {
-        let (place, stamp) = self.behind.take()?;
+        let (place, stamp) = self.unbelieved.take()?;
         let keyed = self.keys.get_mut(place)?;
-        // No stamp twice, and the sender's own lies above all that were recorded of it: whoever replays those gets the lift of each
-        // once, and cannot take the one of the sender. Five a second, by either end's time.
-        let later = stamp >= keyed.lifted.plus(LIFT_EVERY);
-        if stamp <= keyed.lifted || (now.mono < self.lift_at && !later) {
+        if !keyed.clock.allows(stamp, now) {
+            return self.challenge(place, stamp, now, out, disk);
+        }
+        if !keyed.lifts.take(stamp, now.mono, LIFT_EVERY) {
             return None;
         }
-        keyed.lifted = stamp;
-        self.lift_at = now.mono + LIFT_EVERY;
         self.seal_under(place, now, &[], out, disk).ok()
     }
 
@@ -522,6 +533,22 @@ impl GuardEnd {
 impl Keyed {
     fn is_over(&self, now: Duration) -> bool {
         self.until.is_some_and(|until| until <= now)
+    }
+
+    /// The trailer of the next datagram; its stamp is taken.
+    fn trailer(
+        &mut self,
+        (sender, direction): (Id, Direction),
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<Trailer, ClockError> {
+        let stamp = self.clock.take(now, disk)?;
+        Ok(Trailer {
+            direction,
+            sender,
+            key_id: self.key.id(),
+            stamp_us: micros(stamp),
+        })
     }
 }
 

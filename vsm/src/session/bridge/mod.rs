@@ -116,7 +116,7 @@ pub struct Bridge {
     trace: bool,
     /// The station whose trailer the datagram that is being handled has.
     guarded: Option<usize>,
-    /// What lifts the stamps of guards, and where it goes.
+    /// What is for guards themselves, such as what lifts their stamps, and where it goes.
     lifts: Vec<(SocketAddr, Box<[u8]>)>,
     /// Seals what goes to the group for CUCSs with a guard; none before there is a secret for its keys.
     guard_group: Option<GroupSender>,
