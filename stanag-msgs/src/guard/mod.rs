@@ -19,7 +19,8 @@
 //!
 //! A correct trailer does not make a datagram fresh: which stamps are accepted is the receiver's to decide.
 //!
-//! `exchange` is the datagram by which two guards agree about a key, `group` how a group gets one.
+//! `exchange` is the datagram by which two guards agree about a key, `group` how a group gets one, `clock` how two whose clocks are
+//! apart find one.
 //! A web client has the same key and no datagrams: [`Opening`] and [`ConnectionKey`] are how its frames are authenticated.
 //!
 //! ```
@@ -38,10 +39,12 @@
 //! assert!(!key.verifies(&guarded, cucs));
 //! ```
 
+mod clock;
 mod connection;
 mod exchange;
 mod group;
 
+pub use self::clock::{CLOCK_BYTES, ClockDatagram, ClockStep};
 pub use self::exchange::ExchangeDatagram;
 use self::group::Wrap;
 pub use self::group::{OFFER_BYTES, Offer, is_offer};
@@ -258,16 +261,20 @@ impl GuardKey {
         datagram: &[u8],
         head: &[u8; HEAD_BYTES],
     ) -> Hmac<Sha256> {
+        self.of_direction(direction)
+            .chain_update(CONTEXT)
+            .chain_update(receiver.0.to_be_bytes())
+            .chain_update(datagram)
+            .chain_update(head)
+    }
+
+    fn of_direction(&self, direction: Direction) -> Hmac<Sha256> {
         let keyed = match direction {
             Direction::ToVsm => &self.to_vsm,
             Direction::ToCucs => &self.to_cucs,
             Direction::ToGroup => &self.to_group,
         };
         Hmac::clone(keyed)
-            .chain_update(CONTEXT)
-            .chain_update(receiver.0.to_be_bytes())
-            .chain_update(datagram)
-            .chain_update(head)
     }
 }
 

@@ -1,10 +1,12 @@
-//! What two guards send each other beside datagrams of the DLI: steps of an exchange, and offers of a group key. Any bytes are
-//! read or not, what is read is written as it was, and no offer opens that the key has not made.
+//! What two guards send each other beside datagrams of the DLI: steps of an exchange, offers of a group key, challenges about clocks and
+//! their answers. Any bytes are read or not, what is read is written as it was, and nothing counts that the key has not made.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use stanag_msgs::guard::{Direction, ExchangeDatagram, GuardKey, Guarded, OFFER_BYTES, is_offer};
-use stanag_msgs::{ed25, frames};
+use stanag_msgs::guard::{
+    ClockDatagram, Direction, ExchangeDatagram, GuardKey, Guarded, OFFER_BYTES, is_offer,
+};
+use stanag_msgs::{Id, ed25, frames};
 
 fuzz_target!(|bytes: &[u8]| {
     let key = GuardKey::new(&[7; 32]);
@@ -19,6 +21,13 @@ fuzz_target!(|bytes: &[u8]| {
             guarded.trailer.direction != Direction::ToGroup
                 || guarded.trailer.direction.back().is_none()
         );
+    }
+    if let Some(about) = ClockDatagram::parse(bytes) {
+        no_dli(bytes);
+        assert_eq!(about.to_bytes(), bytes);
+        assert!(Guarded::parse(bytes).is_none());
+        assert!(!key.verifies_challenge(&about, Id(1)));
+        assert!(!key.verifies_answer(&about, Id(1), &about));
     }
     let Some(step) = ExchangeDatagram::parse(bytes) else {
         return;

@@ -16,9 +16,10 @@
 //!
 //! If one end's stamps are too old for the other (after a restart, or when a computer slept), the other raises them: it
 //! answers a verified datagram that is too old with an empty datagram, and the next stamp will be above that of the answer.
-//! The answer is no longer than the datagram it answers, and is sent at most five times a second.
+//! The answer is no longer than the datagram it answers, and is sent at most five times a second under each key.
 //!
-//! `group` is the one-way path to a multicast group.
+//! `clock` lets two ends agree on a clock if theirs are more than an hour apart; `group` is the one-way path to a multicast
+//! group.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -36,8 +37,10 @@ use stanag_msgs::guard::{
 use super::counters::Counters;
 use super::web::Hello;
 
+mod clock;
 mod group;
 
+use self::clock::{Asked, Turn};
 pub use self::group::GroupReceiver;
 pub(crate) use self::group::{GroupSender, OFFER_EVERY};
 
@@ -54,13 +57,11 @@ pub struct GuardEnd {
     keys: Vec<Keyed>,
     /// The key under which the other end last sent: it certainly has that one.
     in_use: usize,
-    /// The key and stamp of the last datagram that verified but was not accepted: its sender's stamps can be raised under
-    /// that key.
-    behind: Option<(usize, Stamp)>,
+    /// The key and stamp of the last datagram that verified but was not accepted: its sender can be sent an answer under that
+    /// key.
+    unbelieved: Option<(usize, Stamp)>,
     /// A datagram that first verified from another address than its sender's.
     elsewhere: VecDeque<Elsewhere>,
-    /// When an empty datagram may be sent again.
-    lift_at: Duration,
     verified: u64,
     /// When a frame of a web client last verified.
     framed: Option<Duration>,
@@ -75,8 +76,9 @@ struct Keyed {
     until: Option<Duration>,
     clock: SigningClock,
     window: Window,
-    /// The newest stamp that was answered by raising it.
-    lifted: Stamp,
+    /// What a lift may answer.
+    lifts: Turn,
+    asked: Asked,
 }
 
 /// A datagram that arrived from another address than its sender's: for a moment it is accepted once more from the sender's
@@ -107,8 +109,10 @@ pub enum GuardRefusal {
     Old,
     /// It was delayed in transit.
     Late,
-    /// It is stamped over an hour ahead of this computer's clock.
+    /// It is stamped over an hour ahead of this end's clock, which nobody has proved to be so late.
     Ahead,
+    /// It answers no challenge of this end, or none of late.
+    Unasked,
     /// The disk does not have the ceiling of its stamp yet.
     Disk,
 }
@@ -126,6 +130,7 @@ impl GuardRefusal {
             GuardRefusal::Old => "guard: too old",
             GuardRefusal::Late => "guard: held back on its way",
             GuardRefusal::Ahead => "guard: over an hour ahead",
+            GuardRefusal::Unasked => "guard: answers no challenge",
             GuardRefusal::Disk => "guard: waits for the disk",
         }
     }
@@ -134,6 +139,12 @@ impl GuardRefusal {
     #[must_use]
     pub const fn wants_lift(self) -> bool {
         matches!(self, GuardRefusal::Old | GuardRefusal::Late)
+    }
+
+    /// Whether the sender is to be sent something, if it is its turn: see [`GuardEnd::reply`].
+    #[must_use]
+    pub const fn wants_reply(self) -> bool {
+        self.wants_lift() || matches!(self, GuardRefusal::Ahead)
     }
 }
 
@@ -173,9 +184,8 @@ impl GuardEnd {
             sends,
             keys: Vec::new(),
             in_use: 0,
-            behind: None,
+            unbelieved: None,
             elsewhere: VecDeque::new(),
-            lift_at: Duration::ZERO,
             verified: 0,
             framed: None,
             refused: Counters::default(),
@@ -208,7 +218,8 @@ impl GuardEnd {
                     until: *until,
                     clock: SigningClock::start(id, Origin::KeyFile, stored, not_before, now),
                     window: Window::default(),
-                    lifted: Stamp::ZERO,
+                    lifts: Turn::default(),
+                    asked: Asked::default(),
                 });
             }
         }
@@ -320,12 +331,7 @@ impl GuardEnd {
         disk: &mut dyn Disk,
     ) -> Result<(&'a [u8], KeyId), GuardRefusal> {
         let trailer = &guarded.trailer;
-        if Some(trailer.direction) != self.sends.back() {
-            return Err(GuardRefusal::Direction);
-        }
-        if trailer.sender != self.peer {
-            return Err(GuardRefusal::Sender);
-        }
+        self.judge_way(trailer)?;
         let own = self.own;
         let mut named = self.keys.iter_mut().enumerate();
         let mut named = named
@@ -339,9 +345,10 @@ impl GuardEnd {
         let Some((place, keyed)) = verified else {
             return Err(GuardRefusal::Forged);
         };
+        self.unbelieved = None;
         let stamp = stamp_of(trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
         // Do not update the key in use: a replay under the previous key would cause everything to be sealed under that.
-        self.behind = Some((place, stamp));
+        self.unbelieved = Some((place, stamp));
         if !keyed.clock.allows(stamp, now) {
             return Err(GuardRefusal::Ahead);
         }
@@ -353,13 +360,23 @@ impl GuardEnd {
         followed.map_err(|_| GuardRefusal::Disk)?;
         keyed.window.take(now.mono, stamp);
         let key = keyed.id;
-        self.behind = None;
+        self.unbelieved = None;
         // A VSM answers under the key that its CUCS uses. A CUCS sends under the key in force: if it followed too, datagrams
         // in transit during a key rotation would make both ends switch back and forth.
         if self.sends == Direction::ToCucs {
             self.in_use = place;
         }
         Ok((guarded.datagram, key))
+    }
+
+    fn judge_way(&self, trailer: &Trailer) -> Result<(), GuardRefusal> {
+        if Some(trailer.direction) != self.sends.back() {
+            return Err(GuardRefusal::Direction);
+        }
+        if trailer.sender != self.peer {
+            return Err(GuardRefusal::Sender);
+        }
+        Ok(())
     }
 
     /// Seals an empty datagram under a key that the other end may have, to find out by its answer; returns the length.
@@ -427,36 +444,31 @@ impl GuardEnd {
         out: &mut [u8; MAX_GUARDED],
         disk: &mut dyn Disk,
     ) -> Result<usize, SealError> {
+        let sender = (self.own, self.sends);
         let keyed = self.keys.get_mut(place).ok_or(SealError::NoKey)?;
-        let stamp = keyed.clock.take(now, disk)?;
-        let trailer = Trailer {
-            direction: self.sends,
-            sender: self.own,
-            key_id: keyed.key.id(),
-            stamp_us: micros(stamp),
-        };
+        let trailer = keyed.trailer(sender, now, disk)?;
         let sealed = keyed.key.seal(&trailer, self.peer, datagram, out);
         Ok(sealed?)
     }
 
-    /// Seals the empty datagram that raises the other end's stamps after the last refusal, if one is due; returns its
-    /// length.
-    pub fn lift(
+    /// Answers the last refusal, if an answer is due: what was too old with an empty datagram, which raises the sender's stamps,
+    /// what was too far ahead with a challenge. Neither is longer than what it answers. Returns its length.
+    pub fn reply(
         &mut self,
         now: Now,
         out: &mut [u8; MAX_GUARDED],
         disk: &mut dyn Disk,
     ) -> Option<usize> {
-        let (place, stamp) = self.behind.take()?;
+        let (place, stamp) = self.unbelieved.take()?;
         let keyed = self.keys.get_mut(place)?;
         // Each stamp is answered once, and the sender's current stamp is above all recorded ones: replays get one answer
         // each and cannot use up the answer to the sender. Five a second, by the time of either end.
-        let later = stamp >= keyed.lifted.plus(LIFT_EVERY);
-        if stamp <= keyed.lifted || (now.mono < self.lift_at && !later) {
+        if !keyed.clock.allows(stamp, now) {
+            return self.challenge(place, stamp, now, out, disk);
+        }
+        if !keyed.lifts.take(stamp, now.mono, LIFT_EVERY) {
             return None;
         }
-        keyed.lifted = stamp;
-        self.lift_at = now.mono + LIFT_EVERY;
         self.seal_under(place, now, &[], out, disk).ok()
     }
 
@@ -526,6 +538,22 @@ impl GuardEnd {
 impl Keyed {
     fn is_over(&self, now: Duration) -> bool {
         self.until.is_some_and(|until| until <= now)
+    }
+
+    /// The trailer of the next datagram; its stamp is taken.
+    fn trailer(
+        &mut self,
+        (sender, direction): (Id, Direction),
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<Trailer, ClockError> {
+        let stamp = self.clock.take(now, disk)?;
+        Ok(Trailer {
+            direction,
+            sender,
+            key_id: self.key.id(),
+            stamp_us: micros(stamp),
+        })
     }
 }
 

@@ -12,7 +12,9 @@ use dli_group::Group;
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use rustix::time::{ClockId, clock_gettime};
-use stanag_msgs::guard::{Direction, ExchangeDatagram, Guarded, MAX_GUARDED, is_offer};
+use stanag_msgs::guard::{
+    ClockDatagram, Direction, ExchangeDatagram, Guarded, MAX_GUARDED, is_offer,
+};
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, MAX_DATAGRAM, ed25, frames};
 use tokio::net::UdpSocket;
@@ -117,7 +119,7 @@ impl GuardProxy {
         self.near.local_addr()
     }
 
-    /// Time runs on while the computer sleeps, as it does for the VSM: after an hour each would be too far ahead for the other.
+    /// Time runs on while the computer sleeps, as it does for the VSM: nothing has to be asked or lifted after that.
     fn now(&self) -> Now {
         Now {
             mono: since_boot().saturating_sub(self.started),
@@ -159,9 +161,9 @@ impl GuardProxy {
                         let bytes = far.get(..length).unwrap_or_default();
                         match self.answer(bytes, &mut out) {
                             Answer::ToCucs(inside, to) => self.send(&self.near, inside, to).await,
-                            Answer::Lift(length) => {
-                                let lift = out.get(..length).unwrap_or_default();
-                                self.send(&self.far, lift, self.config.side.to).await;
+                            Answer::ToVsm(length) => {
+                                let reply = out.get(..length).unwrap_or_default();
+                                self.send(&self.far, reply, self.config.side.to).await;
                             }
                             Answer::None => {}
                         }
@@ -282,6 +284,10 @@ impl GuardProxy {
         let now = self.now();
         // What is sealed may be a step too, and then begins as one.
         let Some(guarded) = Guarded::parse(bytes) else {
+            if let Some(about) = ClockDatagram::parse(bytes) {
+                let answer = self.end.take_clock(now, &about, out, &mut self.disk);
+                return answer.ok().flatten().map_or(Answer::None, Answer::ToVsm);
+            }
             match ExchangeDatagram::parse(bytes) {
                 Some(step) => self.agreement.handle(now, false, &step, &mut self.disk),
                 None => self.dropped.count("no trailer"),
@@ -320,9 +326,9 @@ impl GuardProxy {
                     Answer::None
                 }
             },
-            Err(why) if why.wants_lift() => {
-                let lift = self.end.lift(now, out, &mut self.disk);
-                lift.map_or(Answer::None, Answer::Lift)
+            Err(why) if why.wants_reply() => {
+                let reply = self.end.reply(now, out, &mut self.disk);
+                reply.map_or(Answer::None, Answer::ToVsm)
             }
             Err(_) => Answer::None,
         }
@@ -413,8 +419,8 @@ impl GuardProxy {
 enum Answer<'a> {
     /// What is inside, and where the CUCS is.
     ToCucs(&'a [u8], SocketAddr),
-    /// So many bytes that lift the VSM's stamps.
-    Lift(usize),
+    /// So many bytes for the VSM's end: what lifts its stamps, a challenge, or the answer to one.
+    ToVsm(usize),
     None,
 }
 

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use kit::bridge::{Rig, Setup, StationGuard, VSM, cucs, orders, station_address, vehicle_id};
+use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use serde_json::{Value, json};
 use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap, RequestedAccess};
@@ -284,6 +285,27 @@ fn a_whole_flight_replayed_over_restarts_of_both_ends_is_taken_no_second_time() 
     assert!(refused(&rig, "guard: too old") > 0);
     // The station itself is served after both restarts.
     rig.done(orders::request_control());
+}
+
+#[test]
+fn a_guard_that_was_started_with_a_clock_two_hours_ahead_is_served_within_seconds() {
+    let mut rig = rig(1, &[0]);
+    rig.stations[0].heartbeats = true;
+    // Wrong; right again, which its store is ahead of; and beside a VSM that was started again.
+    for (ahead, restarts) in [(2 * 3_600, false), (0, false), (0, true)] {
+        let now = rig.station_now();
+        let wall = now.wall + Duration::from_secs(ahead);
+        let guard = rig.guards.get_mut(&0).expect("it has one");
+        guard.restart(Now { wall, ..now });
+        if restarts {
+            rig.restart_bridge();
+        }
+        rig.run(8.0);
+        let before = refused(&rig, "guard: over an hour ahead");
+        rig.done(orders::request_control());
+        assert_eq!(refused(&rig, "guard: over an hour ahead"), before);
+        assert!(before > 0 || ahead == 0, "it was refused at first");
+    }
 }
 
 #[test]

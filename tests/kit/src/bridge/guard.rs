@@ -5,7 +5,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use mavlink_link::store::MemoryDisk;
-use stanag_msgs::guard::{Direction, Guarded, MAX_GUARDED, is_offer};
+use stanag_msgs::guard::{ClockDatagram, Direction, Guarded, MAX_GUARDED, is_offer};
 use stanag_msgs::{Id, frames};
 use vsm::session::{GroupReceiver, GuardEnd, GuardRefusal};
 
@@ -61,11 +61,17 @@ impl StationGuard {
         sealed
     }
 
-    /// What is inside of a datagram of the VSM; where it is refused, what lifts the stamps of the VSM.
+    /// What is inside of a datagram of the VSM; where it is refused, or about clocks, what the VSM is sent for it.
     ///
     /// # Errors
     /// It has no trailer, or that does not verify.
     pub fn open(&mut self, now: Now, bytes: &[u8]) -> Result<Vec<u8>, Option<Vec<u8>>> {
+        let mut out = [0; MAX_GUARDED];
+        if let Some(about) = ClockDatagram::parse(bytes) {
+            let answer = self.end.take_clock(now, &about, &mut out, &mut self.disk);
+            let length = answer.ok().flatten();
+            return Err(length.map(|length| out[..length].to_vec()));
+        }
         let guarded = Guarded::parse(bytes).ok_or(None)?;
         let anywhere = (([127, 0, 0, 1], 4_586).into(), None);
         let opened = self.end.open_from(now, &guarded, anywhere, &mut self.disk);
@@ -78,9 +84,8 @@ impl StationGuard {
         }
         let opened = opened.map(|(inside, _)| inside.to_vec());
         opened.map_err(|why: GuardRefusal| {
-            let mut out = [0; MAX_GUARDED];
-            let lifts = why.wants_lift();
-            let length = lifts.then(|| self.end.lift(now, &mut out, &mut self.disk));
+            let replies = why.wants_reply();
+            let length = replies.then(|| self.end.reply(now, &mut out, &mut self.disk));
             length.flatten().map(|length| out[..length].to_vec())
         })
     }

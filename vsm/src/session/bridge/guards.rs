@@ -8,7 +8,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
-use stanag_msgs::guard::{Direction, ExchangeDatagram, Guarded, MAX_GUARDED};
+use stanag_msgs::guard::{ClockDatagram, Direction, ExchangeDatagram, Guarded, MAX_GUARDED};
 
 use super::Bridge;
 use crate::session::findings::dli::Fault;
@@ -111,6 +111,10 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Opened<'a> {
         let Some(guarded) = Guarded::parse(bytes) else {
+            if let Some(about) = ClockDatagram::parse(bytes) {
+                self.take_clock(now, from, &about, disk);
+                return Opened::Dropped;
+            }
             let Some(step) = ExchangeDatagram::parse(bytes) else {
                 return Opened::Plain(bytes);
             };
@@ -132,7 +136,7 @@ impl Bridge {
             Some((index, end, one.config.address, one.config.web))
         });
         let Some((index, end, address, web)) = found else {
-            self.counters.count("guard: sender without a guard key");
+            self.counters.count(WITHOUT_KEY);
             return Opened::Dropped;
         };
         // One way for each station: a key that is in a browser is not one for datagrams too.
@@ -164,14 +168,46 @@ impl Bridge {
                     let fault = Fault::Guard(sender, why.name());
                     self.evidence.note(now.mono, from, fault);
                 }
-                if why.wants_lift() {
+                if why.wants_reply() {
                     let mut out = [0; MAX_GUARDED];
-                    if let Some(length) = end.lift(now, &mut out, disk) {
+                    if let Some(length) = end.reply(now, &mut out, disk) {
                         self.lifts.push((from, out[..length].into()));
                     }
                 }
                 Opened::Dropped
             }
+        }
+    }
+
+    /// Handles a challenge about clocks, or an answer to one: only from where its station may send.
+    fn take_clock(
+        &mut self,
+        now: Now,
+        from: SocketAddr,
+        about: &ClockDatagram,
+        disk: &mut dyn Disk,
+    ) {
+        let sender = about.trailer.sender;
+        let mut stations = self.stations.iter_mut();
+        let listed = stations.find(|one| one.config.id == sender && !one.removed);
+        let Some(station) = listed.filter(|one| !one.config.web) else {
+            self.counters.count(WITHOUT_KEY);
+            return;
+        };
+        let address = station.config.address;
+        let Some(end) = station.guard.as_mut() else {
+            self.counters.count(WITHOUT_KEY);
+            return;
+        };
+        if address.is_some_and(|expected| expected != from.ip()) {
+            self.counters.count(UNAUTHORISED_ADDRESS);
+            return;
+        }
+        let mut out = [0; MAX_GUARDED];
+        match end.take_clock(now, about, &mut out, disk) {
+            Ok(Some(length)) => self.lifts.push((from, out[..length].into())),
+            Ok(None) => {}
+            Err(why) => self.counters.count(why.name()),
         }
     }
 
@@ -215,7 +251,8 @@ impl Bridge {
         true
     }
 
-    /// The next datagram that lifts the stamps of a guard, and where it goes: as it is, beside [`Bridge::poll_dli`].
+    /// The next datagram for a guard itself, such as one that lifts its stamps, and where it goes: as it is, beside
+    /// [`Bridge::poll_dli`].
     pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
         self.lifts.pop()
     }
@@ -298,6 +335,7 @@ impl Bridge {
     }
 }
 
+const WITHOUT_KEY: &str = "guard: sender without a guard key";
 const OUR_OWN: &str = "our own";
 const UNDER_GROUP_KEY: &str = "guard: under a group key, which commands nothing";
 /// Maximum number of steps that wait for their machine: more than an honest exchange has in transit.

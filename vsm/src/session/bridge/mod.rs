@@ -115,7 +115,7 @@ pub struct Bridge {
     trace: bool,
     /// The station whose guard sealed the datagram being handled.
     guarded: Option<usize>,
-    /// Datagrams that raise the stamps of guards, and their addresses.
+    /// Datagrams for guards themselves, such as those that raise their stamps, and their addresses.
     lifts: Vec<(SocketAddr, Box<[u8]>)>,
     /// Seals datagrams to the group for CUCSs with a guard; `None` until there is a secret for its keys.
     guard_group: Option<GroupSender>,

@@ -401,8 +401,8 @@ fn finding(one: &Seen) -> Finding {
                 Code::CucsGuard,
                 id,
                 format!("has a guard, and datagrams in its name from {ip} are dropped ({why})"),
-                "have it send through `vsm guard`, with the key file that its [[cucs]] names and clocks that differ by less \
-                 than an hour; if it does, somebody else writes in its name"
+                "have it send through `vsm guard`, of the version of this VSM and with the key file that its [[cucs]] names; if \
+                 it does, somebody else writes in its name"
                     .to_owned(),
             );
             finding.key = key_of(id, why);

@@ -1,13 +1,16 @@
 use std::collections::BTreeSet;
 
 use mavlink_link::store::MemoryDisk;
+use stanag_msgs::guard::ClockDatagram;
 
+use super::clock::ANSWER_WITHIN;
 use super::*;
 
 const CUCS: Id = Id(0x1b00_00a0);
 const VSM: Id = Id(0x1b00_0001);
 const WALL: Duration = Duration::from_secs(1_795_219_200);
 const YEAR: i64 = 366 * 86_400;
+const HOUR: i64 = 3_600;
 
 fn key(byte: u8) -> SigningKey {
     SigningKey::new([byte; 32]).unwrap()
@@ -84,11 +87,42 @@ impl Host {
         opened.map(<[u8]>::to_vec)
     }
 
-    fn lift(&mut self, at: Duration) -> Option<Vec<u8>> {
+    fn reply(&mut self, at: Duration) -> Option<Vec<u8>> {
         let mut out = [0; MAX_GUARDED];
         let now = self.now(at);
-        let length = self.end.lift(now, &mut out, &mut self.disk)?;
+        let length = self.end.reply(now, &mut out, &mut self.disk)?;
         Some(out[..length].to_vec())
+    }
+
+    /// A challenge, whose answer is returned, or an answer.
+    fn take_clock(&mut self, at: Duration, bytes: &[u8]) -> Result<Option<Vec<u8>>, GuardRefusal> {
+        let mut out = [0; MAX_GUARDED];
+        let now = self.now(at);
+        let about = ClockDatagram::parse(bytes).expect("about clocks");
+        let length = self.end.take_clock(now, &about, &mut out, &mut self.disk)?;
+        Ok(length.map(|length| out[..length].to_vec()))
+    }
+
+    /// Whatever it is; what is not believed is returned with what is sent for it.
+    fn take(&mut self, at: Duration, bytes: &[u8]) -> Result<Vec<u8>, Option<Vec<u8>>> {
+        if ClockDatagram::parse(bytes).is_some() {
+            return Err(self.take_clock(at, bytes).ok().flatten());
+        }
+        match self.open(at, bytes) {
+            Ok(inside) => Ok(inside),
+            Err(why) if why.wants_reply() => Err(self.reply(at)),
+            Err(_) => Err(None),
+        }
+    }
+
+    fn floor(&self) -> Stamp {
+        self.end.keys[0].clock.floor()
+    }
+
+    /// Whether anything of a datagram is believed, or moves the clock.
+    fn believes(&mut self, at: Duration, bytes: &[u8]) -> bool {
+        let floor = self.floor();
+        self.take(at, bytes).is_ok() || self.floor() != floor
     }
 }
 
@@ -106,7 +140,7 @@ fn passes(from: &mut Host, to: &mut Host, at: Duration) -> bool {
         match to.open(at, &sealed) {
             Ok(inside) => return inside == b"x",
             Err(why) if why.wants_lift() => {
-                let lift = to.lift(at).expect("time for it");
+                let lift = to.reply(at).expect("time for it");
                 assert!(lift.len() <= sealed.len());
                 if let Ok(inside) = from.open(at, &lift) {
                     assert_eq!(inside, b"");
@@ -116,6 +150,34 @@ fn passes(from: &mut Host, to: &mut Host, at: Duration) -> bool {
         }
     }
     false
+}
+
+/// One datagram from one to the other, and all that both send for it; whether it was believed.
+fn one_way(from: &mut Host, to: &mut Host, at: Duration, sent: &mut Vec<Vec<u8>>) -> bool {
+    let sealed = from.seal(at, b"x");
+    sent.push(sealed.clone());
+    let Err(mut next) = to.take(at, &sealed) else {
+        return true;
+    };
+    let (mut here, mut there) = (&mut *from, &mut *to);
+    let mut length = sealed.len();
+    while let Some(bytes) = next {
+        assert!(bytes.len() <= length, "no longer than what it answers");
+        length = bytes.len();
+        next = here.take(at, &bytes).err().flatten();
+        sent.push(bytes);
+        std::mem::swap(&mut here, &mut there);
+    }
+    false
+}
+
+/// Both send three times a second: how many rounds it takes until each believes the other.
+fn meet(cucs: &mut Host, vsm: &mut Host, at: Duration, sent: &mut Vec<Vec<u8>>) -> Option<u32> {
+    (0..30).find(|round| {
+        let at = at + *round * Duration::from_millis(300);
+        let up = one_way(cucs, vsm, at, sent);
+        one_way(vsm, cucs, at, sent) && up
+    })
 }
 
 fn s(seconds: u64) -> Duration {
@@ -249,14 +311,23 @@ fn nothing_is_taken_twice_over_restarts_of_both_ends_and_steps_of_their_clocks()
                 let Some(sealed) = random.choice(&recorded) else {
                     continue;
                 };
-                if let Ok(inside) = vsm.open(at, sealed) {
-                    assert!(taken.insert(inside), "seed {seed}, step {n}");
+                match vsm.open(at, sealed) {
+                    Ok(inside) => assert!(taken.insert(inside), "seed {seed}, step {n}"),
+                    // A lift or a challenge, and what comes back.
+                    Err(why) if why.wants_reply() => {
+                        if let Some(reply) = vsm.reply(at)
+                            && let Err(Some(back)) = cucs.take(at, &reply)
+                        {
+                            drop(vsm.take(at, &back));
+                        }
+                    }
+                    Err(_) => {}
                 }
             }
         }
         total += taken.len();
     }
-    // Not in every history: where the clocks are years apart nothing is believed.
+    // Not in every history: few of the recorded ones are of now.
     assert!(total > 40, "{total}");
 }
 
@@ -305,10 +376,10 @@ fn recordings_do_not_take_the_lifts_of_the_sender_itself() {
     for at in 22..32 {
         for sealed in recorded.iter().rev() {
             assert_eq!(vsm.open(s(at), sealed), Err(GuardRefusal::Old));
-            lifts += usize::from(vsm.lift(s(at)).is_some());
+            lifts += usize::from(vsm.reply(s(at)).is_some());
         }
         // What nobody has verified is lifted by nobody.
-        assert!(vsm.lift(s(at) + LIFT_EVERY).is_none());
+        assert!(vsm.reply(s(at) + LIFT_EVERY).is_none());
     }
     assert_eq!(lifts, 1, "the newest of them, once");
     // A station whose clock is behind, in the very moment after a recording.
@@ -319,10 +390,10 @@ fn recordings_do_not_take_the_lifts_of_the_sender_itself() {
     cucs.disk = MemoryDisk::default();
     cucs.restart(s(300));
     assert_eq!(vsm.open(s(301), &recorded), Err(GuardRefusal::Old));
-    assert!(vsm.lift(s(301)).is_some());
+    assert!(vsm.reply(s(301)).is_some());
     let sealed = cucs.seal(s(301), b"x");
     assert_eq!(vsm.open(s(301), &sealed), Err(GuardRefusal::Old));
-    assert!(vsm.lift(s(301)).is_some(), "at once");
+    assert!(vsm.reply(s(301)).is_some(), "at once");
 }
 
 #[test]
@@ -432,4 +503,209 @@ fn a_copy_is_judged_by_the_key_that_has_sealed_it_whatever_has_verified_since() 
 
 fn vsm_now(at_s: u64) -> Now {
     Host::clocks(s(at_s), Duration::ZERO, 0)
+}
+
+/// A challenge of the VSM to a guard whose clock is ahead.
+fn challenged(cucs: &mut Host, vsm: &mut Host, at: Duration) -> Vec<u8> {
+    let sealed = cucs.seal(at, b"x");
+    assert_eq!(vsm.open(at, &sealed), Err(GuardRefusal::Ahead));
+    vsm.reply(at).expect("its turn")
+}
+
+#[test]
+fn a_start_with_a_wrong_clock_heals_at_once_and_so_does_one_with_the_clock_right_again() {
+    let offs = [2 * HOUR, 300 * 86_400, 10 * YEAR, -2 * HOUR, -10 * YEAR];
+    let cases = offs.iter().flat_map(|off| [(*off, false), (*off, true)]);
+    let cases = cases.flat_map(|(off, stored)| [(off, stored, false), (off, stored, true)]);
+    for (off, stored, of_vsm) in cases {
+        let case = format!("{off} s, stored {stored}, of the VSM {of_vsm}");
+        let (mut cucs, mut vsm) = ends(0);
+        let mut sent = Vec::new();
+        assert_eq!(meet(&mut cucs, &mut vsm, s(1), &mut sent), Some(0));
+        let mut at = s(20);
+        let mut step = |what: &str, cucs: &mut Host, vsm: &mut Host| {
+            let rounds = meet(cucs, vsm, at, &mut sent);
+            assert!(rounds.is_some_and(|n| n <= 3), "{case}, {what}: {rounds:?}");
+            at += s(20);
+            at
+        };
+        let wrong = if of_vsm { &mut vsm } else { &mut cucs };
+        if !stored {
+            wrong.disk = MemoryDisk::default();
+        }
+        wrong.off = off;
+        wrong.restart(s(20));
+        let next = step("wrong", &mut cucs, &mut vsm);
+        let wrong = if of_vsm { &mut vsm } else { &mut cucs };
+        wrong.off = 0;
+        wrong.restart(next);
+        let next = step("right again", &mut cucs, &mut vsm);
+        let other = if of_vsm { &mut cucs } else { &mut vsm };
+        other.restart(next);
+        let next = step("the other started", &mut cucs, &mut vsm);
+        // What has met the wrong clock is gone with the store: only the end that had it is ahead.
+        let other = if of_vsm { &mut cucs } else { &mut vsm };
+        other.disk = MemoryDisk::default();
+        other.restart(next);
+        step("the other with a new store", &mut cucs, &mut vsm);
+    }
+}
+
+#[test]
+fn an_end_that_was_off_for_days_without_a_clock_of_its_own_is_served() {
+    let (mut cucs, mut vsm) = ends(0);
+    let mut sent = Vec::new();
+    assert_eq!(meet(&mut cucs, &mut vsm, s(1), &mut sent), Some(0));
+    for vsm_was_off in [true, false] {
+        let at = if vsm_was_off { s(300_000) } else { s(600_000) };
+        let off = if vsm_was_off { &mut vsm } else { &mut cucs };
+        // It starts where it was: before the ceiling on its disk.
+        off.off = -(at.as_secs() as i64);
+        off.restart(at);
+        let rounds = meet(&mut cucs, &mut vsm, at + s(1), &mut sent);
+        assert!(rounds.is_some_and(|n| n <= 3), "{rounds:?}");
+    }
+}
+
+#[test]
+fn what_was_recorded_or_withheld_while_the_clocks_were_apart_is_never_believed() {
+    for (off, of_vsm) in [(2 * HOUR, false), (2 * HOUR, true), (10 * YEAR, false)] {
+        let (mut cucs, mut vsm) = ends(0);
+        let wrong = if of_vsm { &mut vsm } else { &mut cucs };
+        wrong.disk = MemoryDisk::default();
+        wrong.off = off;
+        wrong.restart(s(0));
+        let mut sent = Vec::new();
+        for n in 0..5 {
+            // Withheld, or recorded: it has reached nobody.
+            sent.push(cucs.seal(s(1), &[n]));
+            sent.push(vsm.seal(s(1), &[n]));
+        }
+        assert!(meet(&mut cucs, &mut vsm, s(2), &mut sent).is_some());
+        let about = sent
+            .iter()
+            .filter(|one| ClockDatagram::parse(one).is_some());
+        assert!(about.count() >= 2, "a challenge and its answer");
+        for (round, at) in [4, 10, 20, 7_500].into_iter().enumerate() {
+            for bytes in &sent {
+                for host in [&mut cucs, &mut vsm] {
+                    assert!(!host.believes(s(at), bytes), "{off} s, round {round}");
+                }
+            }
+            match round {
+                0 => vsm.restart(s(at) + s(1)),
+                1 => cucs.restart(s(at) + s(1)),
+                _ => {}
+            }
+        }
+        // The two themselves are served after all that.
+        let rounds = meet(&mut cucs, &mut vsm, s(7_510), &mut sent);
+        assert!(rounds.is_some_and(|n| n <= 3), "{rounds:?}");
+    }
+}
+
+#[test]
+fn an_answer_counts_for_its_own_challenge_once_and_for_seconds() {
+    let (mut cucs, mut vsm) = ends(2 * HOUR);
+    let mut other = Host::new((VSM, CUCS), Direction::ToCucs, 0);
+    let later = s(1) + 2 * LIFT_EVERY;
+    let challenge = challenged(&mut cucs, &mut vsm, s(1));
+    let another = challenged(&mut cucs, &mut other, later);
+    let answer = cucs.take_clock(s(1), &challenge).unwrap().unwrap();
+    let of_another = cucs.take_clock(later, &another).unwrap().unwrap();
+    let floor = vsm.floor();
+    // Of a challenge that it has not made, changed in any bit, reflected.
+    let unasked = Err(GuardRefusal::Unasked);
+    assert_eq!(vsm.take_clock(later, &of_another), unasked);
+    for bit in 0..answer.len() * 8 {
+        let mut bent = answer.clone();
+        bent[bit / 8] ^= 1 << (bit % 8);
+        if ClockDatagram::parse(&bent).is_some() {
+            vsm.take_clock(later, &bent).unwrap_err();
+        }
+    }
+    let reflected = vsm.take_clock(later, &challenge);
+    assert_eq!(reflected, Err(GuardRefusal::Direction));
+    assert_eq!(vsm.floor(), floor);
+    // In time it counts, and once.
+    assert_eq!(vsm.take_clock(later, &answer), Ok(None));
+    assert!(vsm.floor() > floor);
+    let floor = vsm.floor();
+    assert_eq!(vsm.take_clock(later, &answer), unasked);
+    assert_eq!(vsm.floor(), floor);
+    // Too late it does not.
+    let late = later + ANSWER_WITHIN + LIFT_EVERY;
+    assert_eq!(other.take_clock(late, &of_another), unasked);
+    // Nor after a restart, which has asked nothing.
+    other.restart(late);
+    assert_eq!(other.take_clock(late, &of_another), unasked);
+}
+
+#[test]
+fn recordings_get_few_challenges_and_few_answers_and_do_not_keep_the_two_apart() {
+    let (mut cucs, mut vsm) = ends(2 * HOUR);
+    let step = Duration::from_millis(100);
+    let recorded: Vec<_> = (0..100).map(|n| cucs.seal(s(1) + n * step, b"x")).collect();
+    let mut challenges = Vec::new();
+    for _ in 0..10 {
+        for sealed in &recorded {
+            assert_eq!(vsm.open(s(12), sealed), Err(GuardRefusal::Ahead));
+            if let Some(challenge) = vsm.reply(s(12)) {
+                assert!(challenge.len() <= sealed.len());
+                challenges.push(challenge);
+            }
+        }
+    }
+    assert_eq!(challenges.len(), 3, "one for each 4 s that were recorded");
+    let mut answers = 0;
+    for n in 0..10 {
+        for challenge in &challenges {
+            let answer = cucs.take_clock(s(12) + n * step, challenge).unwrap();
+            assert!(
+                answer
+                    .as_ref()
+                    .is_none_or(|one| one.len() <= challenge.len())
+            );
+            answers += usize::from(answer.is_some());
+        }
+    }
+    assert!(answers <= 3, "each once: {answers}");
+    // The end itself lies above all of them.
+    let floor = vsm.floor();
+    for n in 0..3 {
+        let at = s(13) + n * step;
+        for bytes in recorded.iter().chain(&challenges) {
+            assert!(!vsm.believes(at, bytes));
+        }
+        one_way(&mut cucs, &mut vsm, at, &mut Vec::new());
+    }
+    assert!(vsm.floor() > floor);
+    assert_eq!(meet(&mut cucs, &mut vsm, s(14), &mut Vec::new()), Some(0));
+}
+
+#[test]
+fn a_clock_is_met_once_the_disk_has_it_and_in_the_last_ten_years_never() {
+    let (mut cucs, mut vsm) = ends(2 * HOUR);
+    let floor = vsm.floor();
+    let challenge = challenged(&mut cucs, &mut vsm, s(1));
+    let answer = cucs.take_clock(s(1), &challenge).unwrap().unwrap();
+    vsm.disk.full = Some("");
+    assert_eq!(vsm.take_clock(s(1), &answer), Err(GuardRefusal::Disk));
+    assert_eq!(vsm.floor(), floor);
+    vsm.disk.full = None;
+    assert!(meet(&mut cucs, &mut vsm, s(3), &mut Vec::new()).is_some_and(|n| n <= 3));
+    // A disk that queues.
+    let (mut cucs, mut vsm) = ends(2 * HOUR);
+    vsm.disk.queues = true;
+    let challenge = challenged(&mut cucs, &mut vsm, s(1));
+    let answer = cucs.take_clock(s(1), &challenge).unwrap().unwrap();
+    assert_eq!(vsm.take_clock(s(1), &answer), Err(GuardRefusal::Disk));
+    vsm.disk.complete(u64::MAX);
+    let rounds = meet(&mut cucs, &mut vsm, s(1) + 2 * LIFT_EVERY, &mut Vec::new());
+    assert!(rounds.is_some_and(|n| n <= 3), "{rounds:?}");
+    // Who has the key ends the life of no clock.
+    let (mut cucs, mut vsm) = ends(70 * YEAR);
+    let sealed = cucs.seal(s(1), b"x");
+    assert_eq!(vsm.open(s(1), &sealed), Err(GuardRefusal::Ahead));
+    assert_eq!(vsm.reply(s(1)), None);
 }

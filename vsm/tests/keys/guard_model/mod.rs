@@ -10,7 +10,8 @@
 //! How both ends come to their keys is the machine of the key exchange, whose model has an end that puts a key in force as soon as it is
 //! staged among its behaviours: `mavlink-link/tests/key_exchange/symbolic`; its steps for a guard are tested in `guard_pairing`.
 //!
-//! **Not shown**: anything of real cryptography; time (the delay that is allowed, lifts); addresses; the exact message that is inside.
+//! **Not shown**: anything of real cryptography; time (the delay that is allowed, lifts, clocks that are apart); addresses; the exact
+//! message that is inside.
 
 mod code;
 mod search;

@@ -1,0 +1,198 @@
+//! How two ends find together again whose clocks are further apart than an end follows: one of them was started with a wrong wall
+//! clock, now or at any time before, since no clock of a key ever goes back.
+//!
+//! Promised:
+//! - Where both ends run, they find one clock within a few round trips, without a person. It is the later one.
+//! - An end moves up to the other's clock only where a holder of the key has answered a challenge of its own, of the last
+//!   [`ANSWER_WITHIN`]. No recording can do that: the challenge did not exist when it was made. A recorded challenge is answered to a
+//!   question that nobody has any more.
+//! - What was sealed before that answer is never believed from then on, whether it was recorded or withheld: the clock moves as by a
+//!   restart from a ceiling there ([`SigningClock::meet`](mavlink_link::clock::SigningClock::meet)), which is on disk first.
+//! - Challenges are answered whatever their stamps: those of the end that is behind are too old by nature.
+//! - Who replays recordings has each answered once at most, by 52 bytes, and does not take the turn of an end that is there: its stamps
+//!   lie above all that was ever recorded of it ([`Turn`]).
+//!
+//! The last ten years of stamps are met by nobody: who has the key must not end the life of every clock by one datagram.
+
+use std::time::Duration;
+
+use mavlink_link::Now;
+use mavlink_link::signing::Stamp;
+use mavlink_link::store::Disk;
+use stanag_msgs::Id;
+use stanag_msgs::guard::{CLOCK_BYTES, ClockDatagram, ClockStep, Direction, MAX_GUARDED};
+
+use super::{GuardEnd, GuardRefusal, Keyed, LIFT_EVERY, stamp_of};
+
+/// Which of what has verified under a key is answered: each once, one above the other, and so often at most, by the clock of either
+/// end.
+#[derive(Debug, Default)]
+pub(super) struct Turn {
+    newest: Stamp,
+    next: Duration,
+}
+
+impl Turn {
+    /// Whether it is the turn of what has this stamp.
+    pub(super) fn take(&mut self, stamp: Stamp, now: Duration, every: Duration) -> bool {
+        // No stamp twice, and the sender's own lies above all that were recorded of it: whoever replays those gets the answer of each
+        // once, and cannot take the one of the sender.
+        let later = stamp >= self.newest.plus(every);
+        if stamp <= self.newest || (now < self.next && !later) {
+            return false;
+        }
+        (self.newest, self.next) = (stamp, now + every);
+        true
+    }
+
+    /// It has led to nothing: the next one has its turn sooner.
+    fn repeat(&mut self, at: Duration) {
+        self.next = at;
+    }
+}
+
+/// What one end has asked the other under a key, and has been asked.
+#[derive(Debug, Default)]
+pub(super) struct Asked {
+    /// Our challenge, and when it was made.
+    waiting: Option<(ClockDatagram, Duration)>,
+    challenges: Turn,
+    answers: Turn,
+}
+
+impl GuardEnd {
+    /// A challenge to who has sealed what is too far ahead; its length.
+    pub(super) fn challenge(
+        &mut self,
+        place: usize,
+        ahead: Stamp,
+        now: Now,
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Option<usize> {
+        let sender = (self.own, self.sends);
+        let keyed = self.keys.get_mut(place)?;
+        // One at a time, until it is answered or answered no more.
+        let may = keyed.clock.may_meet(ahead);
+        if !may || !keyed.asked.challenges.take(ahead, now.mono, ANSWER_WITHIN) {
+            return None;
+        }
+        let Ok(trailer) = keyed.trailer(sender, now, disk) else {
+            keyed.asked.challenges.repeat(now.mono + LIFT_EVERY);
+            return None;
+        };
+        let challenge = keyed.key.challenge(trailer, self.peer);
+        keyed.asked.waiting = Some((challenge, now.mono));
+        Some(write(&challenge, out))
+    }
+
+    /// Answers a challenge of the other end, where it is time for that: the length of the answer. Or moves up to the clock of the other
+    /// end, which has answered a challenge of this one.
+    ///
+    /// # Errors
+    /// It is not believed, and no clock has moved: why.
+    pub fn take_clock(
+        &mut self,
+        now: Now,
+        received: &ClockDatagram,
+        out: &mut [u8; MAX_GUARDED],
+        disk: &mut dyn Disk,
+    ) -> Result<Option<usize>, GuardRefusal> {
+        let answer = self.judge_clock(now, received, disk);
+        if let Err(why) = answer {
+            self.refused.count(why.name());
+        }
+        Ok(answer?.map(|answer| write(&answer, out)))
+    }
+
+    fn judge_clock(
+        &mut self,
+        now: Now,
+        received: &ClockDatagram,
+        disk: &mut dyn Disk,
+    ) -> Result<Option<ClockDatagram>, GuardRefusal> {
+        let trailer = &received.trailer;
+        self.judge_way(trailer)?;
+        let (own, peer, sender) = (self.own, self.peer, (self.own, self.sends));
+        let named = self.keys.iter_mut();
+        let mut named = named
+            .filter(|one| one.key.id() == trailer.key_id && !one.is_over(now.mono))
+            .peekable();
+        if named.peek().is_none() {
+            return Err(GuardRefusal::Key);
+        }
+        match received.step {
+            ClockStep::Challenge => {
+                let asked = named.find(|one| one.key.verifies_challenge(received, own));
+                let keyed = asked.ok_or(GuardRefusal::Forged)?;
+                Ok(keyed.answer(received, sender, peer, now, disk))
+            }
+            // Its HMAC is over the challenge: a forged one and one to another challenge look alike.
+            ClockStep::Answer => {
+                let answered = named.find(|one| one.waits_for(received, own, now.mono));
+                let keyed = answered.ok_or(GuardRefusal::Unasked)?;
+                keyed.meet(received, now, disk)?;
+                Ok(None)
+            }
+        }
+    }
+}
+
+impl Keyed {
+    fn answer(
+        &mut self,
+        challenge: &ClockDatagram,
+        sender: (Id, Direction),
+        peer: Id,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Option<ClockDatagram> {
+        // In whatever order they arrive in from the other end, the newest is the one that it waits for.
+        let asked = stamp_of(challenge.trailer.stamp_us)?;
+        if !self.asked.answers.take(asked, now.mono, LIFT_EVERY) {
+            return None;
+        }
+        let trailer = self.trailer(sender, now, disk).ok()?;
+        Some(self.key.answer(challenge, trailer, peer))
+    }
+
+    fn waits_for(&self, received: &ClockDatagram, own: Id, now: Duration) -> bool {
+        self.asked.waiting.as_ref().is_some_and(|(challenge, at)| {
+            now.saturating_sub(*at) <= ANSWER_WITHIN
+                && self.key.verifies_answer(received, own, challenge)
+        })
+    }
+
+    /// Moves up to the clock of the other end, which has proved to be there.
+    fn meet(
+        &mut self,
+        answer: &ClockDatagram,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<(), GuardRefusal> {
+        let stamp = stamp_of(answer.trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
+        if !self.clock.may_meet(stamp) {
+            return Err(GuardRefusal::Ahead);
+        }
+        // Otherwise the two have met already.
+        if !self.clock.allows(stamp, now) {
+            if self.clock.meet(stamp, now, disk).is_err() {
+                // The disk may have the ceiling in a moment.
+                self.asked.challenges.repeat(now.mono + LIFT_EVERY);
+                return Err(GuardRefusal::Disk);
+            }
+            // What is held back from here on is late.
+            self.window.take(now.mono, stamp);
+        }
+        self.asked.waiting = None;
+        Ok(())
+    }
+}
+
+fn write(datagram: &ClockDatagram, out: &mut [u8; MAX_GUARDED]) -> usize {
+    out[..CLOCK_BYTES].copy_from_slice(&datagram.to_bytes());
+    CLOCK_BYTES
+}
+
+/// How old an answer may be, and how often a challenge is made. A slow radio takes a second or two each way.
+pub(super) const ANSWER_WITHIN: Duration = Duration::from_secs(4);
