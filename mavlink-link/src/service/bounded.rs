@@ -43,6 +43,11 @@ impl<T> Bounded<T> {
         }
     }
 
+    /// Removes the entries for which this is false.
+    pub fn retain(&mut self, keep: impl FnMut(&T) -> bool) {
+        self.entries.retain(keep);
+    }
+
     /// Takes the oldest entry.
     pub fn pop(&mut self) -> Option<T> {
         self.entries.pop_front()

@@ -43,7 +43,7 @@ table! {
         /// MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink
         /// instance); given here, no other is ever accepted
         pub vehicle_link_id: Option<u8> => Nothing("learned, and kept in the store"),
-        /// What its link carries, where that is little, such as a radio: bits a second in both directions together, 4800 to
+        /// What its link carries, where that is little, such as a radio: bits a second in both directions together, 9600 to
         /// 10000000. Reports of the vehicle are requested less often until they fit, and what can wait waits for commands
         /// ([px4.md](../guide/px4.md#a-slow-radio))
         pub rate_bps: Option<u32> => Nothing("no limit"),
@@ -370,9 +370,9 @@ impl Vehicle {
             return fault(at, "vehicle.encrypt", true, expected);
         }
         if let Some(rate) = self.rate_bps
-            && !(4_800..=10_000_000).contains(&rate)
+            && !(9_600..=10_000_000).contains(&rate)
         {
-            let expected = "4800 to 10000000 (bits a second)";
+            let expected = "9600 to 10000000 (bits a second)";
             return fault(at, "vehicle.rate_bps", rate, expected);
         }
         if self.agl == Agl::Terrain && self.terrain.is_none() {

@@ -128,6 +128,11 @@ impl Upload {
         }
         self.restart_at = None;
         self.repeat.at = now + context.timing.item;
+        // On a slow link the vehicle requests an item again before it has arrived. The repetition that waits is of no use once
+        // the next item is requested, and would delay that by as much again.
+        context.out.retain(
+            |waits| !matches!(waits, MavMessage::MISSION_ITEM_INT(item) if item.seq != seq),
+        );
         self.send_item(seq, context);
     }
 

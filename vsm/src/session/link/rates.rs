@@ -18,7 +18,10 @@ impl Rates {
     pub(super) fn new(rate_bps: Option<u32>) -> Rates {
         Rates {
             bytes_s: rate_bps.map(reported_bytes_s),
-            wanted: NEEDED.to_vec(),
+            wanted: match rate_bps {
+                Some(_) => [NEEDED, SENT_ANYWAY].concat(),
+                None => NEEDED.to_vec(),
+            },
         }
     }
 
@@ -61,7 +64,7 @@ impl Rates {
         let needed: f32 = wanted
             .map(|(_, hertz, bytes)| hertz * f32::from(*bytes))
             .sum();
-        let room = room as f32 - f32::from(HEARTBEAT_BYTES);
+        let room = room as f32 - FIXED_BYTES_S;
         (room / needed).min(1.0)
     }
 }
@@ -90,6 +93,10 @@ const NEEDED: &[(u32, f32, u16)] = &[
     (1, 1.0, 68),   // SYS_STATUS
     (147, 0.5, 79), // BATTERY_STATUS
 ];
+/// PX4 streams them without a request, while they have something to report.
+const SENT_ANYWAY: &[(u32, f32, u16)] = &[
+    (360, 2.0, 62), // ORBIT_EXECUTION_STATUS
+];
 /// PX4 streams them at up to 50 Hz.
 const UNUSED: &[u32] = &[
     31, // ATTITUDE_QUATERNION
@@ -114,7 +121,8 @@ const ONLY_WITH_ROOM: &[u32] = &[
 ];
 /// Assumed for a message that is requested later: few are longer.
 const FURTHER_BYTES: u16 = 80;
-const HEARTBEAT_BYTES: u16 = 34;
+/// HEARTBEAT and MISSION_CURRENT, once a second each: their rates cannot be requested.
+const FIXED_BYTES_S: f32 = 77.0;
 
 #[cfg(test)]
 mod tests {
@@ -126,16 +134,16 @@ mod tests {
             Rate::Hz(hertz) => Some(hertz * f32::from(sizes(id)?.2)),
             _ => None,
         });
-        each.sum::<f32>() + f32::from(HEARTBEAT_BYTES)
+        each.sum::<f32>() + FIXED_BYTES_S
     }
 
     #[test]
     fn what_does_not_fit_is_lowered_together_and_what_is_added_has_room() {
-        for (rate_bps, whole) in [(4_800, false), (9_600, false), (57_600, true)] {
+        for (rate_bps, whole) in [(9_600, false), (19_200, false), (57_600, true)] {
             let mut rates = Rates::new(Some(rate_bps));
             for added in [None, Some(105), Some(230)] {
                 added.into_iter().for_each(|id| rates.add(id, 5.0));
-                let room = f32::from(u16::try_from(rate_bps / 10).unwrap()) * 0.6;
+                let room = f32::from(u16::try_from(rate_bps / 10).unwrap()) * 0.55;
                 assert!(bytes_s(&rates) <= room + 0.1, "{rate_bps} {added:?}");
                 assert_eq!(rates.factor() == 1.0, whole, "{rate_bps} {added:?}");
             }

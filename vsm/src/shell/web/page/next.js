@@ -71,6 +71,7 @@ export function showNext(state) {
   const [target, text] = nextStep(state);
   const line = document.getElementById("next");
   aim = target;
+  line.hidden = false;
   if (line.textContent !== `Next: ${text}`) line.textContent = line.title = `Next: ${text}`;
   for (const marked of document.querySelectorAll(".next")) if (marked.id !== target) marked.classList.remove("next");
   if (target) document.getElementById(target).classList.add("next");
