@@ -39,10 +39,11 @@ use super::web::Hello;
 
 mod clock;
 mod group;
+mod turn;
 
-use self::clock::{Asked, Turn};
 pub use self::group::GroupReceiver;
 pub(crate) use self::group::{GroupSender, OFFER_EVERY};
+use self::turn::{Asked, Turn};
 
 /// A key for an end, and until when (monotonic) it is accepted; `None` for the one in force.
 pub type GuardKeyUntil = (SigningKey, Option<Duration>);

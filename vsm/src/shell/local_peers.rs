@@ -25,7 +25,7 @@ use std::time::Duration;
 use tokio::sync::Notify;
 
 pub use super::socket_owners::Stranger;
-use super::socket_owners::{NOT_YET, Socket, SocketOwners, sockets};
+use super::socket_owners::{NOT_YET, PATIENCE, Socket, SocketOwners, sockets};
 use crate::config::LinkAddress;
 use crate::session::Peer;
 
@@ -41,6 +41,9 @@ pub struct LocalPeers {
     look_at: Option<Duration>,
     /// Where nobody was found lately, with the number of readings then.
     unknown: HashMap<SocketAddr, u64>,
+    /// How long a datagram of an unknown port waits for another reading, and when one last did.
+    waits: Duration,
+    waited_at: Option<Duration>,
     /// The last that was not admitted, and is in the log.
     reported_at: Option<Duration>,
     dropped: u64,
@@ -57,7 +60,10 @@ impl LocalPeers {
     /// With exactly these users permitted.
     #[must_use]
     pub fn of_users(permitted: Option<Vec<u32>>) -> LocalPeers {
-        LocalPeers::reading(permitted, sockets)
+        LocalPeers {
+            waits: NEW_PORT_WITHIN,
+            ..LocalPeers::reading(permitted, sockets)
+        }
     }
 
     /// With the kernel's table read so.
@@ -72,19 +78,33 @@ impl LocalPeers {
             look: None,
             look_at: None,
             unknown: HashMap::new(),
+            waits: Duration::ZERO,
+            waited_at: None,
             reported_at: None,
             dropped: 0,
         }
     }
 
-    /// Whether what came from there may be looked at, by what was read last. Never waits.
+    /// Whether what came from there may be looked at, by what was read last. A port that is not known may just have been
+    /// opened: four times a second another reading is waited for, 10 ms at most, and none where readings take long.
     pub fn admits(&mut self, mono: Duration, from: Peer) -> bool {
         let (Some(owners), Peer::Udp(from)) = (&self.owners, from) else {
             return true;
         };
-        let Err(stranger) = owners.judge(from) else {
+        let Err(mut stranger) = owners.judge(from) else {
             return true;
         };
+        let rests = |at: Duration| mono.saturating_sub(at) < WAIT_AGAIN;
+        let may_wait = !self.waits.is_zero() && !self.waited_at.is_some_and(rests);
+        let is_unknown = !matches!(stranger, Stranger::OtherUser { .. });
+        if is_unknown && may_wait && owners.is_quick() {
+            self.waited_at = Some(mono);
+            owners.wait(owners.ask(), self.waits);
+            match owners.judge(from) {
+                Ok(()) => return true,
+                Err(now) => stranger = now,
+            }
+        }
         let readings = owners.readings();
         self.dropped = self.dropped.saturating_add(1);
         let is_other = matches!(stranger, Stranger::OtherUser { .. });
@@ -123,7 +143,7 @@ impl LocalPeers {
         let (Some(owners), Peer::Udp(at)) = (&self.owners, to) else {
             return Ok(());
         };
-        if !owners.wait(owners.ask()) {
+        if !owners.wait(owners.ask(), PATIENCE) {
             let cause = "the kernel takes too long".to_owned();
             return Err(Stranger::Unknown { at, cause });
         }
@@ -197,6 +217,9 @@ fn permitted(users: &[u32]) -> Vec<u32> {
 }
 
 /// Only what is logged depends on it.
+/// How long the thread that flies may wait for a reading: a few hundred sockets take a millisecond or two.
+const NEW_PORT_WITHIN: Duration = Duration::from_millis(10);
+const WAIT_AGAIN: Duration = Duration::from_millis(250);
 const MAX_UNKNOWN: usize = 64;
 /// A key that is due and cannot leave, since the disk is full, asks no more often.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
@@ -262,9 +285,16 @@ mod tests {
         let first = UdpSocket::bind("127.0.0.1:0").unwrap();
         let from = Peer::Udp(first.local_addr().unwrap());
         assert!(soon(|| peers.admits(Duration::ZERO, from)));
-        let second = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let from = Peer::Udp(second.local_addr().unwrap());
-        assert!(soon(|| peers.admits(Duration::ZERO, from)));
+        // Not only after the next reading of the second.
+        let begun = Instant::now();
+        let mut at_once = 0;
+        for n in 1..=20 {
+            let another = UdpSocket::bind("127.0.0.1:0").unwrap();
+            let from = Peer::Udp(another.local_addr().unwrap());
+            at_once += u32::from(peers.admits(WAIT_AGAIN * n, from));
+        }
+        assert!(at_once > 10, "{at_once}");
+        assert!(begun.elapsed() < Duration::from_secs(5));
     }
 
     #[test]

@@ -71,6 +71,7 @@ impl SocketOwners {
             state: Mutex::new(State {
                 table: Err(NOT_YET.to_owned()),
                 readings: 0,
+                took: Duration::ZERO,
                 asked: 0,
                 answered: 0,
                 ended: false,
@@ -122,11 +123,16 @@ impl SocketOwners {
         self.shared.lock().has_answered(number)
     }
 
-    /// Waits until it is there; false where that takes too long.
-    pub(super) fn wait(&self, number: u64) -> bool {
+    /// Whether the last reading was so short that another one may be waited for.
+    pub(super) fn is_quick(&self) -> bool {
+        self.shared.lock().took < QUICK
+    }
+
+    /// Waits until it is there; false where that takes longer than this.
+    pub(super) fn wait(&self, number: u64, within: Duration) -> bool {
         let state = self.shared.lock();
         let changed = &self.shared.changed;
-        let waited = changed.wait_timeout_while(state, PATIENCE, |state: &mut State| {
+        let waited = changed.wait_timeout_while(state, within, |state: &mut State| {
             !state.has_answered(number)
         });
         let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
@@ -153,6 +159,8 @@ struct State {
     /// What was read last, or why it could not be.
     table: Result<Table, String>,
     readings: u64,
+    /// How long the last one took.
+    took: Duration,
     /// The last number that was asked for.
     asked: u64,
     /// The last that had been asked for when the reading began that is there.
@@ -189,6 +197,7 @@ impl Shared {
             let mut state = self.lock();
             let before = std::mem::replace(&mut state.table, table);
             state.readings += 1;
+            state.took = took;
             let was_asked = std::mem::replace(&mut state.answered, asked) < asked;
             drop(state);
             // It may be large.
@@ -330,7 +339,9 @@ const ANY_IPV6: IpAddr = IpAddr::V6(Ipv6Addr::UNSPECIFIED);
 pub(super) const NOT_YET: &str = "it has not been looked up yet";
 const READ_EVERY: Duration = Duration::from_secs(1);
 /// Three times what the table of 20,000 sockets takes, on a slow computer.
-const PATIENCE: Duration = Duration::from_secs(30);
+pub(super) const PATIENCE: Duration = Duration::from_secs(30);
+/// A few thousand sockets take longer.
+const QUICK: Duration = Duration::from_millis(20);
 
 #[cfg(test)]
 mod tests {
@@ -466,7 +477,7 @@ mod tests {
         begins.recv().unwrap();
         assert!(!owners.has_answered(first));
         go.send(1_000).unwrap();
-        assert!(owners.wait(first));
+        assert!(owners.wait(first, PATIENCE));
         let second = owners.ask();
         let begin = Instant::now();
         for _ in 0..10_000 {
@@ -477,7 +488,7 @@ mod tests {
         for _ in 0..2 {
             go.send(1_001).unwrap();
         }
-        assert!(owners.wait(second));
+        assert!(owners.wait(second, PATIENCE));
         let other = owners.judge(px4);
         assert!(
             matches!(other, Err(Stranger::OtherUser { uid: 1_001, .. })),
@@ -498,7 +509,7 @@ mod tests {
         });
         // The first may have begun before it was asked for.
         for _ in 0..2 {
-            assert!(owners.wait(owners.ask()));
+            assert!(owners.wait(owners.ask(), PATIENCE));
         }
         let refused = owners.judge(px4).unwrap_err();
         assert_eq!(

@@ -10,7 +10,7 @@
 //!   restart from a ceiling there ([`SigningClock::meet`](mavlink_link::clock::SigningClock::meet)), which is on disk first.
 //! - Challenges are answered whatever their stamps: those of the end that is behind are too old by nature.
 //! - Who replays recordings has each answered once at most, by 52 bytes, and does not take the turn of an end that is there: its stamps
-//!   lie above all that was ever recorded of it ([`Turn`]).
+//!   lie above all that was ever recorded of it ([`Turn`](super::turn::Turn)).
 //!
 //! The last ten years of stamps are met by nobody: who has the key must not end the life of every clock by one datagram.
 
@@ -23,42 +23,6 @@ use stanag_msgs::Id;
 use stanag_msgs::guard::{CLOCK_BYTES, ClockDatagram, ClockStep, Direction, MAX_GUARDED};
 
 use super::{GuardEnd, GuardRefusal, Keyed, LIFT_EVERY, stamp_of};
-
-/// Which of what has verified under a key is answered: each once, one above the other, and so often at most, by the clock of either
-/// end.
-#[derive(Debug, Default)]
-pub(super) struct Turn {
-    newest: Stamp,
-    next: Duration,
-}
-
-impl Turn {
-    /// Whether it is the turn of what has this stamp.
-    pub(super) fn take(&mut self, stamp: Stamp, now: Duration, every: Duration) -> bool {
-        // No stamp twice, and the sender's own lies above all that were recorded of it: whoever replays those gets the answer of each
-        // once, and cannot take the one of the sender.
-        let later = stamp >= self.newest.plus(every);
-        if stamp <= self.newest || (now < self.next && !later) {
-            return false;
-        }
-        (self.newest, self.next) = (stamp, now + every);
-        true
-    }
-
-    /// It has led to nothing: the next one has its turn sooner.
-    fn repeat(&mut self, at: Duration) {
-        self.next = at;
-    }
-}
-
-/// What one end has asked the other under a key, and has been asked.
-#[derive(Debug, Default)]
-pub(super) struct Asked {
-    /// Our challenge, and when it was made.
-    waiting: Option<(ClockDatagram, Duration)>,
-    challenges: Turn,
-    answers: Turn,
-}
 
 impl GuardEnd {
     /// A challenge to who has sealed what is too far ahead; its length.
