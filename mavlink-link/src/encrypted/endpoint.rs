@@ -95,6 +95,8 @@ pub struct EncryptedLink<A> {
     proven: Option<A>,
     /// When anything new came from there, copied before or not.
     proven_at: Duration,
+    /// Packets opened from elsewhere since then.
+    elsewhere: u32,
     /// What was opened from elsewhere meanwhile, by its end: the same from `proven` shows that the other end is there still.
     copied: VecDeque<([u8; TAG], Duration)>,
     /// A packet was opened in what arrived last.
@@ -173,6 +175,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             fixed: at,
             proven: None,
             proven_at: Duration::ZERO,
+            elsewhere: 0,
             copied: VecDeque::new(),
             opened: false,
             received_from: None,
@@ -367,9 +370,12 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     fn prove(&mut self, now: Duration, from: A) -> bool {
         let is_there = now.saturating_sub(self.proven_at) < STAYS_FOR;
         if self.proven.is_some_and(|proven| proven != from) && is_there {
-            return false;
+            self.elsewhere += 1;
+            if self.elsewhere < MOVED_AFTER {
+                return false;
+            }
         }
-        (self.proven, self.proven_at) = (Some(from), now);
+        (self.proven, self.proven_at, self.elsewhere) = (Some(from), now, 0);
         true
     }
 
@@ -383,7 +389,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         {
             // Each counts once.
             self.copied.remove(place);
-            self.proven_at = now;
+            (self.proven_at, self.elsewhere) = (now, 0);
         }
     }
 
@@ -398,7 +404,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     #[must_use]
     pub fn sender(&self, from: A) -> A {
         if self.opened {
-            self.reach().unwrap_or(from)
+            self.proven.unwrap_or(from)
         } else {
             from
         }
@@ -408,10 +414,12 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         (self.good_at, self.quiet_since) = (Some(now), Some(now));
         self.opened = true;
         if !self.prove(now, from) {
-            if self.copied.len() == MAX_COPIED {
-                self.copied.pop_front();
+            self.copied
+                .retain(|(_, at)| now.saturating_sub(*at) < STAYS_FOR);
+            // The oldest stay: theirs are the originals that come next.
+            if self.copied.len() < MAX_COPIED {
+                self.copied.push_back((tag_of(packet), now));
             }
-            self.copied.push_back((tag_of(packet), now));
         }
         self.silence = Silence::default();
         self.stats.opened += 1;
@@ -731,8 +739,10 @@ const ALARM_AT: u32 = 32;
 const ALARM_WITHIN: Duration = Duration::from_secs(10);
 /// Packets under one key before another is agreed on; its last counter is twice as far.
 const WORN: u32 = 1 << 31;
+/// As of the signed link.
+const MOVED_AFTER: u32 = 64;
 /// Packets that a copy from elsewhere has used up: those of a burst.
-const MAX_COPIED: usize = 64;
+const MAX_COPIED: usize = 256;
 const MAX_QUEUED: usize = 64;
 const MAX_RADIO: usize = 8;
 const MAX_EVENTS: usize = 16;

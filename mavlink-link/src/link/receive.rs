@@ -192,7 +192,10 @@ impl<A: Copy + Eq> Core<A> {
         if header.component_id != AUTOPILOT {
             self.receipt.by_own_clock();
         }
-        if let Some((before, to)) = self.peer.confirm(from, stamp, now.mono) {
+        if let Some((before, to)) =
+            self.peer
+                .confirm(from, stamp, now.mono, header.component_id == AUTOPILOT)
+        {
             self.events.push(Event::PeerChanged { from: before, to });
         }
         if !age.is_late() || self.heartbeats.bounds_nothing(now.mono) {
@@ -291,7 +294,9 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::Stale => {
                 stats.stale += 1;
                 if let Some(signature) = frame.signature() {
-                    self.peer.repeated(from, signature.stamp, now.mono);
+                    let autopilot = frame.header().component_id == AUTOPILOT;
+                    self.peer
+                        .repeated(from, signature.stamp, now.mono, autopilot);
                 }
                 self.fallen_back(now.mono, from, frame);
             }

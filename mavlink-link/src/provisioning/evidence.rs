@@ -236,6 +236,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// An accepted frame came from there.
     fn verified_from(&mut self, mono: Duration, from: A) {
         self.peer = Some(from);
+        self.seen.accepted = Some(mono);
         self.seen.first.get_or_insert(mono);
     }
 

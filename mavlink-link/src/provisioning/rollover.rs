@@ -152,6 +152,8 @@ pub(super) struct Seen {
     pub(super) first: Option<Duration>,
     /// The last frame that verified, under either key.
     pub(super) verified: Option<Duration>,
+    /// The last of them that was accepted, too.
+    pub(super) accepted: Option<Duration>,
     /// The last frame under the old key, or unsigned where there is no old key.
     pub(super) old: Option<Duration>,
     /// Frames under the old key, made after the last SETUP_SIGNING was a replay.
@@ -264,10 +266,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.peer
     }
 
-    /// The vehicle's address, once a frame from there has verified.
+    /// The vehicle's address, as long as frames that cannot be recordings verify from it.
     #[must_use]
-    pub fn proven_peer(&self) -> Option<A> {
-        self.peer.filter(|_| self.seen.verified.is_some())
+    pub fn proven_peer(&self, mono: Duration) -> Option<A> {
+        let accepted = self.seen.accepted;
+        self.peer
+            .filter(|_| accepted.is_some_and(|at| mono.saturating_sub(at) < RECENTLY))
     }
 
     /// Frames under the vehicle's system id that neither key has signed: it may have a third one.

@@ -30,7 +30,7 @@ impl Agent {
     ) -> Result<(), StartError> {
         let mut link = *self.px4.config();
         // One that has proved to be PX4 is spoken to at once.
-        if let Some(peer) = self.px4_peer() {
+        if let Some(peer) = self.px4_peer(now.mono) {
             link.endpoint = Endpoint::Fixed(peer);
         }
         let config = KeyRolloverConfig {

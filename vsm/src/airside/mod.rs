@@ -104,7 +104,7 @@ impl Agent {
         keys: &mut dyn Keys,
     ) {
         let closed = self.phase.is_closed(now.mono, self.px4.accepted_at());
-        let to = self.px4_peer();
+        let to = self.px4_peer(now.mono);
         let px4_now = Px4Now {
             disarmed: self.watch.is_disarmed(now.mono),
             zeroizing: self.zeroize != Stage::Safe,
@@ -129,12 +129,11 @@ impl Agent {
     }
 
     /// Where PX4 is: while a key is on its way to it the rollover takes its frames, and knows where they come from.
-    fn px4_peer(&self) -> Option<Peer> {
-        let learned = match &self.phase {
-            Phase::HandingOver(on) => on.handover.proven_peer(),
-            _ => None,
-        };
-        learned.or(self.px4.peer())
+    fn px4_peer(&self, mono: Duration) -> Option<Peer> {
+        match &self.phase {
+            Phase::HandingOver(on) if on.handover.peer().is_some() => on.handover.proven_peer(mono),
+            _ => self.px4.peer(),
+        }
     }
 
     /// Takes what came from PX4.

@@ -232,6 +232,8 @@ impl Client {
     fn end(&mut self, job: &Job, end: Result<Event, Failure>) {
         let (operation, kind) = (job.operation(), job.kind());
         let event = end.unwrap_or_else(|reason| {
+            // Where the link had no room for it until now, it is not sent after its end.
+            self.out.clear();
             if matches!(operation, Operation::Upload | Operation::Download) {
                 self.out.push(cancel(self.vehicle, kind));
                 self.unconfirmed = Some(kind);
@@ -360,7 +362,7 @@ impl Job {
         if !repeat.again(now, &context.timing) {
             return Some(Err(Failure::NoAnswer { seq }));
         }
-        context.out.push(message);
+        context.out.push_once(message);
         None
     }
 

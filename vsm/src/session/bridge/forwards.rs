@@ -181,12 +181,11 @@ impl Bridge {
                 continue;
             }
             let situation = situation(one);
-            if !one.link.has_room(now) {
-                forward.count("no room on the vehicle's link (rate_bps)");
-                found = true;
-                continue;
-            }
             found = match forward.judge(now, request, (system, situation), disk) {
+                Some(frame) if !is_urgent(&frame) && !one.link.has_room(now) => {
+                    forward.count("no room on the vehicle's link (rate_bps)");
+                    true
+                }
                 Some(frame) => {
                     let link_id = forward.vehicle_link_id();
                     one.link.pass_on(now, &frame, link_id, disk)
@@ -238,6 +237,15 @@ impl Bridge {
         forwards.find_map(|one| Some((one.number, one.poll_transmit()?)))
     }
 }
+
+/// Commands and sticks: a slow link has room for them at once.
+fn is_urgent(frame: &FrameView<'_>) -> bool {
+    [MANUAL_CONTROL, COMMAND_INT, COMMAND_LONG].contains(&frame.header().message_id)
+}
+
+const MANUAL_CONTROL: u32 = 69;
+const COMMAND_INT: u32 = 75;
+const COMMAND_LONG: u32 = 76;
 
 fn situation(one: &Aircraft) -> Situation {
     let live = one.vehicle.live();

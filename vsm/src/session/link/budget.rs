@@ -18,8 +18,9 @@ pub(super) struct Budget {
     /// Time that one byte costs; `None`: no limit.
     per_byte: Option<Duration>,
     paid_at: Duration,
-    /// Something may be waiting for room.
+    /// Something may be waiting for room, and since when.
     held_back: bool,
+    held_since: Option<Duration>,
 }
 
 impl Budget {
@@ -29,13 +30,28 @@ impl Budget {
             per_byte: rate_bps.map(|bps| Duration::from_secs_f64(1.0 / bytes_s(bps))),
             paid_at: Duration::ZERO,
             held_back: false,
+            held_since: None,
         }
     }
 
     /// Whether a frame that can wait may be sent now. If not, [`Budget::poll_timeout`] returns when.
     pub(super) fn has_room(&mut self, now: Duration) -> bool {
-        self.held_back = self.per_byte.is_some() && self.paid_at > now;
+        self.held_back = !self.is_free(now) && {
+            let since = *self.held_since.get_or_insert(now);
+            // Beside sticks there is never room: one frame has its turn every now and then all the same.
+            now.saturating_sub(since) < MAX_OWED
+        };
         !self.held_back
+    }
+
+    /// Whether everything sent before is paid for.
+    pub(super) fn is_free(&self, now: Duration) -> bool {
+        self.per_byte.is_none() || self.paid_at <= now
+    }
+
+    /// A frame that can wait is sent: the next one waits from here on.
+    pub(super) fn take_turn(&mut self) {
+        self.held_since = None;
     }
 
     /// Accounts for a frame of `bytes` bytes, and for the `answer` bytes that come back.
@@ -50,7 +66,8 @@ impl Budget {
 
     /// When a frame that was held back can be sent.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        self.held_back.then_some(self.paid_at)
+        let turn = self.held_since.map_or(self.paid_at, |at| at + MAX_OWED);
+        self.held_back.then_some(self.paid_at.min(turn))
     }
 }
 
@@ -104,6 +121,17 @@ mod tests {
         }
         assert!(!budget.has_room(at + Duration::from_millis(1_900)));
         assert!(budget.has_room(at + MAX_OWED));
+        // Beside sticks that leave no room, one has its turn each two seconds.
+        let (mut turns, begun) = (0, at + MAX_OWED);
+        for tick in 0..250 {
+            let at = begun + Duration::from_millis(40) * tick;
+            budget.spend(at, 40, 0);
+            if budget.has_room(at) {
+                budget.take_turn();
+                turns += 1;
+            }
+        }
+        assert!((4..=6).contains(&turns), "{turns}");
     }
 
     #[test]

@@ -57,6 +57,7 @@ impl VehicleLink {
         while self.budget.has_room(now.mono)
             && let Some(message) = services.missions.poll_transmit()
         {
+            self.budget.take_turn();
             let stamp = self.send(now, &message, store);
             // Keep the first timestamp: the answer to it may arrive after a retry was sent.
             self.asked.mission = self.asked.mission.or(stamp);
@@ -67,6 +68,7 @@ impl VehicleLink {
         while self.budget.has_room(now.mono)
             && let Some(message) = services.parameters.poll_transmit()
         {
+            self.budget.take_turn();
             let stamp = self.send(now, &message, store);
             self.asked.parameter = self.asked.parameter.or(stamp);
         }
@@ -114,6 +116,7 @@ impl VehicleLink {
                 let Some(message) = commands.poll_transmit() else {
                     break;
                 };
+                self.budget.take_turn();
                 if let Some(stamp) = self.send(now, &message, store) {
                     self.asked_components.entry(*component).or_insert(stamp);
                 }
@@ -122,6 +125,7 @@ impl VehicleLink {
         while self.budget.has_room(now.mono)
             && let Some(message) = services.events.poll_transmit()
         {
+            self.budget.take_turn();
             self.send(now, &message, store);
         }
         if !services.files.is_active() {
@@ -131,6 +135,7 @@ impl VehicleLink {
         while self.budget.has_room(now.mono)
             && let Some(message) = services.files.poll_transmit()
         {
+            self.budget.take_turn();
             let stamp = self.send(now, &message, store);
             self.asked.file = self.asked.file.or(stamp);
         }
@@ -162,8 +167,8 @@ impl VehicleLink {
     }
 
     /// Whether there is room for the frame of another ground station.
-    pub(crate) fn has_room(&mut self, now: Now) -> bool {
-        self.budget.has_room(now.mono)
+    pub(crate) fn has_room(&self, now: Now) -> bool {
+        self.budget.is_free(now.mono)
     }
 
     /// Forwards a frame of another ground station, under that station's ids and signed with the vehicle's key. Returns false
