@@ -4,10 +4,6 @@
 //! only a verified and accepted frame moves it. A verified frame with a stale timestamp may be a replay from anywhere, or
 //! a vehicle that has restarted: it gets heartbeats, which reveal nothing and lift the vehicle's timestamps, and nothing
 //! else.
-//!
-//! A verified frame proves who made it, not where that is: who copies the vehicle's datagrams, and is faster than they
-//! are, has a verified and accepted frame from his own address each time, and the vehicle's own is the second of its kind.
-//! So the peer stays where it is as long as anything new to it still comes from there, copied before or not.
 
 use core::time::Duration;
 
@@ -28,12 +24,6 @@ pub(super) struct PeerLock<A> {
     endpoint: Endpoint<A>,
     peer: Option<A>,
     last_frame: Option<Duration>,
-    /// The newest stamp that came from the peer's own address, and when: of a frame that was accepted, or of the second of its kind.
-    own: Option<(Stamp, Duration)>,
-    /// Accepted frames from elsewhere since then.
-    elsewhere: u32,
-    /// The last accepted frame of the autopilot: while it is received, no other component says where the vehicle is.
-    autopilot: Option<Duration>,
     /// The sender of frames that verify but are stale: may be sent heartbeats, nothing else.
     provisional: Option<(A, Duration)>,
 }
@@ -48,9 +38,6 @@ impl<A: Copy + Eq> PeerLock<A> {
             endpoint,
             peer,
             last_frame: None,
-            own: None,
-            elsewhere: 0,
-            autopilot: None,
             provisional: None,
         }
     }
@@ -65,56 +52,10 @@ impl<A: Copy + Eq> PeerLock<A> {
     }
 
     /// A verified and accepted frame came from there. Returns the change of the peer, if it is one.
-    pub(super) fn confirm(
-        &mut self,
-        from: A,
-        stamp: Stamp,
-        mono: Duration,
-        autopilot: bool,
-    ) -> Option<(Option<A>, A)> {
+    pub(super) fn confirm(&mut self, from: A, mono: Duration) -> Option<(Option<A>, A)> {
         self.provisional = None;
         self.last_frame = Some(mono);
-        let by_autopilot = self.follows_autopilot(mono);
-        if !autopilot && by_autopilot {
-            return None;
-        }
-        if autopilot {
-            if !by_autopilot {
-                // A camera that was received first does not keep the link from its vehicle.
-                self.own = None;
-            }
-            self.autopilot = Some(mono);
-        }
-        let is_there = self
-            .own
-            .is_some_and(|(_, at)| mono.saturating_sub(at) < STAYS_FOR);
-        if is_there && self.peer != Some(from) {
-            self.elsewhere += 1;
-            if self.elsewhere < MOVED_AFTER {
-                return None;
-            }
-        }
-        self.elsewhere = 0;
-        let newest = self.own.map_or(stamp, |(newest, _)| newest.max(stamp));
-        self.own = Some((newest, mono));
         self.move_to(from)
-    }
-
-    fn follows_autopilot(&self, mono: Duration) -> bool {
-        self.autopilot
-            .is_some_and(|at| mono.saturating_sub(at) < STAYS_FOR)
-    }
-
-    /// A verified frame came from there that had come before. Recordings are older than what the peer itself has sent.
-    pub(super) fn repeated(&mut self, from: A, stamp: Stamp, mono: Duration, autopilot: bool) {
-        if self.peer == Some(from)
-            && (autopilot || !self.follows_autopilot(mono))
-            && let Some((newest, at)) = &mut self.own
-            && stamp > *newest
-        {
-            (*newest, *at) = (stamp, mono);
-            self.elsewhere = 0;
-        }
     }
 
     /// A verified frame with a stale timestamp came from there.
@@ -158,11 +99,8 @@ pub(super) struct WrongPeer;
 
 /// How long the peer of an unsigned link must be silent before another sender takes its place.
 pub const UNSIGNED_SILENCE: Duration = Duration::from_secs(5);
-/// How long the peer stays where it is after the last that came from there: longer than a vehicle, or a ground station that is
-/// sent nothing else than heartbeats, is silent.
+/// How long the other end of an encrypted link stays where it is after the last that came from there.
 pub const STAYS_FOR: Duration = Duration::from_millis(2_500);
-/// So many frames from elsewhere, and none from the peer: a copy that was once faster does not keep the peer.
-const MOVED_AFTER: u32 = 64;
 /// How long a provisional peer is kept after its last frame against another one.
 const PROVISIONAL_HOLD: Duration = Duration::from_secs(2);
 
@@ -359,65 +297,6 @@ const SIGNS_FOR: Duration = Duration::from_secs(2);
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_faster_copy_does_not_move_the_peer_and_a_vehicle_that_moves_does() {
-        let mut lock = PeerLock::new(Endpoint::Listen);
-        let at = |n: u64| Duration::from_millis(100 * n);
-        assert_eq!(
-            lock.confirm(1, Stamp::new(10), at(0), true),
-            Some((None, 1))
-        );
-        for n in 1..600 {
-            let stamp = Stamp::new(10 + n);
-            assert_eq!(
-                lock.confirm(9, stamp, at(n), true),
-                None,
-                "the copy comes first"
-            );
-            lock.repeated(1, stamp, at(n), true);
-        }
-        assert_eq!(lock.peer(), Some(1));
-        // It has moved; recordings of it are played from where it was.
-        let mut moved = None;
-        for n in 600..640 {
-            lock.repeated(1, Stamp::new(300), at(n), true);
-            moved = moved.or(lock.confirm(2, Stamp::new(10 + n), at(n), true).map(|_| n));
-        }
-        assert_eq!(moved, Some(624));
-        assert_eq!(lock.peer(), Some(2));
-    }
-
-    #[test]
-    fn a_camera_with_a_socket_of_its_own_does_not_keep_the_link_from_its_vehicle() {
-        let mut lock = PeerLock::new(Endpoint::Listen);
-        let at = |n: u64| Duration::from_millis(20 * n);
-        let mut changes = 0;
-        for n in 0..1_000 {
-            let stamp = Stamp::new(10 + n);
-            // The camera is there first, and sends once a second.
-            if n % 50 == 0 {
-                changes += u32::from(lock.confirm(5, stamp, at(n), false).is_some());
-            }
-            if n > 100 {
-                changes += u32::from(lock.confirm(1, stamp, at(n), true).is_some());
-                assert_eq!(lock.peer(), Some(1), "{n}");
-            }
-        }
-        assert_eq!(changes, 2);
-    }
-
-    #[test]
-    fn a_copy_that_was_once_faster_does_not_keep_the_peer() {
-        let mut lock = PeerLock::new(Endpoint::Listen);
-        let at = |n: u64| Duration::from_millis(20 * n);
-        lock.confirm(9, Stamp::new(1), at(0), true);
-        for n in 1..=100 {
-            let from = if n % 90 == 0 { 9 } else { 1 };
-            lock.confirm(from, Stamp::new(1 + n), at(n), true);
-        }
-        assert_eq!(lock.peer(), Some(1));
-    }
 
     #[test]
     fn a_recording_counts_once_a_second_and_a_vehicle_with_every_frame() {

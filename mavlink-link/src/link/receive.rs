@@ -192,10 +192,7 @@ impl<A: Copy + Eq> Core<A> {
         if header.component_id != AUTOPILOT {
             self.receipt.by_own_clock();
         }
-        if let Some((before, to)) =
-            self.peer
-                .confirm(from, stamp, now.mono, header.component_id == AUTOPILOT)
-        {
+        if let Some((before, to)) = self.peer.confirm(from, now.mono) {
             self.events.push(Event::PeerChanged { from: before, to });
         }
         if !age.is_late() || self.heartbeats.bounds_nothing(now.mono) {
@@ -293,11 +290,6 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::Raising => stats.ceiling_not_stored += 1,
             Refusal::Stale => {
                 stats.stale += 1;
-                if let Some(signature) = frame.signature() {
-                    let autopilot = frame.header().component_id == AUTOPILOT;
-                    self.peer
-                        .repeated(from, signature.stamp, now.mono, autopilot);
-                }
                 self.fallen_back(now.mono, from, frame);
             }
         }

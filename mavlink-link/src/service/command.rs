@@ -363,8 +363,6 @@ impl Client {
     }
 
     fn finish(&mut self, now: Duration, active: &Active, outcome: Outcome, surplus: u8) {
-        // Where the link had no room for it until now, it is not sent after its end.
-        self.out.clear();
         if surplus > 0 {
             self.surplus = Some(Surplus {
                 command: active.command.command,

@@ -232,8 +232,6 @@ impl Client {
     fn end(&mut self, job: &Job, end: Result<Event, Failure>) {
         let (operation, kind) = (job.operation(), job.kind());
         let event = end.unwrap_or_else(|reason| {
-            // Where the link had no room for it until now, it is not sent after its end.
-            self.out.clear();
             if matches!(operation, Operation::Upload | Operation::Download) {
                 self.out.push(cancel(self.vehicle, kind));
                 self.unconfirmed = Some(kind);

@@ -304,8 +304,6 @@ impl Client {
     }
 
     fn finish(&mut self, now: Duration, event: Event) {
-        // Where the link had no room for it until now, it is not sent after its end.
-        self.out.clear();
         if matches!(self.events.last_mut(), Some(Event::Progress { .. })) {
             self.events.pop_last();
         }

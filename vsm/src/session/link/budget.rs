@@ -108,6 +108,7 @@ mod tests {
         while at < NOW + Duration::from_secs(10) {
             if budget.has_room(at) {
                 assert_eq!(budget.poll_timeout(), None);
+                budget.take_turn();
                 budget.spend(at, 40, 20);
                 left += 60;
             } else {
