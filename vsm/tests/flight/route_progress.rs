@@ -252,7 +252,7 @@ fn of_several_flight_routes_the_loaded_one_is_reported() {
     rig.run(1.0);
     assert!(
         rig.station()
-            .has_alert("of several flight routes the latest, \"R2\", is loaded"),
+            .has_alert("the latest of several flight routes, \"R2\", is loaded"),
         "{:?}",
         rig.station().alerts()
     );

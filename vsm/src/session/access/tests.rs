@@ -83,7 +83,7 @@ fn an_older_list_is_not_taken_over_a_restart_and_the_newest_stays_in_force() {
         (Ok(file(5)), "version 5"),
         (Ok(file(7)[1..].to_vec()), "line 1"),
         (Err("gone".to_owned()), "gone"),
-        (Ok(other.into_bytes()), "another one of version 7"),
+        (Ok(other.into_bytes()), "has the same version (7)"),
     ];
     for (file, why) in files {
         let access = start(file, now, &mut disk).unwrap();

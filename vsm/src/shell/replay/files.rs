@@ -452,12 +452,12 @@ mod tests {
         assert!(fails("1b000101-1.tlog", &late).contains("years after 1970"));
         assert!(fails("1b000101-1.tlog", b"").contains("the recordings are empty"));
         assert!(fails("flight.tlog", b"").contains("begins with no vehicle id"));
-        assert!(fails("notes.txt", b"").contains("no recording, expected a file .tlog or .pcapng"));
+        assert!(fails("notes.txt", b"").contains("not a recording, expected a file .tlog or .pcapng"));
         let mut capture = pcapng::header();
         capture[36] = 1;
         assert!(fails("dli-1.pcapng", &capture).contains("link type 1, expected 101"));
         let fault = read(&[folder.path().to_owned()]).unwrap_err().to_string();
-        assert!(fault.contains("no recording"), "{fault}");
+        assert!(fault.contains("not a recording"), "{fault}");
         assert!(
             read(&[folder.path().join("none")])
                 .unwrap_err()
