@@ -360,7 +360,7 @@ impl Job {
         if !repeat.again(now, &context.timing) {
             return Some(Err(Failure::NoAnswer { seq }));
         }
-        context.out.push_once(message);
+        context.out.push(message);
         None
     }
 
