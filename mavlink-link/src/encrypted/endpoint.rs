@@ -13,7 +13,6 @@ use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
 use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Received, Suite, VERSION};
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
-use crate::link::STAYS_FOR;
 use crate::store::{Disk, Store as _, StoreError};
 
 /// What carries the frames.
@@ -365,8 +364,8 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         Err(why)
     }
 
-    /// What the other end alone can have made came from there. As of the signed link it stays where it is as long as anything new still
-    /// comes from where it was, though somebody copies it and is faster: false then.
+    /// Records that a packet that only the other end can have made came from `from`. Returns false if the other end is taken to be where
+    /// it was: new packets, or their seconds, still come from there, and somebody copies them faster.
     fn prove(&mut self, now: Duration, from: A) -> bool {
         let is_there = now.saturating_sub(self.proven_at) < STAYS_FOR;
         if self.proven.is_some_and(|proven| proven != from) && is_there {
@@ -739,7 +738,9 @@ const ALARM_AT: u32 = 32;
 const ALARM_WITHIN: Duration = Duration::from_secs(10);
 /// Packets under one key before another is agreed on; its last counter is twice as far.
 const WORN: u32 = 1 << 31;
-/// As of the signed link.
+/// How long the other end stays where it is after the last that came from there.
+const STAYS_FOR: Duration = Duration::from_millis(2_500);
+/// So many packets from elsewhere, and none from there: a copy that was once faster does not stay the other end.
 const MOVED_AFTER: u32 = 64;
 /// Packets that a copy from elsewhere has used up: those of a burst.
 const MAX_COPIED: usize = 256;

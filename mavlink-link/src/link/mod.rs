@@ -73,7 +73,7 @@ pub use self::config::{LinkConfig, Role, Security};
 pub use self::freshness::Age;
 pub use self::machine::{Auth, Link};
 pub(crate) use self::peer::Rising;
-pub use self::peer::{Endpoint, LinkState, STAYS_FOR, UNSIGNED_SILENCE};
+pub use self::peer::{Endpoint, LinkState, UNSIGNED_SILENCE};
 pub use self::receive::Delivery;
 pub use self::report::{Alert, Event, KeyExchangeFrame, LinkStats};
 pub use self::send::{SendError, Sent};

@@ -99,8 +99,6 @@ pub(super) struct WrongPeer;
 
 /// How long the peer of an unsigned link must be silent before another sender takes its place.
 pub const UNSIGNED_SILENCE: Duration = Duration::from_secs(5);
-/// How long the other end of an encrypted link stays where it is after the last that came from there.
-pub const STAYS_FOR: Duration = Duration::from_millis(2_500);
 /// How long a provisional peer is kept after its last frame against another one.
 const PROVISIONAL_HOLD: Duration = Duration::from_secs(2);
 

@@ -30,7 +30,7 @@ pub(crate) struct Section {
 /// How the flight compares with the plan.
 pub(crate) struct Compared {
     pub(crate) flown: Flown,
-    told: Curved,
+    reported: Curved,
     items: usize,
 }
 
@@ -125,7 +125,7 @@ impl Section {
     /// The flight beside the plan.
     pub(crate) fn compare(&self, track: &[Truth], status: &Status) -> anyhow::Result<Compared> {
         let vehicle = status.vehicles.first().context("no vehicle")?;
-        let told = vehicle
+        let reported = vehicle
             .mission_curves
             .context("the bridge has loaded no curves")?;
         let items = vehicle.mission_items.unwrap_or(0);
@@ -143,7 +143,11 @@ impl Section {
             .collect();
         let flown = measure(&self.legs, &self.densified, &track, ACCEPTANCE_M)
             .context("the route was not flown from its start to its end")?;
-        Ok(Compared { flown, told, items })
+        Ok(Compared {
+            flown,
+            reported,
+            items,
+        })
     }
 
     /// Bytes of the messages that describe it, and of the straight waypoints that would: route and load apart.
@@ -169,7 +173,11 @@ impl Section {
 
     /// The report at the end.
     pub(crate) fn report(&self, compared: &Compared) -> anyhow::Result<String> {
-        let Compared { flown, told, items } = compared;
+        let Compared {
+            flown,
+            reported,
+            items,
+        } = compared;
         let (curved, straight) = self.bytes()?;
         let percent = 100.0 * flown.passed as f64 / flown.points as f64;
         let mut text = format!(
@@ -186,12 +194,12 @@ impl Section {
              deviation, predicted       {:>8.2} m   of the flight, not promised\n  \
              deviation, flown           {:>8.2} m\n  \
              points passed              {percent:>8.0} %   within the acceptance radius of {ACCEPTANCE_M} m",
-            told.legs,
+            reported.legs,
             flown.points,
             items,
-            told.tolerance_m,
-            told.bound_m,
-            told.predicted_m.unwrap_or(f64::NAN),
+            reported.tolerance_m,
+            reported.bound_m,
+            reported.predicted_m.unwrap_or(f64::NAN),
             flown.deviation_m,
         );
         Ok(text)

@@ -452,7 +452,9 @@ mod tests {
         assert!(fails("1b000101-1.tlog", &late).contains("years after 1970"));
         assert!(fails("1b000101-1.tlog", b"").contains("the recordings are empty"));
         assert!(fails("flight.tlog", b"").contains("begins with no vehicle id"));
-        assert!(fails("notes.txt", b"").contains("not a recording, expected a file .tlog or .pcapng"));
+        assert!(
+            fails("notes.txt", b"").contains("not a recording, expected a file .tlog or .pcapng")
+        );
         let mut capture = pcapng::header();
         capture[36] = 1;
         assert!(fails("dli-1.pcapng", &capture).contains("link type 1, expected 101"));
