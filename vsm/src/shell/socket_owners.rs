@@ -1,12 +1,12 @@
-//! Whose the UDP sockets of this computer are: `/proc/self/net/udp` names the user of each, and a thread of its own reads it.
+//! The owners of this computer's UDP sockets: `/proc/self/net/udp` names the user of each, and a thread of its own reads it.
 //!
-//! Any user can open sockets, and the time that the kernel takes for its table grows faster than their number: for 20,000 it is
-//! seconds. So who handles datagrams never waits for it:
+//! Any user can open sockets, and the time that the kernel needs for its table grows faster than their number: for 20,000 it is
+//! seconds. So the thread that handles datagrams does not depend on it:
 //!
-//! - The thread reads once a second, whatever arrives, and pauses at least as long as it has read. What it read last counts
-//!   until it has read again.
-//! - A look-up takes the same five steps whatever the table holds, on one port too.
-//! - Who needs to know what is so from now on asks for it: a reading that begins after that, at once, and a notice when it is done.
+//! - The reading thread reads once a second, whatever arrives, and pauses at least as long as the reading took. The last table is
+//!   used until the next one is complete.
+//! - A look-up takes at most five steps, however large the table is.
+//! - A caller that needs a current table asks for one: a reading begins at once, and the caller is notified when it is complete.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -54,14 +54,14 @@ fn list(uids: &[u32]) -> String {
     uids.join(" or ")
 }
 
-/// The owners as they were read last. The thread ends once this is dropped.
+/// The owners from the last reading. The thread ends when this is dropped.
 #[derive(Debug)]
 pub(super) struct SocketOwners {
     shared: Arc<Shared>,
 }
 
 impl SocketOwners {
-    /// Reads so from now on; only these users are permitted. `looked` is notified when what somebody has asked for is there.
+    /// Starts the thread; only these users are permitted. `looked` is notified when a requested reading is complete.
     pub(super) fn start(
         permitted: Vec<u32>,
         looked: Arc<Notify>,
@@ -92,7 +92,7 @@ impl SocketOwners {
         SocketOwners { shared }
     }
 
-    /// Whether each socket that a datagram to `at` could reach is a permitted user's, as it was read last.
+    /// Checks in the last table that each socket which a datagram to `at` could reach belongs to a permitted user.
     pub(super) fn judge(&self, at: SocketAddr) -> Result<(), Stranger> {
         match &self.shared.lock().table {
             Ok(table) => table.judge(at),
@@ -108,7 +108,7 @@ impl SocketOwners {
         self.shared.lock().readings
     }
 
-    /// Asks for a reading that begins after this; its number.
+    /// Requests a reading that begins now; returns its number.
     pub(super) fn ask(&self) -> u64 {
         let mut state = self.shared.lock();
         state.asked += 1;
@@ -118,7 +118,7 @@ impl SocketOwners {
         number
     }
 
-    /// Whether it is there.
+    /// Whether that reading is complete.
     pub(super) fn has_answered(&self, number: u64) -> bool {
         self.shared.lock().has_answered(number)
     }
@@ -128,7 +128,7 @@ impl SocketOwners {
         self.shared.lock().took < QUICK
     }
 
-    /// Waits until it is there; false where that takes longer than this.
+    /// Waits until that reading is complete; false if it takes longer than `within`.
     pub(super) fn wait(&self, number: u64, within: Duration) -> bool {
         let state = self.shared.lock();
         let changed = &self.shared.changed;

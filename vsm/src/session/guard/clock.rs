@@ -1,18 +1,18 @@
-//! How two ends find together again whose clocks are further apart than an end follows: one of them was started with a wrong wall
-//! clock, now or at any time before, since no clock of a key ever goes back.
+//! Brings two ends together whose clocks are more than an hour apart. That happens if one of them was ever started with a wrong wall
+//! clock, because the clock of a key never goes back.
 //!
 //! Promised:
-//! - Where both ends run, they find one clock within a few round trips, without a person. It is the later one.
-//! - An end moves up to the other's clock only where a holder of the key has answered a challenge of its own, of the last
-//!   [`ANSWER_WITHIN`]. No recording can do that: the challenge did not exist when it was made. A recorded challenge is answered to a
-//!   question that nobody has any more.
-//! - What was sealed before that answer is never believed from then on, whether it was recorded or withheld: the clock moves as by a
-//!   restart from a ceiling there ([`SigningClock::meet`](mavlink_link::clock::SigningClock::meet)), which is on disk first.
-//! - Challenges are answered whatever their stamps: those of the end that is behind are too old by nature.
-//! - Who replays recordings has each answered once at most, by 52 bytes, and does not take the turn of an end that is there: its stamps
-//!   lie above all that was ever recorded of it ([`Turn`](super::turn::Turn)).
+//! - While both ends run, they agree on the later of the two clocks within a few round trips, without an operator.
+//! - An end moves its clock forward only if a holder of the key has answered a challenge that this end made within the last
+//!   [`ANSWER_WITHIN`]. A recording cannot do that, because it is older than the challenge; the answer to a recorded challenge matches
+//!   no challenge that is still open.
+//! - Datagrams sealed before that answer are refused from then on, whether they were recorded or withheld: the clock moves as after a
+//!   restart from a ceiling there ([`SigningClock::meet`](mavlink_link::clock::SigningClock::meet)), which is stored first.
+//! - Challenges are answered whatever their stamps, because the stamps of the end that is behind are always too old.
+//! - Each replayed recording is answered at most once, with 52 bytes, and cannot use up the answer to the real sender, whose stamps are
+//!   above all recorded ones ([`Turn`](super::turn::Turn)).
 //!
-//! The last ten years of stamps are met by nobody: who has the key must not end the life of every clock by one datagram.
+//! The last ten years of stamps are never accepted, so that a holder of the key cannot end the life of a clock with one datagram.
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ use stanag_msgs::guard::{CLOCK_BYTES, ClockDatagram, ClockStep, Direction, MAX_G
 use super::{GuardEnd, GuardRefusal, Keyed, LIFT_EVERY, stamp_of};
 
 impl GuardEnd {
-    /// A challenge to who has sealed what is too far ahead; its length.
+    /// Writes a challenge to the sender of a datagram that is too far ahead; returns its length.
     pub(super) fn challenge(
         &mut self,
         place: usize,
@@ -36,7 +36,7 @@ impl GuardEnd {
     ) -> Option<usize> {
         let sender = (self.own, self.sends);
         let keyed = self.keys.get_mut(place)?;
-        // One at a time, until it is answered or answered no more.
+        // One challenge at a time, until it is answered or expires.
         let may = keyed.clock.may_meet(ahead);
         if !may || !keyed.asked.challenges.take(ahead, now.mono, ANSWER_WITHIN) {
             return None;
@@ -50,11 +50,11 @@ impl GuardEnd {
         Some(write(&challenge, out))
     }
 
-    /// Answers a challenge of the other end, where it is time for that: the length of the answer. Or moves up to the clock of the other
-    /// end, which has answered a challenge of this one.
+    /// Handles a challenge or an answer. A challenge is answered if an answer is due: returns its length. An answer to this end's
+    /// challenge moves its clock forward.
     ///
     /// # Errors
-    /// It is not believed, and no clock has moved: why.
+    /// Why it is refused; no clock has moved then.
     pub fn take_clock(
         &mut self,
         now: Now,
@@ -127,7 +127,7 @@ impl Keyed {
         })
     }
 
-    /// Moves up to the clock of the other end, which has proved to be there.
+    /// Moves the clock forward to that of the other end, which has proved that it is there now.
     fn meet(
         &mut self,
         answer: &ClockDatagram,
@@ -158,5 +158,5 @@ fn write(datagram: &ClockDatagram, out: &mut [u8; MAX_GUARDED]) -> usize {
     CLOCK_BYTES
 }
 
-/// How old an answer may be, and how often a challenge is made. A slow radio takes a second or two each way.
+/// How old an answer may be, and the shortest time between two challenges. A slow radio takes a second or two each way.
 pub(super) const ANSWER_WITHIN: Duration = Duration::from_secs(4);

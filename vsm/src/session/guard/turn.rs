@@ -5,8 +5,8 @@ use std::time::Duration;
 use mavlink_link::signing::Stamp;
 use stanag_msgs::guard::ClockDatagram;
 
-/// Which of what has verified under a key is answered: each once, one above the other, and so often at most, by the clock of either
-/// end.
+/// Decides which verified datagrams under a key are answered: each stamp once, only rising ones, and at a limited rate by the clock
+/// of either end.
 #[derive(Debug, Default)]
 pub(super) struct Turn {
     newest: Stamp,
@@ -14,10 +14,10 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    /// Whether it is the turn of what has this stamp.
+    /// Whether the datagram with this stamp is answered.
     pub(super) fn take(&mut self, stamp: Stamp, now: Duration, every: Duration) -> bool {
-        // No stamp twice, and the sender's own lies above all that were recorded of it: whoever replays those gets the answer of each
-        // once, and cannot take the one of the sender.
+        // No stamp is answered twice, and the sender's own stamp is above all recorded ones: replays get one answer each and
+        // cannot use up the answer to the sender.
         let later = stamp >= self.newest.plus(every);
         if stamp <= self.newest || (now < self.next && !later) {
             return false;
@@ -26,13 +26,13 @@ impl Turn {
         true
     }
 
-    /// It has led to nothing: the next one has its turn sooner.
+    /// The answer could not be sent: the next one is due sooner.
     pub(super) fn repeat(&mut self, at: Duration) {
         self.next = at;
     }
 }
 
-/// What one end has asked the other under a key, and has been asked.
+/// The challenges of one end under a key, and its answers to the other's.
 #[derive(Debug, Default)]
 pub(super) struct Asked {
     /// Our challenge, and when it was made.
