@@ -43,7 +43,7 @@ pub fn encode_raw(
     let extra = crc_extra(header.message_id).ok_or(EncodeError::UnknownId {
         message_id: header.message_id,
     })?;
-    // MAVLink 2 keeps at least one byte, also of an all-zero payload.
+    // MAVLink 2 trims trailing zeros but keeps at least one byte, also of an all-zero payload.
     let zeros = payload.iter().rev().take_while(|&&byte| byte == 0).count();
     let len = payload
         .len()

@@ -9,7 +9,7 @@ use super::view::{FrameError, FrameView, Verdict, examine};
 /// Finds frames in a stream of bytes.
 #[derive(Debug)]
 pub struct Parser {
-    /// The start of a frame whose end has not come yet: `buf[start..end]`.
+    /// The start of a frame whose end has not arrived yet: `buf[start..end]`.
     buf: [u8; CAPACITY],
     start: usize,
     end: usize,
@@ -37,7 +37,8 @@ impl Parser {
     /// Bytes that begin with a whole good frame end a partial frame that is still kept, so that a
     /// broken datagram cannot delay the next ones.
     pub fn feed<'p, 'd>(&'p mut self, bytes: &'d [u8]) -> Frames<'p, 'd> {
-        // A datagram that begins with a whole frame continues nothing: the rest of the frame before it is lost.
+        // PX4 sends one frame in a datagram, but it may split one over two. A datagram that begins with a whole frame is no
+        // second half: the rest of the kept frame is lost.
         if self.pending() > 0 && matches!(examine(bytes), Verdict::Frame(_)) {
             self.expire = true;
         }
@@ -49,7 +50,7 @@ impl Parser {
         }
     }
 
-    /// Bytes kept of a frame whose end has not come.
+    /// Bytes kept of a frame whose end has not arrived.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.end - self.start
@@ -119,6 +120,7 @@ impl Frames<'_, '_> {
     /// continues behind it. Without this call it continues inside it, since the frame may be noise.
     pub fn accept_unchecked(&mut self) {
         if let Some(len) = self.unchecked.take() {
+            // One byte of it was skipped when the frame was returned.
             self.skip(len - 1);
         }
     }
@@ -178,6 +180,7 @@ impl Frames<'_, '_> {
                     self.skip(1);
                     return Some(Err(FrameError::Truncated));
                 }
+                // The buffer was full. The next round moves the kept bytes to its start, which makes room for more input.
                 Verdict::Incomplete if kept && self.at < self.input.len() => {}
                 Verdict::Incomplete => {
                     self.keep();

@@ -254,20 +254,25 @@ fn examine_v2(bytes: &[u8]) -> Verdict {
     }
     let flags = bytes[2];
     let signed = flags & INCOMPAT_SIGNED != 0;
+    // A signed frame's trailer counts as part of its extent, so a candidate in noise with this flag claims 13 bytes more.
     let message_id = u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]);
     let crc_at = HEADER_LEN + usize::from(bytes[1]);
     let len = crc_at + CRC_LEN + if signed { SIGNATURE_LEN } else { 0 };
     let whole = bytes.len() >= len;
     let known_flags = flags & !INCOMPAT_SIGNED == 0;
 
+    // Without CRC_EXTRA the checksum proves nothing. A signature still can, so a signed frame is passed on unchecked; the
+    // receiver verifies it before use. Unsigned, it is indistinguishable from noise.
     let Some(extra) = crc_extra(message_id) else {
         return match (known_flags, signed, whole) {
             (true, true, true) => Verdict::Unchecked(len),
             (true, true, false) => Verdict::Incomplete,
+            // One byte only: the real frame may begin inside this candidate.
             (true, false, true) => Verdict::Refused(1, FrameError::UnknownId { message_id }),
             _ => Verdict::Garbage,
         };
     };
+    // A frame with unknown flags is refused in any case, so its end is not worth waiting for.
     if !whole {
         return if known_flags {
             Verdict::Incomplete
@@ -295,6 +300,7 @@ fn examine_v2(bytes: &[u8]) -> Verdict {
 
 fn examine_v1(bytes: &[u8]) -> Verdict {
     let Some(&payload_len) = bytes.get(1) else {
+        // Garbage and not incomplete, for the reason given below.
         return Verdict::Garbage;
     };
     let crc_at = HEADER_V1_LEN + usize::from(payload_len);

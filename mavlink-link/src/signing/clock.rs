@@ -2,14 +2,14 @@
 //!
 //! Promised: every timestamp sent or accepted under a key is at most the ceiling that has been stored for
 //! it, and a later start begins above that ceiling. The wall clock is read once; afterwards the base
-//! runs on monotonic time, so that a wrong wall clock (GPS spoofing, pitfall 11) does not move it: once a peer's frame has
-//! been accepted, no step of the wall clock does, however small. Before that a wall clock that was wrong at the start may
-//! still be set, which is as good as a later start.
+//! runs on monotonic time, so that a wrong wall clock (GPS spoofing, pitfall 11) does not move it. Once a frame of a peer
+//! has been accepted, no step of the wall clock moves the base, however small. Before that, a wall clock that was wrong at
+//! the start may still be set: that is equivalent to a later start.
 //!
 //! The clock follows peers whose timestamps run ahead, but never further than an hour beyond the base (pitfall 12). The
-//! limit is measured from the base and not from the clock: otherwise a peer could push it on with every frame. Two ends
-//! that are further apart, because one of them started with a wrong wall clock, meet at the higher of the two clocks by a
-//! challenge that the other end has answered ([`SigningClock::meet`]).
+//! limit is measured from the base and not from the clock: otherwise a peer could push it further with every frame. Two
+//! ends that are further apart, because one of them started with a wrong wall clock, meet at the higher of the two clocks,
+//! by a challenge that the other end has answered ([`SigningClock::meet`]).
 //!
 //! The clock is advanced by time, not by one for each packet: after 60 s of silence a peer would refuse everything
 //! (pitfall 1).
@@ -32,7 +32,7 @@ pub const CEILING: &str = "clock-";
 pub struct Ceiling(pub Stamp);
 
 impl Ceiling {
-    /// Stores the ceiling of a key, unless a higher one is stored: it is never lowered, whoever writes it.
+    /// Stores the ceiling of a key. A higher stored ceiling stays: no caller can lower it.
     ///
     /// # Errors
     /// It could not be read or made durable. The old ceiling stays in force.
@@ -42,7 +42,8 @@ impl Ceiling {
         if stored == Some(Ceiling(to)) && !disk.queues() {
             return Ok(());
         }
-        // On a disk that queues the higher one may be on its way only: written again, it has a number to wait for.
+        // On a disk that queues, the stored ceiling may only be on its way. Writing it again gives the caller a change to
+        // wait for.
         disk.save(key, &Ceiling(to))
     }
 }
@@ -52,7 +53,7 @@ impl Record for Ceiling {
     const DURABILITY: Durability = Durability::Power;
 
     fn name(key: &KeyId) -> String {
-        // One allocation: it is made where frames are being sent.
+        // One allocation: the signing path builds this name for each raised ceiling.
         let mut name = String::with_capacity(CEILING.len() + 16);
         let _ = write!(name, "{CEILING}{key}");
         name
@@ -77,7 +78,7 @@ impl Record for Ceiling {
 pub enum Origin {
     /// Read from a key file; what was signed with it before is not known.
     KeyFile,
-    /// Given to the vehicle by us just now, with this initial time stamp: nothing older can exist.
+    /// We have just sent this key to the vehicle, with this initial timestamp: nothing older can exist.
     Provisioned {
         /// SETUP_SIGNING.initial_timestamp.
         initial: Stamp,
@@ -101,14 +102,15 @@ pub struct SigningClock {
     key: KeyId,
     /// The stored ceiling; no stamp beyond it is sent or accepted.
     ceiling: u64,
-    /// A higher ceiling on its way to a disk that queues: the change, and the ceiling.
+    /// A higher ceiling that a queueing disk has not written yet: the change, and the ceiling.
     raising: Option<(Changes, u64)>,
     floor: Stamp,
     base: u64,
     base_at: Duration,
     /// How far the clock runs ahead of its base, because a peer does.
     lead: u64,
-    /// Whether the wall clock may still move the base: it was wrong at the start, and no frame has been accepted since.
+    /// Whether the wall clock may still move the base: it was wrong at the start, and no frame has been accepted since
+    /// then.
     unset: bool,
     /// The least stamp that may be sent next: above the ceiling at start, all sent, all accepted.
     least: u64,
@@ -133,15 +135,19 @@ impl SigningClock {
         let (start, wall) = match stored {
             Some(ceiling) => match judge_wall(ceiling.get(), wall_stamp) {
                 WallState::Fits => (wall_stamp.get(), WallState::Fits),
+                // One above the ceiling: the run before may have sent or accepted every timestamp up to it.
                 other => (ceiling.get() + 1, other),
             },
+            // No ceiling to compare with. The build date is the only lower bound, for a computer that boots without a
+            // clock.
             None if wall_stamp < not_before => (not_before.get(), WallState::Behind),
             None => (wall_stamp.get(), WallState::Fits),
         };
         let (start, floor) = match (origin, stored) {
             (Origin::Provisioned { initial }, None) => {
                 let before = Stamp::new(initial.get().saturating_sub(1));
-                // It continues the clock of the key before, so the wall clock is trusted as far as that clock would be.
+                // This key continues the clock of the key before it, so the wall clock is trusted as far as that clock
+                // would trust it.
                 let believed = match judge_wall(initial.get(), wall_stamp) {
                     WallState::Fits => wall_stamp.get(),
                     WallState::Behind | WallState::FarAhead => initial.get(),
@@ -149,6 +155,7 @@ impl SigningClock {
                 (believed, before)
             }
             (_, Some(ceiling)) => (start, ceiling),
+            // Older recordings signed with this key may exist, so nothing before the start is accepted.
             (Origin::KeyFile, None) => (start, Stamp::new(start)),
         };
         let ceiling = stored.map_or(start, Stamp::get);
@@ -162,6 +169,8 @@ impl SigningClock {
             lead: 0,
             unset: wall != WallState::Fits,
             least: ceiling + 1,
+            // The floor is the ceiling of the run before, not its last timestamp: frames that an earlier run accepted up to
+            // there must not be accepted twice.
             wall_reference: now,
             wall,
             retry_at: Duration::ZERO,
@@ -204,6 +213,7 @@ impl SigningClock {
     /// # Errors
     /// The ceiling cannot be raised, or the last stamp has been used. Nothing may be sent then.
     pub fn take(&mut self, now: Now, store: &mut dyn Disk) -> Result<Stamp, ClockError> {
+        // Wrapping to 0 would repeat every timestamp of the key's life, so the key ends here.
         if self.least > Stamp::MAX.get() {
             return Err(ClockError::Exhausted);
         }
@@ -213,8 +223,8 @@ impl SigningClock {
         Ok(stamp)
     }
 
-    /// Whether the next stamp waits for a slow disk: what is due then is sent a moment later. Raises the ceiling where
-    /// that is needed, and takes no stamp.
+    /// Whether the next timestamp waits for a slow disk: frames that are due are then sent a moment later. Raises the
+    /// ceiling where needed, and takes no timestamp.
     pub fn waits(&mut self, now: Now, store: &mut dyn Disk) -> bool {
         self.raise_ceiling(self.reading(now), now, store) == Err(ClockError::Raising)
     }
@@ -237,9 +247,10 @@ impl SigningClock {
     ) -> Result<(), ClockError> {
         self.raise_ceiling(stamp, now, store)?;
         self.unset = false;
-        // From then on the clock runs with the peer's. If it stood still until the base has caught up, a frame that was
-        // held back meanwhile would lie above our newest heartbeats, and pass for one made after them. A vehicle that
-        // counts its packets from our stamps is always a little ahead: that is no clock to run with, and would add up.
+        // From here on the clock runs with the peer's. Otherwise it would stand still until the base has caught up, and a
+        // frame delayed meanwhile would lie above our newest heartbeats and pass for one made after them. A vehicle that
+        // counts its packets from our timestamps is always slightly ahead: to follow that would add up, so small leads are
+        // ignored.
         let running = self.base(now).get().saturating_add(self.lead);
         if stamp.get() > running.saturating_add(CLOSE) {
             self.lead = stamp.get().saturating_sub(self.base(now).get());
@@ -281,9 +292,9 @@ impl SigningClock {
         stamp.get().saturating_add(RESERVE) <= Stamp::MAX.get()
     }
 
-    /// Moves to a peer's clock, which the peer has proved to run ahead of this one now: as a restart from a ceiling at that
-    /// timestamp would. Nothing stamped at or below it is accepted any more, so what was recorded while the clocks were
-    /// apart has no value.
+    /// Moves to a peer's clock, which the peer has proved to run ahead of this one now. The effect is that of a restart
+    /// from a ceiling at that timestamp: nothing at or below it is accepted any more, so recordings made while the clocks
+    /// were apart are useless.
     ///
     /// # Errors
     /// The ceiling cannot be raised to it: nothing has changed then.
@@ -301,8 +312,8 @@ impl SigningClock {
 
     /// Judges the wall clock as at start, where it has been set since.
     ///
-    /// Only a step of more than a second counts. It moves nothing, but for a clock that started without a usable wall clock
-    /// and has accepted no frame yet; and then only forward.
+    /// Only a step of more than a second counts. It moves the base only of a clock that started without a usable wall clock
+    /// and has accepted no frame yet, and only forward.
     pub fn watch_wall(&mut self, now: Now) -> WallState {
         let reference = self.wall_reference;
         let expected = reference
@@ -311,7 +322,8 @@ impl SigningClock {
         if now.wall.abs_diff(expected) > WALL_STEP {
             self.wall_reference = now;
             self.wall = judge_wall(self.ceiling, Stamp::from_unix(now.wall));
-            // A peer that follows a clock an hour would lose one that leaps: only before there is a peer may it leap.
+            // A peer follows a clock by at most an hour and would lose one that jumps, so the clock may jump only before it
+            // has a peer.
             if self.wall == WallState::Fits && self.unset {
                 self.unset = false;
                 self.rebase(now);
@@ -348,6 +360,8 @@ impl SigningClock {
             self.ceiling = ceiling;
             self.raising = None;
         }
+        // On a disk that queues, the next ceiling is written early: by the time it is needed, it is durable and no frame
+        // waits.
         let reserve = if store.queues() {
             EARLY
         } else {
@@ -358,6 +372,7 @@ impl SigningClock {
         if !enough && self.raising.is_none() && now.mono >= self.retry_at {
             let ceiling = stamp.plus(WRITE_AHEAD);
             let after = store.queued();
+            // The change is identified by the queue's numbers before and after: the queue is shared with other records.
             match Ceiling::raise(store, &self.key, ceiling) {
                 Err(_) => self.retry_at = now.mono.saturating_add(STORE_RETRY),
                 Ok(()) => {
@@ -374,6 +389,8 @@ impl SigningClock {
         if stamp.get() <= self.ceiling {
             return Ok(());
         }
+        // `Raising` means "try again soon", so frames are kept. `Ceiling` is a failing disk: an alert follows, frames are
+        // dropped.
         match self.raising {
             Some((change, _)) if store.progress(change) == Progress::Waiting => {
                 Err(ClockError::Raising)
@@ -412,12 +429,14 @@ fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
 const LEAD: Duration = Duration::from_secs(3600);
 /// How far a peer's timestamp must be ahead of the clock, in units of 10 us, to show that the peer's clock is: a second.
 const CLOSE: u64 = 100_000;
-/// The stamps that no peer can use up by being met: ten years, in units of 10 us.
+/// Timestamps that no meeting of clocks can use up: ten years, in units of 10 us.
 const RESERVE: u64 = 3_653 * 86_400 * 100_000;
 /// How far the ceiling is written ahead.
+// One synchronised write for 10 s of timestamps; one for each frame would stall the link.
 // One synchronised write for 10 s of stamps, where one for each frame would stall the link.
 const WRITE_AHEAD: Duration = Duration::from_secs(10);
-/// What must be left below the ceiling where the disk queues: it has that long, and no frame waits for it.
+/// How much room below the ceiling starts the next write on a disk that queues: the write has this long before a frame
+/// waits.
 const EARLY: Duration = Duration::from_secs(4);
 /// How far beyond the ceiling the wall clock is trusted.
 const WALL_AHEAD: Duration = Duration::from_secs(366 * 86_400);

@@ -1,7 +1,7 @@
 //! The signing key: wiped when dropped, never printed, never compared with `==`.
 //!
-//! It lies in one place of its own on the heap: a value that holds a key is moved often, and each move of bytes that
-//! are held inside would leave a copy on a stack, which nothing wipes.
+//! The key lives on the heap, in one place: a value that holds a key is moved often, and each move of bytes held inside the
+//! value would leave a copy on a stack, which nothing wipes.
 
 use core::fmt;
 
@@ -47,6 +47,7 @@ impl SigningKey {
     /// # Errors
     /// All bytes are zero: anyone could sign.
     pub fn new(bytes: [u8; 32]) -> Result<Self, KeyError> {
+        // Wrapped before the check, so that the bytes are wiped on the error path too.
         let key = Self::new_allowing_zero(bytes);
         if bool::from(key.0.ct_eq(&[0; 32])) {
             Err(KeyError::AllZero)
@@ -57,6 +58,7 @@ impl SigningKey {
 
     /// A key of any bytes, all-zero too: PX4 accepts such a key, so a model of PX4 needs one.
     #[must_use]
+    // Decoded by hand and not by a library: a decoder that returns a vector or an array would leave a copy behind.
     pub fn new_allowing_zero(mut bytes: [u8; 32]) -> Self {
         let key = Self::copy_of(&bytes);
         bytes.zeroize();
@@ -89,6 +91,7 @@ impl SigningKey {
                     });
                 }
             };
+            // Digits beyond the 64th are counted for the error and not stored.
             if let Some(byte) = key.0.get_mut(at / 2) {
                 *byte = *byte << 4 | value;
             }
@@ -120,6 +123,7 @@ impl SigningKey {
     /// Whether both are the same key, in constant time.
     #[must_use]
     pub fn same_as(&self, other: &Self) -> bool {
+        // `==` returns at the first difference, and its duration shows how many bytes matched (pitfall 16).
         self.0.ct_eq(&*other.0).into()
     }
 
@@ -162,6 +166,7 @@ impl KeyId {
             let pair = core::str::from_utf8(pair).ok()?;
             *byte = u8::from_str_radix(pair, 16).ok()?;
         }
+        // `from_str_radix` accepts a leading plus sign.
         (digits.len() == 16 && !text.contains('+')).then_some(Self(id))
     }
 

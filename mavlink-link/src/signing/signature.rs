@@ -30,6 +30,7 @@ pub fn sign(
     if len < HEADER_LEN || end > MAX_FRAME || out[0] != STX {
         return Err(SignError::NoFrame { len });
     }
+    // The flag cannot be set here: the checksum, already computed, covers it.
     if out[2] & INCOMPAT_SIGNED == 0 {
         return Err(SignError::NotMarked);
     }
@@ -96,7 +97,7 @@ fn tag(key: &SigningKey, bytes: &[u8]) -> [u8; TAG_LEN] {
 
     let mut state = INITIAL;
     compress256(&mut state, &blocks[..count]);
-    // The only copy of the key made here (pitfall 16).
+    // The only copy of the key made here: wiped at once (pitfall 16).
     blocks[0][..KEY_LEN].zeroize();
 
     let [a, b, c, d] = state[0].to_be_bytes();
