@@ -33,7 +33,8 @@ impl<T> Bounded<T> {
         room
     }
 
-    /// Appends what does not wait already: a repetition that is due before the first has left would take the room of others.
+    /// Appends unless an equal entry waits already: a repetition due before the first has left would take the room of
+    /// others.
     pub fn push_once(&mut self, entry: T)
     where
         T: PartialEq,

@@ -3,8 +3,8 @@
 //! What PX4 v1.18 does with repeats: it ignores COMMAND_LONG.confirmation and executes
 //! a repeated command again, with a COMMAND_ACK each time. Therefore a [`Command`] states whether
 //! it may be repeated, and one that may not is sent once. An acknowledgement names the command
-//! and nothing else: after a command that was sent more than once the next of the same number
-//! waits until the surplus acknowledgements have arrived, or can no longer arrive.
+//! and nothing else. After a command that was sent more than once, the next one with the same number waits until the
+//! surplus acknowledgements have arrived, or can no longer arrive.
 //!
 //! An accepted command proves little (PX4 accepts modes that it does not enter): the caller
 //! checks the vehicle's state.
@@ -32,7 +32,7 @@ pub struct Timing {
     pub answer_once: Duration,
     /// Wait after each MAV_RESULT_IN_PROGRESS for the next report.
     pub progress: Duration,
-    /// Wait for the end of a command in progress, whatever progress it reports.
+    /// Longest time for a command in progress, whatever progress it reports.
     pub progress_total: Duration,
 }
 
@@ -222,6 +222,7 @@ impl Client {
     /// Too many commands are waiting, or too many events are unread.
     pub fn submit(&mut self, now: Duration, command: Command) -> Result<Ticket, SubmitError> {
         let pending = self.pending();
+        // Every submitted command ends in an event, so room for those events is kept.
         if pending >= MAX_WAITING || pending + self.events.len() >= MAX_EVENTS / 2 {
             return Err(SubmitError::Full(pending));
         }
@@ -235,6 +236,8 @@ impl Client {
     /// Withdraws a command; its event is [`Outcome::Withdrawn`]. Unknown tickets are ignored.
     pub fn withdraw(&mut self, now: Duration, ticket: Ticket) {
         if let Some(active) = self.active.take_if(|active| active.ticket == ticket) {
+            // Each send may still be acknowledged: the next command with this number must not take such an answer for its
+            // own.
             self.finish(now, &active, Outcome::Withdrawn, active.tries);
             self.advance(now);
         } else if let Some(place) = self.waiting.iter().position(|(t, _)| *t == ticket)
@@ -295,6 +298,7 @@ impl Client {
             } else {
                 let tries = active.tries;
                 self.finish(now, &active, Outcome::NoAnswer { tries }, tries);
+            // None of the tries was answered, so any of them may still be.
             }
         }
         self.advance(now);
@@ -329,6 +333,7 @@ impl Client {
                 result: ack.result,
                 result_param2: ack.result_param2,
             };
+            // One answer has arrived; each earlier try may bring another.
             let surplus = active.tries.saturating_sub(1);
             self.finish(now, &active, outcome, surplus);
             return true;
@@ -341,6 +346,7 @@ impl Client {
             ticket: active.ticket,
             percent: (ack.progress <= 100).then_some(ack.progress),
         };
+        // Unread progress is replaced, so that the queue has room for the end.
         match self.events.last_mut() {
             Some(last @ Event::InProgress { .. }) => *last = event,
             _ => {
@@ -387,7 +393,7 @@ impl Client {
 
     /// Sends the next command, if none is outstanding and no late answer could be mistaken for its own.
     fn advance(&mut self, now: Duration) {
-        // PX4 v1.18 loses acknowledgements under a flood: 24 came for 200 commands sent back to back.
+        // PX4 v1.18 loses acknowledgements under a flood: of 200 commands sent back to back it acknowledged 24.
         if self.active.is_some() {
             return;
         }
@@ -440,6 +446,7 @@ impl Client {
                 target_system,
                 target_component,
                 frame,
+                // The message defines both as not used.
                 current: 0,
                 autocontinue: 0,
             }),

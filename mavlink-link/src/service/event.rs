@@ -1,9 +1,10 @@
 //! MAVLink's events interface, as a ground station receives it: EVENT (410) in the order of their numbers, the lost ones
 //! requested again.
 //!
-//! PX4 v1.18 numbers its events from a count that all its links share, keeps the last 20, names the newest number each 3 s
-//! (CURRENT_EVENT_SEQUENCE), and answers a request for one that it no longer has by RESPONSE_EVENT_ERROR. It sends events
-//! once: without a request what a link loses is lost. Events of before the first message are not requested: they were of
+//! PX4 v1.18 numbers its events from a count that all its links share, keeps the last 20, names the newest number every 3 s
+//! (CURRENT_EVENT_SEQUENCE), and answers a request for one that it no longer has by RESPONSE_EVENT_ERROR. It sends each
+//! event once, so an event that a link loses is lost unless requested. Events before the first message are not requested:
+//! they belong to the past, and conditions that persist are reported otherwise.
 //! another time, and what lasts of them is reported otherwise.
 
 use std::collections::BTreeMap;
@@ -21,9 +22,9 @@ use crate::frame::Node;
 pub enum Event {
     /// The next event.
     Received(Received),
-    /// So many did not arrive, and cannot be had any more.
+    /// This many did not arrive and can no longer be requested.
     Lost(u16),
-    /// The vehicle counts from the beginning: what it had begun to report is not continued.
+    /// The vehicle counts from the beginning: it does not continue earlier reports.
     Restarted,
 }
 
@@ -52,7 +53,7 @@ pub struct Client {
     /// The newest number that is known, as a distance from `next`: 0, nothing is missing.
     newest: u16,
     request: Option<Request>,
-    /// When a number of before `next` was named as the newest.
+    /// When a number before `next` was named as the newest.
     behind_at: Option<Duration>,
     events: Bounded<Event>,
     /// What did not fit in `events`.
@@ -85,7 +86,7 @@ impl Client {
         }
     }
 
-    /// The vehicle has restarted, or may have: its numbers begin again with its next message.
+    /// The vehicle has restarted, or may have: numbering starts again with its next message.
     pub fn reset(&mut self) {
         self.next = None;
         self.ahead.clear();
@@ -121,7 +122,7 @@ impl Client {
         true
     }
 
-    /// Requests again what has not come.
+    /// Requests missing events again.
     pub fn handle_timeout(&mut self, now: Duration) {
         let Some(request) = self.request.filter(|request| request.due <= now) else {
             return;
@@ -129,7 +130,7 @@ impl Client {
         if request.left > 0 {
             self.ask(now, request.left - 1);
         } else {
-            // Nothing answers: continue with what is there, or after the newest.
+            // No answer: continue with the events that are here, or after the newest.
             let missing = self.gap();
             self.skip(missing);
             self.follow(now);
@@ -149,6 +150,7 @@ impl Client {
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<Event> {
+        // The loss is reported after the events that did fit: it came after them.
         self.events.pop().or_else(|| {
             let dropped = std::mem::take(&mut self.dropped);
             (dropped > 0).then_some(Event::Lost(dropped))
@@ -160,7 +162,7 @@ impl Client {
         if !for_us(event.destination_system, self.us.system)
             || !for_us(event.destination_component, self.us.component)
         {
-            // Numbered all the same: it is no gap.
+            // It takes a number all the same, so it leaves no gap.
             return self.skip_own(now, event.sequence);
         }
         let received = Received {
@@ -178,7 +180,7 @@ impl Client {
             // Delivered before, or given up: a copy, or the late answer to a request.
             behind if behind > u16::MAX / 2 => return,
             ahead if ahead > MAX_AHEAD => {
-                // More than any vehicle keeps, or numbers that mean nothing: no request would bring them.
+                // More than any vehicle keeps, or meaningless numbers: no request would bring them.
                 self.abandon(ahead);
                 self.deliver(Event::Received(received));
                 self.advance(1);
@@ -204,13 +206,14 @@ impl Client {
         let Some(next) = self.next.filter(|_| !reset) else {
             return self.begin_at(after);
         };
+        // Half the range of a wrapping counter is "ahead", the other half "behind".
         if after.wrapping_sub(next) <= u16::MAX / 2 {
             self.behind_at = None;
         }
         match after.wrapping_sub(next) {
             0 => {}
-            // It counts from an earlier number than before: it has restarted. Unless the message was only overtaken by
-            // events, which the next one names, 3 s later.
+            // It counts from an earlier number than before: it has restarted. Or events only overtook this message; the
+            // next one, 3 s later, then names them.
             behind if behind > u16::MAX / 2 => {
                 let since = *self.behind_at.get_or_insert(now);
                 if behind.wrapping_neg() > MAX_OVERTAKEN || now >= since + AGAIN {
@@ -235,7 +238,7 @@ impl Client {
         self.next = Some(next);
     }
 
-    /// The vehicle has none of these numbers, up to `oldest`.
+    /// The vehicle has no events from `sequence` up to `oldest`.
     fn give_up_before(&mut self, now: Duration, sequence: u16, oldest: u16) {
         let Some(next) = self.next.filter(|_| self.request.is_some()) else {
             return;
@@ -243,7 +246,7 @@ impl Client {
         if sequence != next {
             return;
         }
-        // An answer that names nothing ahead still means this one.
+        // An answer that names nothing ahead still refers to this event.
         let gone = oldest.wrapping_sub(next).clamp(1, self.gap().max(1));
         self.skip(gone);
         self.follow(now);
@@ -264,7 +267,7 @@ impl Client {
         self.request = None;
     }
 
-    /// Gives up everything before a number `count` ahead; what waits beyond a gap there is delivered before.
+    /// Gives up everything before a number `count` ahead; delivers first what waits beyond a gap there.
     fn abandon(&mut self, count: u16) {
         let waiting = std::mem::take(&mut self.ahead);
         let there = u16::try_from(waiting.len()).unwrap_or(count);
@@ -282,6 +285,7 @@ impl Client {
         let ahead = std::mem::take(&mut self.ahead);
         let moved = ahead
             .into_iter()
+            // A key below `count` is dropped: that event is given up with the numbers before it.
             .filter_map(|(at, event)| Some((at.checked_sub(count)?, event)));
         self.ahead = moved.collect();
     }
@@ -306,6 +310,7 @@ impl Client {
         };
         self.out.push(MavMessage::REQUEST_EVENT(REQUEST_EVENT_DATA {
             first_sequence: next,
+            // PX4 sends an error for each number it no longer has, so one request for the whole gap is enough.
             last_sequence: next.wrapping_add(gap - 1),
             target_system: self.vehicle.system,
             target_component: self.vehicle.component,
@@ -326,7 +331,7 @@ impl Client {
     }
 }
 
-/// Beyond a gap so wide nothing is requested or kept: PX4 keeps 20 events.
+/// Beyond a gap this wide nothing is requested or kept: PX4 keeps 20 events.
 const MAX_AHEAD: u16 = 64;
 /// As many events may overtake the message that names an earlier one: PX4 keeps no more.
 const MAX_OVERTAKEN: u16 = 20;

@@ -50,7 +50,7 @@ pub enum RequestState {
 pub struct Intervals {
     requests: Vec<Request>,
     outstate: Option<(Ticket, usize)>,
-    /// No command before this: the last one had no answer.
+    /// No command before this: the last one got no answer.
     not_before: Duration,
 }
 
@@ -98,7 +98,7 @@ impl Intervals {
         });
     }
 
-    /// Requests everything again, except what was refused: the vehicle restarted or was silent.
+    /// Requests everything again, except what was refused. For a vehicle that restarted or was silent.
     pub fn request_again(&mut self) {
         for request in &mut self.requests {
             if !matches!(request.state, RequestState::Refused(_)) {
@@ -110,7 +110,7 @@ impl Intervals {
         self.not_before = Duration::ZERO;
     }
 
-    /// Requests what was refused too: there is another vehicle, or another firmware.
+    /// Requests everything again, refused messages included. For another vehicle, or another firmware.
     pub fn request_all_again(&mut self) {
         for request in &mut self.requests {
             request.state = RequestState::Pending;
@@ -118,12 +118,13 @@ impl Intervals {
         self.request_again();
     }
 
-    /// Submits the next request, if none is outstate. Call it after every other call.
+    /// Submits the next request, if none is outstanding. Call it after every other call.
     pub fn advance(&mut self, now: Duration, commands: &mut command::Client) {
         if self.outstate.is_some() || now < self.not_before {
             return;
         }
         let Some((place, request)) = self
+            // One at a time: PX4 loses acknowledgements under a flood of commands.
             .requests
             .iter_mut()
             .enumerate()
@@ -134,6 +135,7 @@ impl Intervals {
         if let Ok(ticket) = commands.submit(now, set_message_interval(request.id, request.rate)) {
             request.state = RequestState::Sent;
             self.outstate = Some((ticket, place));
+        // The queue of commands is full. That is temporary, so wait and do not count it as a refusal.
         } else {
             self.not_before = now + PAUSE;
         }

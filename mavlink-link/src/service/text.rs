@@ -107,6 +107,7 @@ impl Texts {
 
     fn handle_chunk(&mut self, now: Duration, from: Node, data: &STATUSTEXT_DATA) {
         let copy = |r: &Recent| r.from == from && r.id == data.id && r.until > now;
+        // A late copy of a chunk would otherwise open a text that can never be completed.
         if self.recent.iter().any(copy) {
             return;
         }
@@ -114,6 +115,7 @@ impl Texts {
         let place = match self.partial.iter().position(same) {
             Some(place) => place,
             None => {
+                // A sender that never ends its texts cannot grow the table.
                 if self.partial.len() >= MAX_PARTIAL {
                     self.complete(now, 0);
                 }
@@ -168,15 +170,18 @@ impl Texts {
         let is_event_twin = text.ends_with('\t');
         text.truncate(text.trim_end().len());
         if text.is_empty() {
+            // A text of white space only has nothing to report.
             return;
         }
         self.recent.retain(|recent| recent.until > now);
+        // Either version may arrive first: the one that comes second is dropped.
         let twin = self.recent.iter().any(|recent| {
             recent.from == from && recent.text == text && recent.is_event_twin != is_event_twin
         });
         if twin {
             return;
         }
+        // Beyond this bound a twin is delivered twice; nothing is lost.
         if self.recent.len() < MAX_RECENT {
             self.recent.push(Recent {
                 from,
@@ -202,9 +207,9 @@ impl Partial {
     }
 }
 
-/// How long to wait for a missing chunk, and to remember a text for its twin.
+/// How long to wait for a missing chunk, and how long a text is remembered for its twin.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Incomplete texts; with one more the oldest is completed as it is.
+/// Incomplete texts. With one more, the oldest is delivered as it is.
 const MAX_PARTIAL: usize = 8;
 const MAX_RECENT: usize = 32;
 const MAX_EVENTS: usize = 64;
@@ -213,7 +218,7 @@ fn chunk(data: &STATUSTEXT_DATA) -> Vec<u8> {
     data.text.iter().copied().take_while(|&o| o != 0).collect()
 }
 
-/// The chunks as one text; `ended` when the last one is among them.
+/// The chunks as one text; `ended` when the last one has arrived.
 fn joined(chunks: &[Option<Vec<u8>>], ended: bool) -> String {
     let mut bytes = Vec::new();
     let mut gap = false;

@@ -1,20 +1,21 @@
-//! The vehicle's clock against ours, by TIMESYNC (111): when, by our clock, something was measured that is stamped by the
-//! vehicle's.
+//! The vehicle's clock against ours, by TIMESYNC (111): converts a vehicle's timestamp to the time at which, by our clock,
+//! the measurement was made.
 //!
 //! A request carries our time (TIMESYNC.ts1). The autopilot returns it with its own (tc1, ns since its boot), which is the
 //! clock of its time_boot_ms and time_usec. That was read between our sending and our receiving, so an exchange bounds the
-//! offset of the two clocks to half its round trip on either side.
+//! clock of its time_boot_ms and time_usec. It read that clock between our sending and our receiving, so an exchange bounds
+//! the
 //!
-//! What the offset is taken for:
-//! - of the latest exchanges those with short round trips count, and of these the median: what waited in a queue on its way is
-//!   left out, and one false answer moves nothing;
+//! How the offset is chosen:
+//! - of the latest exchanges those with short round trips count, and of these the median. Exchanges delayed in a queue are
+//! left out, and one false answer moves nothing;
 //! - it counts only while more than half of the exchanges agree with it, and the latest does. A vehicle that lies now and
-//!   then, or whose clock runs at another rate, has no offset;
-//! - after [`JUMPED`] exchanges in a row against it the clock has jumped: the ones before are forgotten.
+//! then, or whose clock runs at another rate, has no offset;
+//! - after [`JUMPED`] exchanges in a row against it the clock has jumped: the earlier ones are discarded.
 //!
-//! A time of the vehicle that would be later than now, or older than [`MAX_AGE`], is none. Where even the youngest of the latest
-//! messages would have taken much longer than a round trip, their clock is another than that of the answers, and none of them
-//! is dated by it. The caller takes the time of arrival then, as of a vehicle that does not answer.
+//! A vehicle timestamp later than now, or older than [`MAX_AGE`], is not used. Where even the youngest of the latest
+//! messages would have taken much longer than a round trip, their clock is not that of the answers, and none of them is
+//! dated by it. The caller then uses the time of arrival, as for a vehicle that does not answer.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -36,7 +37,7 @@ pub enum BootTime {
 #[derive(Debug)]
 pub struct Client {
     vehicle: Node,
-    /// Requests that are not answered: ts1, and when each was sent.
+    /// Unanswered requests: ts1, and when each was sent.
     asked: VecDeque<(i64, Duration)>,
     due: Duration,
     request: Option<i64>,
@@ -48,7 +49,7 @@ pub struct Client {
     quick: u32,
     /// Requests since the last answer.
     unanswered: u32,
-    /// The youngest that messages were when they arrived, us: of a number of them, and of those that come now.
+    /// The least age at arrival, us, of the previous and of the present batch of messages.
     youngest_us: [Option<i64>; 2],
     dated: u32,
 }
@@ -87,13 +88,13 @@ impl Client {
         }
     }
 
-    /// The vehicle has restarted, or was not received for a while: nothing is known of its clock.
+    /// The vehicle has restarted, or was not received for a while: its clock is unknown.
     pub fn reset(&mut self) {
         *self = Self::new(self.vehicle);
     }
 
-    /// Takes a message of `from`. `fresh`: it was made after the oldest request that is not answered. Returns whether it was
-    /// the answer to one.
+    /// Takes a message of `from`. `fresh`: it was made after the oldest unanswered request. Returns whether it answered
+    /// one.
     pub fn handle_message(
         &mut self,
         now: Duration,
@@ -104,7 +105,7 @@ impl Client {
         let MavMessage::TIMESYNC(TIMESYNC_DATA { tc1, ts1, .. }) = *message else {
             return false;
         };
-        // With tc1 0 it is a request: PX4 asks companions, and gives a ground station's answer no weight.
+        // With tc1 0 it is a request. PX4 sends those to companions, and gives a ground station's answer no weight.
         if from != self.vehicle || tc1 <= 0 || !fresh {
             return false;
         }
@@ -117,6 +118,7 @@ impl Client {
         };
         self.unanswered = 0;
         let round_trip = now.saturating_sub(sent);
+        // A long round trip bounds the offset too loosely to help.
         if round_trip <= MAX_ROUND_TRIP {
             self.take(Sample {
                 offset_us: tc1 / 1_000 - micros(sent + round_trip / 2),
@@ -127,7 +129,7 @@ impl Client {
     }
 
     fn take(&mut self, sample: Sample) {
-        // At once, as it will be needed.
+        // Reserved at once, in full: the queue never grows afterwards.
         self.samples
             .reserve_exact(SAMPLES - self.samples.len().min(SAMPLES));
         if self.samples.len() >= SAMPLES {
@@ -139,6 +141,7 @@ impl Client {
             _ => 0,
         };
         if self.contrary >= JUMPED {
+            // The contrary exchanges are the latest ones: they describe the clock as it is after the jump.
             let before = self.samples.len() - self.contrary;
             self.samples.drain(..before);
             self.contrary = 0;
@@ -150,8 +153,10 @@ impl Client {
 
     fn estimate(&self) -> Option<i64> {
         let shortest = self.samples.iter().map(|one| one.round_trip).min()?;
+        // A frame that waits in a radio's queue has a longer round trip, and waits on one side only: it biases the
+        // midpoint.
         let quick = |one: &&Sample| one.round_trip <= 2 * shortest + SHORT;
-        // On the way of every frame, so without memory of its own.
+        // Runs for every answer, so it allocates nothing.
         let (mut offsets, mut count) = ([0; SAMPLES], 0);
         for (place, sample) in offsets.iter_mut().zip(self.samples.iter().filter(quick)) {
             (*place, count) = (sample.offset_us, count + 1);
@@ -163,7 +168,7 @@ impl Client {
         (agree >= MIN_SAMPLES && 2 * agree > self.samples.len()).then_some(median)
     }
 
-    /// Asks for the vehicle's time, where that is due. For a vehicle that is received.
+    /// Requests the vehicle's time, where that is due. For a vehicle that is received.
     pub fn handle_timeout(&mut self, now: Duration) {
         if now < self.due {
             return;
@@ -172,7 +177,7 @@ impl Client {
             .retain(|(_, sent)| now.saturating_sub(*sent) <= MAX_ROUND_TRIP);
         if self.asked.len() < MAX_ASKED {
             self.asked.reserve_exact(MAX_ASKED - self.asked.len());
-            // Never 0, and another one each time: the answer is known by it.
+            // Never 0, and different each time: the answer is recognised by it.
             let ts1 = i64::try_from(now.as_nanos()).unwrap_or(i64::MAX).max(1);
             self.asked.push_back((ts1, now));
             self.request = Some(ts1);
@@ -240,6 +245,8 @@ impl Client {
         let age_us = match at {
             BootTime::Us(us) => vehicle_us.checked_sub(i64::try_from(us).ok()?)?,
             BootTime::Ms(ms) => {
+                // time_boot_ms rolls over after 49.7 days. A wrapping difference of 32 bits survives that, since ages are
+                // short.
                 let vehicle_ms = vehicle_us.div_euclid(1_000) as u32;
                 let age_ms = vehicle_ms.wrapping_sub(ms) as i32;
                 i64::from(age_ms) * 1_000 + vehicle_us.rem_euclid(1_000)
@@ -258,6 +265,7 @@ impl Client {
 
     /// The least age of the latest messages, this one's among them.
     fn note_age(&mut self, age_us: i64) -> i64 {
+        // Two batches of minima make a sliding minimum that needs no list of ages.
         self.dated += 1;
         if self.dated > AGES {
             self.youngest_us = [self.youngest_us[1], None];
@@ -283,13 +291,13 @@ pub const JUMPED: usize = 3;
 const SHORT: Duration = Duration::from_millis(2);
 /// Clocks are read in ticks, a loaded autopilot answers late, and crystals drift by 50 us a second: no contradiction.
 const SLACK: Duration = Duration::from_millis(10);
-/// What a vehicle has measured before that is none: it counts as silent by then.
+/// Older measurements are not used: the vehicle counts as silent by then.
 pub const MAX_AGE: Duration = Duration::from_millis(3_500);
 /// How much longer than a round trip a message may take, when it was made as soon as it was measured.
 const LATE: Duration = Duration::from_millis(500);
 /// Messages of which the youngest counts: some seconds of them.
 const AGES: u32 = 32;
-/// Longer ones bound nothing that is worth knowing.
+/// Longer round trips bound the offset too loosely.
 const MAX_ROUND_TRIP: Duration = Duration::from_secs(3);
 const MAX_ASKED: usize = 16;
 const QUICKLY: Duration = Duration::from_millis(200);
@@ -297,9 +305,9 @@ const STEADY: Duration = Duration::from_secs(5);
 const RARELY: Duration = Duration::from_secs(30);
 /// Requests in quick succession at most: a radio has little room.
 const QUICK: u32 = 20;
-/// A vehicle that leaves more requests unanswered in a row has stopped to answer.
+/// With more unanswered requests in a row the vehicle no longer answers.
 const MAX_UNANSWERED: u32 = 3;
-/// Without an answer to so many requests the vehicle is taken for one that does not answer.
+/// After so many unanswered requests the vehicle is treated as one that does not answer.
 const GIVES_UP: u32 = 10;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What follows from an answer: to the request that is asked, and to the pieces of a file that are on their way.
+//! What follows from an answer, to a request or to the pieces of a file that are in flight.
 
 use std::time::Duration;
 
@@ -25,11 +25,13 @@ impl Client {
         };
         match &mut active.phase {
             Phase::Asking(pending) => {
+                // PX4 numbers an answer one above its request; others belong to an earlier request, or to a burst.
                 if payload.seq != pending.payload.seq.wrapping_add(1) {
                     return None;
                 }
                 if payload.requested != pending.payload.opcode {
-                    // The answer to an earlier request of this number, from the vehicle's memory.
+                    // PX4 compares only number and sender before it answers from memory, so this is its reply to an earlier
+                    // request of the same number. A new number avoids that.
                     let mut again = pending.payload.clone();
                     again.seq = self.number();
                     return Some(Next::Ask(again));
@@ -47,7 +49,7 @@ impl Client {
         }
     }
 
-    /// What follows from the ACK of the request that is asked.
+    /// Handles the ACK of the pending request.
     fn accepted(&mut self, active: &mut Active, payload: &Payload) -> Option<Next> {
         use Opcode as O;
         let Phase::Asking(pending) = &active.phase else {
@@ -60,6 +62,7 @@ impl Client {
         Some(match (opcode, &mut active.job) {
             (O::MAV_FTP_OPCODE_NONE | O::MAV_FTP_OPCODE_RESETSESSION, job) => {
                 self.synchronised = true;
+                // ResetSessions closed every session; None did not.
                 self.left_open &= opcode == O::MAV_FTP_OPCODE_NONE;
                 Next::Ask(self.opening(job))
             }
@@ -67,6 +70,7 @@ impl Client {
                 match listing::append(entries, payload.data()) {
                     Err(lie) => Next::End(Err(lie.into())),
                     Ok(0) => Next::End(Err(Lie::EmptyListing(*at).into())),
+                    // Both bounds: a peer may send skipped entries only, which advance `at` and add none.
                     Ok(_) if entries.len() > MAX_ENTRIES || *at as usize > MAX_ENTRIES => {
                         Next::End(Err(Lie::Endless(MAX_ENTRIES).into()))
                     }
@@ -93,14 +97,18 @@ impl Client {
                     let lie = Lie::Number("OpenFileRO", payload.size);
                     return Some(Next::End(Err(lie.into())));
                 };
+                // The file was opened before, and the session was lost: another size now means another file.
                 let before = reading
                     .as_ref()
                     .map(|one| one.size)
                     .filter(|was| *was != size);
+                // More bytes than the file has were read before: it is another file.
                 let beyond = resume.map(|one| one.offset).filter(|had| *had > size);
                 if let Some(was) = before.or(beyond) {
                     return Some(Next::End(Err(Failure::Changed { was, is: size })));
                 }
+                // The vehicle may have restarted between two sessions. What was delivered stays; the CRC32 at the end shows
+                // whether it fits.
                 match reading {
                     Some(reading) => reading.begin_again(),
                     None => {
@@ -114,6 +122,7 @@ impl Client {
             (O::MAV_FTP_OPCODE_CREATEFILE, Job::Write { writing, .. }) => {
                 self.left_open = true;
                 active.session = payload.session;
+                // CreateFile truncates, so everything is sent again.
                 writing.begin_again();
                 Next::Transfer
             }
@@ -145,7 +154,7 @@ impl Client {
         })
     }
 
-    /// What follows from the NAK of the request that is asked.
+    /// Handles the NAK of the pending request.
     fn refused(
         &mut self,
         now: Duration,
@@ -160,6 +169,8 @@ impl Client {
         };
         let opcode = pending.payload.opcode()?;
         let (error, errno) = payload.error();
+        // PX4 has one session and returns "no sessions available" for a second one. Its errno of an earlier request can
+        // turn that into "file exists".
         let opens = matches!(
             opcode,
             O::MAV_FTP_OPCODE_OPENFILERO | O::MAV_FTP_OPCODE_CREATEFILE
@@ -167,19 +178,20 @@ impl Client {
         let in_use = error == E::MAV_FTP_ERR_NOSESSIONSAVAILABLE
             || opens && error == E::MAV_FTP_ERR_FILEEXISTS;
         Some(match (opcode, error) {
-            // ArduPilot refuses it: an answer is an answer.
+            // ArduPilot refuses it. The refusal proves as well that the vehicle's memory is of this client.
             (O::MAV_FTP_OPCODE_NONE, _) => {
                 self.synchronised = true;
                 Next::Ask(self.opening(&active.job))
             }
             (O::MAV_FTP_OPCODE_TERMINATESESSION, _) => self.closed(active),
+            // PX4 reports the end of a listing as EOF.
             (O::MAV_FTP_OPCODE_LISTDIRECTORY, E::MAV_FTP_ERR_EOF) => {
                 let Job::List { entries, .. } = &mut active.job else {
                     return None;
                 };
                 Next::End(Ok(Done::Listing(std::mem::take(entries))))
             }
-            // Only a session that may be ours is reset: another station's transfer would break off.
+            // Reset only a session that may be ours: the transfer of another station would break off.
             _ if opens && in_use && self.left_open => {
                 Next::Ask(self.request(O::MAV_FTP_OPCODE_RESETSESSION))
             }
@@ -194,7 +206,8 @@ impl Client {
                 active.phase = Phase::Waiting { until };
                 return None;
             }
-            // The answer to the first of the requests was lost, and another request came between.
+            // The answer to the first attempt was lost, and PX4's memory had moved to another request: the repeat met its
+            // own effect.
             (
                 O::MAV_FTP_OPCODE_REMOVEFILE | O::MAV_FTP_OPCODE_REMOVEDIRECTORY,
                 E::MAV_FTP_ERR_FILENOTFOUND,
@@ -213,7 +226,7 @@ impl Client {
         })
     }
 
-    /// An answer while pieces are on their way.
+    /// Handles an answer while pieces are in flight.
     fn transferred(
         &mut self,
         now: Duration,
@@ -280,6 +293,7 @@ impl Client {
                 },
                 BURST,
             ) => {
+                // A NAK of an earlier burst is late news.
                 if !reading.is_burst_answer(payload.seq) {
                     return None;
                 }
@@ -296,6 +310,7 @@ impl Client {
                 Ok(true) => {
                     let (bytes, of) = (writing.confirmed as u32, writing.content.len() as u32);
                     let written = Event::Written { bytes, of };
+                    // Unread progress is replaced, so that a slow reader cannot fill the queue.
                     match self.events.back_mut() {
                         Some(last @ Event::Written { .. }) => *last = written,
                         _ => self.events.push_back(written),
@@ -308,7 +323,8 @@ impl Client {
                 if !writing.is_waiting_for(payload) {
                     return None;
                 }
-                // PX4 forgets the path of the open file 2 s after the last request, and takes it for protected then.
+                // PX4 clears the path of the open file 2 s after the last request; it then refuses a write as if the path
+                // were protected.
                 let forgotten =
                     error == FtpError::MAV_FTP_ERR_FILEPROTECTED && writing.confirmed > 0;
                 let error = if forgotten {
@@ -318,10 +334,10 @@ impl Client {
                 };
                 Err(refusal(O::MAV_FTP_OPCODE_WRITEFILE, error, errno))
             }
-            // A keep-alive's.
+            // The answer to a keep-alive.
             _ => return None,
         };
-        // Only what is new counts: one that repeats itself for ever is as silent as one that sends nothing.
+        // Only new bytes count as an answer: a peer that repeats itself forever is as silent as one that sends nothing.
         if active.job.progress() > before {
             active.since = now;
         }
@@ -335,7 +351,7 @@ impl Client {
                 if active.lost_sessions > MAX_LOST_SESSIONS {
                     return Some(Next::End(Err(Failure::Unstable(active.lost_sessions))));
                 }
-                // The vehicle has restarted, or another station has reset its sessions; one that PX4 merely took for
+                // The vehicle has restarted, or another station has reset its sessions. A session that PX4 refused as
                 // protected is still open, and ours.
                 Some(Next::Ask(self.opening(&active.job)))
             }
@@ -348,7 +364,7 @@ impl Client {
         let Phase::Asking(pending) = &active.phase else {
             return Next::Transfer;
         };
-        // One that did not answer closes the session by itself after 10 s.
+        // A session whose close got no answer closes by itself after 10 s.
         self.left_open = pending.repeats > 0;
         let path = active.job.path().as_str().as_bytes();
         Next::Ask(

@@ -11,6 +11,7 @@ static CRC32: Crc<u32> = Crc::<u32>::new(&crc::Algorithm {
 /// The CRC32 of a file's contents, as CalcFileCRC32 gives it; `before` is that of what precedes the bytes, 0 at the start.
 #[must_use]
 pub fn crc32(before: u32, bytes: &[u8]) -> u32 {
+    // The reflected algorithm keeps its register bit-reversed.
     let mut digest = CRC32.digest_with_initial(before.reverse_bits());
     digest.update(bytes);
     digest.finalize()

@@ -32,7 +32,7 @@ pub struct Client {
     /// Bytes a second that are requested at most; `None`: bursts.
     rate: Option<u32>,
     seq: u16,
-    /// What the vehicle keeps of the last request is of this client.
+    /// PX4's stored last reply answers a request of this client.
     pub(super) synchronised: bool,
     /// A session of ours may be open still.
     pub(super) left_open: bool,
@@ -61,7 +61,7 @@ impl Client {
         }
     }
 
-    /// Limits what is requested to so many bytes a second, or lifts the limit; from the next request on.
+    /// Limits the bytes requested per second, or lifts the limit; applies from the next request.
     pub const fn limit(&mut self, bytes_per_s: Option<u32>) {
         self.rate = bytes_per_s;
     }
@@ -71,6 +71,7 @@ impl Client {
     /// # Errors
     /// One is under way or its end is unread, or a file is too large to be written.
     pub fn start(&mut self, now: Duration, operation: Operation) -> Result<(), StartError> {
+        // Unread data of the last operation would be taken for that of the next.
         if self.active.is_some() || !self.events.is_empty() || !self.unread.is_empty() {
             return Err(StartError::Busy);
         }
@@ -97,8 +98,10 @@ impl Client {
             Operation::RemoveDirectory(path) => once(path, Opcode::MAV_FTP_OPCODE_REMOVEDIRECTORY),
             Operation::CreateDirectory(path) => once(path, Opcode::MAV_FTP_OPCODE_CREATEDIRECTORY),
         };
-        // Beyond what a late burst of an earlier file may be numbered with.
+        // Beyond the numbers that a late burst of an earlier file may carry.
         self.seq = self.seq.wrapping_add(BETWEEN_OPERATIONS);
+        // The vehicle may still hold a reply to an earlier client of our address: it would answer our first request with
+        // that.
         let first = if self.synchronised {
             self.opening(&job)
         } else {
@@ -142,6 +145,7 @@ impl Client {
         let MavMessage::FILE_TRANSFER_PROTOCOL(data) = message else {
             return false;
         };
+        // The target fields are compared exactly: PX4 answers the station that asked, so a broadcast is no answer.
         let for_us = self.us == Node::new(data.target_system, data.target_component);
         if !fresh || from != self.vehicle || !for_us {
             return false;
@@ -174,6 +178,7 @@ impl Client {
                 if now.saturating_sub(active.since) >= silence =>
             {
                 let request = self.under_way(&active);
+                // The session closes by itself after 10 s, so its silence does not fail the operation.
                 next = Some(if request == "TerminateSession" {
                     self.closed(&active)
                 } else {
@@ -263,10 +268,11 @@ impl Client {
                     self.ask(now, active, Payload { session, ..close });
                 }
                 Want::Nothing => {
-                    // A slow reader is no silence of the vehicle.
+                    // A slow reader is not silence of the vehicle: nothing is requested while it is behind.
                     if unread > MAX_UNREAD / 2 {
                         active.since = now;
                     }
+                    // PX4 closes a session 10 s after the last request, and a burst or a slow reader sends none.
                     if now.saturating_sub(active.asked_at) >= self.timing.keep_alive {
                         active.asked_at = now;
                         let keep = self.request(Opcode::MAV_FTP_OPCODE_NONE);
@@ -281,12 +287,13 @@ impl Client {
     fn end(&mut self, active: Active, result: Result<Done, Failure>) {
         let open = self.left_open && result.is_err();
         if open {
-            // Not waited for: the session is reset before the next file where this is lost.
+            // Not awaited: where this is lost, the session is reset before the next file.
             let close = self.request(Opcode::MAV_FTP_OPCODE_TERMINATESESSION);
             let session = active.session;
             self.out
                 .push(Payload { session, ..close }.message(self.vehicle));
         }
+        // The end supersedes unread progress.
         if matches!(self.events.back(), Some(Event::Written { .. })) {
             self.events.pop_back();
         }
@@ -320,6 +327,7 @@ impl Client {
 
     /// The vehicle has numbered a packet of a burst: requests continue after it.
     pub(super) fn seen(&mut self, seq: u16) {
+        // Only forward, in the arithmetic of a wrapping counter: a late packet has a lower number.
         if seq.wrapping_sub(self.seq) < 1 << 15 {
             self.seq = seq;
         }
@@ -336,7 +344,7 @@ impl Client {
     fn silence(&self, active: &Active) -> Duration {
         match self.under_way(active) {
             "CalcFileCRC32" => self.timing.checksum,
-            // The session closes by itself: not worth the wait.
+            // The session closes by itself: a long wait gains nothing.
             "TerminateSession" => self.timing.answer * 4,
             _ => self.timing.silence,
         }

@@ -2,7 +2,7 @@
 
 use super::payload::{FtpError, Opcode};
 
-/// What a peer has contradicted itself by, or what cannot be true.
+/// How a peer contradicted itself, or what it sent that cannot be true.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum Lie {
     /// Data beyond the end of the file.
@@ -88,7 +88,7 @@ pub enum Failure {
         /// The errno of its operating system, where it sends one.
         errno: Option<u8>,
     },
-    /// PX4 has one session, and another station uses it.
+    /// PX4 has a single session, and another station uses it.
     #[error(
         "the vehicle's only FTP session is in use by another station, still after {seconds} s: try again later"
     )]
@@ -106,7 +106,7 @@ pub enum Failure {
         /// Its size now.
         is: u32,
     },
-    /// What was transferred is not what the vehicle has.
+    /// The transferred bytes are not those on the vehicle.
     #[error(
         "checksum {ours:#010x} of what was transferred, {vehicle:#010x} on the vehicle: the file has changed meanwhile, or the transfer was disturbed; transfer it again from its beginning"
     )]

@@ -33,6 +33,7 @@ pub(super) fn append(entries: &mut Vec<Entry>, data: &[u8]) -> Result<u32, Lie> 
     }
     for text in texts {
         count += 1;
+        // An entry of the peer goes into an error text, so its length is bounded.
         let lie = || Lie::Entry(String::from_utf8_lossy(text).chars().take(80).collect());
         let (kind, rest) = text.split_first().ok_or_else(lie)?;
         let rest = std::str::from_utf8(rest).map_err(|_| lie())?;
@@ -46,9 +47,10 @@ pub(super) fn append(entries: &mut Vec<Entry>, data: &[u8]) -> Result<u32, Lie> 
             _ => return Err(lie()),
         };
         if matches!(name, "." | "..") && kind == Kind::Directory {
-            // ArduPilot lists both.
+            // ArduPilot lists both; PX4 marks them as skipped (`S`).
             continue;
         }
+        // The name becomes a path on our disk, so a hostile one must not leave its folder.
         let leads_out = name.is_empty()
             || name == ".."
             || name.contains(['/', '\\'])

@@ -4,12 +4,12 @@
 //! beginning or from where an earlier transfer broke off, and is not reported as done before the vehicle's CRC32 of the
 //! whole file agrees with what was delivered.
 //!
-//! Promised for any peer: at most [`MAX_HELD`] bytes wait out of order and [`MAX_UNREAD`] bytes wait for their reader; what
-//! the peer announces is held against it, and an answer that contradicts it ends the operation with a [`Lie`] that names
-//! both.
+//! Promised for any peer: at most [`MAX_HELD`] bytes wait out of order and [`MAX_UNREAD`] bytes wait for their reader. An
+//! answer that contradicts an earlier one ends the operation with a [`Lie`] that names both.
 //!
-//! [`payload`]: the bytes; [`path`](FilePath): what may be asked for; `listing`: what a directory holds; `operation`: what is requested; `client`: does it; `answers`:
-//! what follows from each answer; `read` and `write`: the two that take more than one answer; `pending`: a request that is repeated.
+//! [`payload`]: the bytes; [`path`](FilePath): which paths are allowed; `listing`: the entries of a folder; `operation`:
+//! what the caller requests; `client`: runs it; `answers`: handles each answer; `read` and `write`: the two transfers that
+//! take more than one answer; `pending`: a request that is repeated.
 
 mod answers;
 mod checksum;

@@ -10,12 +10,12 @@ use super::pending::Pending;
 use super::read::Reading;
 use super::write::{MAX_WRITE, Writing};
 
-/// What a transfer that broke off had of a file.
+/// What an interrupted transfer had of a file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Resume {
     /// Bytes that it had, from the beginning.
     pub offset: u32,
-    /// Their `crc32`: that of the whole file shows at the end whether they belong to it.
+    /// Their `crc32`: the CRC32 of the whole file shows at the end whether they belong to it.
     pub crc: u32,
 }
 
@@ -92,10 +92,10 @@ pub enum Event {
     Ended(Result<Done, Failure>),
 }
 
-/// Why an operation was not begun.
+/// Why an operation did not start.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum StartError {
-    /// One is under way, or its end is unread.
+    /// One is in progress, or its end is unread.
     #[error("a file operation is under way already: wait until it ends")]
     Busy,
     /// The content is too large.
@@ -145,11 +145,11 @@ pub(super) enum Job {
 )]
 #[derive(Debug)]
 pub(super) enum Phase {
-    /// One request is to be answered.
+    /// One request is unanswered.
     Asking(Pending),
     /// Another station has the session.
     Waiting { until: Duration },
-    /// Pieces of the file.
+    /// Pieces of the file are in flight.
     Transferring,
 }
 

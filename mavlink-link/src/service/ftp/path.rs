@@ -17,7 +17,7 @@ pub enum PathError {
     /// PX4 ends a path at a zero byte, and a listing could not show the others.
     #[error("path {0:?} has a control character: expected none")]
     Control(String),
-    /// PX4 of before v1.18 would leave its root folder by it.
+    /// PX4 before v1.18 would leave its root folder.
     #[error("path {0:?} has a component \"..\": name the folder itself")]
     Parent(String),
 }
@@ -60,7 +60,7 @@ impl std::fmt::Display for FilePath {
     }
 }
 
-/// One byte is left for the terminator that PX4 puts behind it.
+/// Room for the terminator that PX4 appends.
 const MAX_PATH: usize = MAX_DATA - 1;
 
 #[cfg(test)]

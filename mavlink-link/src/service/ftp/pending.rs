@@ -15,14 +15,14 @@ pub struct Timing {
     pub silence: Duration,
     /// The same for a CRC32, which PX4 computes at the speed of its card.
     pub checksum: Duration,
-    /// Pause before the session is requested again where another station has it. PX4 closes a session 10 s after the last
-    /// request of any station: one that is requested more often stays open for good.
+    /// Pause before the session is requested again while another station has it. PX4 closes a session 10 s after the last
+    /// request of any station: more frequent attempts would keep it open forever.
     pub busy: Duration,
-    /// For how long it is requested.
+    /// How long to keep trying.
     pub busy_total: Duration,
-    /// A session is kept open by a request this often.
+    /// How often a request keeps the session open.
     pub keep_alive: Duration,
-    /// Pieces on their way at once.
+    /// Pieces in flight at once.
     pub window: u8,
 }
 
@@ -43,6 +43,7 @@ impl Default for Timing {
 
 impl Timing {
     /// The wait after this many repeats.
+    // The exponent is bounded for the multiplication; the wait is bounded by `longest_answer` long before.
     pub(super) fn wait(&self, repeats: u32) -> Duration {
         (self.answer * 2_u32.pow(repeats.min(8))).min(self.longest_answer)
     }

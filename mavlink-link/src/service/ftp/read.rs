@@ -1,8 +1,8 @@
 //! A file on its way down: what has arrived, what is missing, and what is requested next.
 //!
-//! On the ground the vehicle sends bursts, each without further requests, and what a burst has lost is read piece by piece
-//! after it. In flight everything is read piece by piece at a set rate: PX4 fills whatever room its link has with a
-//! burst, and telemetry would wait behind it.
+//! On the ground the vehicle sends bursts, each from one request, and what a burst has lost is then read piece by piece. In
+//! flight everything is read piece by piece at a set rate: PX4 fills all the free room of its link with a burst, and
+//! telemetry would wait behind it.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use super::failure::Lie;
 use super::payload::{MAX_DATA, Opcode, Payload};
 use super::pending::{Pending, Timing};
 
-/// Bytes that may wait for what is missing before them, and the most that a burst of PX4 may be ahead: it sends 35 000 at
+/// Bytes that may wait for missing ones before them, and the furthest that a burst of PX4 may run ahead: it sends 35 000 at
 /// a time, and up to 15 000 more that its buffer holds.
 pub const MAX_HELD: usize = 64 * 1024;
 /// Bytes in order that may wait for their reader; nothing is requested meanwhile.
@@ -42,7 +42,7 @@ pub(super) struct Reading {
 struct Burst {
     /// Of its request: packets of an earlier burst have lower numbers.
     seq: u16,
-    /// It has ended where no packet comes until then.
+    /// The burst has ended if no packet arrives by then.
     until: Duration,
     /// How many in a row have brought nothing.
     empty: u32,
@@ -110,6 +110,7 @@ impl Reading {
                 size,
             });
         };
+        // An unread backlog drops the packet; it is requested again once the reader has caught up.
         if end <= self.next || unread.len() + length > MAX_UNREAD {
             return Ok(());
         }
@@ -132,6 +133,7 @@ impl Reading {
         if (end - self.next) as usize > MAX_HELD || self.held.len() >= MAX_PIECES {
             return Ok(());
         }
+        // A retransmission may be longer than the first copy, but where both have bytes they must agree.
         if let Some(there) = self.held.get(&offset) {
             let common = there.len().min(data.len());
             if there[..common] != data[..common] {
@@ -171,9 +173,11 @@ impl Reading {
         packet: &Payload,
     ) -> bool {
         let Some(burst) = &mut self.burst else {
-            // What comes after its end, out of order, is as good as any.
+            // A packet that arrives after the end of its burst, out of order, is as good as any.
             return true;
         };
+        // PX4 numbers a packet of a burst from its request. `burst_complete` is uninitialised in some packets, so it ends a
+        // burst early at worst: what is missing is requested again.
         let ahead = packet.seq.wrapping_sub(burst.seq);
         if ahead == 0 || ahead > MAX_BURST_PACKETS {
             return false;
@@ -190,6 +194,7 @@ impl Reading {
     pub(super) fn burst_at_end(&mut self, packet: &Payload) {
         let ours = self.burst.take_if(|burst| {
             let ahead = packet.seq.wrapping_sub(burst.seq);
+            // Only a hint: holes before the reported end are read piece by piece, and a false end shows as an early EOF.
             ahead > 0 && ahead <= MAX_BURST_PACKETS
         });
         if ours.is_some() {
@@ -205,7 +210,7 @@ impl Reading {
             .is_some_and(|one| seq.wrapping_sub(one.seq) <= MAX_BURST_PACKETS)
     }
 
-    /// Takes the piece that an answer belongs to off the list; `None` where it is a late duplicate.
+    /// Takes the piece that an answer belongs to off the list; `None` for a late duplicate.
     pub(super) fn answered(&mut self, answer: &Payload) -> Option<Pending> {
         let place = self
             .pieces
@@ -229,6 +234,7 @@ impl Reading {
         }
         let late = self.pieces.iter_mut().find(|piece| piece.deadline <= now);
         if let Some(piece) = late {
+            // A new number for each repeat: PX4 would answer a repeated number from memory only if it was the last.
             piece.payload.seq = number();
             piece.repeat(now, timing);
             return Want::Send(piece.payload.clone());
@@ -238,6 +244,7 @@ impl Reading {
             if now < burst.until {
                 return Want::Nothing;
             }
+            // Each burst that brought nothing doubles the wait for the next.
             empty = if burst.brought { 0 } else { burst.empty + 1 };
             self.burst = None;
         }
@@ -256,7 +263,7 @@ impl Reading {
         };
         let on_the_wire = f64::from(length) + FRAMES_OF_A_PIECE;
         let pause = Duration::from_secs_f64(on_the_wire / f64::from(bytes_per_s.max(1)));
-        // Time that nothing was requested in is not made up for by a burst of requests.
+        // Idle time is not made up for by a burst of requests.
         self.pace_at = self.pace_at.max(now) + pause;
         self.piece(now, timing, session, offset, length, number())
     }
@@ -269,6 +276,8 @@ impl Reading {
         empty: u32,
         mut number: impl FnMut() -> u16,
     ) -> Want {
+        // Few bytes are missing: single reads are cheaper than a burst, which would send everything after the first hole
+        // again.
         if self.at_end || self.missing_bytes() <= MAX_REPAIR {
             if self.pieces.len() >= usize::from(timing.window) {
                 return Want::Nothing;
@@ -280,6 +289,7 @@ impl Reading {
                 return Want::Nothing;
             }
         }
+        // A new burst covers all open holes, so late answers to single reads are no longer needed.
         self.pieces.clear();
         self.horizon = self.end_of_held();
         let payload = Payload {
@@ -322,6 +332,7 @@ impl Reading {
             let mut at = from;
             while at < to {
                 let Some(piece) = self.pieces.iter().find(|one| one.covers(at)) else {
+                    // A piece requested further ahead limits this one: no byte is requested twice.
                     let later = self.pieces.iter().map(|one| one.payload.offset);
                     let until = later.filter(|start| *start > at).fold(to, u32::min);
                     return Some((at, (until - at).min(MAX_DATA as u32) as u8));
@@ -368,7 +379,7 @@ impl Reading {
     pub(super) fn poll_timeout(&self, rate: Option<u32>, unread: usize) -> Option<Duration> {
         let burst = self.burst.as_ref().map(|burst| burst.until);
         let pieces = self.pieces.iter().map(|piece| piece.deadline);
-        // Only where there is something to request: who asks for this would be called again at once, and for ever.
+        // Only while something can be requested: otherwise the caller would be woken again at once, forever.
         let paced = rate.is_some()
             && self.pieces.len() < PACED_WINDOW
             && (self.room() > 0 || self.missing().is_some());
@@ -388,5 +399,5 @@ const MAX_REPAIR: u32 = 32 * MAX_DATA as u32;
 const PACED_WINDOW: usize = 4;
 /// Request and answer of a piece, signed, beside its data: 25 bytes of frame and 15 of payload, twice.
 const FRAMES_OF_A_PIECE: f64 = 80.0;
-/// How soon it is looked again whether a slow reader has read.
+/// How often a slow reader is checked.
 const READER_IS_SLOW: Duration = Duration::from_millis(20);

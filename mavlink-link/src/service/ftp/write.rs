@@ -31,7 +31,7 @@ impl Writing {
         }
     }
 
-    /// The file was created again: what the earlier session has written may be lost with it.
+    /// The file was created again, and truncated: what the earlier session wrote is gone.
     pub(super) fn begin_again(&mut self) {
         (self.sent, self.confirmed) = (0, 0);
         self.pieces.clear();
@@ -51,6 +51,7 @@ impl Writing {
         let confirmed = answer
             .number()
             .ok_or(Lie::Number("WriteFile", answer.size))?;
+        // PX4 confirms the bytes that its file system took; fewer means a full card.
         if usize::try_from(confirmed) != Ok(sent) {
             let offset = piece.offset;
             return Err(Lie::Written {
@@ -77,7 +78,7 @@ impl Writing {
     ) -> Want {
         let late = self.pieces.iter_mut().find(|piece| piece.deadline <= now);
         if let Some(piece) = late {
-            // To write the same bytes to the same place again changes nothing.
+            // Writing the same bytes to the same place again changes nothing.
             piece.payload.seq = number();
             piece.repeat(now, timing);
             return Want::Send(piece.payload.clone());

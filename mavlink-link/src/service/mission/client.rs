@@ -48,7 +48,7 @@ impl Client {
         }
     }
 
-    /// The present operation.
+    /// The current operation.
     pub fn busy(&self) -> Option<Operation> {
         self.job.as_ref().map(Job::operation)
     }
@@ -65,6 +65,7 @@ impl Client {
     ) -> Result<(), StartError> {
         self.check_idle()?;
         check_single(kind)?;
+        // PX4 takes MISSION_COUNT with 0 as "clear"; that is an operation of its own here, with another end.
         if items.is_empty() {
             return Err(StartError::Empty);
         }
@@ -73,6 +74,7 @@ impl Client {
             item.check_dialect()
                 .map_err(|fault| StartError::Item { seq, fault })?;
         }
+        // PX4 answers MISSION_COUNT with MAV_MISSION_ERROR while it is still in a transfer.
         self.cancel_unconfirmed();
         let job = Upload::start(now, kind, items, count, &mut self.context());
         self.job = Some(Job::Upload(job));
@@ -104,8 +106,8 @@ impl Client {
         Ok(())
     }
 
-    /// Begins to make the first of these items the current one; ends in [`Event::CurrentSet`], when MISSION_CURRENT
-    /// names one of them, or in [`Event::Failed`].
+    /// Begins to make the first of these items the current one; ends in [`Event::CurrentSet`], when MISSION_CURRENT names
+    /// one of them, or in [`Event::Failed`].
     ///
     /// PX4 finishes items without a position (DO_CHANGE_SPEED) before MISSION_CURRENT names them, so `items` ends with the
     /// first one that has a position.
@@ -118,6 +120,7 @@ impl Client {
         items: RangeInclusive<u16>,
     ) -> Result<(), StartError> {
         self.check_idle()?;
+        // PX4 ignores MISSION_SET_CURRENT while a transfer is in progress, and reports that by STATUSTEXT only.
         self.cancel_unconfirmed();
         let repeat = self.first_repeat(now);
         self.out.push(set_current(self.vehicle, *items.start()));
@@ -152,6 +155,7 @@ impl Client {
             return false;
         }
         let Some(mut job) = self.job.take() else {
+            // A transfer that we know nothing of is a leftover of our own: the request is addressed to us.
             self.cancel_unexpected_request(message, kind);
             return true;
         };
@@ -214,15 +218,15 @@ impl Client {
         if let Some(busy) = self.busy() {
             return Err(StartError::Busy(busy));
         }
-        // One place for progress, one for the end.
+        // Room for one progress event and for the end.
         if self.events.len() + 2 > MAX_EVENTS {
             return Err(StartError::Unread);
         }
         Ok(())
     }
 
-    /// Cancels a transfer whose end the vehicle did not acknowledge. PX4 would otherwise answer
-    /// "busy", or continue with the old number of items and the new items.
+    /// Cancels a transfer whose end the vehicle did not acknowledge. PX4 would otherwise answer MAV_MISSION_ERROR, or
+    /// continue with the old number of items and the new items.
     fn cancel_unconfirmed(&mut self) {
         if let Some(kind) = self.unconfirmed.take() {
             self.out.push(cancel(self.vehicle, kind));
@@ -252,7 +256,7 @@ impl Client {
         self.events.push(event);
     }
 
-    /// Cancels a transfer that is not the present one: it would keep the vehicle busy for 5 s.
+    /// Cancels a transfer other than the current one: it would keep the vehicle busy for 5 s.
     fn cancel_unexpected_request(&mut self, message: &MavMessage, kind: Option<MavMissionType>) {
         // Left alone, PX4 would repeat the request for 5 s and answer a new transfer with MAV_MISSION_ERROR meanwhile.
         let request = matches!(
@@ -266,7 +270,7 @@ impl Client {
     }
 }
 
-/// The present operation.
+/// The current operation.
 #[derive(Debug)]
 enum Job {
     Upload(Upload),
@@ -329,12 +333,15 @@ impl Job {
                 MavMissionResult::MAV_MISSION_ACCEPTED if ack.opaque_id == 0 => {
                     Some(Ok(Event::Cleared { kind: *kind }))
                 }
+                // Late answers to an earlier transfer, as in an upload: a retry or the right answer follows.
                 MavMissionResult::MAV_MISSION_ACCEPTED
                 | MavMissionResult::MAV_MISSION_ERROR
                 | MavMissionResult::MAV_MISSION_INVALID_SEQUENCE => None,
                 result => Some(Err(Failure::Refused { result, seq: None })),
             },
             (Self::SetCurrent { items, .. }, MavMessage::MISSION_CURRENT(current)) => items
+                // Any of them proves it: PX4 may have advanced past items without a position before the next
+                // MISSION_CURRENT.
                 .contains(&current.seq)
                 .then_some(Ok(Event::CurrentSet {
                     seq: *items.start(),
@@ -385,8 +392,8 @@ fn check_single(kind: MavMissionType) -> Result<(), StartError> {
     Ok(())
 }
 
-/// The target of a mission message (`None`: everybody) and its kind of plan (`None`: no particular
-/// kind); `None` for a message of another service.
+/// The target of a mission message (`None`: everybody) and its kind of plan (`None`: no particular kind); `None` for a
+/// message of another service.
 fn target_and_kind(message: &MavMessage) -> Option<(Option<Node>, Option<MavMissionType>)> {
     use MavMessage as M;
     let (system, component, kind) = match message {

@@ -15,7 +15,7 @@ use super::transfer::{Context, Repeat, ack};
 #[derive(Debug)]
 pub(super) struct Download {
     kind: MavMissionType,
-    /// Times that the transfer was begun.
+    /// How many times the transfer was started.
     attempt: u8,
     /// MISSION_COUNT's count and opaque_id, once received.
     announced: Option<(u16, u32)>,
@@ -78,6 +78,7 @@ impl Download {
 
     pub(super) fn handle_timeout(&mut self, now: Duration, context: &mut Context<'_>) -> End {
         let lost = self.announced.is_some() && self.stalled_at <= now;
+        // PX4 ends a stalled transfer after 5 s without MISSION_ACK, and then ignores requests for items.
         if lost || self.restart_at.is_some_and(|at| at <= now) {
             return self.restart(now, context);
         }
@@ -98,6 +99,7 @@ impl Download {
         context: &mut Context<'_>,
     ) -> End {
         let announced = (count.count, count.opaque_id);
+        // A repeat of the same count answers our repeated MISSION_REQUEST_LIST.
         if self.announced == Some(announced) {
             return None;
         }
@@ -118,11 +120,14 @@ impl Download {
         context: &mut Context<'_>,
     ) -> End {
         let (count, _) = self.announced?;
+        // A repeat of the item before, or one of an earlier transfer. PX4 expects requests in order, so no gap can be
+        // filled later.
         if usize::from(seq) != self.items.len() {
             return None;
         }
         self.items.push(item);
         self.stalled_at = now + context.timing.stall;
+        // An item arrived, so the vehicle has not aborted: the error was about a late duplicate of a request.
         self.restart_at = None;
         context.progress(Operation::Download, seq.saturating_add(1), count);
         self.continue_or_finish(now, context)
@@ -135,6 +140,7 @@ impl Download {
             R::MAV_MISSION_ACCEPTED => None,
             result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
                 self.last_error = Some(self.refusal(result));
+                // PX4 sends this for a late duplicate too: continue if the next item arrives, else restart.
                 self.restart_at.get_or_insert(now + context.timing.settle);
                 None
             }
@@ -148,6 +154,7 @@ impl Download {
             self.request_next(now, context);
             return None;
         }
+        // Without it PX4 stays in the transfer for 5 s and refuses an upload meanwhile.
         let accepted = MavMissionResult::MAV_MISSION_ACCEPTED;
         context.out.push(ack(context.vehicle, self.kind, accepted));
         Some(Ok(Event::Downloaded {
@@ -166,6 +173,7 @@ impl Download {
     }
 
     fn begin(&mut self, now: Duration, context: &mut Context<'_>) {
+        // PX4 in this state accepts MISSION_REQUEST_LIST of its partner again and starts from item 0.
         self.attempt += 1;
         self.announced = None;
         self.items.clear();

@@ -20,7 +20,7 @@ pub struct Timing {
     pub stall: Duration,
     /// Wait for the vehicle to continue after MAV_MISSION_ERROR.
     pub settle: Duration,
-    /// How often a transfer is begun in all.
+    /// How many times a transfer is started in all.
     pub attempts: u8,
 }
 
@@ -50,7 +50,7 @@ pub enum Operation {
     SetCurrent,
 }
 
-/// Why an operation was not begun.
+/// Why an operation did not start.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum StartError {
     /// Another one has not ended.
@@ -97,7 +97,7 @@ pub enum Failure {
     },
     /// No usable answer to any retry.
     NoAnswer {
-        /// The item that was requested last, by the vehicle or of it.
+        /// The item requested last, by the vehicle or by us.
         seq: Option<u16>,
     },
     /// The caller ended it.

@@ -1,4 +1,4 @@
-//! One item of a plan, apart from whom it is sent to and how, and the number by which PX4 names a plan.
+//! One item of a plan, without its receiver and transport, and the number by which PX4 identifies a plan.
 
 use crc::{CRC_32_JAMCRC, Crc};
 use mavlink::dialects::development::{
@@ -22,7 +22,7 @@ pub const FRAME_GLOBAL_INT: u8 = 5;
 pub const FRAME_GLOBAL_RELATIVE_INT: u8 = 6;
 
 /// A mission, fence or rally item as MISSION_ITEM_INT (73) carries it.
-///
+/// MAV_CMD_DO_SET_ROI_LOCATION: its frame has a position, but the vehicle does not fly to it.
 /// Frame and command are the raw numbers of the wire, so that an item of another dialect can be
 /// compared and reported. Two items are equal when every bit is, except that any
 /// NaN equals any NaN.
@@ -129,6 +129,7 @@ impl Item {
         let [param1, param2, param3, param4] = self.params;
         let (x, y) = if self.is_global() {
             (degrees(self.x), degrees(self.y))
+        // In a frame without a position x and y are plain parameters, which MISSION_ITEM carries unscaled.
         } else {
             (self.x as f32, self.y as f32)
         };

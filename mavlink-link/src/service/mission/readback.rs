@@ -94,6 +94,7 @@ pub fn verify(kind: MavMissionType, sent: &[Item], read: &[Item]) -> Result<(), 
 pub fn px4_read_back(kind: MavMissionType, sent: &Item) -> Item {
     let mut back = *sent;
     back.command = match sent.command {
+        // CONDITION_DELAY and NAV_DELAY, NAV_ROI and DO_SET_ROI: PX4 stores each pair as one command.
         112 => 93,
         80 => 201,
         command => command,
@@ -108,7 +109,7 @@ pub fn px4_read_back(kind: MavMissionType, sent: &Item) -> Item {
         FRAME_GLOBAL_RELATIVE | FRAME_GLOBAL_RELATIVE_INT if !fence => FRAME_GLOBAL_RELATIVE_INT,
         _ => FRAME_GLOBAL_INT,
     };
-    // Nor for autocontinue.
+    // Nor does it have one for autocontinue.
     back.autocontinue &= !fence;
     let [p1, p2, p3, p4] = sent.params;
     back.params = match sent.command {
@@ -116,8 +117,10 @@ pub fn px4_read_back(kind: MavMissionType, sent: &Item) -> Item {
         17 => [0.0, 0.0, p3, wrap_360(p4)],
         19 => [p1, flag(p2), p3, flag(p4)],
         21 => [p1, whole(p2), 0.0, wrap_360(p4)],
+        // NAV_LOITER_TIME and NAV_LOITER_TO_ALT keep these parameters as flags of one bit.
         22 | 84 | 85 => [0.0, 0.0, 0.0, wrap_360(p4)],
         31 => [flag(p1), p2, 0.0, flag(p4)],
+        // Fence vertex counts are stored as integers; PX4 rounds by adding a half.
         5001 | 5002 => [whole(p1 + 0.5), 0.0, 0.0, 0.0],
         5003 | 5004 => [p1, 0.0, 0.0, 0.0],
         _ => [0.0; 4],
@@ -126,9 +129,11 @@ pub fn px4_read_back(kind: MavMissionType, sent: &Item) -> Item {
 }
 
 fn read_back_without_position(back: &mut Item) {
+    // PX4 keeps the parameters of items without a position as an array of floats.
     back.x = back.x as f32 as i32;
     back.y = back.y as f32 as i32;
     match back.command {
+        // DO_JUMP's target and count have integer fields of their own.
         177 => {
             back.params[0] = f32::from(back.params[0] as i16);
             back.params[1] = whole(back.params[1]);
@@ -149,6 +154,7 @@ fn compare(seq: usize, sent: &Item, expected: &Item, read: &Item) -> Result<(), 
         expected,
         read,
     };
+    // An autopilot that returns what it received is right too, so each field may match either value.
     if int_frame(expected.frame) != int_frame(read.frame)
         && int_frame(sent.frame) != int_frame(read.frame)
     {
@@ -171,6 +177,7 @@ fn compare(seq: usize, sent: &Item, expected: &Item, read: &Item) -> Result<(), 
     for (index, number) in (1u8..=4).enumerate() {
         let (want, kept, got) = (
             expected.params[index],
+            // The yaw of these commands comes back after a trip through radians, so it may wrap or lose its last bits.
             sent.params[index],
             read.params[index],
         );
@@ -202,6 +209,7 @@ fn int_frame(frame: u8) -> u8 {
 }
 
 fn same_value(a: f32, b: f32) -> bool {
+    // `==` lets 0.0 equal -0.0, which a trip through arithmetic may turn into each other.
     same_bits(a, b) || a == b
 }
 

@@ -17,7 +17,7 @@ pub(super) struct Upload {
     items: Vec<Item>,
     count: u16,
     id: u32,
-    /// Times that the transfer was begun.
+    /// How many times the transfer was started.
     attempt: u8,
     /// Items that the vehicle has requested in this attempt: all below this one.
     requested: u16,
@@ -65,9 +65,11 @@ impl Upload {
 
     pub(super) fn deadline(&self) -> Duration {
         if self.requested == 0 {
+            // Nothing was requested yet: after MAV_MISSION_ERROR the vehicle is busy, and repeated counts would keep it so.
             return self.restart_at.unwrap_or(self.repeat.at);
         }
-        // PX4 requests a lost item again every 0.25 s; after the last item it has nothing left to request.
+        // PX4 requests a lost item again every 0.25 s. After the last item it has nothing left to request, so we repeat
+        // that one.
         let own = if self.requested == self.count {
             self.repeat.at.min(self.stalled_at)
         } else {
@@ -124,12 +126,14 @@ impl Upload {
         if seq == self.requested {
             self.requested += 1;
             self.stalled_at = now + context.timing.stall;
+            // A request for an item shows that all before it are stored.
             context.progress(Operation::Upload, seq, self.count);
         }
+        // The vehicle requests items, so the error was about a late duplicate.
         self.restart_at = None;
         self.repeat.at = now + context.timing.item;
-        // On a slow link the vehicle requests an item again before it has arrived. The repetition that waits is of no use once
-        // the next item is requested, and would delay that by as much again.
+        // On a slow link the vehicle requests an item again before it has arrived. Once it requests the next item, a queued
+        // repetition is useless and would delay that one by as much again.
         context.out.retain(
             |waits| !matches!(waits, MavMessage::MISSION_ITEM_INT(item) if item.seq != seq),
         );
@@ -141,6 +145,7 @@ impl Upload {
         let soon = now + context.timing.settle;
         match ack.mavtype {
             R::MAV_MISSION_ACCEPTED => {
+                // 0 comes from autopilots without plan ids, such as ArduPilot.
                 let ours = ack.opaque_id == 0 || ack.opaque_id == self.id;
                 if ours && self.requested == self.count {
                     return Some(Ok(Event::Uploaded {
@@ -148,7 +153,7 @@ impl Upload {
                         opaque_id: ack.opaque_id,
                     }));
                 }
-                // A late one of another transfer, or this transfer has gone wrong.
+                // Late, of another transfer; or this transfer has gone wrong.
                 if !ours {
                     self.last_error = Some(Failure::OtherPlan {
                         expected: self.id,
@@ -159,8 +164,8 @@ impl Upload {
             }
             result @ (R::MAV_MISSION_ERROR | R::MAV_MISSION_INVALID_SEQUENCE) => {
                 self.last_error = Some(self.refusal(result));
-                // Before the first request it means busy, possibly with another station. PX4
-                // drops a dead transfer only when nobody sends MISSION_COUNT for 5 s.
+                // Before the first request it means busy, possibly with another station. PX4 drops a dead transfer only
+                // when nobody sends MISSION_COUNT for 5 s.
                 let at = if self.requested == 0 {
                     now + context.timing.stall
                 } else {
@@ -168,7 +173,7 @@ impl Upload {
                 };
                 self.restart_at.get_or_insert(at);
             }
-            // A late one: it is about an item, and we have sent none.
+            // Late: it is about an item, and we have sent none.
             R::MAV_MISSION_UNSUPPORTED_FRAME
             | R::MAV_MISSION_UNSUPPORTED
             | R::MAV_MISSION_INVALID_PARAM1
@@ -188,8 +193,10 @@ impl Upload {
         if self.attempt >= context.timing.attempts {
             return Some(Err(self.failure()));
         }
-        // Items that have not left yet are of the transfer that ends here.
+        // Items still in the queue belong to the transfer that ends here.
         context.out.clear();
+        // With nothing requested the vehicle may be in a transfer with another station. PX4 rejects a cancellation of
+        // anyone else, with a critical STATUSTEXT.
         if self.requested > 0 {
             context.cancel(self.kind);
         }
@@ -227,6 +234,7 @@ impl Upload {
                 target_system: context.vehicle.system,
                 target_component: context.vehicle.component,
                 mission_type: self.kind,
+                // PX4 computes the id itself and returns it; the field carries none on the way up.
                 opaque_id: 0,
             }));
     }

@@ -19,7 +19,7 @@ use crate::service::bounded::Bounded;
 pub struct Timing {
     /// Wait for an answer before a repeat. PX4 answers in 1 ms; the rest is the radio.
     pub answer: Duration,
-    /// How often a request is sent in all, and how many rounds of a list may add nothing new.
+    /// How often a request is sent in all, and how many rounds of a list may pass without a new parameter.
     pub tries: u8,
     /// Missing parameters of a list that are requested in one round.
     pub window: u8,
@@ -199,7 +199,7 @@ impl Client {
 
     /// Takes a message of `from`; `fresh` is false when it may be a replay.
     ///
-    /// Returns whether it answered the present request.
+    /// Returns whether it answered the current request.
     pub fn handle_message(
         &mut self,
         now: Duration,
@@ -311,7 +311,7 @@ impl Client {
         self.advance(now);
     }
 
-    /// Whether the value was for the present request, and the event that ends it.
+    /// Whether the value was for the current request, and the event that ends it.
     fn handle_value(
         &mut self,
         now: Duration,
@@ -325,6 +325,7 @@ impl Client {
             return (false, None);
         };
         match &mut active.job {
+            // PARAM_VALUE has no target fields: an answer to another station has the same value, and serves as well.
             Job::Read(name) if *name == got => (true, Some(Event::Read { name: got, value })),
             Job::Set {
                 name,
@@ -334,18 +335,20 @@ impl Client {
                 if *wanted == value {
                     return (true, Some(Event::Set { name: got, value }));
                 }
-                // It may be the answer to an earlier request: the retry decides.
+                // It may answer an earlier request: the retry decides.
                 *other = Some(value);
                 (true, None)
             }
             Job::List(list) => {
                 if got.as_str() == HASH_CHECK {
+                    // The hash's bits travel in the float (byte union), and its index is 65535.
                     list.hash = Some(data.param_value.to_bits());
                 } else if data.param_index != NO_INDEX && data.param_index < data.param_count {
                     // Never index 65535, which PX4 sends for a parameter not in use yet: it has no place in the list.
                     let entry = Entry { name: got, value };
                     list.total = data.param_count;
                     if list.entries.insert(data.param_index, entry).is_none() {
+                        // The vehicle still sends the list: the deadline counts from its last new entry.
                         active.tries = 1;
                         active.deadline = now + self.timing.answer;
                     }
@@ -360,7 +363,8 @@ impl Client {
         let have = list.entries.len();
         if list.total > 0 && list.first_missing().is_none() {
             let mut entries = std::mem::take(&mut list.entries);
-            // The vehicle may have stopped using a parameter while it sent the list.
+            // The vehicle may have stopped using a parameter while it sent the list: total shrinks, and entries beyond it
+            // are stale.
             entries.split_off(&list.total);
             return Some(Event::List {
                 entries: entries.into_values().collect(),
@@ -404,6 +408,8 @@ impl Client {
                     param_type: value.kind(),
                 }));
             }
+            // Nothing arrived: request the whole list again. Once part of it has arrived, only the gaps are requested: the
+            // whole list would take the link for as long again.
             Job::List(list) if list.entries.is_empty() => {
                 self.out
                     .push(MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {

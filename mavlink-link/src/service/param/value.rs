@@ -1,4 +1,4 @@
-//! Names and values of parameters, and how they stand on the wire.
+//! Names and values of parameters, and how the wire carries them.
 
 use mavlink::dialects::development::{MavParamType, PARAM_VALUE_DATA};
 use mavlink::types::CharArray;
