@@ -1,4 +1,4 @@
-//! What is sent: heartbeats under either key, which ask the vehicle which one it uses, and SETUP_SIGNING.
+//! Frames to the vehicle: heartbeats under either key, which find out which one it uses, and SETUP_SIGNING.
 
 use core::time::Duration;
 
@@ -45,11 +45,12 @@ impl<A: Copy + Eq> KeyRollover<A> {
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
         if let (true, Some(to)) = (self.setup_due && !self.held, self.peer) {
-            // If the disk fails there is no timestamp: tried again with the next call.
+            // If the disk fails there is no timestamp: the next call tries again.
             let len = self.setup_signing(now, store, out).ok()?;
             self.setup_due = false;
             self.entered = now.mono;
             self.tries += 1;
+            // Evidence from before this attempt says nothing about it.
             (self.seen.old_newer, self.seen.unsigned, self.seen.future) = (0, 0, 0);
             (self.seen.mark, self.seen.refused_armed) = (None, false);
             // Heartbeats under both keys follow at once.
@@ -76,8 +77,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
         Some(Transmit::open(to, len))
     }
 
-    /// Under which key a heartbeat is due, and where to. A stale frame gets its heartbeat at the address that it came
-    /// from, which lifts a vehicle that has restarted. The address is not proved by it and gets nothing else.
+    /// Under which key a heartbeat is due, and where to. A stale frame gets a heartbeat at the address it came from, which
+    /// lifts a vehicle that has restarted. It does not prove the address, so nothing else is sent there.
     fn next_heartbeat(&mut self, mono: Duration) -> Option<(KeySlot, A)> {
         let may_lift = self
             .lifted_at
@@ -99,8 +100,10 @@ impl<A: Copy + Eq> KeyRollover<A> {
         self.heartbeat_at = mono.saturating_add(every);
         let under = match self.state {
             State::Committed => KeySlot::New,
+            // Before the first SETUP_SIGNING the vehicle cannot have the new key.
             State::Staged | State::WaitDisarm | State::NotTaken if self.tries == 0 => KeySlot::Old,
             _ => {
+                // PX4 drops a frame under the wrong key without an answer, so both keys are tried in turn.
                 self.new_next = !self.new_next;
                 if self.new_next {
                     KeySlot::Old
@@ -114,6 +117,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
 
     fn message(
         &mut self,
+        // A staged key has no clock yet and has been sent to nobody.
         under: KeySlot,
         message: &MavMessage,
         now: Now,
@@ -130,6 +134,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             return Ok(len);
         }
         let stamp = self.take_stamp(under, now, store)?;
+        // From this timestamp on, a frame under the old key that is newer proves that the vehicle still uses it.
         if under == KeySlot::Old && (self.tries > 0 || self.state == State::Unknown) {
             self.seen.mark.get_or_insert(stamp);
         }
@@ -147,6 +152,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         let NewKey::Offered(new) = &self.new else {
             return Err(ClockError::Ceiling);
         };
+        // PX4 does not check the target fields; ArduPilot does.
         let mut payload = Zeroizing::new([0; 42]);
         payload[..8].copy_from_slice(&initial.get().to_le_bytes());
         payload[8] = self.config.link.vehicle_system;
@@ -189,6 +195,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 Ok(()) | Err(ClockError::Raising) => self.new = NewKey::Offered(started),
                 Err(fault) => return Err(fault),
             }
+            // Only a durable ceiling may be sent: after a crash the clock must start above it.
             return match &self.new {
                 NewKey::Offered(new) if new.clock().ceiling() >= initial => Ok(initial),
                 _ => Err(ClockError::Raising),
@@ -204,7 +211,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         Ok(initial)
     }
 
-    /// A timestamp for one key that the other will never use: the vehicle has one table of streams for both.
+    /// A timestamp for one key that the other will never use: the vehicle keeps one table of streams for both.
     fn take_stamp(
         &mut self,
         under: KeySlot,
@@ -233,7 +240,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             (KeySlot::New, NewKey::Offered(new)) => Some(&**new),
             _ => self.old.as_ref(),
         };
-        // Marked as signed when it was encoded, and far shorter than the longest frame.
+        // Neither error can occur: the frame was marked as signed when encoded, and is far shorter than the longest frame.
         state.map_or(len, |state| {
             sign(state.key(), self.config.link.link_id, stamp, out, len).unwrap_or(len)
         })
