@@ -1,10 +1,10 @@
-//! The gate before the handshake: an authenticator under a key that only the two ends can have, on every message but
-//! step 15. What does not carry it costs one hash, and no Diffie-Hellman, no session and no token of a rate limit.
+//! The gate before the handshake: an authenticator, under a key that only the two ends can have, on every message but step
+//! 15. A message without it costs one hash, and no Diffie-Hellman, no session and no token of a rate limit.
 //!
 //! The key comes from the pairing code (suite 2), or from the two static keys (suite 1), so it exists before a message
-//! arrives. As WireGuard's mac1 and mac2: the first authenticator says that the sender can have made the message; the
-//! second one, which only the initiator sends and the responder asks for under load, that it is at its address. A
-//! recording has the first, and from another address never the second.
+//! arrives. It works as WireGuard's mac1 and mac2. The first authenticator shows that the message was made by someone with
+//! the key. The second, which only the initiator sends and the responder requires under load, shows that the sender
+//! receives at its address. A recording has the first, and never the second from another address.
 
 use core::hash::{Hash, Hasher};
 
@@ -29,12 +29,12 @@ pub(super) type Cookie = [u8; TAG];
 pub(super) struct Gate(Zeroizing<[u8; 32]>);
 
 impl Gate {
-    /// Of a pairing: both ends have been given the same code.
+    /// For a pairing: both ends have been given the same code.
     pub(super) fn of_code(code: &PairingCode) -> Self {
         Self::derive(&code.psk(), b"vsm/2 pairing gate")
     }
 
-    /// Between pinned ends. `None` where the peer's key is one to which every secret is the same.
+    /// Between pinned ends. `None` for a peer key that gives the same secret with everyone.
     pub(super) fn of_peers(own: &Identity, peer: &PublicKey) -> Option<Self> {
         let shared = own.secret().diffie_hellman(&(*peer.bytes()).into());
         let gate = Self::derive(shared.as_bytes(), b"vsm/2 pinned gate");
@@ -48,7 +48,7 @@ impl Gate {
         Self(key)
     }
 
-    /// The message with its authenticators; with the second one where the responder has asked for it.
+    /// The message with its authenticators; with the second one where the responder has required it.
     pub(super) fn seal(&self, message: &Message, cookie: Option<&Cookie>) -> Option<Message> {
         let data = message.data.as_slice();
         let mut sealed = [0; super::message::MAX_DATA];
@@ -74,6 +74,7 @@ impl Gate {
             data: Data::new(body)?,
             ..sealed.clone()
         };
+        // Read in full before it is used: a forged length only ends here.
         let (first, second) = rest.split_first_chunk::<TAG>()?;
         bool::from(self.first(&message).ct_eq(first)).then(|| Opened {
             first: *first,
@@ -91,6 +92,7 @@ impl Gate {
     }
 
     fn first(&self, message: &Message) -> [u8; TAG] {
+        // Up to the data: the zeros behind it are trimmed on the wire.
         let used = 43 + message.data.as_slice().len();
         self.tag(&[
             b"first",
@@ -129,7 +131,7 @@ impl Opened {
     }
 }
 
-/// Only the initiator is ever asked to prove its address.
+/// Only the initiator ever has to prove its address.
 fn trailer(step: Step) -> usize {
     match step {
         Step::Offer | Step::Confirm => 2 * TAG,
@@ -137,14 +139,14 @@ fn trailer(step: Step) -> usize {
     }
 }
 
-/// The cookie of an address, by a secret that nobody else has: nothing is kept for each address.
+/// The cookie of an address, by a secret that nobody else has: no state is kept per address.
 pub(super) fn cookie_of<A: Hash>(secret: &[u8; 32], address: &A) -> Cookie {
     let mut mac = Feeder(keyed(secret));
     address.hash(&mut mac);
     shortened(mac.0)
 }
 
-/// Feeds what an address is made of to the authenticator.
+/// Feeds the parts of an address to the authenticator.
 struct Feeder(Hmac<Sha256>);
 
 impl Hasher for Feeder {
@@ -153,6 +155,7 @@ impl Hasher for Feeder {
     }
 
     fn finish(&self) -> u64 {
+        // Unused: the bytes that `Hash` writes are all that is needed, as input of an HMAC.
         0
     }
 }

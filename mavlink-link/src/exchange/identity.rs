@@ -41,6 +41,7 @@ impl Identity {
     }
 
     fn copy_of(bytes: &[u8; 32]) -> Self {
+        // Made empty and filled in place, so that no copy stays on the stack.
         let mut identity = Self(Box::new(Zeroizing::new([0; 32])));
         identity.0.copy_from_slice(bytes);
         identity
@@ -103,7 +104,7 @@ impl PublicKey {
         &self.0
     }
 
-    /// What two people compare by eye.
+    /// For two people to compare by eye.
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         let mut half = [0; 16];
@@ -113,6 +114,7 @@ impl PublicKey {
 }
 
 impl PartialEq for PublicKey {
+    // Constant time: a derived comparison would stop at the first difference.
     fn eq(&self, other: &Self) -> bool {
         self.0.ct_eq(&other.0).into()
     }

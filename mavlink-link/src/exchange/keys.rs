@@ -21,8 +21,8 @@ pub struct Agreed {
     pub confidential: Option<ConfidentialKeys>,
     /// The epoch of this exchange: above every one that either end had stored.
     pub epoch: u32,
-    /// The peer's static key. On the ground it is proven only by step 4, or by a frame of the vehicle that verifies
-    /// under [`key`](Agreed::key).
+    /// The peer's static key. On the ground only step 4 proves it, or a frame of the vehicle that verifies under
+    /// [`key`](Agreed::key).
     pub peer: PublicKey,
 }
 
@@ -58,6 +58,7 @@ pub(super) fn derive(finished: &Finished, terms: &Terms<'_>) -> Option<(Agreed, 
     secret[..32].copy_from_slice(&*finished.k1);
     secret[32..].copy_from_slice(&*finished.k2);
     let (mut prk, hkdf) = Hkdf::<Sha256>::extract(Some(&finished.hash), &*secret);
+    // The expanded keys are enough: the pseudorandom key would give all of them.
     prk.as_mut_slice().zeroize();
     let expand = |info: &[&[u8]]| {
         let mut key = Zeroizing::new([0; 32]);
@@ -67,8 +68,10 @@ pub(super) fn derive(finished: &Finished, terms: &Terms<'_>) -> Option<(Agreed, 
     let [ours, theirs] = terms.epochs;
     // Above both stored epochs: it rises even where one end has lost its store.
     let epoch = ours.max(theirs).checked_add(1)?;
+    // Both ends must want them: one that does not would have no use for the keys, and would not keep them.
     let confidential = if terms.wanted.iter().all(|wanted| wanted.confidential) {
         let (ids, number) = (terms.parties.ids(), epoch.to_be_bytes());
+        // Two labels, so that a recording of one direction is noise in the other.
         Some(ConfidentialKeys {
             up: expand(&[b"vsm/1 commsec up", &ids, &number])?,
             down: expand(&[b"vsm/1 commsec down", &ids, &number])?,

@@ -1,8 +1,8 @@
 //! The legacy exchange: a public key every 10 s, and the shared secret as signing key, without authentication.
 //!
-//! Anybody in the middle can pose as either end. It exists for peers that have nothing better; nothing falls back to it,
-//! and a program must warn where it is switched on. Promised all the same: random keys, a refusal of a peer that
-//! contributes nothing, and that the first peer of a process is not replaced by a later one.
+//! Anyone in the middle can pose as either end. It exists for peers that have nothing better. Nothing falls back to it, and
+//! a program must warn where it is switched on. Promised all the same: random keys, refusal of a peer that contributes
+//! nothing, and that a later peer never replaces the first of a process.
 
 use core::fmt;
 use core::time::Duration;
@@ -75,6 +75,8 @@ impl Legacy {
         }
         match self.theirs {
             Some(known) if known == theirs => return Err(Ignored::Repeated),
+            // Trust on first use: a second key is either a restart of the peer or somebody in the middle, and nothing tells
+            // them apart.
             Some(_) => return Err(Ignored::Changed),
             None => {}
         }

@@ -15,14 +15,14 @@ use crate::frame::Node;
 pub const MAX_MESSAGE: usize = 203;
 /// The most bytes of `data`.
 pub const MAX_DATA: usize = 160;
-/// The version of the exchange that is spoken here. Version 1 had no authenticator before the handshake, so that anybody's
+/// The version of the exchange that this crate speaks. Version 1 had no authenticator before the handshake, so anyone's
 /// first message cost the responder a Diffie-Hellman and a session.
 pub const VERSION: u8 = 2;
 
 /// A message as received from the radio.
 #[derive(Debug, Clone, Copy)]
 pub struct Inbound<'a, A> {
-    /// Where it came from, and the answer is sent.
+    /// Where it came from; the answer is sent there.
     pub from: A,
     /// System and component of the frame's header.
     pub source: Node,
@@ -75,11 +75,11 @@ pub enum Step {
     Confirm,
     /// 4: the responder's confirmation and the state of the key.
     Outcome,
-    /// 5: the responder asks the initiator to prove its address, under load.
+    /// 5: the responder, under load, requires the initiator to prove its address.
     Cookie,
     /// 6: the initiator orders the responder to zeroize.
     Order,
-    /// 7: the responder's challenge for an order, or what has become of it.
+    /// 7: the responder's challenge for an order, or the order's outcome.
     Report,
     /// 15: refused, with a status. Unauthenticated, so it changes nothing.
     Reject,
@@ -269,7 +269,7 @@ impl Data {
 
 impl PartialEq for Data {
     fn eq(&self, other: &Self) -> bool {
-        // Constant time: the other may come from an attacker.
+        // Constant time: the other message may come from an attacker.
         self.len == other.len && bool::from(self.bytes.ct_eq(&other.bytes))
     }
 }
@@ -303,6 +303,7 @@ impl Message {
         if len > MAX_DATA {
             return Err(MessageError::Length { length: bytes[42] });
         }
+        // Strict, so that each message has one encoding, and bytes that the authenticator does not cover carry nothing.
         let (data, rest) = bytes[43..].split_at(len);
         if let Some(at) = rest.iter().position(|&byte| byte != 0) {
             return Err(MessageError::Beyond {
@@ -336,6 +337,7 @@ impl Message {
         bytes[39] = self.status.into();
         bytes[40] = self.target.system;
         bytes[41] = self.target.component;
+        // `Data` holds at most 160 bytes, so this cannot fail.
         bytes[42] = u8::try_from(self.data.len).unwrap_or(0);
         bytes[43..].copy_from_slice(&self.data.bytes);
         bytes

@@ -9,15 +9,15 @@
 //! Promised, and each tested by running both ends against each other under loss, duplication, reordering, delay and
 //! restart between any two disk writes:
 //!
-//! - somebody with neither a static key nor the pairing code changes nothing but counters;
+//! - a peer with neither a static key nor the pairing code changes nothing but counters;
 //! - a key that the responder may install in the autopilot is always on the initiator's disk: there is no state in which
-//!   the vehicle signs with a key that the ground does not have;
+//! the vehicle signs with a key that the ground does not have;
 //! - no key is replaced on silence.
 //!
-//! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what is agreed
-//! beside the secrets), `gate` (who may come as far as the handshake), `noise` (the handshake), `keys` (what is derived from it), `store` (what is on disk when),
-//! `initiator` and `responder` (the two machines), `stats`; `order` is the order to zeroize between paired ends, `legacy` the
-//! unauthenticated exchange.
+//! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what both
+//! ends agree on beside the secrets), `gate` (who may start a handshake), `noise` (the handshake), `keys` (what is derived
+//! from it), `store` (what must be on disk at which step), `initiator` and `responder` (the two machines), `stats`; `order`
+//! is the order to zeroize between paired ends, `legacy` the unauthenticated exchange.
 //!
 //! A caller must keep on disk: its [`Identity`], the peer's [`PublicKey`], the counter, the epoch, and the keys
 //! `current` and `next`. [`InitiatorStore`] and [`ResponderStore`] define when, [`InitiatorMemory`] and

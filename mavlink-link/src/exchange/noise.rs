@@ -69,7 +69,7 @@ impl Noise {
 
     /// Reads a message and returns its payload.
     ///
-    /// After a failure the state may have mixed in forged bytes: only an end's own first message, in a pattern that begins
+    /// After a failure the state may have mixed in forged bytes. Only an end's own first message, in a pattern that begins
     /// with a key, may be read again; otherwise the handshake must be built again.
     pub(super) fn read(&mut self, parts: [&[u8]; 2]) -> Result<Written, Failed> {
         let [first, second] = parts;
@@ -92,13 +92,14 @@ impl Noise {
         Some(PublicKey::new(*bytes))
     }
 
-    /// The raw keys; `None` before the end, when they would be constants that anybody can compute.
+    /// The raw keys; `None` before the end, when they would be constants that anyone can compute.
     pub(super) fn finish(mut self) -> Option<Finished> {
         if !self.0.is_handshake_finished() {
             return None;
         }
         let mut hash = [0; 32];
         hash.copy_from_slice(self.0.get_handshake_hash().get(..32)?);
+        // The transport mode of `snow` is never entered: it would keep the keys in a state that nothing wipes.
         let (mut k1, mut k2) = self.0.dangerously_get_raw_split();
         let finished = Finished {
             hash,
@@ -152,6 +153,7 @@ struct Primitives(Zeroizing<[u8; 32]>);
 
 impl CryptoResolver for Primitives {
     fn resolve_rng(&self) -> Option<Box<dyn snow::types::Random>> {
+        // `snow` draws the ephemeral key from here, and nothing else.
         Some(Box::new(Once(Some(self.0.clone()))))
     }
 
@@ -160,6 +162,7 @@ impl CryptoResolver for Primitives {
     }
 
     fn resolve_hash(&self, choice: &HashChoice) -> Option<Box<dyn Hash>> {
+        // Only the curve is replaced: `snow`'s own accepts an all-zero Diffie-Hellman result.
         DefaultResolver.resolve_hash(choice)
     }
 
@@ -219,7 +222,7 @@ impl Dh for Curve {
 
     fn set(&mut self, secret: &[u8]) {
         let mut bytes = Zeroizing::new([0; 32]);
-        // No secret of another length gets here: `Identity` has 32 bytes.
+        // Never another length: `Identity` has 32 bytes.
         bytes
             .iter_mut()
             .zip(secret)
@@ -248,6 +251,7 @@ impl Dh for Curve {
             .and_then(|bytes| bytes.try_into().ok())
             .ok_or(snow::Error::Dh)?;
         let shared = self.secret.diffie_hellman(&public.into());
+        // Some public keys give zero with every secret: the result would be known to everyone.
         if !shared.was_contributory() {
             return Err(snow::Error::Dh);
         }

@@ -1,4 +1,4 @@
-//! The order to zeroize: the ground has its agent erase itself, in steps 6 and 7 of KEY_EXCHANGE (229).
+//! The order to zeroize: the ground makes its agent erase itself, in steps 6 and 7 of KEY_EXCHANGE (229).
 //!
 //! ```text
 //! ground -> air   6  order, a number of the ground's, no challenge
@@ -7,10 +7,10 @@
 //! ground <- air   7  number, report: stored, or refused with the reason
 //! ```
 //!
-//! Promised: both carry the authenticator of the two pinned static keys ([`gate`](super::gate)), so that who has the signing key, or
-//! the key of another vehicle's agent, orders nothing; an order counts with a challenge that this process has given for its number
-//! within 20 s, and once, so that neither a recording nor an order that was held back is worth anything; a report belongs to the
-//! number that the ground has just drawn.
+//! Promised: both steps carry the authenticator of the two pinned static keys ([`gate`](super::gate)), so a holder of the
+//! signing key, or of the key of another vehicle's agent, can order nothing. An order counts once, and only with a
+//! challenge that this process has given for its number within 20 s, so neither a recording nor a delayed order has any
+//! effect. A report names the number that the ground has just drawn.
 
 use core::fmt;
 
@@ -26,7 +26,7 @@ pub(super) type Nonce = [u8; 16];
 pub enum ZeroizeReport {
     /// Nothing is erased there.
     Refused(ZeroizeRefusal),
-    /// The order is stored there, and is carried out; and what has become of the autopilot's key.
+    /// The order is stored there and is being carried out; with the state of the autopilot's key.
     Stored(AutopilotKey),
 }
 
@@ -41,27 +41,27 @@ pub enum ZeroizeRefusal {
     Unknown(u8),
 }
 
-/// What has become of the autopilot's signing key: it is to have one that nobody keeps.
+/// The state of the autopilot's signing key, which is to be replaced by one that nobody keeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AutopilotKey {
-    /// 0: it is being given another.
+    /// 0: the agent is sending it another key.
     Pending,
-    /// 1: it signs with the other one.
+    /// 1: it signs with the other key.
     Replaced,
-    /// 2: it has not taken the other one.
+    /// 2: it has not taken the other key.
     NotTaken,
     /// 3: it does not answer.
     NotReached,
-    /// 4: it is to keep its own, by the agent's configuration.
+    /// 4: it keeps its own, by the agent's configuration.
     Kept,
-    /// 5: it is armed, and takes none.
+    /// 5: it is armed, and PX4 takes no key while armed.
     Armed,
     /// Any other.
     Unknown(u8),
 }
 
 impl ZeroizeReport {
-    /// Whether nothing more follows.
+    /// Whether no further report follows.
     #[must_use]
     pub fn is_final(self) -> bool {
         self != ZeroizeReport::Stored(AutopilotKey::Pending)
@@ -153,7 +153,7 @@ pub(super) struct Order {
     pub(super) number: Nonce,
     /// The agent's, once it has given one.
     pub(super) challenge: Option<Nonce>,
-    /// Also while the autopilot is not known to be disarmed.
+    /// Valid also while the autopilot is not known to be disarmed.
     pub(super) in_flight: bool,
 }
 
@@ -175,7 +175,7 @@ impl Order {
         Data::new(&bytes)
     }
 
-    /// It is none, or for another VSM or vehicle.
+    /// `Err` for data that are no order, or an order for another VSM or vehicle.
     pub(super) fn parse(data: &Data, parties: &Parties) -> Result<Order, Ignored> {
         let (order, whose) = Order::split(data).ok_or(Ignored::Step)?;
         if whose == ids(parties) {
@@ -191,12 +191,13 @@ impl Order {
         let (challenge, rest) = rest.split_first_chunk::<16>()?;
         let (whose, rest) = rest.split_first_chunk::<8>()?;
         let flags = *rest.first()?;
-        // An unknown flag may say what this version would do wrong.
+        // A later version may give an unknown flag a meaning that this version would violate, so the order is refused.
         if flags & ORDERED == 0 || flags & !(ORDERED | IN_FLIGHT) != 0 {
             return None;
         }
         let order = Order {
             number: *number,
+            // Zeros stand for "no challenge yet": the ground asks for one.
             challenge: Some(*challenge).filter(|challenge| *challenge != Nonce::default()),
             in_flight: flags & IN_FLIGHT != 0,
         };
@@ -223,7 +224,7 @@ impl Answer {
         Data::new(&bytes)
     }
 
-    /// `None` where it is none; with the number that it answers.
+    /// The number that it answers, and the answer; `None` for other data.
     pub(super) fn parse(data: &Data) -> Option<(Nonce, Answer)> {
         let bytes: &[u8; 34] = data.as_slice().try_into().ok()?;
         let ([kind, detail], rest) = bytes.split_first_chunk::<2>()?;

@@ -1,7 +1,7 @@
 //! The pairing code: carried by people from one computer to the other, once.
 //!
-//! 160 random bits, not a password: psk3 does not protect against trying codes offline, so one that a person chose would
-//! be found (pitfall 18).
+//! 160 random bits, not a password: psk3 does not protect against offline guessing, so a code chosen by a person would be
+//! found (pitfall 18).
 
 use core::fmt;
 
@@ -45,7 +45,7 @@ impl PairingCode {
         for (offset, letter) in text.char_indices() {
             let value = match letter.to_ascii_uppercase() {
                 ' ' | '-' | '\t' | '\r' | '\n' => continue,
-                // 0, 1 and 8 are not in the alphabet, and are read and typed for O, I and B.
+                // 0, 1 and 8 are not in the alphabet: people read and type them for O, I and B.
                 '0' => b'O' - b'A',
                 '1' => b'I' - b'A',
                 '8' => b'B' - b'A',
@@ -59,6 +59,8 @@ impl PairingCode {
                     *byte |= (value >> (4 - bit) & 1) << (7 - at % 8);
                 }
             }
+            // Counted on, so that the error can name a text that is too long; it stops at one too many, for a text of any
+            // length.
             count = count.saturating_add(1);
             if count > LETTERS {
                 return Err(CodeError::Length { letters: count });
@@ -74,6 +76,7 @@ impl PairingCode {
     /// The code in groups of four, to be shown to a person.
     #[must_use]
     pub fn text(&self) -> Zeroizing<String> {
+        // Reserved in full: a growing string would leave copies of the code behind.
         let mut text = Zeroizing::new(String::with_capacity(LETTERS + LETTERS / 4));
         for n in 0..LETTERS {
             if n > 0 && n % 4 == 0 {

@@ -13,7 +13,7 @@ pub enum Ignored {
     /// The legacy exchange, which nothing here falls back to.
     #[error("the bare public key of the legacy exchange")]
     Legacy,
-    /// Not from the system and component that the peer has.
+    /// Not from the peer's system and component.
     #[error("not from the peer's system and component")]
     Source,
     /// Not to our system and component.
@@ -61,10 +61,10 @@ pub enum Ignored {
     /// There are no random bytes.
     #[error("no random bytes")]
     NoRandom,
-    /// A request for an exchange that nobody has proved to be the peer's, or one for a key that is too young.
+    /// A request for an exchange that is not proved to be the peer's, or one that comes while the key is too young.
     #[error("a request that is not verified under the key in force, or comes too early")]
     Hint,
-    /// An order without the challenge that this process has given for it lately: a recording, or one that was held back.
+    /// An order without a recent challenge of this process: a recording, or a delayed order.
     #[error("an order without its challenge")]
     Challenge,
 }

@@ -1,8 +1,8 @@
 //! What each end keeps on disk, and what must be there when a process starts again.
 //!
-//! The machines decide the order; every call returns only when what it was given would survive a power cut, or the caller
-//! takes nothing from `poll_transmit` before it would. A call that fails ends the attempt, and nothing more is sent of it.
-//! Between any two of the calls the process may die.
+//! The machines decide the order. A call returns only once its data would survive a power cut, or the caller takes nothing
+//! from `poll_transmit` before that. A call that fails ends the attempt, and nothing more of that attempt is sent. The
+//! process may die between any two of the calls.
 
 use thiserror::Error;
 
@@ -26,14 +26,14 @@ pub trait InitiatorStore {
     /// It is not durable.
     fn store_counter(&mut self, counter: u64) -> Result<(), StoreError>;
 
-    /// The responder has our `next` in force: makes it the current key, and the current one the previous.
+    /// The responder already uses our `next`: makes it the current key, and the current one the previous.
     ///
     /// # Errors
     /// It is not durable.
     fn promote_next(&mut self) -> Result<(), StoreError>;
 
-    /// Keeps a key as `next`, in place of any other, with its epoch; for a pairing the peer's static key too, which is
-    /// not proven yet.
+    /// Keeps a key as `next`, in place of any other, with its epoch. For a pairing, keeps the peer's static key too, which
+    /// is not proven yet.
     ///
     /// # Errors
     /// It is not durable.
@@ -61,14 +61,14 @@ pub struct InitiatorMemory {
     pub epoch: u32,
     /// The key in force.
     pub current: Option<KeyId>,
-    /// The key that is agreed and not known to be in force.
+    /// The key that is agreed and not known to be in use.
     pub next: Option<KeyId>,
 }
 
 /// The disk of the air side.
 pub trait ResponderStore {
-    /// `next`, which has not been sent to the autopilot, is withdrawn before another one is agreed on: after this it
-    /// must not be sent any more.
+    /// `next`, which has not been sent to the autopilot, is withdrawn before another one is agreed on. After this it must
+    /// never be sent.
     ///
     /// # Errors
     /// It is not durable.
@@ -114,6 +114,6 @@ pub struct ResponderMemory {
 pub struct StagedKey {
     /// Its name.
     pub id: KeyId,
-    /// Whether it may have been sent to the autopilot: then it is not replaced before the outcome is known.
+    /// Whether it may have been sent to the autopilot: if so, it is not replaced before the outcome is known.
     pub sent: bool,
 }

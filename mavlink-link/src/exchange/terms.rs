@@ -7,7 +7,7 @@ use super::message::Suite;
 use crate::frame::Node;
 use crate::signing::KeyId;
 
-/// What both ends must know alike, or nothing decrypts: it is part of the Noise prologue.
+/// What both ends must know alike; otherwise nothing decrypts. It is part of the Noise prologue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Parties {
     /// The ground side, which starts.
@@ -35,8 +35,8 @@ impl Parties {
         }
     }
 
-    /// The guard of a CUCS, which starts, and the VSM, which answers: the same exchange in datagrams of the DLI's port. MAVLink's
-    /// ids only tell the ends apart; the policy is another, so that no step of one exchange is any of the other.
+    /// The guard of a CUCS, which starts, and the VSM, which answers: the same exchange in datagrams of the DLI's port.
+    /// MAVLink's ids only tell the ends apart. The policy differs, so that no step of one exchange is valid in the other.
     #[must_use]
     pub fn of_guard(vsm_id: u32, cucs_id: u32) -> Self {
         let end = |component| Node {
@@ -168,7 +168,7 @@ pub const POLICY: &str = "vsm policy 1\n\
     unsigned: RADIO_STATUS, KEY_EXCHANGE\n\
     provisioning: air-side agent, disarmed\n";
 
-/// As [`POLICY`], of the keys of the DLI guard.
+/// As [`POLICY`], for the keys of the DLI guard.
 pub const GUARD_POLICY: &str = "vsm guard policy 1\n\
     trailer: HMAC-SHA256 on every datagram, required in both directions\n\
     in force: at the VSM as soon as it is agreed, the one before for 24 h\n";

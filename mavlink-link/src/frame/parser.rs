@@ -37,8 +37,8 @@ impl Parser {
     /// Bytes that begin with a whole good frame end a partial frame that is still kept, so that a
     /// broken datagram cannot delay the next ones.
     pub fn feed<'p, 'd>(&'p mut self, bytes: &'d [u8]) -> Frames<'p, 'd> {
-        // PX4 sends one frame in a datagram, but it may split one over two. A datagram that begins with a whole frame is no
-        // second half: the rest of the kept frame is lost.
+        // PX4 sends one whole frame in a datagram; a read of a serial port may end inside one. Bytes that begin with a
+        // whole frame continue nothing: the rest of the kept frame is lost.
         if self.pending() > 0 && matches!(examine(bytes), Verdict::Frame(_)) {
             self.expire = true;
         }

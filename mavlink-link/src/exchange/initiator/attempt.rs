@@ -42,7 +42,7 @@ impl fmt::Debug for Confirming {
     }
 }
 
-/// What is kept of the agreed key in memory: not the key itself.
+/// What memory keeps of the agreed key: not the key itself.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Promise {
     pub(super) key: KeyId,
@@ -67,7 +67,7 @@ impl Attempt {
         }
     }
 
-    /// The next step of the same attempt: sent at once, and again at the same intervals; the end stays.
+    /// The next step of the same attempt: sent at once, and again at the same intervals. The end of the attempt stays.
     pub(super) fn next_step(&mut self, now: Duration) {
         (self.next_at, self.sent) = (now, 0);
     }
@@ -106,7 +106,7 @@ impl Pauses {
     pub(super) fn next(&mut self, random: &mut dyn Random) -> Duration {
         let whole = Duration::from_secs(1 << self.failures.min(5)).min(LONGEST);
         self.failures = self.failures.saturating_add(1);
-        // Without random bytes two initiators might collide again and again; a responder has only one.
+        // Without random bytes two initiators might collide repeatedly, but a responder has only one.
         let jitter = byte(random).unwrap_or(128);
         whole * 8 / 10 + whole * 4 / 10 * u32::from(jitter) / 255
     }

@@ -21,7 +21,7 @@ use crate::signing::KeyId;
 pub enum Trust {
     /// Suite 1: the peer's static key, pinned by an earlier pairing.
     Pinned(PublicKey),
-    /// Suite 2: both have been given the same code.
+    /// Suite 2: both ends have been given the same code.
     Pairing(PairingCode),
 }
 
@@ -34,14 +34,14 @@ impl Trust {
     }
 }
 
-/// How it stands with the key that the vehicle signs with: what a request of the peer (step 0) counts for.
+/// The state of the key that the vehicle signs with. It decides the effect of a request of the peer (step 0).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KeyInForce {
     /// None, or one that was never seen in use: any request starts an exchange.
     None,
-    /// One that was agreed on lately: no request starts another.
+    /// A recently agreed key: no request starts another exchange.
     Young,
-    /// One that may be replaced: only a request that is verified under it starts an exchange.
+    /// A key that may be replaced: only a request that is verified under it starts an exchange.
     Settled,
 }
 
@@ -92,9 +92,9 @@ pub enum InitiatorEvent {
         /// Its status.
         status: Status,
     },
-    /// The responder had `next` in force already: it is the current key now.
+    /// The responder already used `next`: it is the current key now.
     Promoted,
-    /// No answer within 10 s; it starts again after a pause.
+    /// No answer within 10 s; the exchange starts again after a pause.
     GaveUp {
         /// The step that was not answered.
         unanswered: Step,
@@ -108,7 +108,8 @@ pub enum InitiatorEvent {
     NotStored(StoreError),
     /// No random bytes; the attempt has ended.
     NoRandom,
-    /// What the peer has done about an order to zeroize; none where it has not answered. Twice where it has more to report.
+    /// What the peer has done about an order to zeroize; `None` if it did not answer. Occurs twice if it has more to
+    /// report.
     Zeroize {
         /// Proven to be of this order.
         report: Option<ZeroizeReport>,
@@ -132,12 +133,12 @@ pub struct Initiator {
     pub(super) not_before: Duration,
     pub(super) pauses: Pauses,
     pub(super) hinted_at: Option<Duration>,
-    /// The attempt was begun by a request that anybody can have sent.
+    /// The attempt was started by a request that anyone can have sent.
     pub(super) hinted_by_anyone: bool,
     pub(super) in_force: KeyInForce,
-    /// Of the peer, or of the pairing code.
+    /// The gate of the peer, or of the pairing code.
     pub(super) gate: Option<Gate>,
-    /// What the responder has given this attempt to prove its address with, and how often.
+    /// The cookie with which this attempt proves its address, and how many it has received.
     cookie: Option<Cookie>,
     cookies: u32,
     /// An order to zeroize.
@@ -153,7 +154,7 @@ pub(super) enum Phase {
     Asking(Box<Asking>, Attempt),
     /// Step 3 has been sent and not answered.
     Confirming(Box<Confirming>, Attempt),
-    /// Step 4 has been received; step 3 is sent again now and then to learn the state of the key.
+    /// Step 4 has been received. Step 3 is sent again from time to time, to learn the state of the key.
     Following(Box<Confirming>, Follow),
 }
 
@@ -199,14 +200,14 @@ impl Initiator {
         }
     }
 
-    /// Requests an exchange; attempts are made until one succeeds. Does nothing where one is in progress.
+    /// Requests an exchange; attempts follow until one succeeds. Does nothing while one is in progress.
     pub fn want(&mut self) {
         self.wanted |= !matches!(self.phase, Phase::Following(..));
         self.hinted_by_anyone = false;
     }
 
-    /// Sets what a request of the peer counts for from now on. An attempt that nobody has proved to be the peer's wish
-    /// ends with the first proof that a key is in force.
+    /// Sets the state of the key that the vehicle signs with. An attempt that was started by an unproven request ends with
+    /// the first proof that a key is in use.
     pub fn set_key_in_force(&mut self, key: KeyInForce) {
         self.in_force = key;
         let unproven = matches!(self.phase, Phase::Idle | Phase::Asking(..));
@@ -239,12 +240,13 @@ impl Initiator {
         &self.stats
     }
 
-    /// A frame of the vehicle has verified under `next`, and the caller has made it the current key: that proves the
-    /// peer as well as step 4 does.
+    /// A frame of the vehicle has verified under `next`, and the caller has made it the current key. That proves the peer
+    /// as well as step 4 does.
     ///
     /// # Errors
     /// The peer of a pairing could not be pinned; call it again.
     pub fn key_in_use(&mut self, store: &mut dyn InitiatorStore) -> Result<(), StoreError> {
+        // Step 4 was lost, or is still on its way: the frame takes its place.
         if let Phase::Confirming(confirming, _) = &self.phase {
             let agreed = confirming.agreed;
             self.pin(&agreed.peer, store)?;
@@ -282,6 +284,7 @@ impl Initiator {
     ) -> Result<(), Ignored> {
         let parties = &self.config.parties;
         if inbound.source != parties.responder {
+            // The source of a frame is no proof, but a cheap first test: a forged one ends at the gate.
             return Err(Ignored::Source);
         }
         let message = match Message::parse(inbound.payload).map_err(Ignored::Message)? {
@@ -301,7 +304,7 @@ impl Initiator {
         }
         match message.step {
             Step::Please => {
-                // A hint with no authenticator is anybody's, and does not even show where the peer is.
+                // Without an authenticator a hint may come from anyone, and does not even show where the peer is.
                 let gate = self.gate.as_ref().ok_or(Ignored::Forged)?;
                 gate.open(&message).ok_or(Ignored::Forged)?;
                 self.hinted(now.mono, inbound.verified)
@@ -328,7 +331,7 @@ impl Initiator {
         }
     }
 
-    /// A message of the session that is open, without its authenticator: what does not have it has cost one hash.
+    /// A message of the open session, without its authenticator. A message that lacks it has cost one hash.
     fn admit(&self, message: &Message) -> Result<Message, Ignored> {
         let (gate, own) = match &self.phase {
             Phase::Idle => return Err(Ignored::Session),
@@ -344,7 +347,7 @@ impl Initiator {
         Ok(opened.message)
     }
 
-    /// Step 5: the responder is under load, and answers those that prove their address.
+    /// Step 5: the responder is under load, and answers only initiators that prove their address.
     fn take_cookie(&mut self, message: &Message) -> Result<(), Ignored> {
         let own = match &self.phase {
             Phase::Asking(asking, _) => &asking.message,
@@ -352,10 +355,11 @@ impl Initiator {
             Phase::Idle | Phase::Following(..) => return Err(Ignored::Session),
         };
         let cookie: Cookie = (message.data.as_slice().try_into()).map_err(|_| Ignored::Forged)?;
+        // A cookie echoes the ephemeral key of our message, so a cookie for another session has no effect.
         if message.public_key != own.public_key || self.cookie == Some(cookie) {
             return Err(Ignored::Repeated);
         }
-        // One that was given to another address is a recording, and makes us send no more than a few messages.
+        // A cookie given to another address is a recording. It makes us send a few messages at most.
         if self.cookies >= MAX_COOKIES {
             return Err(Ignored::Limited);
         }
@@ -369,10 +373,11 @@ impl Initiator {
         (self.cookie, self.cookies) = (None, 0);
     }
 
-    /// Step 0. Anybody can send it, once a second and for days: where a key is in force it counts only inside a frame
-    /// that is verified under that key, and it never replaces a key that is young.
+    /// Step 0. Anyone can send it, once a second and for days. Where a key is in use it counts only inside a frame that is
+    /// verified under that key, and it never replaces a young key.
     fn hinted(&mut self, now: Duration, verified: bool) -> Result<(), Ignored> {
         match self.in_force {
+            // There is no key under which a request could be verified.
             KeyInForce::None => {}
             KeyInForce::Settled if verified => {}
             KeyInForce::Settled | KeyInForce::Young => return Err(Ignored::Hint),
@@ -390,7 +395,7 @@ impl Initiator {
         Ok(())
     }
 
-    /// Does what is due by now. Calling it early or late does no harm.
+    /// Does what is due by now. Calling it early or late is harmless.
     pub fn handle_timeout(
         &mut self,
         now: Now,
@@ -425,8 +430,9 @@ impl Initiator {
         }
     }
 
-    /// The peer seems to be there and to have no key: what would be sent later is sent now, and, where it has said so itself (`asked`),
-    /// an attempt that it may have forgotten begins again. For a caller that limits how often it does so.
+    /// The peer seems to be reachable and to have no key: sends now what would be sent later. Where the peer requested an
+    /// exchange itself (`asked`), an attempt that it may have forgotten starts again. For a caller that limits how often it
+    /// does so.
     pub(crate) fn hasten(&mut self, now: Duration, asked: bool) {
         match &self.phase {
             Phase::Idle => self.not_before = self.not_before.min(now),
@@ -439,8 +445,8 @@ impl Initiator {
         }
     }
 
-    /// Sends what is not answered yet once more, earlier than an attempt does by itself. For a caller whose link has one
-    /// purpose, and a short way.
+    /// Repeats an unanswered step earlier than an attempt does by itself. For a caller whose link has one purpose, and a
+    /// short way.
     pub(crate) fn repeat(&mut self) {
         self.due |= matches!(self.phase, Phase::Asking(..) | Phase::Confirming(..));
     }
@@ -509,6 +515,8 @@ impl Initiator {
     /// Ends the attempt; the next one begins after a pause.
     pub(super) fn fail(&mut self, now: Duration, pause: Duration) {
         self.not_before = now.saturating_add(pause);
+        // A session of a pairing may still be open at the responder; its late completion would leave the responder with an
+        // older key than `next` here.
         if let (Phase::Confirming(confirming, _), Trust::Pairing(_)) =
             (&self.phase, &self.config.trust)
         {
@@ -518,14 +526,14 @@ impl Initiator {
         (self.phase, self.due, self.wanted) = (Phase::Idle, false, true);
     }
 
-    /// Nothing more to do until it is wanted again.
+    /// Nothing more to do until an exchange is requested again.
     pub(super) fn rest(&mut self) {
         (self.phase, self.due, self.wanted) = (Phase::Idle, false, false);
         self.hinted_by_anyone = false;
         self.pauses.reset();
     }
 
-    /// Anybody can cause some of the events, so their number is bounded.
+    /// Anyone can cause some of the events, so their number is bounded.
     pub(super) fn keep_few_events(&mut self) {
         while self.events.len() > MAX_EVENTS {
             self.events.pop_front();
@@ -540,19 +548,19 @@ fn gate(config: &InitiatorConfig) -> Option<Gate> {
     }
 }
 
-/// Cookies that are taken in one attempt.
+/// Cookies accepted in one attempt.
 const MAX_COOKIES: u32 = 8;
 /// Step 0 starts at most one attempt in this time.
 const HINT_EVERY: Duration = Duration::from_secs(10);
 /// How often the state of a key is requested.
 pub(super) const FOLLOW_EVERY: Duration = Duration::from_secs(5);
-/// How long step 4 may be missing before another exchange is started. It does not replace a key that has been sent to the
-/// autopilot.
+/// How long step 4 may be missing before another exchange starts. That exchange does not replace a key that has been sent
+/// to the autopilot.
 const FOLLOW_SILENCE: Duration = Duration::from_secs(60);
 /// After this a session whose step 2 has arrived can no longer be completed at the responder, which drops it after
 /// 10 s. In a pairing several sessions are half-open side by side, so that an attacker cannot end an honest one; a late
 /// step 3 could complete an older session than the one whose key is `next` here.
 const NO_MORE_HALF_OPEN: Duration = Duration::from_secs(12);
-/// Step 3 that is not answered for so long, while the peer requests another exchange, went to a process that has ended.
+/// A step 3 unanswered for so long, while the peer requests another exchange, went to a process that has ended.
 const FORGOTTEN: Duration = Duration::from_secs(1);
 const MAX_EVENTS: usize = 16;

@@ -9,8 +9,8 @@
 //! Promised: `next` is on disk before step 3 is sent; a `next` on disk is replaced only once the responder can no longer
 //! install the old one; nothing changes without proof by the peer's keys.
 //!
-//! Order of the parts: `attempt` (one attempt and its timing), `ordering` (an order to zeroize and its timing), `machine` (the state), `steps` (what each
-//! step does), `orders` (what is done for an order).
+//! Order of the parts: `attempt` (one attempt and its timing), `ordering` (an order to zeroize and its timing), `machine`
+//! (the state), `steps` (what each step does), `orders` (how an order is sent and its report read).
 
 mod attempt;
 mod machine;

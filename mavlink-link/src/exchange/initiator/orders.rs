@@ -1,4 +1,4 @@
-//! An order to zeroize, at the ground: sent until the air side has reported what has become of it, or time is up.
+//! An order to zeroize, at the ground: repeated until the air side has reported its outcome, or time is up.
 
 use core::time::Duration;
 
@@ -10,7 +10,8 @@ use crate::exchange::order::{Answer, AutopilotKey, Nonce, Order, ZeroizeReport};
 use crate::exchange::stats::Ignored;
 
 impl Initiator {
-    /// Orders the air side to zeroize; [`InitiatorEvent::Zeroize`] follows, within half a minute. False where nobody is pinned.
+    /// Orders the air side to zeroize; [`InitiatorEvent::Zeroize`] follows within half a minute. False where nobody is
+    /// pinned.
     ///
     /// # Errors
     /// There are no random bytes: nothing is ordered.
@@ -20,6 +21,7 @@ impl Initiator {
         in_flight: bool,
         random: &mut dyn Random,
     ) -> Result<bool, NoRandom> {
+        // In a pairing the peer is not proven yet, so there is nobody to order.
         if !matches!(self.config.trust, Trust::Pinned(_)) || self.gate.is_none() {
             return Ok(false);
         }
@@ -66,7 +68,7 @@ impl Initiator {
                 ordering.due = true;
                 Ok(())
             }
-            // One that comes late says less.
+            // A late report says less than the one before.
             Answer::Report(report) if ordering.reported.is_some() && !report.is_final() => {
                 Err(Ignored::Repeated)
             }
@@ -87,7 +89,7 @@ impl Initiator {
             return;
         };
         if now >= ordering.silent_at.min(ordering.over_at) {
-            // What was stored stands; what became of the autopilot's key nobody will report any more.
+            // The order was stored, which stands. Nobody will report the state of the autopilot's key any more.
             let lost = ZeroizeReport::Stored(AutopilotKey::NotReached);
             let report = ordering.reported.map(|_| lost);
             self.events.push_back(InitiatorEvent::Zeroize { report });
@@ -97,7 +99,8 @@ impl Initiator {
         if now >= ordering.next_at {
             ordering.next_at = now.saturating_add(AGAIN_AFTER);
             ordering.due = true;
-            // A challenge holds for some seconds, and not over a restart of the agent.
+            // A challenge holds for some seconds and not over a restart of the agent, so an order without an answer asks
+            // for a new one.
             let unanswered = |at: Duration| now.saturating_sub(at) >= FORGOTTEN_AFTER;
             if ordering.reported.is_none() && ordering.asked_at.is_some_and(unanswered) {
                 (ordering.order.challenge, ordering.asked_at) = (None, None);
@@ -129,7 +132,7 @@ impl Initiator {
         Some(ordering.next_at.min(end))
     }
 
-    /// Whether an order is on its way.
+    /// Whether an order is in progress.
     #[must_use]
     pub fn is_ordering(&self) -> bool {
         self.ordering.is_some()
@@ -138,7 +141,7 @@ impl Initiator {
 
 const AGAIN_AFTER: Duration = Duration::from_millis(500);
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(2);
-/// Of a radio that loses four frames of ten, 16 tries get through all but always.
+/// 16 tries at a loss of four frames in ten: practically always one gets through.
 const SILENT_AFTER: Duration = Duration::from_secs(8);
 /// The agent needs 20 s at the most to give the autopilot another key.
 const OVER_AFTER: Duration = Duration::from_secs(30);

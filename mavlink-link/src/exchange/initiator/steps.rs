@@ -24,6 +24,7 @@ impl Initiator {
         store: &mut dyn InitiatorStore,
     ) {
         let wall_ms = u64::try_from(now.wall.as_millis()).unwrap_or(u64::MAX);
+        // Wall-clock milliseconds keep the counter above earlier ones even where the stored one was lost.
         let counter = self.memory.counter.saturating_add(1).max(wall_ms);
         if let Err(cause) = store.store_counter(counter) {
             let pause = self.pauses.next(random);
@@ -51,6 +52,7 @@ impl Initiator {
     fn first_message(&self, counter: u64, random: &mut dyn Random) -> Option<Asking> {
         let mut bytes = [0; 4];
         random.fill(&mut bytes).ok()?;
+        // Session 0 marks step 0.
         let session = u32::from_le_bytes(bytes).max(1);
         let mut ephemeral = Zeroizing::new([0; 32]);
         random.fill(&mut *ephemeral).ok()?;
@@ -124,13 +126,14 @@ impl Initiator {
         if message.session != asking.message.session || message.suite != asking.message.suite {
             return Err(Ignored::Session);
         }
-        // Its first mixing sets the key of what follows, so a forged message leaves nothing behind.
+        // The first mixing sets the key of what follows, so a forged message leaves the state usable.
         let payload = asking
             .noise
             .read([&message.public_key, message.data.as_slice()])
             .map_err(|_| Ignored::Forged)?;
         let theirs = Facts::parse(payload.as_slice()).ok_or(Ignored::Forged)?;
-        // From here on the message is proved to be the peer's; in a pairing, of somebody who has yet to prove the code.
+        // From here on the message is proved to come from the peer; in a pairing, from somebody who has yet to prove the
+        // code.
         let Phase::Asking(asking, mut attempt) = core::mem::replace(&mut self.phase, Phase::Idle)
         else {
             return Err(Ignored::Session);
@@ -188,12 +191,13 @@ impl Initiator {
             peer,
         };
         let (agreed, confirmation) = derive(&finished, &terms).ok_or(None)?;
+        // Wiped here, before the disk is written.
         drop(finished);
         let data = match &last {
             Some(last) => Data::new(last.as_slice()),
             None => Data::new(&confirmation.of_initiator()),
         };
-        // The responder has our waiting key in force: it must not be overwritten by the new one.
+        // The responder already uses our waiting key, so the new one must not overwrite it.
         if self.memory.next.is_some() && self.memory.next == theirs.current {
             store.promote_next().map_err(Some)?;
             self.memory.current = self.memory.next.take();
@@ -253,6 +257,7 @@ impl Initiator {
             .read_outcome(message.data.as_slice())
             .ok_or(Ignored::Forged)?;
         let seq = confirming.seq;
+        // Step 4 may arrive out of order: an older state must not replace a newer one.
         if seq.is_some_and(|seq| outcome.seq < seq) {
             return Err(Ignored::Repeated);
         }
@@ -263,6 +268,7 @@ impl Initiator {
             }
             confirming.seq = Some(outcome.seq);
         }
+        // In all four the responder certainly does not have our `next`, and says so under the keys of the exchange.
         let gone = matches!(
             outcome.status,
             Status::Busy | Status::RolledBack | Status::UnknownSession | Status::Refused

@@ -1,7 +1,7 @@
-//! Values that only this process can have given, lately, for something that was sent to it: nothing is kept of each.
+//! Values that only this process can have given, recently, for something it received; it keeps no state for each.
 //!
-//! Of an address they prove that a sender receives there, which is asked for under load; of the number of an order that it was
-//! not made before ([`Cookies::of_orders`]).
+//! Given for an address they prove that the sender receives there, which is required under load. Given for the number of an
+//! order they prove that the order is not older ([`Cookies::of_orders`]).
 
 use core::fmt;
 use core::hash::Hash;
@@ -13,7 +13,7 @@ use zeroize::Zeroizing;
 use crate::exchange::gate::{Cookie, Gate, Opened, cookie_of};
 use crate::exchange::identity::Random;
 
-/// The secret that cookies are made with, and the one before.
+/// The secret that cookies are made with, and the one before it.
 pub(super) struct Cookies {
     /// How long a secret is used; its cookies hold for as long again.
     life: Duration,
@@ -49,13 +49,14 @@ impl Cookies {
         if !self.now.as_ref().is_some_and(fresh) {
             let mut secret = Zeroizing::new([0; 32]);
             random.fill(&mut *secret).ok()?;
+            // The old secret stays valid for a life, so a cookie does not expire while its answer is on the way.
             self.before = self.now.replace((secret, now));
         }
         let (secret, _) = self.now.as_ref()?;
         Some(cookie_of(secret, address))
     }
 
-    /// Whether the message shows that its sender was given the cookie of this address lately.
+    /// Whether the message shows that its sender was recently given the cookie of this address.
     pub(super) fn prove<A: Hash>(
         &self,
         gate: &Gate,
@@ -69,13 +70,13 @@ impl Cookies {
                 .any(|cookie| gate.has_cookie(opened, &cookie))
     }
 
-    /// Whether this cookie was given for this lately.
+    /// Whether this cookie was given for this recently.
     pub(super) fn is_of<A: Hash>(&self, cookie: &Cookie, of: &A, now: Duration) -> bool {
         self.of_late(of, now)
             .any(|given| bool::from(given.ct_eq(cookie)))
     }
 
-    /// Whether any cookie that was given for this may still hold.
+    /// Whether a cookie given at that time may still hold.
     pub(super) fn holds_since(&self, given: Duration, now: Duration) -> bool {
         now.saturating_sub(given) < self.life * 2
     }

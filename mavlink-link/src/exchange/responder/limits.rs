@@ -1,4 +1,4 @@
-//! Rate limits: how often anybody may make the responder compute.
+//! Rate limits: how often anyone may make the responder compute.
 
 use core::time::Duration;
 
@@ -27,7 +27,7 @@ impl Bucket {
     }
 }
 
-/// What a sender has shown of itself, beyond the authenticator that every admitted message has.
+/// What a sender has proved, beyond the authenticator that every admitted message has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Claim {
     /// The frame is verified under the key in force.
@@ -38,7 +38,7 @@ pub(super) enum Claim {
 }
 
 /// The limits of one responder. Verified frames, proven addresses, repetitions and refusals have their own, so that
-/// what anybody can send, or play again, uses up nothing that an honest peer needs.
+/// messages which anyone can send or replay use up nothing that an honest peer needs.
 #[derive(Debug)]
 pub(super) struct Limits<A> {
     verified: Bucket,
@@ -68,6 +68,7 @@ impl<A: Copy + Eq> Limits<A> {
         match self.of_claim(from, claim, now) {
             Some(admitted) => admitted,
             None => {
+                // A flood from many addresses meets the common bucket, a flood from one address its own.
                 self.all.refill(ALL, now);
                 let address = address(&mut self.addresses, from, now);
                 address.refill(EACH, now);
@@ -76,8 +77,8 @@ impl<A: Copy + Eq> Limits<A> {
         }
     }
 
-    /// Takes a token for a message that is answered as before; `owner`: it comes from where it came from first. Anybody
-    /// can play these again, so they take nothing from messages that are new.
+    /// Takes a token for a message that is answered as before; `owner`: it comes from the address it first came from.
+    /// Anyone can replay these, so they take nothing from new messages.
     pub(super) fn repeat(&mut self, from: A, claim: Claim, owner: bool, now: Duration) -> bool {
         match self.of_claim(from, claim, now) {
             Some(admitted) => admitted,
@@ -92,7 +93,7 @@ impl<A: Copy + Eq> Limits<A> {
         }
     }
 
-    /// Takes a token for a refusal by step 15, which nobody has proved to have a right to.
+    /// Takes a token for a refusal by step 15, which anyone can provoke.
     pub(super) fn refuse(&mut self, from: A, claim: Claim, now: Duration) -> bool {
         match self.of_claim(from, claim, now) {
             Some(admitted) => admitted,
@@ -119,7 +120,7 @@ impl<A: Copy + Eq> Limits<A> {
     }
 }
 
-/// The bucket of an address; a new address takes the place of the one that was used least recently.
+/// The bucket of an address. A new address replaces the least recently used one.
 fn address<A: Copy + Eq>(
     addresses: &mut [Option<(A, Bucket)>; ADDRESSES],
     from: A,

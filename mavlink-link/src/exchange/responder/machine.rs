@@ -58,7 +58,7 @@ pub enum ResponderEvent {
     },
     /// The pairing window has closed without a pairing.
     WindowClosed,
-    /// An attempt in the window was made with a wrong code; at most once in 10 s, since anybody can cause it.
+    /// An attempt in the window used a wrong code; at most once in 10 s, since anyone can cause it.
     WrongCode,
     /// Somebody in the ground's name speaks another version of the exchange; at most once a minute.
     OtherVersion {
@@ -69,9 +69,9 @@ pub enum ResponderEvent {
     },
     /// The disk failed; nothing was answered.
     NotStored(StoreError),
-    /// The pinned ground orders it to zeroize: to be answered by [`Responder::report_zeroize`].
+    /// The pinned ground orders this end to zeroize; answer with [`Responder::report_zeroize`].
     Zeroize {
-        /// Also while the autopilot is not known to be disarmed.
+        /// Valid also while the autopilot is not known to be disarmed.
         in_flight: bool,
     },
 }
@@ -98,7 +98,7 @@ pub struct Responder<A> {
     pub(super) half_open: Option<HalfOpen<A>>,
     pub(super) pairing: Option<Window<A>>,
     pub(super) done: Option<Done<A>>,
-    /// Of the pinned peer.
+    /// The gate of the pinned peer.
     pub(super) gate: Option<Gate>,
     pub(super) cookies: Cookies,
     pub(super) challenges: Cookies,
@@ -171,8 +171,8 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         self.vehicle = vehicle;
     }
 
-    /// Opens the window for one pairing with this code, for 10 minutes; another open window is closed. Only a person at
-    /// this computer may cause it. A staged key that was not sent is withdrawn, and suite 1 waits meanwhile.
+    /// Opens the window for one pairing with this code, for 10 minutes; closes another open window. Only a person at this
+    /// computer may cause it. A staged key that was not sent is withdrawn, and suite 1 waits meanwhile.
     ///
     /// # Errors
     /// A key is being installed in the autopilot, or the disk failed; no window is open then.
@@ -183,10 +183,12 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         store: &mut dyn ResponderStore,
     ) -> Result<(), WindowError> {
         self.pairing = None;
+        // PX4 may already have the staged key, and a pairing would replace it.
         if self.memory.next.is_some_and(|next| next.sent) {
             return Err(WindowError::Busy);
         }
         self.withdraw(store)?;
+        // A session of the old peer could otherwise complete inside the window.
         self.half_open = None;
         self.pairing = Some(Window {
             psk: code.psk(),
@@ -233,8 +235,8 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         self.report(Status::RolledBack, 0);
     }
 
-    /// Sets another state of the staged key: waiting for disarm, the autopilot silent, unable to sign. Sent in
-    /// the next answer to step 3; a responder never sends it by itself.
+    /// Sets another state of the staged key: waiting for disarm, the autopilot silent, unable to sign. The next answer to
+    /// step 3 carries it; a responder never sends it on its own.
     pub fn report(&mut self, status: Status, reason: u8) {
         if status == Status::CannotSign
             && let Some(next) = &mut self.memory.next
@@ -247,7 +249,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
     }
 
-    /// A hint that requests an exchange, at most one in 10 s; for the address where the ground was last received.
+    /// A hint that requests an exchange, at most one in 10 s, for the address where the ground was last received.
     pub fn please(&mut self, now: Duration) -> Option<Message> {
         let lately = self
             .pleased_at
@@ -282,6 +284,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         random: &mut dyn Random,
         store: &mut dyn ResponderStore,
     ) -> Result<(), Ignored> {
+        // Expired sessions are dropped first: otherwise the result would depend on when the caller's timer fires.
         self.handle_timeout(now);
         let result = self.judge(now, inbound, random, store);
         self.stats.count(result);
@@ -308,7 +311,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
         match message.step {
             Step::Offer | Step::Confirm | Step::Order => {}
-            // Step 15 is not authenticated: it is counted and changes nothing.
+            // Step 15 is not authenticated, so it is counted and changes nothing.
             Step::Reject => return Err(Ignored::Repeated),
             Step::Please | Step::Answer | Step::Outcome | Step::Cookie | Step::Report => {
                 return Err(Ignored::Reflected);
@@ -320,7 +323,8 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         result
     }
 
-    /// From the gate on: what has no authenticator of the code or of the pinned keys has cost one hash, and ends here.
+    /// From the gate on. A message without an authenticator of the code or of the pinned keys costs one hash, and ends
+    /// here.
     fn enter(
         &mut self,
         now: Duration,
@@ -334,6 +338,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
             return Err(Ignored::Version);
         }
         let suite = Suite::from_wire(message.suite).ok_or(Ignored::Suite)?;
+        // A repeated step 3 belongs to a finished session, whose gate may be gone: after a pairing the window is closed.
         let done = self.done.as_ref().filter(|done| {
             message.step == Step::Confirm && done.confirm.session == message.session
         });
@@ -348,6 +353,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
         .clone();
         let Some(opened) = gate.open(message) else {
+            // Only step 1 shows a wrong code: a session exists only for a step 1 with the right one.
             if (suite, message.step) == (Suite::Pairing, Step::Offer) {
                 self.note_wrong_code(now);
             }
@@ -370,6 +376,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
             Step::Order => self.ordered(now, &arrival, suite, &opened.message, random),
             _ => self.confirmed(now, &arrival, &opened.message, store),
         };
+        // Orders are excluded: they are limited in number, not in rate.
         if (result, claim) == (Err(Ignored::Limited), Claim::Nothing) && message.step != Step::Order
         {
             self.ask_for_address(now, &arrival, message, random);
@@ -377,7 +384,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         result
     }
 
-    /// Step 5. It is shorter than what it answers, so it can be sent to anybody, and as often.
+    /// Step 5. It is shorter than the message it answers, so it amplifies nothing.
     fn ask_for_address(
         &mut self,
         now: Duration,
@@ -415,7 +422,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
     }
 
-    /// Step 15, where it helps an honest peer; an attacker learns nothing new from it.
+    /// Step 15, where it helps an honest peer. An attacker learns nothing new from it.
     fn answer_refusal(
         &mut self,
         now: Duration,
@@ -435,7 +442,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         } else {
             Claim::Nothing
         };
-        // An old counter is found after the rate limit; the other refusals are limited here.
+        // An old counter is found after the rate limit has been paid; the other refusals are limited here.
         let paid = matches!(result, Err(Ignored::OldCounter));
         if paid || self.limits.refuse(inbound.from, claim, now) {
             let refusal = Message {
@@ -447,7 +454,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
     }
 
-    /// Drops what has expired. Calling it early or late does no harm.
+    /// Drops what has expired. Calling it early or late is harmless.
     pub fn handle_timeout(&mut self, now: Duration) {
         self.forget_orders(now);
         self.half_open.take_if(|open| open.is_over(now));
@@ -509,6 +516,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
     }
 
     pub(super) fn queue(&mut self, to: A, message: Message) {
+        // A full queue drops the answer: the initiator repeats its step.
         if self.out.len() < MAX_WAITING {
             self.out.push_back(Outbound { to, message });
         }

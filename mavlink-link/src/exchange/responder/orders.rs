@@ -1,4 +1,4 @@
-//! An order to zeroize, at the air side: it counts once, and only with the challenge that was given for it.
+//! An order to zeroize, at the air side: it counts once, and only with the challenge given for it.
 
 use core::hash::Hash;
 use core::time::Duration;
@@ -12,7 +12,7 @@ use crate::exchange::order::{Answer, Nonce, Order, ZeroizeReport};
 use crate::exchange::stats::Ignored;
 
 impl<A: Copy + Eq + Hash> Responder<A> {
-    /// Step 6. It costs a few hashes, and its answer is shorter than it is: there is no limit that others could use up.
+    /// Step 6. It costs a few hashes, and its answer is shorter than it is, so it needs no rate limit.
     pub(super) fn ordered(
         &mut self,
         now: Duration,
@@ -31,7 +31,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
             self.answer_order(arrival, message.session, &order.number, given);
             return Ok(());
         };
-        // What is carried out may take longer than the challenge holds.
+        // Carrying an order out may take longer than its challenge holds, so a known number is answered without one.
         let known = |one: &&mut Taken<A>| one.number == order.number;
         if let Some(known) = self.orders.iter_mut().find(known) {
             known.from = arrival.from;
@@ -44,7 +44,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         if !self.challenges.is_of(&challenge, &order.number, now) {
             return Err(Ignored::Challenge);
         }
-        // One that is forgotten could be played again for as long as its challenge holds.
+        // Never forget an order to make room: it could be replayed for as long as its challenge holds.
         if self.orders.len() >= MAX_ORDERS {
             return Err(Ignored::Limited);
         }
@@ -61,7 +61,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         Ok(())
     }
 
-    /// What has become of the order that was taken last: sent at once, and whenever it is ordered again.
+    /// Reports the outcome of the order taken last: sent at once, and whenever the order is repeated.
     pub fn report_zeroize(&mut self, report: ZeroizeReport) {
         let Some(taken) = self.orders.back_mut() else {
             return;
@@ -78,7 +78,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
     }
 
-    /// Of what was refused: once its challenge holds no more, it need not be remembered.
+    /// Forgets refused orders once their challenge has expired: they can no longer be replayed.
     pub(super) fn forget_orders(&mut self, now: Duration) {
         let challenges = &self.challenges;
         self.orders
@@ -104,5 +104,5 @@ fn is_refused<A>(one: &Taken<A>) -> bool {
     matches!(one.report, Some(ZeroizeReport::Refused(_)))
 }
 
-/// Orders within the life of a challenge: the ground sends one, and an operator who tries again another.
+/// Orders within the life of a challenge: the ground sends one, and an operator who tries again sends another.
 const MAX_ORDERS: usize = 8;

@@ -1,4 +1,4 @@
-//! Sessions that have been answered and not confirmed, and the one that was.
+//! Sessions that are answered and not confirmed, and the last confirmed one.
 
 use core::fmt;
 use core::time::Duration;
@@ -12,12 +12,12 @@ use crate::exchange::keys::{Agreed, Confirmation, Outcome};
 use crate::exchange::message::{Message, Status};
 use crate::exchange::terms::Facts;
 
-/// Where a message came from, and what it has shown on the way in.
+/// Where a message came from, and what it has proved on arrival.
 #[derive(Debug)]
 pub(super) struct Arrival<A> {
     pub(super) from: A,
     pub(super) claim: Claim,
-    /// What it passed, and the answer passes at the other end.
+    /// The gate it passed; the answer passes it at the other end.
     pub(super) gate: Gate,
 }
 
@@ -31,9 +31,9 @@ pub(super) struct HalfOpen<A> {
 }
 
 pub(super) enum WaitsFor {
-    /// Suite 1: everything is derived; the initiator has only to prove that it has derived the same.
+    /// Suite 1: everything is derived; the initiator only has to prove that it has derived the same.
     Proof(Box<(Agreed, Confirmation)>, u64),
-    /// Suite 2: its last Noise message. The state is built again for each try, from the ephemeral key, since a forged
+    /// Suite 2: the initiator's last Noise message. Each try builds the state again, from the ephemeral key, since a forged
     /// message corrupts a state.
     Message {
         ephemeral: Zeroizing<[u8; 32]>,
@@ -63,8 +63,8 @@ impl<A> fmt::Debug for HalfOpen<A> {
 /// The sessions of a pairing window.
 pub(super) struct PairingSlots<A> {
     open: [Option<HalfOpen<A>>; SLOTS],
-    /// The numbers of the sessions that were opened in this window. Only holders of the code open one, so a number
-    /// that comes again is a recording, which opens none.
+    /// The numbers of the sessions opened in this window. Only holders of the code open one, so a repeated number is a
+    /// recording, and opens none.
     seen: VecDeque<u32>,
 }
 
@@ -84,7 +84,7 @@ impl<A: Copy + Eq> PairingSlots<A> {
         }
     }
 
-    /// Whether a session of this number was opened before, and is not any more.
+    /// Whether a session with this number was opened before and is closed.
     pub(super) fn is_over(&self, session: u32) -> bool {
         self.seen.contains(&session)
     }
@@ -115,6 +115,7 @@ impl<A: Copy + Eq> PairingSlots<A> {
             .iter()
             .position(Option::is_none)
             .unwrap_or_else(|| {
+                // The address with the most sessions loses its oldest: an honest initiator has one.
                 let claim = |at: &usize| {
                     self.open[*at]
                         .as_ref()
@@ -131,7 +132,7 @@ impl<A: Copy + Eq> PairingSlots<A> {
 pub(super) struct Done<A> {
     /// Where it was confirmed from.
     pub(super) from: A,
-    /// Of the session: after a pairing the window, and with it the code, is gone.
+    /// The gate of the session: after a pairing the window, and with it the code, is gone.
     pub(super) gate: Gate,
     pub(super) confirm: Message,
     pub(super) ephemeral: [u8; 32],
@@ -146,6 +147,7 @@ impl<A> Done<A> {
             reason: because,
             seq,
         } = self.outcome;
+        // The sequence rises only with a change, so that the initiator can tell news from repetition.
         if (before, because) != (status, reason) {
             self.outcome = Outcome {
                 status,

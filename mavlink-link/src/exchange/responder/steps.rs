@@ -48,6 +48,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
         match suite {
             Suite::Pinned if self.memory.peer.is_none() => return Err(Ignored::Suite),
+            // A person has opened a window for a new peer: the old one must not complete an exchange meanwhile.
             Suite::Pinned if self.pairing.is_some() => return Err(Ignored::Window),
             Suite::Pairing if self.pairing.is_none() => return Err(Ignored::Window),
             _ => {}
@@ -56,7 +57,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         if suite == Suite::Pairing && self.pairing.as_ref().is_some_and(over) {
             return Err(Ignored::Repeated);
         }
-        // PX4 may have the staged key already: replacing it could leave PX4 with a key that neither end keeps.
+        // PX4 may already have the staged key. Replacing it could leave PX4 with a key that neither end keeps.
         if self.memory.next.is_some_and(|next| next.sent) {
             return Err(Ignored::Busy);
         }
@@ -90,8 +91,10 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         if theirs.counter <= self.highest {
             return Err(Ignored::OldCounter);
         }
+        // On disk before step 2: the initiator drops its own `next` once it has that.
         self.withdraw(store)
             .map_err(|cause| self.not_stored(cause))?;
+        // In memory only. It reaches the disk with step 3; until then a replay after a restart can withdraw a key, no more.
         self.highest = theirs.counter;
         let answer = self
             .write_answer(&mut noise, offer, &self.facts())
@@ -220,7 +223,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         }
     }
 
-    /// The same step 3 again: the same step 4 again, unless the state of the key has changed.
+    /// The same step 3 again gets the same step 4, unless the state of the key has changed.
     fn answer_done(
         &mut self,
         now: Duration,
@@ -265,7 +268,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
             key: derived.0.peer,
             counter: *counter,
         };
-        // On disk before step 4: the initiator must not count on a key that a restart here would forget.
+        // On disk before step 4: the initiator must not rely on a key that a restart here would forget.
         let stored = store
             .store_peer(&peer)
             .and_then(|()| store.store_next(&derived.0));
@@ -301,10 +304,11 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         let WaitsFor::Message { ephemeral, facts } = &open.waits_for else {
             return Err(Ignored::Session);
         };
+        // A forged step 3 corrupts a Noise state, so each try builds a new one.
         let Ok((mut noise, _)) = self.read_offer(Suite::Pairing, &open.offer, ephemeral) else {
             return Err(Ignored::Forged);
         };
-        // The same bytes as when it was sent: all inputs are the same.
+        // Yields the same bytes as before, since all inputs are the same.
         let answer = self
             .write_answer(&mut noise, &open.offer, facts)
             .ok_or(Ignored::Forged)?;
@@ -325,6 +329,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         let (agreed, confirmation) = derive(&finished, &terms).ok_or(Ignored::Forged)?;
         let counter = theirs.counter;
         let peer = PinnedPeer { key, counter };
+        // On disk before step 4, as in suite 1.
         let stored = store
             .store_peer(&peer)
             .and_then(|()| store.store_next(&agreed));
@@ -334,7 +339,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         self.complete(arrival, confirm, &answer, peer, &agreed, confirmation)
     }
 
-    /// Both keys are on disk at both ends.
+    /// Both ends have both keys on disk.
     fn complete(
         &mut self,
         arrival: &Arrival<A>,
@@ -346,6 +351,7 @@ impl<A: Copy + Eq + Hash> Responder<A> {
     ) -> Result<(), Ignored> {
         let (key, epoch) = (agreed.key.id(), agreed.epoch);
         self.highest = peer.counter;
+        // The gate costs a Diffie-Hellman, so it is kept for the same peer.
         if self.memory.peer.map(|known| known.key) != Some(peer.key) {
             self.gate = Gate::of_peers(&self.config.identity, &peer.key);
         }
