@@ -52,10 +52,10 @@ pub trait Disk {
         durability: Durability,
     ) -> Result<(), StoreError>;
 
-    /// Adds to the end of a file, which is made where there is none.
+    /// Appends to a file, which is created if missing.
     ///
     /// # Errors
-    /// Nothing, or a part, has been added.
+    /// Nothing has been added, or a part.
     fn append(
         &mut self,
         name: &str,
@@ -63,13 +63,13 @@ pub trait Disk {
         durability: Durability,
     ) -> Result<(), StoreError>;
 
-    /// Puts a file in the place of another, durably; where there is none nothing happens.
+    /// Moves a file into the place of another, durably. Does nothing if `from` does not exist.
     ///
     /// # Errors
     /// Nothing has changed, or the new name is not durable yet.
     fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError>;
 
-    /// Deletes a file, durably; where there is none nothing happens.
+    /// Deletes a file, durably. Does nothing if it does not exist.
     ///
     /// # Errors
     /// It is not deleted, or that is not durable yet.
@@ -80,35 +80,37 @@ pub trait Disk {
         false
     }
 
-    /// The number of the last change that this disk has taken and makes durable later, counted from 1. What a change
+    /// The number of the last change that this disk has accepted and makes durable later, counted from 1. What a change
     /// promises must not be answered before it is [`Progress::Durable`].
     ///
-    /// 0 of a disk whose changes are durable when their call returns, as most are.
+    /// 0 for a disk whose changes are durable when their call returns, as most are.
     fn queued(&self) -> u64 {
         0
     }
 
-    /// How far these changes are. Each file has a fate of its own: one that cannot be made durable holds back no other.
+    /// How far these changes are. Each file is independent: one that cannot be made durable holds back no other.
     fn progress(&self, of: Changes) -> Progress {
         let _ = of;
         Progress::Durable
     }
 
-    /// What cannot be made durable just now, and why: it is tried again, and further changes of it are refused.
+    /// A record that cannot be made durable just now, and why. It is tried again, and further changes of it are refused.
     fn failing(&self) -> Option<StoreError> {
         None
     }
 
-    /// Puts a log aside, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up
-    /// to `keep`; the one before is gone.
+    /// Rotates a log, so that the next line is the first of a new one: `name` becomes `name.1`, that `name.2`, up to
+    /// `keep`; the oldest is deleted.
     ///
-    /// It loses no file before all others have their new names: until then that is `name.{keep + 1}`. One that has
-    /// failed in the middle, or was cut off by a crash, leaves a gap in the numbers; the next one continues there, and
-    /// moves nothing that has been moved already.
+    /// No file is lost before all others have their new names: until then the oldest is `name.{keep + 1}`. A rotation that
+    /// failed in the middle, or was cut off by a crash, leaves a gap in the numbers; the next one continues there and moves
+    /// nothing twice.
     ///
     /// # Errors
-    /// Not all of it has been done; no line has been lost.
+    /// Not all of it has been done; no line is lost.
     fn rotate(&mut self, name: &str, keep: u32) -> Result<(), StoreError> {
+        // The first free number ends the chain of renames: everything above it was moved by an earlier, interrupted
+        // rotation.
         let surplus = log_name(name, keep + 1);
         let mut free = None;
         for number in 0..=keep + 1 {
@@ -117,7 +119,7 @@ pub trait Disk {
                 break;
             }
         }
-        // All of them are there: the one before has ended, but for the oldest.
+        // No gap: the rotation before is complete, except that its oldest file is still there.
         let free = match free {
             Some(number) => number,
             None => {
@@ -125,7 +127,7 @@ pub trait Disk {
                 keep + 1
             }
         };
-        // Only to a free name, so that no rename can cost a file, however often it is tried.
+        // Only to a free name: no rename can replace a file, however often it is tried.
         for number in (0..free).rev() {
             self.rename(&log_name(name, number), &log_name(name, number + 1))?;
         }
@@ -155,7 +157,7 @@ impl Changes {
         self.until <= self.after
     }
 
-    /// These and the others, and those in between.
+    /// Both ranges, and the changes between them.
     #[must_use]
     pub fn and(self, others: Changes) -> Changes {
         match (self.is_empty(), others.is_empty()) {
@@ -176,7 +178,7 @@ pub enum Progress {
     Durable,
     /// They are on their way.
     Waiting,
-    /// One could not be made durable and is tried again: what depends on it must hold up nothing else.
+    /// One could not be made durable and is tried again. What depends on it must hold up nothing else.
     Failing,
 }
 
@@ -190,7 +192,7 @@ pub enum Durability {
     Power,
 }
 
-/// A file that could not be written or read. It says what to do, where the system's reason does not.
+/// A file that could not be written or read. The text adds what to do, where the system's reason does not.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("record {name}: {cause}{}", remedy(cause))]
 pub struct StoreError {
@@ -201,7 +203,7 @@ pub struct StoreError {
 }
 
 impl StoreError {
-    /// Of a file, for a reason.
+    /// An error about a file, for a reason.
     pub fn new(name: impl Into<String>, cause: impl core::fmt::Display) -> StoreError {
         StoreError {
             name: name.into(),
@@ -210,10 +212,11 @@ impl StoreError {
     }
 }
 
-/// What to do about a disk that refuses, by the system's own words: `; free space on its disk`. Nothing where there is no such
-/// reason, or the text says it already.
+/// What to do about a disk error, by the system's own words: `; free space on its disk`. Empty where the reason is not
+/// known, or the text already contains the remedy.
 ///
-/// By the words and not by the error's number: causes are kept as texts here, and programs that set no locale get them in English.
+/// By the words and not by the error number: causes are kept as texts here, and programs that set no locale get them in
+/// English.
 #[must_use]
 pub fn remedy(cause: &str) -> &'static str {
     let known = REMEDIES
@@ -245,7 +248,7 @@ const REMEDIES: [(&str, &str); 6] = [
 
 /// A value with a file of its own.
 pub trait Record: Sized {
-    /// What tells two files of this kind apart, such as a vehicle's id.
+    /// What distinguishes two files of this kind, such as a vehicle's id.
     type Key: ?Sized;
 
     /// What [`Store::save`] makes it survive.
@@ -269,7 +272,7 @@ pub trait Store: Disk {
     /// Reads a record; `None` where it was never written.
     ///
     /// # Errors
-    /// It exists and cannot be read or decoded. A caller must not take that for a missing one: what it promised before
+    /// It exists and cannot be read or decoded. A caller must not treat that as a missing record: what it promised before
     /// the restart would be lost.
     fn load<R: Record>(&self, key: &R::Key) -> Result<Option<R>, StoreError> {
         let name = R::name(key);
@@ -290,7 +293,7 @@ pub trait Store: Disk {
         self.save_as(key, record, R::DURABILITY)
     }
 
-    /// Writes a record that must survive more, or less, than its kind does.
+    /// Writes a record with another durability than its kind has.
     ///
     /// # Errors
     /// As [`Disk::replace`].
@@ -306,7 +309,7 @@ pub trait Store: Disk {
 
 impl<D: Disk + ?Sized> Store for D {}
 
-/// The name of a log that was put aside so many times.
+/// The name of a log after this many rotations.
 #[must_use]
 pub fn log_name(name: &str, number: u32) -> String {
     if number == 0 {
@@ -334,7 +337,7 @@ mod memory {
     pub struct MemoryDisk {
         /// The files.
         pub records: BTreeMap<String, Vec<u8>>,
-        /// Files whose names start so cannot be changed: a full disk. An empty text is every file.
+        /// No file whose name starts so can be changed: a full disk. An empty text matches every file.
         pub full: Option<&'static str>,
         /// How many changes were tried.
         pub writes: u64,
@@ -342,7 +345,7 @@ mod memory {
         pub refused: u64,
         /// How many had to survive a power cut.
         pub synced: u64,
-        /// What must survive a power cut becomes durable later, by [`complete`](MemoryDisk::complete).
+        /// Whether changes with [`Durability::Power`] become durable later, by [`complete`](MemoryDisk::complete).
         pub queues: bool,
         /// Records that were replaced and are not durable yet, the oldest first: the end of the process loses them.
         pub waiting: VecDeque<(u64, String, Vec<u8>)>,
@@ -350,7 +353,7 @@ mod memory {
         pub stuck: Option<&'static str>,
         /// The last change that was queued.
         pub queued: u64,
-        /// All up to this one are durable, but for what is stuck.
+        /// All up to this one are durable, except those that are stuck.
         pub durable: u64,
     }
 
@@ -382,7 +385,7 @@ mod memory {
             self.durable = self.durable.max(change.min(self.queued));
         }
 
-        /// The end of the process: what waits is lost.
+        /// Ends the process: queued changes are lost.
         pub fn kill(&mut self) {
             self.waiting.clear();
             self.durable = self.queued;
@@ -396,6 +399,7 @@ mod memory {
             max_bytes: u64,
         ) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
             let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
+            // A process sees its own queued writes, as on a real disk that queues.
             let waits = self.waiting.iter().rev().find(|one| one.1 == name);
             let bytes = waits.map(|one| &one.2).or(self.records.get(name));
             Ok(bytes.map(|bytes| Zeroizing::new(bytes[..bytes.len().min(max)].to_vec())))
@@ -407,6 +411,7 @@ mod memory {
             bytes: &[u8],
             durability: Durability,
         ) -> Result<(), StoreError> {
+            // A write behind a queued one of the same file must queue too, or the older bytes would overwrite it.
             let follows = self.waiting.iter().any(|one| one.1 == name);
             let durability = if follows {
                 Durability::Power

@@ -27,11 +27,13 @@ pub fn record(wall: Duration, frame: &FrameView<'_>, out: &mut [u8; MAX_RECORD])
     let record = &mut out[STAMP_LEN..];
     record[..len].copy_from_slice(&original[..len]);
     if frame.header().message_id == SETUP_SIGNING_ID {
+        // Blanked and not dropped: the record still shows that a key was sent.
         record[HEADER_LEN..len].fill(0);
     } else if !frame.is_signed() {
         record[len..original.len()].copy_from_slice(&original[len..]);
         return STAMP_LEN + original.len();
     }
+    // A frame with the flag and without a trailer would be malformed, and a reader would take 13 bytes of the next record.
     record[2] &= !INCOMPAT_SIGNED;
     let crc = checksum(&record[1..len], extra_of(frame));
     record[len..len + CRC_LEN].copy_from_slice(&crc.to_le_bytes());

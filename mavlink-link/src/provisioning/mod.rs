@@ -1,14 +1,14 @@
-//! Giving a vehicle a new signing key, without a state from which the link cannot come back by itself.
+//! Giving a vehicle a new signing key, without any state from which the link cannot recover by itself.
 //!
-//! PX4 sends no acknowledgement of SETUP_SIGNING, only a STATUSTEXT, and takes the key or not. So two keys
-//! are held until a frame of the vehicle *verifies* under one of them: only that is proof (pitfall 14: signing is
-//! switched on before the peer has accepted the key, and the link is lost). Promised:
+//! PX4 sends no acknowledgement of SETUP_SIGNING, only a STATUSTEXT, and it may refuse the key. So two keys are kept until
+//! a frame of the vehicle *verifies* under one of them: only that is proof (pitfall 14: signing is switched on before the
+//! peer has accepted the key, and the link is lost). Promised:
 //!
-//! - nothing is deleted on silence: a vehicle that sends nothing may have taken the key (pitfall 27);
-//! - the new key is given up only where frames of the vehicle, made after the last SETUP_SIGNING had
-//!   become a replay, have verified under the old key alone for half a minute;
-//! - every SETUP_SIGNING is signed with the key in force, while the vehicle reports that it is disarmed (PX4 refuses it
-//!   while armed), and with a first timestamp above every timestamp seen;
+//! - nothing is deleted on silence: a vehicle that sends nothing may have accepted the key (pitfall 27);
+//! - the new key is given up only after frames of the vehicle, made after the last SETUP_SIGNING had become a replay, have
+//! verified under the old key alone for half a minute;
+//! - every SETUP_SIGNING is signed with the key in use, sent while the vehicle reports that it is disarmed (PX4 refuses it
+//! while armed), and carries a first timestamp above every timestamp seen;
 //! - timestamps rise over both keys, since the vehicle keeps one table of streams for both.
 //!
 //! ```text
@@ -19,8 +19,8 @@
 //!                                +-> UNKNOWN                silence: both keys kept, both tried
 //! ```
 //!
-//! A process that dies on the way starts again in UNKNOWN, with the keys that are on disk: the caller
-//! stores the new key before [`KeyRollover::start`], and makes it the current one on [`Event::Commit`].
+//! A process that ends before the outcome starts again in UNKNOWN, with the keys that are on disk: the caller stores the
+//! new key before [`KeyRollover::start`], and makes it the current one on [`Event::Commit`].
 //!
 //! Order of the parts: `rollover` is the machine, `evidence` draws conclusions from received frames, `send` writes
 //! heartbeats and SETUP_SIGNING.
