@@ -296,9 +296,9 @@ impl Client {
                 active.deadline = now + wait;
                 self.active = Some(active);
             } else {
+                // None of the tries was answered, so any of them may still be.
                 let tries = active.tries;
                 self.finish(now, &active, Outcome::NoAnswer { tries }, tries);
-            // None of the tries was answered, so any of them may still be.
             }
         }
         self.advance(now);

@@ -2,9 +2,8 @@
 //! the measurement was made.
 //!
 //! A request carries our time (TIMESYNC.ts1). The autopilot returns it with its own (tc1, ns since its boot), which is the
-//! clock of its time_boot_ms and time_usec. That was read between our sending and our receiving, so an exchange bounds the
-//! clock of its time_boot_ms and time_usec. It read that clock between our sending and our receiving, so an exchange bounds
-//! the
+//! clock of its time_boot_ms and time_usec. It read that clock between our sending and our receiving, so an exchange
+//! bounds the offset of the two clocks to half its round trip on either side.
 //!
 //! How the offset is chosen:
 //! - of the latest exchanges those with short round trips count, and of these the median. Exchanges delayed in a queue are

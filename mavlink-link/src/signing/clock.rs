@@ -433,7 +433,6 @@ const CLOSE: u64 = 100_000;
 const RESERVE: u64 = 3_653 * 86_400 * 100_000;
 /// How far the ceiling is written ahead.
 // One synchronised write for 10 s of timestamps; one for each frame would stall the link.
-// One synchronised write for 10 s of stamps, where one for each frame would stall the link.
 const WRITE_AHEAD: Duration = Duration::from_secs(10);
 /// How much room below the ceiling starts the next write on a disk that queues: the write has this long before a frame
 /// waits.

@@ -58,7 +58,6 @@ impl SigningKey {
 
     /// A key of any bytes, all-zero too: PX4 accepts such a key, so a model of PX4 needs one.
     #[must_use]
-    // Decoded by hand and not by a library: a decoder that returns a vector or an array would leave a copy behind.
     pub fn new_allowing_zero(mut bytes: [u8; 32]) -> Self {
         let key = Self::copy_of(&bytes);
         bytes.zeroize();
@@ -80,6 +79,7 @@ impl SigningKey {
         let offset = text.len() - text.trim_start().len();
         let digits = text.trim().as_bytes();
         let mut key = Self(Box::new([0; 32]));
+        // Decoded by hand and not by a library: a decoder that returns a vector or an array would leave a copy behind.
         for (at, &digit) in digits.iter().enumerate() {
             let value = match digit {
                 b'0'..=b'9' => digit - b'0',

@@ -43,8 +43,8 @@ impl Default for Timing {
 
 impl Timing {
     /// The wait after this many repeats.
-    // The exponent is bounded for the multiplication; the wait is bounded by `longest_answer` long before.
     pub(super) fn wait(&self, repeats: u32) -> Duration {
+        // The exponent is bounded for the multiplication; the wait is bounded by `longest_answer` long before.
         (self.answer * 2_u32.pow(repeats.min(8))).min(self.longest_answer)
     }
 }
