@@ -1,9 +1,9 @@
 //! The few requests of etcd that a shared store needs, by its JSON gateway (`/v3/...` over HTTP, etcd 3.4 and later).
 //!
-//! Not by its gRPC interface: the crates for that need a compiler of protocol buffers on each computer that builds them.
+//! Not by its gRPC interface: the crates for that need a protocol buffer compiler on each computer that builds them.
 //!
-//! A request of which no answer came may have been applied, or be applied later, and is repeated at the next member: whoever
-//! asks gives each a condition that holds once only.
+//! A request without an answer may have been applied, or may be applied later, and is repeated at the next member. So each
+//! caller gives it a condition that holds only once.
 
 use std::io;
 use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering};
@@ -19,16 +19,16 @@ use serde_json::{Value, json};
 pub(super) struct Etcd {
     agent: ureq::Agent,
     endpoints: Vec<String>,
-    /// The member that answered last is asked first.
+    /// The member that answered last, which is asked first.
     first: AtomicUsize,
-    /// That of the latest answer.
+    /// The revision of the latest answer.
     revision: AtomicI64,
 }
 
 /// What has to hold for a transaction to be applied.
 #[derive(Debug)]
 pub(super) enum Condition<'a> {
-    /// The key was created by the transaction with this revision and has not been deleted since; 0: there is no such key.
+    /// The transaction with this revision created the key, which has not been deleted since; 0: the key does not exist.
     CreatedAt(&'a str, i64),
     /// The key has this value.
     Holds(&'a str, &'a [u8]),
@@ -37,11 +37,11 @@ pub(super) enum Condition<'a> {
 /// One change of a transaction.
 #[derive(Debug)]
 pub(super) enum Change {
-    /// Gives a key a value. With a lease it is deleted when that ends.
+    /// Gives a key a value. With a lease, the key is deleted when the lease ends.
     Put(String, Vec<u8>, Option<i64>),
     /// Deletes a key.
     Remove(String),
-    /// Deletes all keys from this one on that come before the other.
+    /// Deletes all keys from this one up to, but not including, the other.
     RemoveRange(String, Vec<u8>),
 }
 
@@ -58,19 +58,20 @@ pub(super) struct Entry {
 #[derive(Debug)]
 pub(super) struct Page {
     pub(super) entries: Vec<Entry>,
-    /// The state that it shows: further pages of the same.
+    /// The state that it shows: request further pages of the same state.
     pub(super) revision: i64,
     /// There are more keys behind these.
     pub(super) more: bool,
 }
 
 impl Etcd {
-    /// Nothing is sent yet. A request to one member takes `within` at most.
+    /// Sends nothing yet. A request to one member takes at most `within`.
     pub(super) fn new(endpoints: &[String], within: Duration) -> Etcd {
         let config = ureq::Agent::config_builder()
             .timeout_global(Some(within))
+            // A refusal carries its reason in the body, which an error would drop.
             .http_status_as_error(false)
-            // What the environment has for browsers is not meant for this.
+            // The proxy of the environment is meant for browsers.
             .proxy(None)
             .build();
         Etcd {
@@ -81,12 +82,12 @@ impl Etcd {
         }
     }
 
-    /// The revision of the latest answer: an etcd that was set back has a lower one than before.
+    /// The revision of the latest answer: an etcd restored from a backup has a lower one than before.
     pub(super) fn revision(&self) -> i64 {
         self.revision.load(Ordering::Relaxed)
     }
 
-    /// The revision that etcd has, by an answer of its own: other threads ask meanwhile.
+    /// etcd's present revision, by a request of its own: other threads send requests meanwhile.
     pub(super) fn revision_now(&self, key: &str) -> io::Result<i64> {
         let answer: Ranged = self.ask("kv/range", &json!({ "key": STANDARD.encode(key) }))?;
         self.note(&answer.header);
@@ -94,10 +95,12 @@ impl Etcd {
     }
 
     fn note(&self, header: &Header) {
+        // Stored, not raised to a maximum: a lower revision is what reveals a restored etcd.
         self.revision.store(header.revision.0, Ordering::Relaxed);
     }
 
-    /// Applies all changes, at once, where all conditions hold: the revision that they have then. `None` where one does not hold.
+    /// Applies all changes at once if all conditions hold, and returns the new revision. `None` if a condition does not
+    /// hold.
     pub(super) fn transact(
         &self,
         conditions: &[Condition<'_>],
@@ -111,14 +114,14 @@ impl Etcd {
         Ok(answer.succeeded.then_some(answer.header.revision.0))
     }
 
-    /// The key, where there is one.
+    /// The key, if it exists.
     pub(super) fn get(&self, key: &str) -> io::Result<Option<Entry>> {
         let answer: Ranged = self.ask("kv/range", &json!({ "key": STANDARD.encode(key) }))?;
         self.note(&answer.header);
         Ok(answer.page()?.entries.pop())
     }
 
-    /// Up to `limit` keys that begin with `prefix`, from `from` on, as they were at `revision` (0: as they are).
+    /// Up to `limit` keys that begin with `prefix`, from `from` on, as of `revision` (0: now).
     pub(super) fn list(
         &self,
         prefix: &str,
@@ -135,14 +138,15 @@ impl Etcd {
         self.ask::<Ranged>("kv/range", &question)?.page()
     }
 
-    /// A lease that ends `ttl_s` after it was granted or kept alive last.
+    /// A lease that ends `ttl_s` after it was last granted or kept alive.
     pub(super) fn grant(&self, ttl_s: u64) -> io::Result<i64> {
         let answer: Granted = self.ask("lease/grant", &json!({ "TTL": ttl_s.to_string() }))?;
         Ok(answer.id.0)
     }
 
-    /// Begins a lease's time again; false where it has ended.
+    /// Restarts a lease's time; false if it has ended.
     pub(super) fn keep_alive(&self, lease: i64) -> io::Result<bool> {
+        // A lease that has ended is answered with a TTL of 0, which the gateway leaves out.
         let answer: KeptAlive = self.ask("lease/keepalive", &json!({ "ID": lease.to_string() }))?;
         Ok(answer.result.ttl.0 > 0)
     }
@@ -153,7 +157,7 @@ impl Etcd {
             .map(drop)
     }
 
-    /// Asks the members in turn until one answers.
+    /// Sends the request to the members in turn until one answers.
     fn ask<T: for<'a> Deserialize<'a>>(&self, path: &str, question: &Value) -> io::Result<T> {
         let question = question.to_string();
         let first = self.first.load(Ordering::Relaxed);
@@ -193,7 +197,7 @@ impl Etcd {
         let read = answer.body_mut().with_config().limit(MAX_ANSWER);
         let bytes = read.read_to_vec().map_err(|cause| named(&cause))?;
         if !answer.status().is_success() {
-            // The reason is in it; of something that is no etcd only the status is worth showing.
+            // The body gives the reason. For a server that is not an etcd only the status is worth showing.
             let reason: Option<Refused> = serde_json::from_slice(&bytes).ok();
             let reason = reason.map_or_else(|| answer.status().to_string(), |it| it.error);
             return Err(named(&reason));
@@ -248,7 +252,7 @@ impl Change {
     }
 }
 
-/// The first key behind all that begin with `prefix`. Keys here are ASCII.
+/// The first key after all that begin with `prefix`. Keys here are ASCII, so the last byte cannot overflow.
 fn end_of(prefix: &str) -> Vec<u8> {
     let mut end = prefix.as_bytes().to_vec();
     if let Some(last) = end.last_mut() {
@@ -257,7 +261,7 @@ fn end_of(prefix: &str) -> Vec<u8> {
     end
 }
 
-/// The gateway writes 64-bit integers as texts, and leaves out what is 0.
+/// The gateway writes 64-bit integers as strings and omits zeros.
 #[derive(Debug, Clone, Copy, Default)]
 struct Int64(i64);
 
@@ -339,7 +343,7 @@ impl Ranged {
     }
 }
 
-/// A page of pieces is some 1 MB; nobody makes this node keep more.
+/// A page of pieces has about 1 MB; the bound keeps a broken server from filling this node's memory.
 const MAX_ANSWER: u64 = 16 * 1024 * 1024;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A store's folder of which each change is in etcd before it counts as durable.
+//! A store's folder whose changes are all in etcd before they count as durable.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,24 +19,26 @@ use crate::shell::disk::{ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem}
 
 /// The file system of a node that owns its VSM.
 ///
-/// The folder stays as it would be without etcd. What makes a change durable (the synchronisation of a log, or of the folder
-/// after a rename or a deletion) stores it in etcd, too, and fails where that does. A node that ends in between has a folder that is
-/// ahead of etcd by what nobody was promised; the next owner, which may be this node, continues from what etcd has.
+/// The folder has the same content as without etcd. The steps that make a change durable (the synchronisation of a log, or
+/// of the folder after a rename or a deletion) also store it in etcd, and fail if that fails. A node that ends in between
+/// has a folder ahead of etcd by changes that nobody was promised; the next owner, which may be this node, continues from
+/// etcd's state.
 #[derive(Debug)]
 pub(super) struct SharedFiles {
     folder: PathBuf,
     /// The same without links and relative parts, as the system names open files.
     real: PathBuf,
     remote: Arc<Remote>,
-    /// The ceilings of clocks, and everything else: a link must not wait for a plan that somebody stores.
+    /// The ceilings of clocks, and everything else: a link must not wait while a plan is stored.
     lanes: [Lane; 2],
 }
 
 #[derive(Debug, Default)]
 struct Lane {
-    /// Files that were written, renamed or deleted since they were stored. The last to be locked of the two.
+    /// Files written, renamed or deleted since they were last stored. Lock this one after `stored`.
     changed: Mutex<BTreeSet<String>>,
-    /// What etcd has. Locked as long as that is changed: who finds nothing changed under this lock knows that all is stored.
+    /// What etcd has. Locked as long as it is being changed: a thread that finds no change under this lock knows that all
+    /// is stored.
     stored: Mutex<StoredLane>,
 }
 
@@ -48,29 +50,29 @@ struct StoredLane {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Stored {
-    /// That of the last request with an answer.
+    /// The head of the last request with an answer.
     head: Head,
-    /// Of its content where it was stored whole: a start writes files again that have not changed.
+    /// The digest of the content if it was stored whole: a start rewrites files that have not changed.
     digest: Option<[u8; 32]>,
 }
 
 thread_local! {
-    /// The lanes in which this thread has changed a file since it synchronised the folder: its concern alone. A thread that has changed
-    /// none synchronises what others have.
+    /// The lanes in which this thread has changed a file since it synchronised the folder: the thread waits for these only.
+    /// A thread that has changed no file synchronises the changes of others.
     static TOUCHED: Cell<[bool; 2]> = const { Cell::new([false; 2]) };
     /// This thread has written an order to erase, which must not wait for etcd.
     static ORDERED: Cell<bool> = const { Cell::new(false) };
 }
 
 impl StoredLane {
-    /// A request about this file goes out: until there is an answer, what etcd has of it is not known.
+    /// A request about this file is sent: until it is answered, etcd's version of the file is unknown.
     fn doubt(&mut self, name: &str) {
         self.files.entry(name.to_owned()).or_default().digest = None;
     }
 }
 
 impl SharedFiles {
-    /// Of a folder that holds what etcd has.
+    /// For a folder that holds what etcd has.
     pub(super) fn new(
         folder: &Path,
         remote: Arc<Remote>,
@@ -92,7 +94,7 @@ impl SharedFiles {
         })
     }
 
-    /// The name of a file that is in etcd, too.
+    /// The name of a file that is also in etcd.
     fn name_of(&self, path: &Path) -> Option<String> {
         let name = path.strip_prefix(&self.folder).ok()?.to_str()?;
         is_stored(name).then(|| name.to_owned())
@@ -102,7 +104,8 @@ impl SharedFiles {
         self.note_all(&[path]);
     }
 
-    /// Notes what one step has changed, at once: nobody sees a part of it. Both names of a file that is put aside are of one lane.
+    /// Notes the changes of one step at once, so that no thread sees a part of it. Both names of a rotated file are of one
+    /// lane.
     fn note_all(&self, paths: &[&Path]) {
         if paths.contains(&&*self.folder.join(ERASE_ORDER)) {
             ORDERED.set(true);
@@ -111,6 +114,7 @@ impl SharedFiles {
         let Some(lane) = names.first().map(|name| lane_of(name)) else {
             return;
         };
+        // A rename across lanes could be stored half by another thread.
         debug_assert!(names.iter().all(|name| lane_of(name) == lane), "{names:?}");
         let mut touched = TOUCHED.get();
         touched[lane] = true;
@@ -118,7 +122,7 @@ impl SharedFiles {
         locked(&self.lanes[lane].changed).extend(names);
     }
 
-    /// Stores what has changed in the lanes of this thread, or in all where it has changed nothing itself.
+    /// Stores the changes in the lanes of this thread, or in all lanes if it has changed nothing itself.
     fn store(&self) -> io::Result<()> {
         let touched = TOUCHED.get();
         let none = touched == [false; 2];
@@ -131,12 +135,13 @@ impl SharedFiles {
 
     fn store_lane(&self, lane: usize) -> io::Result<()> {
         let Lane { changed, stored } = &self.lanes[lane];
-        // Before it looks what has changed: another thread may be storing just that, and fail.
+        // Locked before the list of changes is read: another thread may be storing just these, and fail.
         let mut stored = locked(stored);
         let mut left = std::mem::take(&mut *locked(changed));
         let mut done = Ok(());
-        // A log that is put aside has its new name in etcd before the old one goes, and the oldest first; a record is there before the
-        // lines that it takes the place of are not. A change that comes meanwhile is one of the next time.
+        // Puts before removals, and the highest log number first. So a rotated log has its new name in etcd before the old
+        // one is removed, and a record is stored before the lines that it replaces are deleted. A change that arrives
+        // meanwhile is stored next time.
         let is_there = |name: &String| self.folder.join(name).exists();
         let (puts, removals): (Vec<String>, Vec<String>) = left.iter().cloned().partition(is_there);
         for name in puts.into_iter().rev().chain(removals) {
@@ -146,11 +151,12 @@ impl SharedFiles {
             }
             left.remove(&name);
         }
+        // What failed is tried again with the next synchronisation.
         locked(changed).append(&mut left);
         done
     }
 
-    /// Stores a file as it is by now.
+    /// Stores the present content of a file.
     fn store_file(&self, lane: usize, name: &str, stored: &mut StoredLane) -> io::Result<()> {
         let before = stored.files.get(name).copied();
         let bytes = NativeFileSystem.read(&self.folder.join(name), u64::MAX)?;
@@ -176,15 +182,15 @@ impl SharedFiles {
         Ok(())
     }
 
-    /// Stores what a log has grown by.
+    /// Stores the new end of a log.
     fn store_end(&self, name: &str, file: &File) -> io::Result<()> {
         let lane = lane_of(name);
         let Lane { changed, stored } = &self.lanes[lane];
         let mut stored = locked(stored);
         let length = file.metadata()?.len();
         let known = stored.files.get(name).copied();
-        // Renamed, deleted or replaced meanwhile: what lies under its name is another file than etcd has, and is stored with
-        // the others that changed, in their order.
+        // Renamed, deleted or replaced meanwhile: the file now under this name is not the one that etcd has. It is stored
+        // with the other changed files, in their order.
         if locked(changed).contains(name) || known.is_none_or(|it| it.head.length > length) {
             locked(changed).insert(name.to_owned());
             drop(stored);
@@ -192,7 +198,7 @@ impl SharedFiles {
         }
         let Some(known) = known else { return Ok(()) };
         stored.doubt(name);
-        // This file, whatever bears its name by now.
+        // This open file, whatever its name is now.
         let path = format!("/proc/self/fd/{}", file.as_raw_fd());
         let read = |from| {
             let mut file = File::open(&path)?;
@@ -212,14 +218,14 @@ impl SharedFiles {
                 Ok(())
             }
             Err(cause) => {
-                // Part of it may be there: next time it is stored whole.
+                // Part of it may be stored: next time the file is stored whole.
                 locked(changed).insert(name.to_owned());
                 Err(cause)
             }
         }
     }
 
-    /// Stores the folder as the first owner has it.
+    /// Stores the whole folder, as the first owner.
     pub(super) fn store_all(&self, names: &[String]) -> io::Result<()> {
         {
             let mut stored = locked(&self.lanes[1].stored);
@@ -230,6 +236,7 @@ impl SharedFiles {
         }
         self.store()?;
         let mut stored = locked(&self.lanes[1].stored);
+        // Only now do other nodes take this state for whole.
         self.remote.complete(1, &mut stored.last)
     }
 }
@@ -243,6 +250,7 @@ impl FileSystem for SharedFiles {
 
     fn sync(&self, path: &Path) -> io::Result<()> {
         NativeFileSystem.sync(path)?;
+        // An order to erase must take effect on this computer even when etcd does not answer.
         if path == self.folder && !ORDERED.take() {
             self.store()?;
         }
@@ -251,11 +259,12 @@ impl FileSystem for SharedFiles {
 
     fn sync_open(&self, file: &File) -> io::Result<()> {
         file.sync_data()?;
-        // It may have been put aside under another name since it was opened: the system knows which.
+        // The log may have been rotated since it was opened; the system knows its present name.
         let path = rustix::fs::readlink(format!("/proc/self/fd/{}", file.as_raw_fd()), Vec::new())?;
         let path = PathBuf::from(OsString::from_vec(path.into_bytes()));
         let name = path.strip_prefix(&self.real).ok().and_then(Path::to_str);
         match name.map(|name| (name, name.strip_suffix(DELETED))) {
+            // A deleted log needs no copy in etcd.
             Some((_, Some(_))) => Ok(()),
             Some((name, None)) => self.store_end(name, file),
             None => Err(io::Error::other(format!(
@@ -287,10 +296,10 @@ impl FileSystem for SharedFiles {
     }
 }
 
-/// Whether a file of the folder belongs into etcd: not a lock, a socket, this node's own mark, nor what is still being written.
+/// Whether a file of the folder is stored in etcd: not locks, sockets, this node's own mark, or files still being written.
 pub(super) fn is_stored(name: &str) -> bool {
     let of_this_node = ["lock", FLEET_EPOCH, ERASE_ORDER, "zeroized"].contains(&name)
-        // The keys of guards that are paired here are written by who pairs, not through this.
+        // The keys of guards paired here are written by the pairing process, not through this file system.
         || (name.starts_with("guard-") && name.contains(".key"))
         || [".sock", ".lock"].iter().any(|end| name.ends_with(end));
     !of_this_node && !name.contains(".new") && !name.contains('/')

@@ -1,14 +1,13 @@
-//! The lease in a model: two nodes, an etcd, requests that arrive late or twice and answers that are lost, crashes, and leases that
-//! end at any moment. Every state that they can reach is looked at.
+//! The lease as a model: two nodes, an etcd, requests that arrive late or twice, lost answers, crashes, and leases that end
+//! at any moment. The checker visits every reachable state.
 //!
-//! What is stored is a number that each write raises by one: an acknowledged write is lost where a smaller number is stored, or
-//! served from, afterwards.
+//! The stored value is a number that each write raises by one: an acknowledged write is lost if a smaller number is stored,
+//! or served from, afterwards.
 
 use stateright::{Checker as _, Model, Property};
 
 const NODES: usize = 2;
-/// What is stored at most, requests in all, and owners in all: enough for each order of two owners, a crash, and a request that is
-/// repeated.
+/// The most values, requests and owners: enough for each order of two owners, a crash, and a repeated request.
 const MAX_STORED: u8 = 3;
 const MAX_REQUESTS: u8 = 4;
 const MAX_OWNERS: u8 = 3;
@@ -20,14 +19,14 @@ struct State {
     revision: u8,
     epoch: u8,
     stored: u8,
-    /// Which request was applied last.
+    /// The request that was applied last.
     last: u8,
-    /// How many there were.
+    /// How many requests were made.
     made: u8,
     nodes: [Node; NODES],
-    /// Requests on their way, of nodes that may have died since; each may arrive again.
+    /// Requests in transit, perhaps of nodes that have crashed; each may arrive again.
     requests: Vec<Write>,
-    /// The largest number of which a station has an answer.
+    /// The largest number that was acknowledged to a station.
     acknowledged: u8,
 }
 
@@ -39,7 +38,7 @@ enum Node {
         epoch: u8,
         /// What it serves from.
         local: u8,
-        /// Of that, what etcd has answered.
+        /// The part of it that etcd has acknowledged.
         durable: u8,
     },
 }
@@ -49,33 +48,33 @@ struct Write {
     node: usize,
     created: u8,
     value: u8,
-    /// Its own number, and that of the request that has to be the last one.
+    /// Its own number, and the number of the request that must be the last one.
     token: u8,
     behind: u8,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Action {
-    /// The lease of the owner ends, whatever the owner knows.
+    /// The owner's lease ends, whether or not the owner notices.
     Expire,
-    /// A node that stands by takes the VSM and what is stored.
+    /// A node that stands by takes the VSM and the stored value.
     TakeOver(usize),
-    /// The owner finds its lease gone, and takes the VSM again without reading.
+    /// The owner finds its lease ended, and takes the VSM again without reading.
     TakeAgain(usize),
-    /// The owner finds another in its place, and ends.
+    /// The owner finds another owner, and stops.
     End(usize),
     Crash(usize),
     /// The owner changes something: a request goes out.
     Change(usize),
-    /// It has no answer, and sends another request.
+    /// A request had no answer, so the owner sends another.
     Repeat(usize),
     /// A request arrives, and its answer comes back.
     Answered(Write),
-    /// A request arrives, and its answer is lost: it will be sent again.
+    /// A request arrives and its answer is lost: it will be sent again.
     Unanswered(Write),
 }
 
-/// A mistake that the model has to find.
+/// A mistake that the model must find.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Flaw {
     None,
@@ -83,7 +82,7 @@ enum Flaw {
     Unfenced,
     /// A write does not compare the request before it.
     Unordered,
-    /// It compares the node, and not the revision: a request of an earlier ownership is applied.
+    /// A write compares the node but not the revision: a request of an earlier ownership is applied.
     ByName,
     /// A node whose lease has ended takes the VSM again without comparing the epoch.
     AgainWithoutEpoch,
@@ -120,7 +119,7 @@ impl Model for Lease {
                 Node::StandsBy => actions.push(Action::TakeOver(at)),
                 Node::Serves { local, durable, .. } => {
                     actions.extend([Action::TakeAgain(at), Action::End(at), Action::Crash(at)]);
-                    // One change at a time: what is held back meanwhile is no more than a longer queue.
+                    // One change at a time: queued changes would only be a longer queue.
                     if local > durable {
                         actions.push(Action::Repeat(at));
                     } else if local < MAX_STORED {
@@ -211,7 +210,7 @@ impl Model for Lease {
                     state.stored = write.value;
                     state.last = write.token;
                 }
-                // One that was applied before is found to be the last.
+                // A request applied earlier is found to be the last one.
                 let applied = state.last == write.token;
                 if let Action::Unanswered(_) = action {
                     return (state != *before).then_some(state);

@@ -22,7 +22,7 @@ use crate::shell::disk::{self, FLEET_EPOCH, FileDisk, FileSystem as _, NativeFil
 /// The node cannot take part.
 #[derive(Debug, thiserror::Error)]
 pub enum FleetError {
-    /// Another program stands by or serves under its name.
+    /// Another program already stands by or serves under its name.
     #[error(
         "store.node: a node {node:?} takes part already: each computer needs a name of its own (after a crash its name is free again in {lease_s} s)"
     )]
@@ -57,18 +57,18 @@ pub enum FleetError {
     Io(#[from] io::Error),
 }
 
-/// Whether a node that stands by is to end.
+/// Tells a node that stands by to stop.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<(Mutex<bool>, Condvar)>);
 
 impl Stop {
-    /// It is.
+    /// Requests the stop.
     pub fn set(&self) {
         *self.0.0.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.0.1.notify_all();
     }
 
-    /// Waits this long, or until it is; whether it is.
+    /// Waits this long, or until the stop; returns whether it was requested.
     fn wait(&self, time: Duration) -> bool {
         let stopped = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self
@@ -79,13 +79,13 @@ impl Stop {
     }
 }
 
-/// What the key of the owner holds, and that of each node.
+/// The value of the owner's key, and of each node's.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Present {
     pub(super) node: String,
     /// Its lease, which nobody else has.
     pub(super) lease: i64,
-    /// Since when, s since 1970 by that node's clock.
+    /// Start time, s since 1970 by that node's clock.
     pub(super) since: u64,
     /// The epoch of an owner.
     #[serde(default)]
@@ -98,7 +98,7 @@ pub struct Held {
     /// How often the VSM has changed its owner.
     pub epoch: u64,
     ended: Option<mpsc::Receiver<String>>,
-    /// Dropped with this: it ends the lease on its way out, so that the next node need not wait for its time.
+    /// Ends the lease when dropped, so that the next node need not wait until it expires.
     _keeper: Keeper,
 }
 
@@ -118,13 +118,14 @@ impl Held {
     }
 }
 
-/// Waits until this node owns the VSM, and brings `disk` to what etcd has: the store to serve from, and the ownership, which ends when it
-/// is dropped. `None` where it was stopped before.
+/// Waits until this node owns the VSM, and brings `disk` to etcd's state. Returns the store to serve from, and the
+/// ownership, which ends when it is dropped; `None` if stopped before.
 ///
-/// `report` is given what a person should know meanwhile.
+/// `report` receives what a person should know meanwhile.
 ///
 /// # Errors
-/// The name is taken, etcd was set back, or the folder cannot be written. An etcd that does not answer is waited for.
+/// The name is taken, etcd was restored to an earlier state, or the folder cannot be written. An etcd that does not answer
+/// is waited for.
 pub fn stand_by(
     (store, vsm): (&SharedStore, Id),
     key: &SigningKey,
@@ -133,7 +134,7 @@ pub fn stand_by(
     report: &mut dyn FnMut(&str),
 ) -> Result<Option<(FileDisk, Held)>, FleetError> {
     let ttl = Duration::from_secs(store.lease_s);
-    // A member that does not answer must leave time to ask another one.
+    // A member that does not answer must leave time to ask another.
     let etcd = Etcd::new(&store.endpoints, ttl / 4);
     let mut node = Node {
         names: Names::new(vsm),
@@ -157,6 +158,7 @@ pub fn stand_by(
         match node.try_once(&etcd) {
             Ok(Turn::Owner(created, sent, epoch)) => {
                 let right = Right {
+                    // From the time the request was sent, not answered: etcd counts from somewhere in between.
                     created,
                     until: sent + ttl,
                 };
@@ -171,7 +173,7 @@ pub fn stand_by(
             return Ok(None);
         }
     };
-    // Before anything of it is changed: from here on the folder belongs to the fleet.
+    // Written before any change: from here on the folder belongs to the fleet.
     node.mark.epoch = epoch;
     node.mark.revision = etcd.revision();
     node.mark.write(&node.folder)?;
@@ -184,7 +186,7 @@ pub fn stand_by(
         epoch,
         ends,
     };
-    // From here on, since what is restored may take longer than a lease lasts.
+    // Started before the restore, which may take longer than a lease.
     let keeper_stop = Stop::default();
     let of_thread = keeper_stop.clone();
     let thread = std::thread::Builder::new()
@@ -212,7 +214,7 @@ impl Drop for Keeper {
     }
 }
 
-/// Brings the folder to what etcd has, as often as it takes while this node owns the VSM; `None` where it was stopped before.
+/// Brings the folder to etcd's state, with retries while this node owns the VSM; `None` if stopped before.
 fn restore_until(
     disk: &FileDisk,
     remote: &Arc<Remote>,
@@ -237,7 +239,7 @@ fn restore_until(
     }
 }
 
-/// Brings the folder to what etcd has, or, the first time, etcd to what the folder has.
+/// Brings the folder to etcd's state, or, the first time, etcd to the folder's.
 fn restore(
     disk: &FileDisk,
     remote: &Arc<Remote>,
@@ -260,6 +262,7 @@ fn restore(
             let path = folder.join(name);
             let bytes = remote.read(name, *head)?;
             if NativeFileSystem.read(&path, u64::MAX)?.as_ref() != Some(&bytes) {
+                // Without synchronisation: after a power cut the next start restores again.
                 disk::replace(&NativeFileSystem, &path, &bytes, false)?;
             }
         }
@@ -272,10 +275,10 @@ fn restore(
     Ok(Some(disk.through(Arc::new(files))))
 }
 
-/// What a node has seen of etcd, in a file beside those of the store: it refuses an earlier state.
+/// What a node has seen of etcd, in a file beside the store's: with it the node refuses an earlier state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Mark {
-    /// The epoch in which the folder was served last.
+    /// The epoch in which the folder was last served.
     epoch: u64,
     /// The highest revision of an answer.
     revision: i64,
@@ -287,7 +290,7 @@ impl Mark {
         mark.map_or(Ok(Mark::default()), |bytes| parse(&bytes))
     }
 
-    /// Whole after a power cut, too: without it the node does not start again.
+    /// Complete after a power cut too: the node does not start with a damaged mark.
     fn write(self, folder: &Path) -> io::Result<()> {
         let text = serde_json::to_vec(&self).map_err(io::Error::other)?;
         disk::replace(&NativeFileSystem, &folder.join(FLEET_EPOCH), &text, true)
@@ -301,13 +304,13 @@ struct Node {
     name: String,
     ttl_s: u64,
     lease: Option<Lease>,
-    /// What was reported last: each thing once.
+    /// The last report, so that each is made once.
     said: String,
     begun: Instant,
     mark: Mark,
     /// When the mark was written last.
     marked: Instant,
-    /// Its folder had files of a store when it began.
+    /// Whether its folder contained files of a store at the start.
     has_files: bool,
     folder: PathBuf,
     seal: Seal,
@@ -316,14 +319,14 @@ struct Node {
 #[derive(Debug, Clone, Copy)]
 struct Lease {
     id: i64,
-    /// When what renewed it last was sent: it ends this long after that at the earliest.
+    /// When the last renewal was sent: the lease ends this long after that at the earliest.
     renewed: Instant,
 }
 
 enum Turn {
-    /// Since the revision, by a request that was sent then, in this epoch.
+    /// Owner since this revision, by a request sent at this time, in this epoch.
     Owner(i64, Instant, u64),
-    /// Somebody else is, or this one is not to be: what to report.
+    /// Another node is the owner, or this one may not be: what to report.
     Wait(String),
 }
 
@@ -350,7 +353,7 @@ impl Node {
         Duration::from_secs(self.ttl_s)
     }
 
-    /// Notes what it has seen of etcd, from time to time: what is lost of that is a little watchfulness.
+    /// Notes etcd's revision from time to time. A lost note only weakens the check for a restored etcd.
     fn follow(&mut self, revision: i64) {
         let first = self.mark == Mark::default();
         if revision <= self.mark.revision || (!first && self.marked.elapsed() < MARK_EVERY) {
@@ -359,13 +362,13 @@ impl Node {
         self.mark.revision = revision;
         self.marked = Instant::now();
         if let Err(cause) = self.mark.write(&self.folder) {
-            // It continues without: a node with a full disk can still be moved away from.
+            // Continues without it: a node with a full disk can still hand over to another.
             let mark = self.folder.join(FLEET_EPOCH);
             tracing::warn!("{} cannot be written: {cause}", mark.display());
         }
     }
 
-    /// Keeps its lease and looks whether the VSM is free.
+    /// Keeps its lease and checks whether the VSM is free.
     fn try_once(&mut self, etcd: &Etcd) -> Result<Turn, Fault> {
         let lease = self.present(etcd)?;
         let complete = etcd.get(&self.names.complete())?;
@@ -374,7 +377,7 @@ impl Node {
             Some(entry) => parse::<u64>(&entry.value)?,
             None => 0,
         };
-        // Before anything is taken: a node that is started again and again would count past it.
+        // Checked before anything is written: otherwise repeated starts would raise the revision until the check passes.
         let (seen, revision) = (self.mark, etcd.revision());
         if seen.epoch > last || seen.revision > revision {
             return Err(Fault::Fatal(FleetError::SetBack {
@@ -386,14 +389,16 @@ impl Node {
             }));
         }
         if let Some(complete) = &complete {
+            // Fails for a node with another key, before it owns anything.
             let opened = self.seal.open(&complete.key, &complete.value);
             opened.map_err(|cause| Fault::Fatal(cause.into()))?;
         }
+        // Its files were made outside this fleet, and `restore` would delete them.
         if complete.is_some() && seen == Mark::default() && self.has_files {
             let folder = self.folder.clone();
             return Err(Fault::Fatal(FleetError::Foreign { folder }));
         }
-        // It belongs to the fleet from here on, and notices from here on where etcd is set back.
+        // It belongs to the fleet from here on, and from here on detects a restored etcd.
         if complete.is_some() {
             self.follow(revision);
         }
@@ -420,6 +425,7 @@ impl Node {
         }
         let first = etcd.get(&self.names.first())?;
         let first = first.map(|entry| String::from_utf8_lossy(&entry.value).into_owned());
+        // Another node's first store was interrupted; only that node has all of it.
         if let Some(first) = first.filter(|first| complete.is_none() && *first != self.name) {
             return Ok(Turn::Wait(format!(
                 "the folder of {first} is not whole in etcd yet: that node has to continue first"
@@ -440,6 +446,7 @@ impl Node {
             let name = self.name.clone().into_bytes();
             changes.push(Change::Put(self.names.first(), name, None));
         }
+        // Both: no owner, and nobody has served since `before` was read.
         let conditions = [Condition::CreatedAt(&owner_key, 0), same_epoch];
         Ok(match etcd.transact(&conditions, &changes)? {
             Some(created) => Turn::Owner(created, lease.renewed, epoch),
@@ -447,10 +454,11 @@ impl Node {
         })
     }
 
-    /// Keeps its lease, and sees that etcd lists it.
+    /// Keeps its lease, and makes sure that etcd lists it.
     fn present(&mut self, etcd: &Etcd) -> Result<Lease, Fault> {
         let sent = Instant::now();
         if let Some(lease) = self.lease {
+            // Renewed at a third of its time, so that two attempts may fail.
             if sent < lease.renewed + self.ttl() / 3 {
                 return Ok(lease);
             }
@@ -472,7 +480,7 @@ impl Node {
             && !self.is_own(etcd.get(&key)?, id)?
         {
             let _ = etcd.revoke(id);
-            // That of the process before, perhaps, which its lease outlives.
+            // Perhaps the key of the process before, whose lease has not ended yet.
             if self.begun.elapsed() > self.ttl() * 2 + LOOK_AGAIN {
                 return Err(Fault::Fatal(FleetError::Name {
                     node: self.name.clone(),
@@ -486,7 +494,7 @@ impl Node {
         Ok(*self.lease.insert(Lease { id, renewed: sent }))
     }
 
-    /// Whether a key was put with this lease: the answer to that was lost, and a repetition of it was not applied.
+    /// Whether a key was put with this lease: the first answer was lost, and the repetition was not applied.
     fn is_own(&self, entry: Option<Entry>, lease: i64) -> io::Result<bool> {
         let present = entry
             .map(|entry| parse::<Present>(&entry.value))
@@ -534,7 +542,7 @@ impl Keep {
                     }
                 }
                 Ok(Some(why)) => {
-                    // Once is enough. A node that is drained keeps its lease until all that it promised is stored.
+                    // Sent once. A drained node keeps its lease until all that it promised is stored.
                     let _ = self.ends.try_send(why);
                 }
                 Err(cause) => {
@@ -556,7 +564,7 @@ impl Keep {
     /// Why this node must stop serving, if it must.
     fn renew(&mut self, sent: Instant) -> io::Result<Option<String>> {
         let etcd = &self.remote.etcd;
-        // Before anything is renewed: an earlier state may have the same owner.
+        // Checked before the renewal: an earlier state may have the same owner.
         let revision = etcd.revision_now(&self.node.names.epoch())?;
         if revision < self.node.mark.revision {
             let seen = self.node.mark.revision;
@@ -578,7 +586,8 @@ impl Keep {
             self.node.follow(revision);
             return Ok(drained.map(|_| "this node is drained".to_owned()));
         }
-        // Gone, as where etcd was away for longer than it lasts. Where nobody has taken over, everything is as this node left it.
+        // The lease has ended, for example while etcd was away for longer than it lasts. If nobody has taken over,
+        // everything is as this node left it.
         self.node.lease = None;
         let owner_key = self.node.names.owner();
         let epoch_key = self.node.names.epoch();
@@ -618,7 +627,7 @@ impl Keep {
                 "{} has taken over (epoch {})",
                 owner.node, owner.epoch
             )),
-            // Its own, of which the answer was lost: that lease ends, too.
+            // Its own, from a request whose answer was lost: that lease ends too.
             Some(_) => None,
             None => match etcd.get(&epoch_key)? {
                 Some(entry) if parse::<u64>(&entry.value)? == self.epoch => None,
@@ -634,5 +643,5 @@ pub(super) fn parse<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> io::Result<T> {
 
 /// How often a node notes what it has seen of etcd.
 const MARK_EVERY: Duration = Duration::from_secs(10);
-/// How soon a node that stands by sees that the VSM is free.
+/// How often a node that stands by checks whether the VSM is free.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);

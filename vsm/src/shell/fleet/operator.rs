@@ -14,13 +14,13 @@ use crate::config::SharedStore;
 /// The nodes of a VSM, as etcd has them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Fleet {
-    /// Who serves; absent where nobody does.
+    /// The node that serves; absent if none does.
     pub owner: Option<String>,
     /// How often the VSM has changed its owner.
     pub epoch: u64,
-    /// Since when the owner serves, s since 1970 by its clock.
+    /// Since when it serves, s since 1970 by its clock.
     pub since: Option<u64>,
-    /// All that take part, by name.
+    /// All nodes that take part, by name.
     pub nodes: Vec<FleetNode>,
 }
 
@@ -31,11 +31,11 @@ pub struct FleetNode {
     pub name: String,
     /// It has a lease: its program runs and reaches etcd.
     pub present: bool,
-    /// It is not to serve.
+    /// It must not serve.
     pub drained: bool,
 }
 
-/// Looks at a fleet and gives its nodes orders.
+/// Reads the state of a fleet, and drains and resumes nodes.
 #[derive(Debug)]
 pub struct Operator {
     etcd: Etcd,
@@ -52,7 +52,7 @@ impl Operator {
         }
     }
 
-    /// Who takes part.
+    /// The nodes that take part.
     ///
     /// # Errors
     /// etcd does not answer, or what it has is of another version.
@@ -85,7 +85,7 @@ impl Operator {
         })
     }
 
-    /// Orders that a node serves nothing, until [`Operator::resume`]: one that does ends, and another takes over.
+    /// Orders a node not to serve, until [`Operator::resume`]: a serving node stops, and another takes over.
     ///
     /// # Errors
     /// etcd does not answer.
@@ -103,7 +103,7 @@ impl Operator {
         self.etcd.transact(&[], &[remove]).map(drop)
     }
 
-    /// What follows the prefix in each key that begins so.
+    /// The rest of each key that begins with the prefix.
     fn named(&self, prefix: &str) -> io::Result<Vec<String>> {
         let page = self.etcd.list(prefix, prefix, MAX_NODES, 0)?;
         let keys = page.entries.into_iter();

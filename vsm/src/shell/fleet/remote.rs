@@ -1,5 +1,6 @@
-//! The files of a store in etcd: each is a head, which says how long it is, and pieces of equal size. Every change compares the
-//! owner of the VSM, so that a node that has lost it changes nothing, and the change before, so that each is applied once and in order.
+//! The files of a store in etcd: each has a head with its length, and pieces of equal size. Every change compares the owner
+//! of the VSM, so that a node that lost it changes nothing, and the change before, so that each is applied once and in
+//! order.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -21,12 +22,12 @@ pub(super) struct Remote {
     pub(super) names: Names,
     seal: Seal,
     right: Mutex<Right>,
-    /// The number of the next generation: no attempt to store a file has that of another.
+    /// The next generation number: no two attempts to store a file have the same one.
     generation: AtomicU32,
 }
 
-/// The last change of a lane: what follows it is applied once, behind it. A request that the network held back for long has a
-/// condition that does not hold any more.
+/// The last change of a lane: the next one is applied once, behind it. The condition of a request that the network delayed
+/// for long no longer holds.
 #[derive(Debug, Default)]
 pub(super) struct Last(Option<Vec<u8>>);
 
@@ -36,19 +37,19 @@ pub(super) struct Names {
     prefix: String,
 }
 
-/// That this node owns the VSM.
+/// The proof that this node owns the VSM.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Right {
     /// The revision that made it the owner: no later owner has the same.
     pub(super) created: i64,
-    /// Until then its lease has not ended, whatever this node has received.
+    /// Its lease lasts at least until then, whatever this node has received.
     pub(super) until: Instant,
 }
 
-/// What is known of a file in etcd.
+/// The description of a file in etcd.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Head {
-    /// Its pieces are those with this number: a file that is replaced gets others, and is the old one until its head changes.
+    /// The number of its pieces. A replaced file gets new pieces, and keeps the old content until its head changes.
     pub(super) generation: u32,
     /// Its length, bytes.
     pub(super) length: u64,
@@ -76,7 +77,8 @@ impl Names {
         format!("{}first", self.prefix)
     }
 
-    /// There since the files of that node were stored whole; sealed, so that a node with another key finds out before it owns anything.
+    /// Exists once the files of the first node were stored whole. Sealed, so that a node with another key fails before it
+    /// owns anything.
     pub(super) fn complete(&self) -> String {
         format!("{}complete", self.prefix)
     }
@@ -140,13 +142,14 @@ impl Remote {
         *self.right.lock().unwrap_or_else(PoisonError::into_inner) = right;
     }
 
-    /// Changes what is stored, all of it or nothing.
+    /// Applies all changes, or none.
     fn change(&self, lane: usize, last: &mut Last, mut changes: Vec<Change>) -> io::Result<()> {
         let (owner, key) = (self.names.owner(), self.names.last(lane));
         let mut token = [0; 16];
         system_random(&mut token).map_err(|fault| io::Error::other(fault.to_string()))?;
         changes.push(Change::Put(key.clone(), token.to_vec(), None));
         for _ in 0..TRIES {
+            // Read again for each attempt: the keeper may have renewed the lease meanwhile.
             let right = self.right();
             if Instant::now() >= right.until {
                 return Err(io::Error::other(
@@ -155,7 +158,7 @@ impl Remote {
             }
             let before = match last.0.take() {
                 Some(before) => before,
-                // Not known: nothing was changed yet by this process, or an answer was lost.
+                // Unknown: this process has changed nothing yet, or an answer was lost.
                 None => self
                     .etcd
                     .get(&key)?
@@ -175,7 +178,7 @@ impl Remote {
                 .get(&key)?
                 .is_some_and(|entry| entry.value == token)
             {
-                // It was applied, and a repetition of it was not.
+                // It was applied; only its repetition was not.
                 last.0 = Some(token.to_vec());
                 return Ok(());
             }
@@ -183,12 +186,12 @@ impl Remote {
             if owner.is_none_or(|entry| entry.created != right.created) {
                 return Err(io::Error::other("this node no longer owns the VSM"));
             }
-            // A request of before has arrived late: behind that.
+            // An earlier request arrived late: the next attempt goes behind it.
         }
         Err(io::Error::other("earlier requests are still arriving"))
     }
 
-    /// Stores a file whole: until the last step it is in etcd what it was.
+    /// Stores a file whole; etcd keeps the old content until the last step.
     pub(super) fn replace(
         &self,
         (lane, last): (usize, &mut Last),
@@ -202,19 +205,20 @@ impl Remote {
         let mut changes = Vec::new();
         for (index, piece) in (0..).zip(bytes.chunks(PIECE)) {
             changes.push(self.put_piece(file, head.generation, index, piece)?);
+            // The pieces are invisible until the head names their generation, so they may be stored in several requests.
             if changes.len() == MAX_CHANGES {
                 self.change(lane, last, std::mem::take(&mut changes))?;
             }
         }
         changes.push(self.put_head(file, head)?);
-        // The pieces of before, and what attempts have left that did not come to their end.
+        // Deletes the earlier pieces, and those of attempts that did not finish.
         let older = self.names.pieces(file, head.generation).into_bytes();
         changes.push(Change::RemoveRange(self.names.all_pieces(file), older));
         self.change(lane, last, changes)?;
         Ok(head)
     }
 
-    /// Stores what a file has grown by. `read`: its bytes from this offset to `length`.
+    /// Stores the new end of a file. `read`: its bytes from this offset to `length`.
     pub(super) fn append(
         &self,
         (lane, last): (usize, &mut Last),
@@ -222,6 +226,7 @@ impl Remote {
         (before, length): (Head, u64),
         read: impl FnOnce(u64) -> io::Result<Zeroizing<Vec<u8>>>,
     ) -> io::Result<Head> {
+        // The last piece was perhaps not full: it is stored again.
         let first = before.length / PIECE as u64;
         let bytes = read(first * PIECE as u64)?;
         let mut changes = Vec::new();
@@ -230,6 +235,7 @@ impl Remote {
             changes.push(self.put_piece(file, head.generation, index, piece)?);
             head.length = (index * PIECE as u64 + piece.len() as u64).min(length);
             if changes.len() == MAX_CHANGES {
+                // A head with each request: the pieces so far count even if the next request fails.
                 changes.push(self.put_head(file, head)?);
                 self.change(lane, last, std::mem::take(&mut changes))?;
             }
@@ -249,7 +255,7 @@ impl Remote {
         self.change(lane, last, changes)
     }
 
-    /// Removes all files: what an attempt of before has stored of the first owner's files is of no use.
+    /// Removes all files: an earlier attempt of the first owner may have stored a part, which is useless.
     pub(super) fn remove_all(&self, lane: usize, last: &mut Last) -> io::Result<()> {
         let changes = vec![
             Change::remove_all(self.names.heads()),
@@ -273,6 +279,7 @@ impl Remote {
             let plain = self.seal.open(key, &sealed)?;
             let head: Head = serde_json::from_slice(&plain).map_err(io::Error::other)?;
             let file = key[prefix.len()..].to_owned();
+            // Above every stored generation, so that no piece of an earlier owner is overwritten.
             self.generation
                 .fetch_max(head.generation + 1, Ordering::Relaxed);
             heads.insert(file, head);
@@ -281,13 +288,13 @@ impl Remote {
         Ok(heads)
     }
 
-    /// A file whole.
+    /// A whole file.
     pub(super) fn read(&self, file: &str, head: Head) -> io::Result<Zeroizing<Vec<u8>>> {
         let mut bytes = Zeroizing::new(Vec::with_capacity(
             usize::try_from(head.length).unwrap_or(0),
         ));
         self.each(&self.names.pieces(file, head.generation), |key, sealed| {
-            // A piece too many is of an attempt that ended before its head was stored.
+            // Surplus pieces come from an attempt that ended before its head was stored.
             let due = self
                 .names
                 .piece(file, head.generation, bytes.len() as u64 / PIECE as u64);
@@ -305,7 +312,7 @@ impl Remote {
         Ok(bytes)
     }
 
-    /// Each key that begins with `prefix`, of one state, in pages.
+    /// Calls `then` for each key that begins with `prefix`, in pages of one state.
     fn each(
         &self,
         prefix: &str,
@@ -316,7 +323,7 @@ impl Remote {
             let page = self.etcd.list(prefix, &from, MAX_ENTRIES, revision)?;
             revision = page.revision;
             for entry in page.entries {
-                // The first key behind this one.
+                // The smallest key after this one.
                 from = format!("{}\0", entry.key);
                 then(&entry.key, entry.value)?;
             }
@@ -346,11 +353,11 @@ impl Remote {
     }
 }
 
-/// A log that grows by a line has its last piece stored again.
+/// Bytes of a piece: a log that grows by a line has its last piece stored again.
 const PIECE: usize = 4_096;
-/// How often a change is tried behind requests that arrive late.
+/// How often a change is tried behind late requests.
 const TRIES: usize = 4;
-/// A request of some 90 kB: on a link of 2 Mbit/s it has its answer within its time. (etcd takes 128 changes, and 1.5 MB.)
+/// A request of about 90 kB: on a link of 2 Mbit/s it is answered in time. (etcd accepts 128 changes, and 1.5 MB.)
 const MAX_CHANGES: usize = 16;
-/// An answer of some 130 kB.
+/// For an answer of about 130 kB.
 const MAX_ENTRIES: u32 = 24;

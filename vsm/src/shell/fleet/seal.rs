@@ -1,5 +1,5 @@
-//! What leaves this node for the store of a fleet is sealed: etcd, its backups and its network hold no plan, no identity and no
-//! clock that they could read or change.
+//! Encrypts what leaves this node for the store of a fleet: etcd, its backups and its network see no plan, identity or
+//! clock, and can change none.
 
 use std::io;
 
@@ -12,7 +12,7 @@ use zeroize::Zeroizing;
 
 use crate::shell::key_file::system_random;
 
-/// Seals values under the key of the fleet, each for the name that it is stored under.
+/// Seals values under the key of the fleet, each bound to the name under which it is stored.
 pub(super) struct Seal(Aes256Gcm);
 
 impl std::fmt::Debug for Seal {
@@ -22,7 +22,8 @@ impl std::fmt::Debug for Seal {
 }
 
 impl Seal {
-    /// By the key of `store.key_file`. What seals is derived of it, so that the file's key itself is used for nothing else.
+    /// From the key of `store.key_file`. The sealing key is derived from it, so that the file's key itself has no other
+    /// use.
     pub(super) fn new(key: &SigningKey) -> Seal {
         let derived = Hmac::<Sha256>::new_from_slice(key.expose());
         let mut derived = derived.expect("HMAC takes a key of any length");
@@ -31,8 +32,8 @@ impl Seal {
         Seal(Aes256Gcm::new((&*derived).into()))
     }
 
-    /// Random nonces of 96 bits: some 2^32 values may be sealed with one key (NIST SP 800-38D, 8.3), a thousand a second for 49 days,
-    /// or one a second for 136 years.
+    /// Random nonces of 96 bits: some 2^32 values may be sealed with one key (NIST SP 800-38D, 8.3), a thousand a second
+    /// for 49 days, or one a second for 136 years.
     pub(super) fn seal(&self, name: &str, plain: &[u8]) -> io::Result<Vec<u8>> {
         let mut nonce = [0; NONCE];
         system_random(&mut nonce).map_err(|fault| io::Error::other(fault.to_string()))?;
@@ -42,6 +43,7 @@ impl Seal {
             .0
             .encrypt_inout_detached(
                 &Nonce::from(nonce),
+                // The name as associated data: etcd cannot swap two values.
                 name.as_bytes(),
                 (&mut sealed[NONCE..]).into(),
             )
