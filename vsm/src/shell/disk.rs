@@ -142,7 +142,8 @@ impl FileDisk {
                 mode,
             });
         }
-        // The lock file itself is never removed: a process that opened it before would hold a lock on a nameless file.
+        // The lock file itself is never removed: a process that had opened it before would hold a lock on a file without a
+        // name.
         ownership::check_folder(folder)?;
         let mut how = OpenOptions::new();
         how.write(true).create(true).truncate(false).mode(0o600);
@@ -203,6 +204,7 @@ impl FileDisk {
     /// Appends to a log without synchronising it. After a failure nothing has been appended, or, if that cannot be undone
     /// either, a part: the next start finds an incomplete line and closes it.
     pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<Added> {
+        // Not `FileSystem::write`, which replaces the file.
         let path = self.folder.join(name);
         let new = !path.exists();
         let mut how = OpenOptions::new();
@@ -221,6 +223,7 @@ impl FileDisk {
     /// of logs relies on that not being an error.
     pub(super) fn move_file(&self, from: &str, to: &str) -> io::Result<bool> {
         let (from, to) = (self.folder.join(from), self.folder.join(to));
+        // Not checked before: between check and rename the file could disappear.
         match self.system.rename(&from, &to) {
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(false),
             moved => moved.map(|()| true),
@@ -261,11 +264,11 @@ impl Disk for FileDisk {
                 && let Err(cause) = self.system.sync_open(&file)
             {
                 // The append is refused, so it must not stay in the log. The next append synchronises the log itself, since
-                // it creates it.
+                // it creates the file.
                 let _ = file.set_len(start);
                 return Err(cause);
             }
-            // The name of a new file is in its folder.
+            // A new file's name is part of its folder.
             if new {
                 self.system.sync(&self.folder)?;
             }
@@ -380,7 +383,7 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// The system's.
     fn sync(&self, path: &Path) -> io::Result<()>;
 
-    /// Brings what was added to an open file to the disk.
+    /// Synchronises what was added to an open file.
     ///
     /// # Errors
     /// The system's.
@@ -394,8 +397,8 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// The system's; nothing has changed then.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
 
-    /// As [`FileSystem::rename`], of a file that is locked for this process before it bears its new name, so that at no
-    /// time another could lock the file of that name. The open file, where the caller is to hold it.
+    /// As [`FileSystem::rename`], for a file that this process locks before it gets its new name: at no time could another
+    /// process lock the file of that name. Returns the open file, for a caller that must hold it.
     ///
     /// # Errors
     /// The system's; [`io::ErrorKind::WouldBlock`] where another process has locked it.
@@ -408,7 +411,7 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
         Ok(Some(file))
     }
 
-    /// Overwrites a file in its place, whole, and brings that to the disk. A link is not followed.
+    /// Overwrites a file in place and synchronises it. Links are not followed.
     ///
     /// # Errors
     /// It does not belong to this user or is not a file, or the system's; part of it may have been overwritten.
@@ -422,12 +425,13 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// The system's.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
-    /// Whether the loss of this computer must be survived like the end of the process, because another computer continues.
+    /// Whether a change must survive the loss of this computer, and not only the end of the process, because another
+    /// computer continues.
     fn is_shared(&self) -> bool {
         false
     }
 
-    /// The number of the last step that was taken and is done later.
+    /// The number of the last step that was accepted and is done later.
     fn queued(&self) -> u64 {
         0
     }
@@ -483,7 +487,7 @@ impl FileSystem for NativeFileSystem {
             Err(cause) => return Err(cause),
         };
         ownership::check_file(&file, path)?;
-        // Room from the start: a buffer that grows leaves copies of what it held behind.
+        // Allocated in full: a growing buffer leaves copies of its content behind.
         let size = file.metadata()?.len().min(most);
         let mut bytes = Zeroizing::new(Vec::with_capacity(usize::try_from(size).unwrap_or(0) + 1));
         file.take(most).read_to_end(&mut bytes)?;
@@ -491,7 +495,7 @@ impl FileSystem for NativeFileSystem {
     }
 }
 
-/// Replaces the file at `path`. With `power` it has survived a power cut when this returns.
+/// Replaces the file at `path`. With `power` the new content survives a power cut once this returns.
 ///
 /// # Errors
 /// The first step that fails. The old file is still there, or, where only the folder's names could not
@@ -534,17 +538,19 @@ pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// Whether a store contains an order to zeroize. An unreadable one counts too: such a store must not be served.
 pub(super) fn is_to_be_erased(store: &Path) -> bool {
+    // `exists()` follows links, and takes an error for "no".
     let found = fs::symlink_metadata(store.join(ERASE_ORDER));
     !matches!(found, Err(cause) if cause.kind() == io::ErrorKind::NotFound)
 }
 
-/// As [`FileSystem::overwrite`], with zeros: what was there is gone from a medium that writes in place.
+/// As [`FileSystem::overwrite`], with zeros. On a medium that writes in place, the old content is gone.
 fn overwrite(path: &Path) -> io::Result<()> {
     let open = || ownership::open_no_link(OpenOptions::new().write(true), path);
     let mut file = match open() {
-        // Its owner may have made it read-only.
+        // The owner may have made it read-only.
         Err(cause) if cause.kind() == io::ErrorKind::PermissionDenied => {
             fs::set_permissions(path, fs::Permissions::from_mode(0o600))?;
+            // Again without following links: the file could have been replaced since.
             open()?
         }
         opened => opened?,

@@ -1,7 +1,7 @@
-//! The DLI recording: a .pcapng of what ground stations of the configuration sent, and of all that was sent to them.
+//! The DLI recording: a .pcapng of the datagrams from the configured ground stations, and of all datagrams to them.
 //!
-//! What others send is not in it. As anyone can write the id of a ground station into a datagram, that alone bounds nothing:
-//! [`Quota`] does. The DLI carries no key; Wireshark opens it with
+//! Datagrams of other senders are not recorded. Anyone can write the id of a ground station into a datagram, so that alone
+//! bounds nothing: [`Quota`] does. The DLI carries no key; Wireshark opens the file with
 //! `packaging/wireshark/stanag4586.lua`.
 
 use std::io;
@@ -24,7 +24,7 @@ pub struct DliRecording {
 }
 
 impl DliRecording {
-    /// Begins a file in `folder`, named by the time, of these ground stations.
+    /// Begins a file in `folder`, named by the time, for these ground stations.
     ///
     /// # Errors
     /// The folder or the file cannot be made, or the folder is open to others.
@@ -63,12 +63,12 @@ impl DliRecording {
         self.write(wall, here, to, bytes);
     }
 
-    /// Adds what was not recorded, and what was removed again.
+    /// Adds the counts of what was not recorded, and of what was removed again.
     pub fn count(&self, counters: &mut Counters) {
         self.file.count(counters);
     }
 
-    /// Brings it to the disk.
+    /// Writes buffered data to the disk.
     pub fn flush(&mut self) {
         self.file.flush();
     }

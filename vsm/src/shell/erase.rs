@@ -1,17 +1,17 @@
-//! Erasing what must not fall into other hands: keys, identities, plans, recordings, logs; of a bridge, or of an agent.
+//! Erases what must not fall into other hands: keys, identities, plans, recordings, logs; of a bridge, or of an agent.
 //!
 //! [`Order`] names what is to be erased. [`begin`] writes it into the store's folder, durably, before the first file is
-//! touched: from then on nothing is served from that store, and each start finishes it first ([`finish_before_start`]),
-//! however often power fails in between. A file is overwritten, synchronised, then deleted, keys first; one that is gone is
-//! done. The folders are synchronised, and only then the order goes; a mark stays ([`is_zeroized`]), so that nothing is served by
-//! a start that nobody has meant.
+//! touched. From then on nothing is served from that store, and each start finishes the order first
+//! ([`finish_before_start`]), however often power fails in between. Each file is overwritten, synchronised, then deleted,
+//! keys first; a missing file counts as done. The folders are synchronised, and only then is the order removed. A mark
+//! stays ([`is_zeroized`]), so that an accidental start serves nothing.
 //!
-//! What is ordered beyond this computer (agents beside PX4, and PX4's own key) is tried once more by a start that finds it not
-//! done ([`claim_at_start`]): once, and that is on the disk before it is tried, so that nobody keeps the keys by cutting the power
-//! again and again.
+//! The part of an order beyond this computer (agents beside PX4, and PX4's own key) is tried once more by a start that
+//! finds it unfinished ([`claim_at_start`]). The attempt is recorded on disk before it is made, so that nobody can keep the
+//! keys alive by cutting the power again and again.
 //!
-//! Symbolic links are not followed: the link is deleted, and what it leads to is reported. A file of another user is refused by
-//! name. What could not be erased keeps the order standing, but for recordings: others may write where they lie.
+//! Symbolic links are not followed: the link is deleted, and its target is reported. A file of another user is refused by
+//! name. A file that could not be erased keeps the order in place, except for recordings: others may write to their folder.
 
 use std::fs;
 use std::io;
@@ -30,7 +30,7 @@ use crate::config::{Config, ExchangeMode, Signing};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Order {
-    /// Key files in force, where they really are: what belongs to each lies beside it.
+    /// Paths of the current key files, links resolved: the other files of each key lie beside it.
     keys: Vec<PathBuf>,
     /// Lists of who may command: they name keys and vehicles.
     #[serde(default)]
@@ -42,20 +42,20 @@ pub struct Order {
     /// What it orders beyond this computer.
     #[serde(default)]
     beyond: Beyond,
-    /// It is meant in flight, too: agents are ordered the same.
+    /// Valid in flight too; agents receive the same order.
     #[serde(default)]
     in_flight: bool,
 }
 
-/// How it stands with what an order orders beyond this computer.
+/// The progress of what an order demands beyond this computer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 enum Beyond {
-    /// Nothing is, or nothing is left to do.
+    /// Nothing is demanded, or nothing is left to do.
     #[default]
     None,
-    /// A start that finds it so tries it.
+    /// Not tried yet: the next start tries it.
     Due,
-    /// Tried: what is left is to erase.
+    /// Tried: only erasing is left.
     Tried,
 }
 
@@ -65,24 +65,24 @@ impl Beyond {
     }
 }
 
-/// What has become of an order.
+/// The outcome of an order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Erased {
     /// Files that were overwritten and deleted.
     pub files: Vec<PathBuf>,
-    /// What is left, on purpose or since it is not ours, without standing in the way: what, and why.
+    /// Files left, on purpose or because they are not ours, which do not keep the order in place: what, and why.
     pub left: Vec<(PathBuf, String)>,
-    /// What could not be erased, and why: the order stands.
+    /// What could not be erased, and why: the order stays.
     pub failed: Vec<(PathBuf, String)>,
 }
 
-/// It could not be begun, or not be read again.
+/// An order that could not be started, or not be read again.
 #[derive(Debug, thiserror::Error)]
 pub enum EraseError {
     /// The store cannot be used.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The order does not stand: nothing has been erased, and nothing will be.
+    /// The order is not stored: nothing has been erased, and nothing will be.
     #[error("the order to zeroize cannot be stored, and nothing is erased: {0}")]
     Begin(StoreError),
     /// The order cannot be read.
@@ -106,9 +106,11 @@ pub enum EraseError {
 }
 
 impl Order {
-    /// Everything of a bridge. `in_flight`: it is meant in flight, too.
+    /// Everything of a bridge. `in_flight`: the order is valid in flight too.
     #[must_use]
     pub fn of_bridge(config: &Config, in_flight: bool) -> Order {
+        // With a key exchange there is an agent to order. Without one the bridge itself replaces PX4's key, if the
+        // configuration says so.
         let beyond = config.vehicles().any(|one| match &one.signing {
             Signing::KeyFile(_, exchange) => match exchange.mode {
                 ExchangeMode::On => true,
@@ -146,7 +148,7 @@ impl Order {
             recordings: None,
             keep_audit: false,
             beyond: Beyond::of(config.zeroize.px4_key),
-            // PX4 takes no key while it is armed, whatever is ordered.
+            // PX4 accepts no key while it is armed, whatever the order says.
             in_flight: false,
         }
     }
@@ -157,22 +159,24 @@ impl Order {
         self.beyond == Beyond::Due
     }
 
-    /// What it would erase now, keys first: they are what makes everything else worth something. What is left, and what cannot
-    /// be looked at, is added to `erased`.
+    /// The files it would erase now, keys first, since everything else depends on them. Files that are kept, and folders
+    /// that cannot be read, are added to `erased`.
     #[must_use]
     pub fn files(&self, store: &Path, erased: &mut Erased) -> Vec<PathBuf> {
         let mut files = Vec::new();
         for key in &self.keys {
             for file in key_store::files_of(key) {
-                // What a write that was cut off has left beside it is a key too.
+                // An interrupted write may have left a key beside it.
                 let mut beside = file.clone().into_os_string();
                 beside.push(".new");
                 files.extend([file, beside.into()]);
             }
         }
+        // Dangling links are kept in the list: `erase` deletes the link.
         files.retain(|file| fs::symlink_metadata(file).is_ok_and(|found| !found.is_dir()));
         let mut stored = entries(store, erased);
         let is_identity = |path: &Path| named(path, |name| name.starts_with("exchange"));
+        // Identities before the rest of the store: power may fail at any point of the list.
         stored.sort_by_key(|path| (!is_identity(path), path.clone()));
         for path in stored {
             let kept = named(&path, |name| [LOCK, ERASE_ORDER, MARK].contains(&name));
@@ -195,8 +199,8 @@ impl Order {
         files
     }
 
-    /// Whether a file that cannot be erased keeps the order standing. Whoever may write into the folder of recordings could keep
-    /// it standing for ever; and a list may be another user's, who signs it.
+    /// Whether a file that cannot be erased keeps the order in place. Anyone who may write into the folder of recordings
+    /// could otherwise block it forever; and a list may belong to another user, who signs it.
     #[must_use]
     pub fn needs(&self, path: &Path) -> bool {
         let within = |folder: &PathBuf| folder_of(path) == folder;
@@ -205,19 +209,19 @@ impl Order {
     }
 }
 
-/// Writes the order into the store, which nobody else holds: from here on nothing is served from it. `Some`: it stands, but a
-/// power cut may undo it, and why.
+/// Writes the order into the store, which nobody else holds: from here on nothing is served from it. `Some`: the order is
+/// in place, but a power cut may undo it, and why.
 ///
 /// # Errors
-/// It does not stand, also after a power cut: nothing will be erased.
+/// It is not in place, also after a power cut: nothing will be erased.
 pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<Option<String>, EraseError> {
     let fault = |cause: serde_json::Error| EraseError::Begin(StoreError::new(ERASE_ORDER, cause));
     let text = serde_json::to_vec(order).map_err(fault)?;
     let Err(cause) = disk.replace(ERASE_ORDER, &text, Durability::Power) else {
         return Ok(None);
     };
-    // It has its name already where only that could not be synchronised: the next start would carry out what is reported as
-    // refused.
+    // If only the synchronisation of the folder failed, the file already has its name, and the next start would carry out
+    // an order that was reported as refused.
     let (store, system) = (disk.folder(), disk.system());
     let withdrawn = match is_to_be_erased(store) {
         true => system
@@ -227,7 +231,7 @@ pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<Option<String>, Erase
     };
     match withdrawn {
         Ok(()) => Err(EraseError::Begin(cause)),
-        // Nobody can take it back: it is carried out, as it was ordered.
+        // It cannot be taken back, so it is carried out as ordered.
         Err(fault) => Ok(Some(format!(
             "{cause}; it cannot be withdrawn either ({fault}): it is carried out now, and where power fails before, perhaps at the \
              next start"
@@ -235,22 +239,23 @@ pub fn begin(disk: &mut FileDisk, order: &Order) -> Result<Option<String>, Erase
     }
 }
 
-/// Claims what an order beyond this computer is still to do, for the process that has the store: whether it is meant in flight, too.
-/// `None` where nothing is, where it has been tried, and where the disk does not take that it has been: then it is not, since each
-/// start would try it again, and the keys would stay meanwhile.
+/// Claims the part of an order beyond this computer for the process that holds the store: whether it is valid in flight
+/// too. `None` if there is nothing to do, if it was tried before, or if the disk does not record the attempt: then it is
+/// not made, since each start would repeat it and the keys would stay meanwhile.
 pub fn claim(disk: &mut FileDisk) -> Option<bool> {
     let system = disk.system();
     let mut order = read(disk.folder(), &*system).ok()??;
     if order.beyond != Beyond::Due {
         return None;
     }
+    // Recorded before the attempt, not after: see the head of this file.
     order.beyond = Beyond::Tried;
     let text = serde_json::to_vec(&order).ok()?;
     let stored = disk.replace(ERASE_ORDER, &text, Durability::Power);
     stored.is_ok().then_some(order.in_flight)
 }
 
-/// As [`claim`], at a start; the store, which is locked until that is dropped, is for what is to be done, and for nothing else.
+/// As [`claim`], at a start. The returned store stays locked until dropped; use it for this purpose only.
 ///
 /// # Errors
 /// Another process has the store, or it cannot be used.
@@ -263,14 +268,14 @@ pub fn claim_at_start(store: &Path) -> Result<Option<(FileDisk, bool)>, EraseErr
     Ok(claimed.map(|in_flight| (disk, in_flight)))
 }
 
-/// Whether a store has been zeroized, and no person has said since that it is to be used again. Also where that cannot be looked at.
+/// Whether a store has been zeroized and not been cleared by a person since. True also if that cannot be determined.
 #[must_use]
 pub fn is_zeroized(store: &Path) -> bool {
     let found = fs::symlink_metadata(store.join(MARK));
     !matches!(found, Err(cause) if cause.kind() == io::ErrorKind::NotFound)
 }
 
-/// A person says that a store which has been zeroized is to be used again.
+/// A person allows a zeroized store to be used again.
 ///
 /// # Errors
 /// Another process has it, an order stands in it, or it cannot be written.
@@ -281,8 +286,8 @@ pub fn clear(store: &Path) -> anyhow::Result<()> {
     Ok(system.sync(store)?)
 }
 
-/// Finishes what is ordered of a store, before anything of it is read or served; the store is locked meanwhile. `None` where
-/// nothing is ordered.
+/// Finishes the order in a store, before anything of the store is read or served; the store is locked meanwhile. `None` if
+/// there is no order.
 ///
 /// # Errors
 /// Another process has the store, or it is not finished: nothing may be served.
@@ -312,7 +317,7 @@ pub fn finish_on(store: &Path, system: Box<dyn FileSystem>) -> Result<Option<Era
     Ok(Some(erased))
 }
 
-/// The order that stands in a store.
+/// The order in a store.
 fn read(store: &Path, system: &dyn FileSystem) -> Result<Option<Order>, EraseError> {
     let path = store.join(ERASE_ORDER);
     let order = system.read(&path, MAX_ORDER_BYTES).and_then(|text| {
@@ -322,14 +327,14 @@ fn read(store: &Path, system: &dyn FileSystem) -> Result<Option<Order>, EraseErr
     order.map_err(|cause| EraseError::Order { path, cause })
 }
 
-/// Carries out the order that stands in a store.
+/// Carries out the order in a store.
 fn finish(store: &Path, system: &dyn FileSystem) -> Result<Option<Erased>, EraseError> {
     let path = store.join(ERASE_ORDER);
     let Some(order) = read(store, system)? else {
         return Ok(None);
     };
     let mut erased = Erased::default();
-    // Also where nothing is left in them: the names may still be on the disk.
+    // Synchronised even where no file is left: an earlier run may have deleted names without reaching the disk.
     let mut folders: Vec<PathBuf> = vec![store.to_owned()];
     folders.extend(order.keys.iter().map(|key| folder_of(key).to_owned()));
     folders.extend(order.recordings.clone());
@@ -349,7 +354,8 @@ fn finish(store: &Path, system: &dyn FileSystem) -> Result<Option<Erased>, Erase
         }
     }
     if erased.failed.is_empty() {
-        // Only now: a start that finds neither an order nor the mark serves.
+        // Only now: a start that finds neither order nor mark serves. The mark goes first, so that at no moment both are
+        // missing.
         let removed = replace(system, &store.join(MARK), b"", true)
             .and_then(|()| system.remove(&path))
             .and_then(|()| system.sync(store));
@@ -366,6 +372,7 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
         found => found?,
     };
+    // A link's target may be anyone's file. Overwriting it could destroy something unrelated.
     if found.is_symlink() {
         let to = fs::read_link(path);
         let to = to.map_or_else(|_| "its target".into(), |to| to.display().to_string());
@@ -379,12 +386,12 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
     if found.is_file() {
         system.overwrite(path)?;
     }
-    // A socket holds nothing.
+    // A socket has no content.
     system.remove(path)?;
     Ok(None)
 }
 
-/// What is in a folder.
+/// The entries of a folder.
 fn entries(folder: &Path, erased: &mut Erased) -> Vec<PathBuf> {
     let listed = fs::read_dir(folder).and_then(|listed| {
         let each = listed.map(|entry| Ok(entry?.path()));
@@ -419,7 +426,7 @@ fn is_recording(name: &str) -> bool {
     (name.starts_with("dli-") && name.ends_with(".pcapng")) || of_vehicle()
 }
 
-/// A start may come in another working folder, and the files of a key lie where a link that a person has configured leads.
+/// The next start may have another working folder, and the files of a key lie where a configured link leads.
 fn real(path: &Path) -> PathBuf {
     key_store::real_path(path).unwrap_or_else(|_| absolute(path))
 }
@@ -428,7 +435,7 @@ fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// What no program can erase: how the medium of a folder keeps what was overwritten, where the system says so.
+/// What no program can erase: how the medium of a folder keeps overwritten data, where the system reports it.
 #[must_use]
 pub fn medium(folder: &Path) -> Option<&'static str> {
     let kind = rustix::fs::statfs(folder).ok()?.f_type;
@@ -446,9 +453,9 @@ pub fn medium(folder: &Path) -> Option<&'static str> {
 
 /// The store's lock, which holds nothing and is never removed.
 const LOCK: &str = "lock";
-/// It has been zeroized.
+/// Marks a zeroized store.
 const MARK: &str = "zeroized";
-/// A path for each vehicle and station.
+/// Room for a path for each vehicle and station.
 const MAX_ORDER_BYTES: u64 = 1 << 20;
 
 #[cfg(test)]

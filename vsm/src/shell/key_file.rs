@@ -1,7 +1,7 @@
 //! Keys as files, and what keeps them out of other files: core dumps and other processes of the same user.
 //!
-//! A key file holds 32 random bytes in hex, mode 0600, refused when others can read them. A pass phrase is refused: hashed
-//! once it would fall to a dictionary.
+//! A key file holds 32 random bytes in hex, mode 0600, and is refused when others can read it. A pass phrase is refused:
+//! hashed once, it could be found with a dictionary.
 
 use std::fs;
 use std::io::{self, Read};
@@ -48,7 +48,7 @@ pub enum KeyFileError {
         /// Its mode.
         mode: u32,
     },
-    /// It, or its folder, is somebody else's.
+    /// The file, or its folder, belongs to somebody else.
     #[error("key file: {0}")]
     Ownership(#[from] OwnershipError),
     /// It does not hold a key.
@@ -81,7 +81,7 @@ pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
             mode,
         });
     }
-    // Room for all that is read: a buffer that grows leaves copies of the key behind.
+    // Allocated in full: a growing buffer leaves copies of the key behind.
     let mut text = Zeroizing::new(Vec::with_capacity(MAX_BYTES as usize + 1));
     file.take(MAX_BYTES).read_to_end(&mut text).map_err(io)?;
     parse(path, &text)
@@ -112,7 +112,7 @@ pub(super) fn parse(path: &Path, content: &[u8]) -> Result<SigningKey, KeyFileEr
     SigningKey::from_hex(text).map_err(|cause| content_fault(cause.to_string()))
 }
 
-/// Letters that are no hexadecimal digits: somebody has written words.
+/// Three letters that are no hexadecimal digits: somebody has written words.
 fn looks_like_a_phrase(text: &str) -> bool {
     // A mistyped key has one or two such letters, and gets the error that names the position.
     let odd = |c: &char| c.is_alphabetic() && !c.is_ascii_hexdigit() || *c == ' ';
@@ -137,7 +137,7 @@ pub fn system_random(out: &mut [u8]) -> Result<(), NoRandom> {
     getrandom::fill(out).map_err(|_| NoRandom)
 }
 
-/// A key as its file holds it.
+/// A key as stored in its file.
 pub(super) fn hex(key: &SigningKey) -> Zeroizing<String> {
     let mut hex = Zeroizing::new(String::with_capacity(65));
     for byte in key.expose() {
@@ -177,15 +177,14 @@ pub fn write_px4(path: &Path, key: &SigningKey, first: Stamp) -> io::Result<()> 
     disk::replace(&NativeFileSystem, path, &*bytes, true)
 }
 
-/// Switches core files off for this process, for good. The program calls it first of all in every command that reads
-/// keys.
+/// Switches core files off for this process, permanently. Every command that reads keys calls it first.
 pub fn no_core_files() {
     // A hard limit of 0 as well: nothing in this process can raise it again without privileges.
     let none = Rlimit {
         current: Some(0),
         maximum: Some(0),
     };
-    // A system that refuses either still has the other; keys are wiped from memory in any case.
+    // If the system refuses one of the two, the other still helps; keys are wiped from memory in any case.
     if let Err(cause) = setrlimit(Resource::Core, none) {
         tracing::warn!("core files cannot be switched off: {cause}");
     }

@@ -1,15 +1,13 @@
 //! The keys of one vehicle: the current one, the next one during a rotation, and the previous one.
 //!
-//! `uav1.key` is the key in force, `uav1.key.next` one that the vehicle may have been sent, and
-//! `uav1.key.previous` the one before it; `uav1.key.revoked` names one that is deleted as soon as it is not in
-//! force any more, whichever process finds that out. `uav1.key.lock` and the key file itself are locked while a
-//! process uses them, so that no two sign with one key and one stream, by whatever names they know it: a symbolic
-//! link is followed first, and a hard link is the same file. A copy is not noticed here. Every change is durable
-//! when it returns, and a change that fails leaves a key file that can be used.
+//! `uav1.key` is the current key, `uav1.key.next` one that the vehicle may have been sent, and `uav1.key.previous` the one
+//! before. `uav1.key.revoked` names a key that is deleted as soon as it is no longer current, whichever process finds that
+//! out. A process locks `uav1.key.lock` and the key file itself while it uses them. So no two processes sign with one key
+//! and one stream, by whatever names they know it: a symbolic link is followed first, and a hard link is the same file. A
+//! copy is not noticed here. Every change is durable when it returns, and a change that fails leaves a usable key file.
 //!
-//! A key that is no longer in any of these files is dead, and its signing clock is deleted: before each change
-//! `uav1.key.dead` names the keys that it may end, and [`KeyStore::bury`] deletes the clocks of those that it has, now or
-//! after a restart.
+//! A key in none of these files is dead, and its signing clock is deleted: before each change `uav1.key.dead` names the
+//! keys that it may end, and [`KeyStore::bury`] deletes the clocks of the dead ones, now or after a restart.
 
 use std::cell::RefCell;
 use std::fs::{self, File, OpenOptions};
@@ -35,7 +33,7 @@ pub struct KeyStore {
     system: Box<dyn FileSystem>,
     /// Held open for its lock.
     _lock: Option<File>,
-    /// The key file, held open for its lock; another one after each change.
+    /// The key file, held open for its lock; each change replaces it.
     key_lock: RefCell<Option<File>>,
 }
 
@@ -59,7 +57,7 @@ pub enum KeyStoreError {
         /// The system's reason.
         cause: io::Error,
     },
-    /// A key that the vehicle may have taken is still there.
+    /// A key that the vehicle may have accepted is still stored as the next one.
     #[error("{path} holds a key that the vehicle may have: it must not be replaced before that is known", path = path.display())]
     Unfinished {
         /// The file of the next key.
@@ -93,14 +91,14 @@ impl KeyStore {
             Err(cause) => Err(change(cause)),
         };
         let real = real_path(path).map_err(change)?;
-        // The folder of a link and that of its target: anyone who can write either decides which key is in force.
+        // The folder of a link and that of its target: anyone who can write either decides which key is used.
         for folder in [disk::folder_of(path), disk::folder_of(&real)] {
             ownership::check_folder(folder).map_err(KeyFileError::from)?;
         }
         let mut how = OpenOptions::new();
         how.write(true).create(true).truncate(false).mode(0o600);
         let beside = ownership::open_no_link(&mut how, &with(&real, "lock"));
-        // Two locks: the key file's own is found through any hard link to it, the one beside covers a missing key file.
+        // Two locks. The key file's own is found through any hard link to it; the one beside covers a missing key file.
         let key = match File::open(&real) {
             Ok(file) => {
                 ownership::check_file(&file, &real).map_err(KeyFileError::from)?;
@@ -111,11 +109,11 @@ impl KeyStore {
         };
         let beside = match beside {
             Ok(file) => Some(locked(file)?),
-            // A link planted there would hold the lock of another file.
+            // A planted link would hold the lock of another file.
             Err(cause) if cause.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
                 return Err(change(cause));
             }
-            // In a folder that cannot be written nothing is ever replaced: the key file's own lock will do.
+            // In a folder that cannot be written nothing is ever replaced, so the key file's own lock is enough.
             Err(_) if key.is_some() => None,
             Err(cause) => return Err(change(cause)),
         };
@@ -129,12 +127,12 @@ impl KeyStore {
         Ok(keys)
     }
 
-    /// All reading and writing of keys goes by `system` from here on.
+    /// From here on `system` does all reading and writing of keys.
     pub fn write_through(&mut self, system: Box<dyn FileSystem>) {
         self.system = system;
     }
 
-    /// The key in force; `None` where there is none yet.
+    /// The current key; `None` if there is none yet.
     ///
     /// # Errors
     /// It is there and cannot be used.
@@ -158,7 +156,7 @@ impl KeyStore {
         self.load(&with(&self.path, "previous"))
     }
 
-    /// The names of the keys that are in force or may be.
+    /// The names of the keys that are, or may be, in use.
     ///
     /// # Errors
     /// One is there and cannot be used.
@@ -178,13 +176,13 @@ impl KeyStore {
         }
     }
 
-    /// All files of these keys, whether they are there or not.
+    /// All files of these keys, whether they exist or not.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         files_of(&self.path)
     }
 
-    /// Deletes the signing clocks of keys that are no longer in any of the files. Without it every change of a key would
-    /// leave a file behind, for good. To be called after each change, and at the start.
+    /// Deletes the signing clocks of keys that are no longer in any of the files: otherwise every change of a key would
+    /// leave a file behind forever. Call it after each change, and at the start.
     ///
     /// # Errors
     /// A clock could not be deleted, or a key file not be read: done at the next call.
@@ -202,8 +200,8 @@ impl KeyStore {
                 disk.remove(&Ceiling::name(&id))?;
             }
         }
-        // Last: after a power cut in between the next start looks again. On a disk that queues the deletions may follow:
-        // what then stays behind is a file, and no harm.
+        // Deleted last: after a power cut in between the next start looks again. On a disk that queues, the clocks'
+        // deletions may become durable later; a file that stays behind is harmless.
         self.delete(&path).map_err(fault)
     }
 
@@ -213,7 +211,7 @@ impl KeyStore {
         Ok(keys.iter().flatten().map(SigningKey::id).collect())
     }
 
-    /// Names the keys that the change to come may end.
+    /// Names the keys that the next change may end.
     fn mark(&self) {
         let path = with(&self.path, "dead");
         let before = self.system.read(&path, MAX_NAMED).ok().flatten();
@@ -228,12 +226,12 @@ impl KeyStore {
                 names.push('\n');
             }
         }
-        // On a disk that is full the key is changed or deleted all the same, and only the clock's file stays behind.
+        // On a full disk the key is changed or deleted all the same; only the clock's file stays behind.
         let _ = disk::replace(&*self.system, &path, names.as_bytes(), true);
     }
 
-    /// The key in force is to be deleted as soon as the vehicle has another one, instead of being kept as the one
-    /// before. That holds over restarts, until then or until the vehicle is known to keep the key.
+    /// Marks the current key for deletion as soon as the vehicle has another one, in place of keeping it as the previous
+    /// one. The mark survives restarts, until the deletion or until the vehicle is known to keep the key.
     ///
     /// # Errors
     /// It could not be made durable.
@@ -247,7 +245,7 @@ impl KeyStore {
             .map_err(|cause| KeyStoreError::Change { path, cause })
     }
 
-    /// Whether a key is one that [`KeyStore::revoke_current`] was asked to delete.
+    /// Whether [`KeyStore::revoke_current`] has marked this key.
     fn is_revoked(&self, key: &SigningKey) -> Result<bool, KeyStoreError> {
         let named = self.revoked()?;
         Ok(named.is_some_and(|name| name == key.id().to_string()))
@@ -260,7 +258,7 @@ impl KeyStore {
         Ok(bytes.map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned()))
     }
 
-    /// Deletes a revoked key that is no longer in force.
+    /// Deletes a revoked key that is no longer current.
     fn finish_revocation(&self) -> Result<(), KeyStoreError> {
         if self.revoked()?.is_none() {
             return Ok(());
@@ -275,7 +273,7 @@ impl KeyStore {
         }
     }
 
-    /// Stores a key that is going to be handed over. It must be here before the vehicle is sent it.
+    /// Stores a key that will be sent to the vehicle. It must be stored before the vehicle receives it.
     ///
     /// # Errors
     /// Another one is here already, or it could not be made durable.
@@ -297,10 +295,10 @@ impl KeyStore {
         self.save(&with(&self.path, "next"), key)
     }
 
-    /// The vehicle has the next key: it becomes the current one, and the current the previous, or, where it is revoked,
-    /// is deleted.
+    /// The vehicle has the next key: it becomes the current one, and the current one the previous, or is deleted if it is
+    /// revoked.
     ///
-    /// Done again after a failure, or after a power cut in the middle, it comes to the same.
+    /// Repeating it after a failure, or after a power cut in the middle, has the same result.
     ///
     /// # Errors
     /// A step could not be made durable: both keys are still here.
@@ -322,7 +320,7 @@ impl KeyStore {
         };
         match self.system.rename_locked(&next, &self.path) {
             Ok(Some(file)) => drop(self.key_lock.replace(Some(file))),
-            // Who renames it later holds its lock.
+            // A system that renames later locks the file itself.
             Ok(None) => {}
             Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
                 let path = next;
@@ -342,7 +340,7 @@ impl KeyStore {
     /// It could not be deleted.
     pub fn drop_next(&self) -> Result<(), KeyStoreError> {
         self.mark();
-        // The vehicle keeps the current key, so the wish to revoke it is void: it must stay usable.
+        // The vehicle keeps the current key, so the mark to revoke it is void: the key must stay usable.
         self.delete(&with(&self.path, "next"))?;
         match self.revoked()? {
             Some(_) => self.delete(&with(&self.path, "revoked")),
@@ -369,7 +367,7 @@ impl KeyStore {
         };
         let mode = match fs::metadata(path) {
             Ok(file) => file.permissions().mode() & 0o777,
-            // On its way to the disk, by this process.
+            // This process has written it, and it is not on the disk yet.
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => 0o600,
             Err(cause) => return Err(io(cause).into()),
         };
@@ -433,14 +431,14 @@ fn fault(cause: KeyStoreError) -> StoreError {
     StoreError::new("key", cause)
 }
 
-/// All files of the keys whose current one really is at `path`, whether they are there or not.
+/// All files of the keys whose current one is really at `path`, whether they exist or not.
 pub(super) fn files_of(path: &Path) -> Vec<PathBuf> {
     let beside = ["next", "previous", "revoked", "dead", "pairing"];
     let beside = beside.map(|what| with(path, what));
     beside.into_iter().chain([path.to_owned()]).collect()
 }
 
-/// Where a key file really is, or will be: the other files are beside it.
+/// Where a key file really is, or will be; the other files are beside it.
 ///
 /// # Errors
 /// The folder is not there, or a symbolic link leads nowhere.
@@ -454,7 +452,7 @@ pub fn real_path(path: &Path) -> io::Result<PathBuf> {
     }
 }
 
-/// The names of dead keys are 17 bytes each, and at most three more with each change that was cut off.
+/// The names of dead keys have 17 bytes each; each interrupted change adds at most three.
 const MAX_NAMED: u64 = 16 * 1024;
 
 /// `uav1.key` with `next`: `uav1.key.next`.

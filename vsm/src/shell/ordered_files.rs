@@ -1,13 +1,13 @@
 //! Files that a thread writes one step after the other, so that nobody waits for the disk: for the keys of a vehicle, whose
-//! files depend on each other, and what the key exchange keeps.
+//! files depend on each other, and for the records of the key exchange.
 //!
-//! It is a [`FileSystem`]: what writes through it (a `KeyStore`, a `FileDisk`) takes the same steps in the same order as
-//! on the system's own, and reads what it has written. [`FileSystem::progress`] reports how far the thread has come; whoever
-//! sends something that depends on a step waits for that. A process that ends in between leaves the files as one that was
+//! It is a [`FileSystem`]: a user of it (a `KeyStore`, a `FileDisk`) takes the same steps in the same order as on the
+//! system's own, and reads back what it has written. [`FileSystem::progress`] reports how far the thread is; a caller that
+//! sends something which depends on a step waits for that step. A process that ends in between leaves the files as one
 //! killed in the middle of the same steps.
 //!
-//! A step that fails is tried again until it succeeds, those after it wait, and nothing new is begun: what was taken takes
-//! effect, what was refused never does.
+//! A step that fails is tried again until it succeeds. The steps after it wait, and nothing new is started: an accepted
+//! change takes effect, a refused one never does.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -24,7 +24,7 @@ use super::disk::{FileDisk, FileSystem};
 use super::key_store::KeyStore;
 use super::queued_disk::dirty_names;
 
-/// The steps of one vehicle's files. Its clones are the same; the thread ends with the last of them.
+/// The steps of one vehicle's files. Clones share them; the thread ends with the last clone.
 #[derive(Debug, Clone)]
 pub struct OrderedFiles(Arc<Owner>);
 
@@ -42,9 +42,9 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct State {
-    /// What is to be done; the first is being done.
+    /// The steps to do; the first is in progress.
     steps: VecDeque<Step>,
-    /// What files will hold then; `None` where one will be gone.
+    /// What the files will hold then; `None` for a deleted one.
     files: BTreeMap<PathBuf, Option<Bytes>>,
     /// Files that are locked for this process, by their names.
     locks: BTreeMap<PathBuf, File>,
@@ -66,7 +66,7 @@ enum Step {
 }
 
 impl OrderedFiles {
-    /// Starts the thread; `progress` is notified when it has done all that it had, or cannot.
+    /// Starts the thread; `progress` is notified when it has done everything, or when it fails.
     ///
     /// # Errors
     /// There can be no thread.
@@ -79,20 +79,20 @@ impl OrderedFiles {
         Ok(OrderedFiles(Arc::new(Owner { shared, system })))
     }
 
-    /// Reads these files now: they are read from memory until [`OrderedFiles::release`].
+    /// Reads these files now; they are read from memory until [`OrderedFiles::release`].
     ///
     /// # Errors
     /// One is there and cannot be read.
     pub fn hold(&self, paths: impl IntoIterator<Item = PathBuf>) -> io::Result<()> {
         for path in paths {
             let bytes = self.0.system.read(&path, MAX_READ)?.map(Arc::new);
-            // What a step will leave there is newer.
+            // The result of a queued step is newer.
             self.state().files.entry(path).or_insert(bytes);
         }
         Ok(())
     }
 
-    /// Forgets what was read ahead.
+    /// Discards what was read ahead.
     pub fn release(&self) {
         let mut state = self.state();
         if state.steps.is_empty() {
@@ -107,7 +107,7 @@ impl OrderedFiles {
         state.durable == state.queued
     }
 
-    /// Waits until all is durable; false where it is not by then.
+    /// Waits until all is durable; false if it is not by then.
     pub fn wait(&self, until: Instant) -> bool {
         let mut state = self.state();
         while state.durable < state.queued {
@@ -125,7 +125,7 @@ impl OrderedFiles {
         self.0.shared.lock()
     }
 
-    /// A step that may follow others; `first` where it begins something, which a fault refuses.
+    /// Queues a step. `first`: it begins a change, which a fault refuses; the other steps complete one.
     fn push(
         &self,
         first: bool,
@@ -143,7 +143,7 @@ impl OrderedFiles {
         Ok(())
     }
 
-    /// Notes a change of name, and fails where there is nothing to be renamed.
+    /// Notes a rename, and fails if there is nothing to rename.
     fn moved(&self, state: &mut State, from: &Path, to: &Path) -> io::Result<()> {
         let content = match state.files.get(from) {
             Some(known) => known.clone(),
@@ -169,6 +169,7 @@ impl FileSystem for OrderedFiles {
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
+        // Not refused by a fault: it completes a change that was accepted.
         self.push(false, |_| Ok(Step::Sync(path.to_owned())))
     }
 
@@ -184,6 +185,7 @@ impl FileSystem for OrderedFiles {
             self.moved(state, from, to)?;
             Ok(Step::RenameLocked(from.to_owned(), to.to_owned()))
         })?;
+        // The thread locks the file later; see [`FileSystem::rename_locked`].
         Ok(None)
     }
 
@@ -231,7 +233,7 @@ pub struct OrderedKeys {
 }
 
 impl OrderedKeys {
-    /// From here on nobody waits for them.
+    /// From here on nobody waits for these files.
     ///
     /// # Errors
     /// There can be no thread.
@@ -252,7 +254,7 @@ impl OrderedKeys {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // A thread that panicked is the process's end; nothing half done is left in the state.
+        // A panic of the thread ends the process; it leaves no half-made change in the state.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -289,8 +291,8 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
                 system.write(path, bytes).map(|()| None)
             }
             Step::Sync(path) => {
-                // What a failed synchronisation leaves in the system's memory may look as if it were on the disk: the
-                // file, or the names of the folder.
+                // After a failed synchronisation the system may count its cached pages, of the file or of the folder's
+                // names, as written. They are made dirty again.
                 let anew = match &written {
                     _ if !again => Ok(()),
                     Some((of, bytes)) if of == path => system.write(path, bytes),
@@ -338,7 +340,7 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
     }
 }
 
-/// More than any file of keys.
+/// Larger than any file of keys.
 const MAX_READ: u64 = 1 << 20;
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);

@@ -39,13 +39,13 @@ pub enum OwnershipError {
         /// Its mode.
         mode: u32,
     },
-    /// It is no file: a device, a pipe, a folder.
+    /// It is not a regular file: a device, a pipe, a folder.
     #[error("{path} is not a regular file", path = path.display())]
     NoFile {
         /// The path.
         path: PathBuf,
     },
-    /// The system gives no owner.
+    /// The system reports no owner.
     #[error("{path}: {cause}", path = path.display())]
     Io {
         /// The path.
@@ -61,7 +61,8 @@ impl From<OwnershipError> for io::Error {
     }
 }
 
-/// Checks whether an opened file may be trusted. It checks the open file, since its name may lead to another file by now.
+/// Checks whether an opened file may be trusted. The check is on the open file, since its name may lead to another file by
+/// now.
 ///
 /// # Errors
 /// It may not.
@@ -91,12 +92,13 @@ pub(super) fn check_folder(path: &Path) -> Result<(), OwnershipError> {
     Ok(())
 }
 
-/// Opens by `how`, and not where the name is a symbolic link.
+/// Opens as `how` says, but not through a symbolic link.
 ///
 /// # Errors
 /// The system's; ELOOP for a link.
 pub(super) fn open_no_link(how: &mut OpenOptions, path: &Path) -> io::Result<File> {
-    // A pipe would keep the program waiting for its other end: it is opened at once, and refused by `check_file`.
+    // Opening a pipe would block until its other end is opened. With NONBLOCK it opens at once, and `check_file` refuses
+    // it.
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
     how.custom_flags(flags.bits().cast_signed()).open(path)
 }

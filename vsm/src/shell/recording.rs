@@ -21,7 +21,7 @@ pub struct Quota {
 }
 
 impl Quota {
-    /// An equal share of `[record] max_mb` for each of so many recordings: who floods one takes no room from the others.
+    /// An equal share of `[record] max_mb` for each recording: flooding one takes no room from the others.
     #[must_use]
     pub fn share(max_mb: u32, recordings: usize) -> Quota {
         let total = u64::from(max_mb) << 20;
@@ -31,32 +31,32 @@ impl Quota {
         }
     }
 
-    /// When a file is ended and the next one begun: the oldest part of a full quota is then an eighth of it.
+    /// The size at which the next file begins: the oldest part of a full quota is then an eighth of it.
     fn file(self) -> u64 {
         self.total / 8
     }
 }
 
-/// A series of files that is written for as long as that works: a recording must not stop a flight.
+/// A series of files, written for as long as that works: a recording must not stop a flight.
 ///
-/// Anyone who can send to this computer influences the size of a recording, so its rate and total size are bounded: beyond
-/// [`RATE`] bytes a second what comes is not recorded, and the oldest files of the series make room for new ones.
+/// Anyone who can send to this computer influences the size of a recording, so its rate and total size are bounded. Beyond
+/// [`RATE`] bytes a second datagrams are not recorded, and the oldest files of the series make room for new ones.
 #[derive(Debug)]
 pub(super) struct RecordFile {
     folder: PathBuf,
     /// `1b000101-1767225600`; files after the first of a run have `-1` and so on behind it.
     run: String,
-    /// `1b000101-`, which all files of the series begin with.
+    /// `1b000101-`, the prefix of all files of the series.
     series: String,
     extension: &'static str,
-    /// What each file begins with.
+    /// The first bytes of each file.
     head: Vec<u8>,
     quota: Quota,
     path: PathBuf,
     file: BufWriter<File>,
     written: u64,
     files: u32,
-    /// Bytes that may still be written at once, and when that was.
+    /// Bytes that may be written at once, and when that was computed.
     allowance: (u64, Duration),
     failed: bool,
     dropped: u64,
@@ -65,7 +65,7 @@ pub(super) struct RecordFile {
 }
 
 impl RecordFile {
-    /// Makes a file in `folder`, named by the recording and the time, readable for its owner alone.
+    /// Creates a file in `folder`, named by the recording and the time, readable for its owner alone.
     ///
     /// # Errors
     /// The folder or the file cannot be made, or the folder is open to others.
@@ -106,7 +106,7 @@ impl RecordFile {
         Ok(record)
     }
 
-    /// After the first failure nothing more is written.
+    /// Writes a record. After the first failure nothing more is written.
     pub(super) fn write(&mut self, wall: Duration, bytes: &[u8]) {
         if self.failed {
             return;
@@ -128,7 +128,7 @@ impl RecordFile {
         }
     }
 
-    /// Brings it to the disk.
+    /// Writes buffered data to the disk.
     pub(super) fn flush(&mut self) {
         if !self.failed {
             let done = self.file.flush();
@@ -136,7 +136,7 @@ impl RecordFile {
         }
     }
 
-    /// Adds what was not recorded, and what was removed again.
+    /// Adds the counts of what was not recorded, and of what was removed again.
     pub(super) fn count(&self, counters: &mut Counters) {
         counters.add("not recorded: too much at once", self.dropped);
         counters.add("file removed: over record.max_mb", self.removed);
@@ -145,11 +145,11 @@ impl RecordFile {
 
     fn allows(&mut self, wall: Duration, length: u64) -> bool {
         let (left, at) = self.allowance;
-        // A wall clock that steps back must not stop the recording until it has come forward again.
+        // A wall clock that steps back must not stop the recording until it has caught up.
         let passed = wall.saturating_sub(at);
         let more = u64::try_from(passed.as_millis()).unwrap_or(u64::MAX);
         let more = more.saturating_mul(RATE) / 1_000;
-        // Not counted on until it is a byte: many short pauses would otherwise add up to nothing.
+        // The time is kept until it is worth a byte: many short pauses would otherwise add up to nothing.
         let at = if more > 0 || wall < at { wall } else { at };
         let left = left.saturating_add(more).min(BURST);
         let allowed = left >= length;
@@ -191,6 +191,7 @@ impl RecordFile {
 
     /// Removes the oldest files of the series until a whole new one fits.
     fn make_room(&mut self) {
+        // By time, not by name: `-10` sorts before `-2`.
         let mut files = self.files_before();
         files.sort();
         let mut sum: u64 = files.iter().map(|(_, _, length)| length).sum();
@@ -234,7 +235,7 @@ impl RecordFile {
 
     fn see(&mut self, done: io::Result<()>) {
         if let Err(cause) = done {
-            // No retry: a disk that is full would log an error for every frame.
+            // No retry: a full disk would log an error for every frame.
             self.failed = true;
             let remedy = remedy(&cause.to_string());
             tracing::error!(
@@ -245,7 +246,7 @@ impl RecordFile {
     }
 }
 
-/// Never a file that is there, and never what a link leads to.
+/// Never opens an existing file, or the target of a link.
 fn create(folder: &Path, run: &str, first: u32, extension: &str) -> io::Result<(PathBuf, File)> {
     let mut last = io::ErrorKind::AlreadyExists.into();
     for number in first..first.saturating_add(MAX_RUNS_A_SECOND) {
@@ -267,12 +268,12 @@ fn create(folder: &Path, run: &str, first: u32, extension: &str) -> io::Result<(
     Err(last)
 }
 
-/// What a recording takes at most, bytes a second. A link to PX4 carries some 25 kB/s, a ground station less.
+/// The most that is recorded, bytes a second. A link to PX4 carries some 25 kB/s, a ground station less.
 const RATE: u64 = 512 * 1024;
-/// What it takes at once: the answer to a request of everything, an upload.
+/// The most that is recorded at once: the answer to a request for everything, an upload.
 const BURST: u64 = 8 << 20;
 const REPORT_AGAIN: Duration = Duration::from_secs(60);
-/// Names that are tried where one is taken, as after two starts within one second.
+/// Names to try if one is taken, as after two starts within one second.
 const MAX_RUNS_A_SECOND: u32 = 1_000;
 
 /// An open recording.
@@ -291,12 +292,12 @@ impl Recording {
         Ok(Recording { file })
     }
 
-    /// Adds what was not recorded, and what was removed again.
+    /// Adds the counts of what was not recorded, and of what was removed again.
     pub fn count(&self, counters: &mut Counters) {
         self.file.count(counters);
     }
 
-    /// Where it is: the file that is being written.
+    /// The file that is being written.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.file.path
@@ -310,7 +311,7 @@ impl Recording {
             .write(wall, record.get(..length).unwrap_or_default());
     }
 
-    /// Brings it to the disk.
+    /// Writes buffered data to the disk.
     pub fn flush(&mut self) {
         self.file.flush();
     }

@@ -1,25 +1,25 @@
-//! The disk of a running bridge: nobody waits while it synchronises.
+//! The disk of a running bridge: no caller waits while it synchronises.
 //!
-//! A change that must survive a power cut is written at once, so that a disk that is full or read-only refuses it at
-//! once, and is made durable by a thread of its own: `disk-writer` synchronises, renames and synchronises the folder,
-//! once for all that has gathered meanwhile (a group commit). [`Disk::progress`] reports how far it has come, and the bridge
-//! holds what depends on it until then. What need survive the end of the process only is written as by [`FileDisk`].
+//! A change that must survive a power cut is written at once, so that a full or read-only disk refuses it at once. A
+//! separate thread makes it durable: `disk-writer` synchronises, renames and synchronises the folder, once for all changes
+//! that have gathered meanwhile (a group commit). [`Disk::progress`] reports how far it is, and the bridge holds back what
+//! depends on it until then. A change that must survive only the end of the process is written as by [`FileDisk`].
 //!
-//! The ceilings of signing clocks have a thread of their own: a link must not fall silent because somebody else has much
-//! to write. They are read from memory once they are known, since each that is raised is compared with the one before.
+//! The ceilings of signing clocks have their own thread: a link must not fall silent because another part has much to
+//! write. Once known, they are read from memory, since each new one is compared with the one before.
 //!
-//! A record is written under a name of its own (`authority-1b000101.json.new-7`) and gets its own by the thread; a start
-//! removes what a crash left. Until then the new bytes are read from memory.
+//! A record is first written under a temporary name (`authority-1b000101.json.new-7`); the thread renames it. Until then
+//! the new bytes are read from memory. A start removes what a crash left.
 //!
-//! Where a thread cannot make a file durable it tries that file again, what depends on it continues to wait, and further
-//! changes of it are refused: what was taken takes effect in the end or with the process never, and what was refused
-//! never does. The other files are not affected.
+//! If a thread cannot make a file durable, it tries that file again. What depends on the file continues to wait, and
+//! further changes of it are refused: an accepted change takes effect in the end, or never if the process ends; a refused
+//! one never does. The other files are not affected.
 //!
-//! It never tries the same bytes in memory again. Linux reports a failed write-back to one `fsync`, may then count the
-//! pages as clean, and the next `fsync` succeeds with nothing written. So a record is rewritten, and so is a log: its
-//! end is kept here until it is durable (`Tail`), and where that fails the log becomes a record, written beside and
+//! It never synchronises the same bytes in memory again. Linux reports a failed write-back to one `fsync` and may then
+//! count the pages as clean, so the next `fsync` succeeds with nothing written. Therefore a record is rewritten. So is a
+//! log: its end is kept here until it is durable (`Tail`), and on a failure the log becomes a record, written beside and
 //! renamed. A start does the same to the audit logs that it finds, since the process before may have ended in that state,
-//! and the first line of a process to any other log; and a folder is given a new name before its names are synchronised
+//! and the first line of a process does it to any other log. A folder gets a new name before its names are synchronised
 //! again.
 
 use std::cell::RefCell;
@@ -46,30 +46,30 @@ mod writer;
 #[derive(Debug)]
 pub struct QueuedDisk {
     disk: FileDisk,
-    /// Records, and logs that are written whole, that have not been renamed yet, by their names.
+    /// Records, and logs written whole, that have not been renamed yet, by their names.
     waiting: BTreeMap<String, Waiting>,
-    /// The ends of logs that are not known to be on the disk.
+    /// The ends of logs that may not be on the disk yet.
     tails: BTreeMap<String, Tail>,
-    /// Logs that this process began, or has written whole.
+    /// Logs that this process created, or has written whole.
     begun: BTreeSet<String>,
-    /// The ceilings of clocks, as they were written or read last. Nobody else writes them: the store is locked.
+    /// The ceilings of clocks, as last written or read. Nobody else writes them, since the store is locked.
     ceilings: RefCell<BTreeMap<String, Option<Zeroizing<Vec<u8>>>>>,
     queued: u64,
     /// The changes that are not durable yet, and the file of each.
     open: BTreeMap<u64, String>,
     /// Why a file cannot be made durable.
     faults: BTreeMap<String, String>,
-    /// Something has come of it since the last [`QueuedDisk::poll`].
+    /// There is news since the last [`QueuedDisk::poll`].
     news: bool,
     /// The ceilings of clocks, and everything else.
     lanes: [Lane; 2],
 }
 
-/// A thread, and what it is given next.
+/// A thread, and its next work.
 #[derive(Debug)]
 struct Lane {
     next: Batch,
-    /// The last change that it was given.
+    /// The last change that was passed to it.
     given: u64,
     /// It has work.
     busy: bool,
@@ -77,10 +77,10 @@ struct Lane {
     done: Receiver<Done>,
 }
 
-/// The end of a log that is lost if a synchronisation fails.
+/// The end of a log, which is lost if a synchronisation fails.
 #[derive(Debug)]
 struct Tail {
-    /// Which file it is, whatever its name is by now.
+    /// Identifies the file, whatever its name is by now.
     id: u64,
     /// Where it begins.
     start: u64,
@@ -88,7 +88,7 @@ struct Tail {
 }
 
 impl QueuedDisk {
-    /// Starts the threads. `progress` is notified whenever [`QueuedDisk::poll`] has something to take.
+    /// Starts the threads. `progress` is notified whenever [`QueuedDisk::poll`] has news.
     ///
     /// # Errors
     /// What a crash left cannot be removed, or there can be no thread.
@@ -129,13 +129,13 @@ impl QueuedDisk {
         })
     }
 
-    /// The files below: what writes there writes at once.
+    /// The files below: writing there takes effect at once.
     #[must_use]
     pub fn files(&self) -> &FileDisk {
         &self.disk
     }
 
-    /// What another thread has read of the ceiling of a clock.
+    /// The ceiling of a clock, as another thread has read it.
     pub(super) fn know(&self, name: &str, bytes: Option<Zeroizing<Vec<u8>>>) {
         if name.starts_with(CEILING) {
             let mut ceilings = self.ceilings.borrow_mut();
@@ -143,7 +143,7 @@ impl QueuedDisk {
         }
     }
 
-    /// Takes what the threads have done; true where something has come of it since the call before.
+    /// Collects the results of the threads; true if there is news since the last call.
     pub fn poll(&mut self) -> bool {
         for lane in 0..self.lanes.len() {
             while let Ok(done) = self.lanes[lane].done.try_recv() {
@@ -153,7 +153,7 @@ impl QueuedDisk {
         std::mem::take(&mut self.news)
     }
 
-    /// Waits until all is durable that can be; false where that takes longer, or something cannot.
+    /// Waits until everything that can be is durable; false if that takes longer, or something cannot be.
     pub fn wait(&mut self, within: Duration) -> bool {
         let end = Instant::now() + within;
         loop {
@@ -188,6 +188,7 @@ impl QueuedDisk {
             }
         }
         let is_done = |name: &String, of: u64| of <= change && files.contains(name);
+        // By change number: a newer change of the same file stays open.
         self.open.retain(|of, name| !is_done(name, *of));
         self.waiting.retain(|name, one| !is_done(name, one.change));
         for (id, end) in synced {
@@ -206,11 +207,12 @@ impl QueuedDisk {
             }
         }
         self.news = true;
+        // The thread itself repeats a failed batch; it is idle only once it has reported a new one.
         self.lanes[lane].busy &= again;
         self.start(lane);
     }
 
-    /// Has a log written whole of which a thread could not synchronise the end, under the name that it has by now.
+    /// Has a log written whole, under its present name, whose end a thread could not synchronise.
     fn write_whole(
         &mut self,
         lane: usize,
@@ -220,12 +222,13 @@ impl QueuedDisk {
         failed: &mut BTreeMap<String, String>,
     ) {
         let Some(now) = self.tails.iter().find(|(_, tail)| tail.id == id) else {
-            // It was deleted or replaced meanwhile: what lies there, if anything, is stored as it is.
+            // Deleted or replaced meanwhile: whatever is there is stored as it is.
             self.share_again(&name);
             return;
         };
         let now = now.0.clone();
         if now != name {
+            // The log was renamed meanwhile: its open changes and its fault belong to the new name.
             for (_, of) in self.open.range_mut(..=change).filter(|one| *one.1 == name) {
                 of.clone_from(&now);
             }
@@ -233,14 +236,14 @@ impl QueuedDisk {
             failed.extend(cause.map(|cause| (now.clone(), cause)));
         }
         let Some(tail) = self.tails.remove(&now) else {
-            // It was replaced meanwhile: what lies there is stored as it is.
+            // Replaced meanwhile: what is there is stored as it is.
             self.share_again(&now);
             return;
         };
         let mut bytes = match self.disk.read(&now, tail.start) {
             Ok(Some(bytes)) if bytes.len() as u64 == tail.start => bytes,
             read => {
-                // Nothing can be made of it: it stays as it is, and is refused until a restart looks at it.
+                // It cannot be repaired: it stays as it is, and is refused until a restart checks it.
                 let cause = read.map_or_else(|fault| fault.cause, |_| "it is cut off".to_owned());
                 failed.insert(now.clone(), cause);
                 self.share_again(&now);
@@ -264,11 +267,11 @@ impl QueuedDisk {
         self.disk.folder().join(format!("{name}{BESIDE}{change}"))
     }
 
-    /// Queues a record that is to get its name.
+    /// Queues a record for renaming.
     fn wait_for(&mut self, name: &str, waiting: Waiting) {
         self.waiting.insert(name.to_owned(), waiting.clone());
         let next = &mut self.lanes[lane_of(name)].next;
-        // Only the last of several that gather is synchronised.
+        // Only the last of several gathered versions is synchronised.
         if let Some(before) = next.records.insert(name.to_owned(), waiting) {
             let _ = self.disk.system().remove(&before.beside);
         }
@@ -276,7 +279,7 @@ impl QueuedDisk {
         next.removed.remove(name);
     }
 
-    /// Writes a record, or a log whole, beside, and queues it.
+    /// Writes a record, or a whole log, beside, and queues it.
     fn put(&mut self, name: &str, bytes: Zeroizing<Vec<u8>>, log: bool) -> Result<(), StoreError> {
         let beside = self.beside(name, self.queued + 1);
         let system = self.disk.system();
@@ -296,14 +299,14 @@ impl QueuedDisk {
         Ok(())
     }
 
-    /// Gives a thread what has gathered, where it has nothing to do.
+    /// Passes the gathered work to a thread that is idle.
     fn start(&mut self, lane: usize) {
         let lane = &mut self.lanes[lane];
         if !lane.busy && !lane.next.is_empty() {
             let mut batch = std::mem::take(&mut lane.next);
             batch.change = self.queued;
             lane.given = self.queued;
-            // It ends with this disk.
+            // The thread ends with this disk.
             lane.busy = lane.work.send(batch).is_ok();
         }
     }
@@ -316,8 +319,8 @@ impl QueuedDisk {
         self.start(lane);
     }
 
-    /// Has a log stored elsewhere as it is that a thread could not, and that is not written whole: the thread tries nothing again that
-    /// it took before, until then.
+    /// Has a log stored elsewhere as it is, if a thread could not synchronise it and it is not written whole. Until then
+    /// the thread tries nothing again that it was given before.
     fn share_again(&mut self, name: &str) {
         if self.disk.system().is_shared() {
             self.share(name);
@@ -331,7 +334,7 @@ impl QueuedDisk {
         }
     }
 
-    /// A change of this file that a thread makes durable.
+    /// Numbers a change of this file that a thread makes durable.
     fn queue(&mut self, name: &str) -> u64 {
         self.queued += 1;
         self.open.insert(self.queued, name.to_owned());
@@ -402,11 +405,13 @@ impl Disk for QueuedDisk {
         if power || shared {
             self.check(name)?;
         }
+        // A log that this process did not begin may have an end that a failed synchronisation lost: see the head of this
+        // file.
         if self.waiting.contains_key(name) || (power && !self.begun.contains(name)) {
             let is_there = self.waiting.contains_key(name) || self.disk.has(name);
             let before = is_there.then(|| self.read(name, u64::MAX)).transpose()?;
             let mut all = before.flatten().unwrap_or_default();
-            // Room for all at once: a buffer that grows copies what it holds.
+            // Allocated in full: a growing buffer copies its content.
             all.reserve_exact(bytes.len());
             all.extend_from_slice(bytes);
             self.put(name, all, true)?;
@@ -433,6 +438,7 @@ impl Disk for QueuedDisk {
                 end: tail.end(),
             });
         } else if let Some(tail) = self.tails.get_mut(name) {
+            // Not durable by request, but part of what a rewrite must contain.
             tail.bytes.extend_from_slice(bytes);
         }
         if new {
@@ -445,7 +451,7 @@ impl Disk for QueuedDisk {
     fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
         for name in [from, to] {
             self.check(name)?;
-            // It would get its name after this, and undo it.
+            // A queued record would be renamed after this, and undo it.
             if self.waiting.contains_key(name) {
                 return Err(StoreError::new(name, "it is still being written"));
             }
@@ -456,7 +462,7 @@ impl Disk for QueuedDisk {
         }
         let lane = lane_of(from);
         let Lane { next, given, .. } = &mut self.lanes[lane];
-        // Lines of it that are not durable yet stay so under its new name.
+        // Lines that are not durable yet are followed under the new name.
         for log in next.logs.iter_mut().filter(|log| log.name == from) {
             to.clone_into(&mut log.name);
         }
@@ -468,6 +474,7 @@ impl Disk for QueuedDisk {
         if self.begun.remove(from) {
             self.begun.insert(to.to_owned());
         }
+        // Changes already given to the thread keep the old name, under which it reports them.
         let later = self.open.range_mut((Excluded(*given), Included(u64::MAX)));
         for (_, name) in later.filter(|(_, name)| *name == from) {
             to.clone_into(name);
@@ -487,6 +494,7 @@ impl Disk for QueuedDisk {
         self.begun.remove(name);
         let lane = lane_of(name);
         let next = &mut self.lanes[lane].next;
+        // Its thread may still rename the record: deleting the name again comes after that.
         if self.waiting.remove(name).is_some() {
             if let Some(record) = next.records.remove(name) {
                 let _ = self.disk.system().remove(&record.beside);
@@ -533,7 +541,7 @@ impl Tail {
         self.start + self.bytes.len() as u64
     }
 
-    /// What lies before `end` is durable; whether anything is left.
+    /// Everything before `end` is durable; returns whether anything is left.
     fn cut(&mut self, end: u64) -> bool {
         let done = usize::try_from(end.saturating_sub(self.start)).unwrap_or(usize::MAX);
         self.bytes.drain(..done.min(self.bytes.len()));
@@ -542,7 +550,7 @@ impl Tail {
     }
 }
 
-/// Removes records that a crash has left under their names beside.
+/// Removes temporary files of records that a crash has left.
 fn sweep(disk: &FileDisk) -> io::Result<()> {
     for entry in std::fs::read_dir(disk.folder())? {
         let entry = entry?;
@@ -553,8 +561,8 @@ fn sweep(disk: &FileDisk) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes the audit logs whole that the process before has left: up to 1 MB each, which must not be done while a vehicle
-/// waits. What cannot be written is tried again with the first line. Their names.
+/// Rewrites the audit logs of the process before: up to 1 MB each, which must not be done while a vehicle waits. A log that
+/// cannot be written is tried again with its first line. Returns their names.
 fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
     let mut renewed = BTreeSet::new();
     for name in disk.names().map_err(io::Error::other)? {
@@ -572,9 +580,9 @@ fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
     Ok(renewed)
 }
 
-/// What the names of audit logs begin with.
+/// Prefix of the names of audit logs.
 const LOGS: &str = "audit-";
-/// How often the end of the program looks whether all is written.
+/// How often the end of the program checks whether all is written.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
 #[cfg(test)]

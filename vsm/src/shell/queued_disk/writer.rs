@@ -13,16 +13,16 @@ use zeroize::Zeroizing;
 
 use crate::shell::disk::FileSystem;
 
-/// The content of a record, or of a log that is written whole, that is not in its place yet.
+/// The content of a record, or of a log written whole, that has not been renamed yet.
 #[derive(Debug, Clone)]
 pub(super) struct Waiting {
     /// The change that wrote it.
     pub(super) change: u64,
     pub(super) beside: PathBuf,
     pub(super) bytes: Arc<Zeroizing<Vec<u8>>>,
-    /// It is a log: durable before any record is.
+    /// It is a log, which becomes durable before any record.
     pub(super) log: bool,
-    /// It lies beside already.
+    /// The temporary file is written already.
     pub(super) written: bool,
 }
 
@@ -30,15 +30,15 @@ pub(super) struct Waiting {
 #[derive(Debug)]
 pub(super) struct Grown {
     pub(super) name: String,
-    /// Open: it may be put aside under another name meanwhile.
+    /// Open: it may be renamed meanwhile.
     pub(super) file: File,
     /// Its tail.
     pub(super) id: u64,
-    /// Up to here.
+    /// The length up to which it is to be synchronised.
     pub(super) end: u64,
 }
 
-/// What is made durable in one go.
+/// The changes made durable together.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     /// The last change in it.
@@ -48,11 +48,11 @@ pub(super) struct Batch {
     pub(super) logs: Vec<Grown>,
     /// Files that were deleted while a record with that name was queued.
     pub(super) removed: BTreeSet<String>,
-    /// Files that have come, gone or changed their names: their folder is synchronised.
+    /// Files created, deleted or renamed: their folder is synchronised.
     pub(super) names: BTreeSet<String>,
     /// It has failed before.
     pub(super) again: bool,
-    /// Logs that are lost and not written whole yet: no record before them.
+    /// Logs that are lost and not rewritten yet: no record may become durable before them.
     behind: BTreeSet<String>,
 }
 
@@ -75,7 +75,7 @@ impl Batch {
         all.map(|name| (name, cause.to_string())).collect()
     }
 
-    /// Keeps what is of one of these files.
+    /// Keeps only what belongs to these files.
     fn retain(&mut self, keep: impl Fn(&str) -> bool) {
         self.records.retain(|name, _| keep(name));
         self.logs.retain(|log| keep(&log.name));
@@ -83,7 +83,7 @@ impl Batch {
         self.names.retain(|name| keep(name));
     }
 
-    /// Takes what has failed of a newer batch.
+    /// Adds the failed part of a newer batch.
     fn add(&mut self, mut newer: Batch) {
         self.change = self.change.max(newer.change);
         self.records.append(&mut newer.records);
@@ -108,7 +108,7 @@ pub(super) struct Done {
     pub(super) again: bool,
 }
 
-/// The thread: until its disk is dropped.
+/// The thread; it runs until its disk is dropped.
 pub(super) fn write(
     system: &dyn FileSystem,
     folder: &Path,
@@ -126,7 +126,7 @@ pub(super) fn write(
         };
         let mut batch = match batch {
             Ok(batch) => {
-                // The newer content of a file stands.
+                // The newer content of a file replaces the older.
                 for record in batch.all() {
                     if let Some(older) = failed.records.remove(&record) {
                         let _ = system.remove(&older.beside);
@@ -139,6 +139,7 @@ pub(super) fn write(
                 }
                 batch
             }
+            // Records wait until the disk has the lost log written whole: a record must not be durable before its log line.
             Err(RecvTimeoutError::Timeout) if !failed.behind.is_empty() => {
                 again_at = Instant::now() + TRY_AGAIN;
                 continue;
@@ -153,8 +154,7 @@ pub(super) fn write(
         let synced = batch.logs.iter().filter(durable);
         let synced = synced.map(|log| (log.id, log.end)).collect();
         batch.retain(|name| causes.contains_key(name));
-        // A log is not tried again: what a failed synchronisation leaves in the system's memory may look as if it were
-        // on the disk.
+        // A log is not tried again: after a failed synchronisation the system may count its cached pages as written.
         let mut lost = Vec::new();
         for log in std::mem::take(&mut batch.logs) {
             failed.behind.insert(log.name.clone());
@@ -179,8 +179,8 @@ pub(super) fn write(
     }
 }
 
-/// What could not be made durable, and why. The logs before the records: a crash in between leaves a line too many, never
-/// a change without its line.
+/// Returns what could not be made durable, and why. Logs before records: a crash in between leaves a line too many, never a
+/// change without its line.
 fn make_durable(system: &dyn FileSystem, folder: &Path, batch: &Batch) -> BTreeMap<String, String> {
     let mut failed = BTreeMap::new();
     for log in &batch.logs {
@@ -201,11 +201,12 @@ fn make_durable(system: &dyn FileSystem, folder: &Path, batch: &Batch) -> BTreeM
         return batch.all_failed(&cause);
     }
     if let Some((log, cause)) = failed.clone().first_key_value() {
-        // Each of the records may be the one that a line is about.
+        // Any of the records may be the one that a failed line is about.
         let cause = format!("{log}: {cause}");
         let records = batch.records.iter().filter(|(_, one)| !one.log);
         failed.extend(records.map(|(name, _)| (name.clone(), cause.clone())));
     }
+    // All contents first, then all renames: the folder is synchronised once for all of them.
     let mut ready = Vec::new();
     for (name, record) in batch.records.iter().filter(|(_, one)| !one.log) {
         if failed.contains_key(name) {
@@ -238,16 +239,16 @@ fn make_durable(system: &dyn FileSystem, folder: &Path, batch: &Batch) -> BTreeM
     }
 }
 
-/// Brings what lies beside to the disk.
+/// Synchronises a temporary file.
 fn sync_beside(system: &dyn FileSystem, batch: &Batch, record: &Waiting) -> io::Result<()> {
     if batch.again || !record.written {
-        // What a failed synchronisation leaves in the system's memory may look as if it were on the disk.
+        // After a failed synchronisation the system may count its cached pages as written, so they are written again.
         system.write(&record.beside, &record.bytes)?;
     }
     system.sync(&record.beside)
 }
 
-/// Changes the names of a folder, so that its next synchronisation writes them: after one that failed they may count as
+/// Changes the names of a folder, so that its next synchronisation writes them: after a failed one they may count as
 /// written.
 ///
 /// # Errors
@@ -258,7 +259,7 @@ pub(in crate::shell) fn dirty_names(system: &dyn FileSystem, folder: &Path) -> i
     system.remove(&name)
 }
 
-/// Between the name of a record and the number of the change that wrote it.
+/// Separates the name of a record from the number of the change that wrote it.
 pub(super) const BESIDE: &str = ".new-";
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);

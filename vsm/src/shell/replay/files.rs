@@ -1,4 +1,4 @@
-//! Recordings as files: which there are, and what is in them.
+//! Recordings as files: finds them, and reads their content.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -149,7 +149,7 @@ fn in_order(paths: Vec<PathBuf>) -> Result<Vec<PathBuf>, ReplayError> {
             }
             _ => pieces.next(datagram_time),
         };
-        // What is wrong with it is reported where it is read.
+        // Faults of the file are reported when it is read.
         let first = first.ok().flatten().flatten();
         dated.push((first.unwrap_or(Duration::MAX), path));
     }
@@ -202,7 +202,7 @@ fn timeline_note(pieces: Pieces, timeline: &mut Timeline) {
     }
 }
 
-/// Why there is no record: there is more to read, or it is damaged.
+/// Why there is no record: more bytes are needed, or it is damaged.
 enum NoRecord {
     Cut,
     Damaged(String),
@@ -236,7 +236,7 @@ fn block(bytes: &[u8]) -> Result<(usize, Option<pcapng::Captured<'_>>), NoRecord
     }
 }
 
-/// Of the first block with a datagram: what is before it is skipped.
+/// The time of the first block with a datagram; the blocks before it are skipped.
 fn datagram_time(mut bytes: &[u8]) -> Result<(usize, Option<Duration>), NoRecord> {
     loop {
         let (length, captured) = block(bytes)?;
@@ -254,10 +254,10 @@ struct Pieces {
     file: File,
     bytes: Vec<u8>,
     start: usize,
-    /// Of `start`, in the file.
+    /// The offset of `start` in the file.
     at: u64,
     ended: bool,
-    /// Where the file ends within a record.
+    /// The offset at which the file ends within a record.
     cut: Option<u64>,
 }
 
@@ -279,7 +279,7 @@ impl Pieces {
         })
     }
 
-    /// The next record, as `first` reads it with its length; `None` at the end.
+    /// The next record, as `first` reads it, together with its length; `None` at the end.
     fn next<T>(
         &mut self,
         mut first: impl FnMut(&[u8]) -> Result<(usize, T), NoRecord>,
@@ -325,7 +325,7 @@ impl Pieces {
 
 const MAVLINK: &str = "tlog";
 const DLI: &str = "pcapng";
-/// Longer than any record, so that a record is looked at twice at most.
+/// Longer than any record, so that a record is parsed twice at most.
 const PIECE: u64 = 1 << 21;
 /// 2100: a damaged time is far beyond.
 const LATEST: Duration = Duration::from_secs(4_102_444_800);

@@ -1,7 +1,7 @@
-//! `vsm replay`: recordings as files, read into a time line, and the operator's page of them.
+//! `vsm replay`: recordings as files, read into a time line, and the operator's page for them.
 //!
-//! `files` finds and reads them: a file that is cut off ends where it is cut, as after a power cut, and whoever looks is
-//! shown so; a file that is damaged is an error with its place. Nothing is written, and no vehicle is reached.
+//! `files` finds and reads them. A file that is cut off, as after a power cut, is shown up to there, with a note; a damaged
+//! file is an error with its place. Nothing is written, and no vehicle is reached.
 
 mod files;
 
@@ -43,7 +43,7 @@ pub async fn serve(
 struct Replay(Timeline);
 
 impl Replay {
-    /// Without a moment the first.
+    /// The given moment, or the first one.
     fn moment(&self, moment: Option<Duration>) -> Duration {
         let first = self.0.span().map(|(first, _)| first);
         moment.or(first).unwrap_or_default()
@@ -73,6 +73,7 @@ impl Source for Rc<Replay> {
         let moment = self.moment(moment);
         let events = self.0.events();
         let until = events.partition_point(|(at, _)| *at <= moment);
+        // Event numbers are places in the list, so the page can continue where it stopped.
         let from = usize::try_from(from).unwrap_or(usize::MAX);
         let from = from.max(until.saturating_sub(MAX_EVENTS)).min(until);
         let shown = events.get(from..until).unwrap_or_default().iter();
@@ -90,6 +91,6 @@ fn ms(at: Duration) -> u64 {
     u64::try_from(at.as_millis()).unwrap_or(u64::MAX)
 }
 
-/// The page shows no more.
+/// The page shows no more events.
 const MAX_EVENTS: usize = 400;
 const MAX_TRACK_POINTS: usize = 5_000;
