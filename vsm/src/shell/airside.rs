@@ -70,7 +70,7 @@ pub enum AirsideError {
         /// The link.
         link: String,
     },
-    /// What the exchange keeps.
+    /// The stored state of the exchange.
     #[error(transparent)]
     Exchange(#[from] StoreError),
     /// The threads that write to the store.
@@ -91,7 +91,7 @@ pub struct AirsideServer {
     clock: Clock,
     vehicle: String,
     radio: (VehicleReader, VehicleWriter),
-    /// Of the ground's link, where it is encrypted.
+    /// For the ground's link, where it is encrypted.
     encryption: Option<Encryption>,
     px4: (VehicleReader, VehicleWriter),
     /// Who may be PX4.
@@ -120,7 +120,7 @@ impl AirsideServer {
         AirsideServer::open_on(config, &|dir| FileDisk::open(dir))
     }
 
-    /// As [`AirsideServer::open`], with the store opened so.
+    /// As [`AirsideServer::open`], with the store opened by `open`.
     ///
     /// # Errors
     /// As [`AirsideServer::open`].
@@ -210,8 +210,8 @@ impl AirsideServer {
         Some((self.radio.1.local_addr()?, self.px4.1.local_addr()?))
     }
 
-    /// Serves until `stop` is done, then gives the last status. All but the serial ports is this one task: it feeds the
-    /// service manager's watchdog itself, so that an agent that is stuck anywhere is started again.
+    /// Serves until `stop` is done, then returns the last status. Everything except the serial ports is this one task,
+    /// which pings the service manager's watchdog itself: an agent that is stuck anywhere is restarted.
     ///
     /// # Errors
     /// A task that writes a serial port has ended.
@@ -223,6 +223,7 @@ impl AirsideServer {
         let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
         let mut pings = service::ping_interval().map(tokio::time::interval);
         let (stored, looked) = (self.stored.clone(), self.px4_peers.looked());
+        // Frames and alerts of the start, before the first wait.
         self.settle().await?;
         loop {
             let encryption = self.encryption.as_ref().map(Encryption::poll_timeout);
@@ -232,7 +233,7 @@ impl AirsideServer {
                 () = &mut stop => break,
                 () = next_ping(&mut pings) => service::alive(),
                 () = stored.notified() => drop(self.disk.store.poll()),
-                // A key that waits for it is sent below.
+                // A key that waited for the lookup is sent below.
                 () = looked.notified() => {}
                 received = self.radio.0.receive(&mut from_radio) => match received {
                     Ok((length, from)) => {
@@ -282,6 +283,7 @@ impl AirsideServer {
                 }
                 () = gone(&mut self.asker) => {
                     self.asker = None;
+                    // A window without its client would stay open unseen.
                     self.agent.close_window();
                 }
                 () = tokio::time::sleep_until(due.into()) => {
@@ -297,8 +299,8 @@ impl AirsideServer {
                 break;
             }
         }
-        // The next process that opens the store only erases it: PX4 has received another key, or this agent was ended before
-        // that.
+        // The next process that opens the store only erases it: PX4 has received another key, or this agent ended before it
+        // could send one.
         erase::claim(&mut self.disk.store.files().shared());
         let end = Instant::now() + LAST_WRITES;
         self.disk.store.wait(LAST_WRITES);
@@ -309,6 +311,7 @@ impl AirsideServer {
     /// Takes data from the ground; on an encrypted link, the decrypted content.
     fn take_radio(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
+        // Taken out for the call: `handle` borrows the rest of `self` too, and its result borrows the link.
         let mut encryption = self.encryption.take();
         let (from, bytes) = match &mut encryption {
             Some(one) => one.handle(now, from, bytes, &mut self.disk.store),
@@ -433,6 +436,7 @@ impl AirsideServer {
         self.settle_zeroize().await;
         let mut out = [0; MAX_FRAME];
         loop {
+            // Before each frame: the lookup of a key's receiver expires.
             self.hold_key();
             let now = self.clock.now();
             let Some(sent) = self.agent.poll_transmit(now, &mut self.disk, &mut out) else {
@@ -446,6 +450,8 @@ impl AirsideServer {
             if tracing::enabled!(tracing::Level::DEBUG) {
                 tracing::debug!("{}", sent_text(sent.side, sent.to, frame));
             }
+            // PX4's key may go only to the process that is PX4. Another program of this computer can take its port after a
+            // crash.
             let stranger = sent.secret.then(|| self.px4_peers.take_look(sent.to));
             if let (Side::Radio, Some(encryption)) = (sent.side, &mut self.encryption) {
                 encryption.send(self.clock.mono(), sent.to, frame);
@@ -455,6 +461,8 @@ impl AirsideServer {
                 tracing::error!("{NOT_SENT}: {stranger}");
                 self.agent.count_held_back(FOREIGN);
             } else if let Err(cause) = writer.send(frame, sent.to).await {
+                // The writer's task has ended; nothing would be sent on this line any more. Any other error is of this
+                // frame alone.
                 if cause.kind() == io::ErrorKind::BrokenPipe {
                     return Err(TaskFault::Ended { task });
                 }
@@ -474,7 +482,7 @@ impl AirsideServer {
         Ok(())
     }
 
-    /// A key waits until its receiver has been looked up; this thread does not.
+    /// A key waits until its receiver has been looked up on another thread: the lookup reads /proc and may be slow.
     fn hold_key(&mut self) {
         let mono = self.clock.mono();
         let hold = self.agent.key_is_due(mono) && !self.px4_peers.has_looked(mono);
@@ -512,7 +520,7 @@ pub(super) fn may_carry_keys(px4: &Px4) -> Result<(), AirsideError> {
     Err(AirsideError::OpenLink { link })
 }
 
-/// What the machine is configured with; `ground` and `autopilot` are where both are, where the links name that.
+/// The settings of the machine. `ground` and `autopilot` are the peers, where the links name them.
 pub(super) fn settings(
     config: &AirsideConfig,
     ground: Option<Peer>,
@@ -556,7 +564,7 @@ pub(super) fn write_log(level: LogLevel, text: &str) {
     }
 }
 
-/// The keys as they lie on disk, and whom the agent was paired with.
+/// The keys on disk, and the peer that the agent was paired with.
 pub(super) fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
     let record = ExchangeRecord::load(&disk.ordered.records, disk.vehicle)?;
     let peer = record.peer().map(|key| PinnedPeer {
@@ -572,12 +580,12 @@ pub(super) fn held(disk: &AirsideDisk) -> Result<Held, AirsideError> {
     })
 }
 
-/// What somebody wants at the window; never where nobody has come.
+/// The request of a client of the pairing window; never completes without a client.
 async fn greeted(greeting: &mut Option<Greeting>) -> Option<(Asker, PairingCode)> {
     match greeting {
         Some(greeting) => match greeting.await {
             Ok(greeted) => greeted,
-            // Ours, so that it is the program's end.
+            // A panic in our own task ends the program.
             Err(cause) => cause
                 .try_into_panic()
                 .map_or(None, |panic| resume_unwind(panic)),
@@ -611,7 +619,7 @@ async fn pause_after(what: &str, cause: &io::Error) {
 /// Time limit for remaining writes at the end: longer than a slow disk takes, shorter than a service manager waits.
 pub(super) const LAST_WRITES: Duration = Duration::from_secs(10);
 
-/// What the status calls datagrams, and keys, of which the other end is not a permitted user's.
+/// How the status names datagrams, and keys, whose other end is not a permitted user's.
 pub(super) const FOREIGN: &str = "PX4's link: not a permitted user's socket";
 pub(super) const NOT_SENT: &str = "PX4's key is NOT sent";
 const RADIO_WRITER: &str = "writer of the ground's serial port";

@@ -1,5 +1,5 @@
-//! The agent's disk: the ceilings of its clocks in its store folder, its keys beside their file. Threads synchronise both:
-//! frames are relayed meanwhile.
+//! The agent's disk: the ceilings of its clocks in its store folder, its keys beside their file. Separate threads
+//! synchronise both, so that frames are relayed meanwhile.
 
 use mavlink_link::exchange::{self, Agreed, PinnedPeer, ResponderStore};
 use mavlink_link::signing::SigningKey;
@@ -30,7 +30,7 @@ impl AirsideDisk {
 }
 
 impl AirsideDisk {
-    /// Deletes the signing clocks of dead keys. What it leaves behind does no harm, and is deleted at the next start.
+    /// Deletes the signing clocks of dead keys. A file that stays behind is harmless; the next start deletes it.
     pub(super) fn bury(&mut self) {
         if let Err(fault) = self.ordered.keys.bury(&mut self.store) {
             tracing::debug!("the clock of a dead key cannot be deleted: {fault}");

@@ -1,5 +1,6 @@
-//! A start of the agent that finds an order to zeroize, whose process ended before PX4 had another key: PX4's line alone is open,
-//! until PX4 has a key that nobody keeps, or is not there, or stays armed. Nothing is sent to the radio, and nothing is taken from it.
+//! A start of the agent that finds an order to zeroize whose process ended before PX4 had another key. Only PX4's line is
+//! open, until PX4 has a key that nobody keeps, or does not answer, or stays armed. Nothing is sent to the radio, and
+//! nothing is received from it.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -26,8 +27,8 @@ use crate::airside::{Agent, Settings, Side};
 use crate::config::airside::AirsideConfig;
 use crate::key_exchange;
 
-/// Gives PX4 a key that nobody keeps, once it is there and disarmed; what has become of that, within a minute. Must be called within a
-/// tokio runtime.
+/// Gives PX4 a key that nobody keeps, once it is present and disarmed. Returns the outcome within a minute. Must be called
+/// within a tokio runtime.
 ///
 /// # Errors
 /// Keys or the link to PX4 cannot be opened, or the link is open to others; nothing has been sent in that case.
@@ -44,7 +45,7 @@ pub async fn discard(
         sockets::open_link("px4.link", &px4.link, &hosts, "port-px4", &mut store)?;
     let mut peers = LocalPeers::new(&px4.link, px4.i_trust_this_link, &px4.users);
     let settings = Settings {
-        // The key that it has is to go: it is neither given again, nor flown by.
+        // The present key is to be replaced: it is neither sent again, nor used to fly by.
         restamp: false,
         contingency: None,
         ..settings(config, None, autopilot)
@@ -69,6 +70,7 @@ pub async fn discard(
         while let Some(sent) = agent.poll_transmit(clock.now(), &mut disk, &mut out) {
             let stranger = sent.secret.then(|| peers.may_have_key(sent.to));
             match stranger {
+                // The machine may want to report to the ground, but this start has no radio.
                 _ if sent.side == Side::Radio => {}
                 Some(Err(stranger)) => tracing::error!("{NOT_SENT}: {stranger}"),
                 _ => {
@@ -86,7 +88,7 @@ pub async fn discard(
             write_log(note.level, &note.text);
         }
         if let Some(key) = agent.zeroized_key() {
-            // What is written late would be there again after it has been erased.
+            // Pending writes would recreate files after they have been erased.
             let end = Instant::now() + LAST_WRITES;
             disk.store.wait(LAST_WRITES);
             disk.ordered.files.wait(end);

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::Now;
 
-/// Monotonic time since its making, and the wall clock.
+/// Monotonic time since its creation, and the wall clock.
 #[derive(Debug, Clone, Copy)]
 pub struct Clock(Instant);
 
@@ -22,7 +22,7 @@ impl Clock {
             mono: self.mono(),
             wall: SystemTime::now()
                 .duration_since(UNIX_EPOCH)
-                // The signing clock does not start before `NOT_BEFORE`: a clock that is not set does no harm.
+                // The signing clock does not start before `NOT_BEFORE`, so a clock that is not set is harmless.
                 .unwrap_or_default(),
         }
     }

@@ -1,9 +1,9 @@
-//! `vsm files`: a Unix socket in the store folder, over which any user who may enter the folder reaches the files of a
+//! `vsm files`: a Unix socket in the store folder, over which any user who may enter the folder can access the files of a
 //! vehicle.
 //!
-//! The asker sends one line of JSON, a [`Request`], and the content of a file that it writes. It is answered by lines of
-//! JSON, [`Reply`]s; a [`Reply::Data`] is followed by its bytes. [`Reply::Refused`], [`Reply::Listing`] and
-//! [`Reply::Done`] are the last. An asker that goes away withdraws what it asked for.
+//! The client sends one line of JSON, a [`Request`], followed by the content of a file that it writes. It receives lines of
+//! JSON, [`Reply`]s; a [`Reply::Data`] is followed by its bytes. [`Reply::Refused`], [`Reply::Listing`] and [`Reply::Done`]
+//! are the last. A client that disconnects withdraws its request.
 
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::net::Shutdown;
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::status_socket;
 
-/// What is asked for.
+/// A client's request.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
@@ -33,14 +33,14 @@ pub struct Request {
 pub enum Action {
     /// List a folder.
     List,
-    /// Read a file; the bytes that are there already, and their CRC32.
+    /// Read a file, from what the client already has: its length, and its CRC32.
     Read {
         /// Bytes.
         offset: u32,
         /// CRC32.
         crc: u32,
     },
-    /// Write a file of so many bytes, which follow.
+    /// Write a file of this many bytes, which follow.
     Write {
         /// Bytes.
         length: usize,
@@ -53,13 +53,13 @@ pub enum Action {
     CreateFolder,
 }
 
-/// What is answered.
+/// An answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reply {
     /// The file is open: its size in bytes.
     Opened(u32),
-    /// So many bytes of it follow.
+    /// This many bytes of it follow.
     Data(usize),
     /// Bytes confirmed as written, and of how many.
     Written(u32, u32),
@@ -72,7 +72,7 @@ pub enum Reply {
         /// CRC32.
         crc: u32,
     },
-    /// Not done: why; and whether a transfer of it must start again.
+    /// Not done, and why; and whether a transfer of it must start again.
     Refused {
         /// Why.
         why: String,
@@ -86,16 +86,16 @@ pub enum Reply {
 pub struct Entry {
     /// Its name.
     pub name: String,
-    /// Bytes; none of a folder.
+    /// Size in bytes; `None` for a folder.
     pub size: Option<u32>,
 }
 
-/// Asks a running bridge.
+/// A client of a running bridge.
 #[derive(Debug)]
 pub struct Asker(BufReader<BlockingStream>);
 
 impl Asker {
-    /// Sends a request, with what it writes.
+    /// Sends a request, and the content to write.
     ///
     /// # Errors
     /// No bridge is running on this store, or it has hung up.
@@ -104,7 +104,7 @@ impl Asker {
         stream.set_read_timeout(Some(ANSWER_WITHIN))?;
         let line = serde_json::to_string(request)? + "\n";
         stream.write_all(line.as_bytes())?;
-        // One that refuses closes before it has read the content; what it said is read all the same.
+        // A bridge that refuses closes before it has read the content. Its answer can be read nevertheless.
         if stream.write_all(content).is_ok() && content.is_empty() {
             stream.flush()?;
         }
@@ -129,11 +129,11 @@ impl Asker {
         Ok(Some((reply, bytes)))
     }
 
-    /// Hangs up, so that the bridge withdraws what is under way.
+    /// Disconnects, so that the bridge withdraws the operation.
     pub fn close(self) {
         let _ = self.0.into_inner().shutdown(Shutdown::Both);
     }
 }
 
-/// The longest that a bridge is silent about an operation is the checksum of a large file.
+/// The longest silence during an operation: the checksum of a large file.
 pub const ANSWER_WITHIN: Duration = Duration::from_secs(300);

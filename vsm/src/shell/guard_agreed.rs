@@ -50,7 +50,7 @@ impl AgreedFiles {
         &self.path
     }
 
-    /// A window is open from here on, or none is.
+    /// Sets whether a pairing window is open.
     pub fn set_pairing(&mut self, pairs: bool) {
         self.pairs = pairs;
     }
@@ -104,7 +104,7 @@ impl AgreedFiles {
 
 impl ResponderStore for AgreedFiles {
     fn withdraw_next(&mut self) -> Result<(), StoreError> {
-        // A key is in force here as soon as it is stored: none waits that could be withdrawn.
+        // A key takes effect here as soon as it is stored, so there is never one to withdraw.
         Ok(())
     }
 
@@ -112,7 +112,7 @@ impl ResponderStore for AgreedFiles {
         let _held = guard_file::hold(&self.path).map_err(reason)?;
         let known = self.record().map_err(reason)?;
         let same = |one: &ExchangeRecord| one.peer == Some(*peer.key.bytes());
-        // It was revoked by a person since: what is known here of the guard is out of date.
+        // A person has revoked it since, so what this process knows of the guard is out of date.
         if !self.pairs && !known.as_ref().is_some_and(same) {
             return Err(reason("the pairing was ended"));
         }

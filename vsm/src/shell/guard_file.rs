@@ -1,8 +1,8 @@
-//! The key files of the DLI guard: made, rotated and revoked on the VSM's computer, and copied to the CUCS's by its operator, or
-//! agreed about with its guard ([`guard_agreed`](super::guard_agreed)).
+//! The key files of the DLI guard: made, rotated and revoked on the VSM's computer, and copied to the CUCS's by its
+//! operator, or agreed on with its guard ([`guard_agreed`](super::guard_agreed)).
 //!
-//! Beside a file that was rotated lies `FILE.previous`: it is accepted until `OVERLAP` after the rotation, so that the copy may
-//! take its time while the station flies.
+//! A rotated file has `FILE.previous` beside it, which is accepted until `OVERLAP` after the rotation: the copy may take
+//! its time while the station flies.
 
 use std::ffi::OsString;
 use std::fs;
@@ -19,7 +19,7 @@ use super::key_file::{self, KeyFileError};
 use super::ownership;
 use crate::session::GuardKeyUntil;
 
-/// The key in force, and the one before while it is accepted.
+/// The current key, and the previous one while it is accepted.
 ///
 /// # Errors
 /// A file is missing, readable by others, or holds something else.
@@ -30,7 +30,7 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
         let today = SystemTime::now();
         let age = match about.modified().map(|at| today.duration_since(at)) {
             Ok(Ok(age)) => age,
-            // A clock that was set back since: its day counts from now, and must not begin again with each start.
+            // The clock was set back since. The day counts from now, and must not start again with each start.
             Ok(Err(_))
                 if fs::File::open(&before).is_ok_and(|it| it.set_modified(today).is_ok()) =>
             {
@@ -51,7 +51,7 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
 /// Replaces the key by a new one, and keeps the old one beside it.
 ///
 /// # Errors
-/// There is no key yet, or the system's; a key that is cut off in between is in force still.
+/// There is no key yet, or the system's; if interrupted, the old key stays in use.
 pub fn rotate(path: &Path) -> Result<SigningKey, KeyFileError> {
     let _held = hold(path).map_err(|cause| io_fault(path, cause))?;
     let new = other_than(&key_file::read(path)?, path)?;
@@ -59,21 +59,22 @@ pub fn rotate(path: &Path) -> Result<SigningKey, KeyFileError> {
     Ok(new)
 }
 
-/// Puts this key in force, and keeps the one before beside it, where there is one.
+/// Makes this key the current one, and keeps the previous one beside it, if any.
 ///
 /// # Errors
-/// The system's; a key that is cut off in between is in force still.
+/// The system's; if interrupted, the old key stays in use.
 pub(super) fn put_in_force(
     system: &dyn FileSystem,
     path: &Path,
     new: &SigningKey,
 ) -> Result<(), KeyFileError> {
     match key_file::read(path) {
-        // Written before, and perhaps not on the disk yet: a step that is repeated must not take the new key for the old one.
+        // Written before, and perhaps not durable yet: a repeated step must not take the new key for the old one.
         Ok(old) if old.same_as(new) => {
             let synced = system.sync(disk::folder_of(path));
             return synced.map_err(|cause| io_fault(path, cause));
         }
+        // The old key first: an interruption here leaves it in both files, and nobody is locked out.
         Ok(old) => write(system, &previous(path), &old)?,
         Err(KeyFileError::Absent { .. }) => {}
         Err(fault) => return Err(fault),
@@ -81,14 +82,14 @@ pub(super) fn put_in_force(
     write(system, path, new)
 }
 
-/// Replaces the key by a new one, and deletes all earlier keys and the pairing: a holder of only those is locked out.
+/// Replaces the key by a new one, and deletes all earlier keys and the pairing. Someone with only those is locked out.
 ///
 /// # Errors
 /// As [`rotate`].
 pub fn revoke(path: &Path) -> Result<SigningKey, KeyFileError> {
     let _held = hold(path).map_err(|cause| io_fault(path, cause))?;
     let new = other_than(&key_file::read(path)?, path)?;
-    // First: a guard that is paired still could agree about the next key.
+    // The pairing first: a guard that is still paired could agree on the next key.
     remove(&pairing(path))?;
     write(&NativeFileSystem, path, &new)?;
     remove(&previous(path))?;
@@ -102,7 +103,7 @@ fn remove(path: &Path) -> Result<(), KeyFileError> {
     removed.map_err(|cause| io_fault(path, cause))
 }
 
-/// Keeps the files of a key from being changed by anybody else as long as it lives.
+/// Keeps others from changing the files of a key, as long as the result lives.
 pub(super) fn hold(path: &Path) -> io::Result<fs::File> {
     let mut name = path.as_os_str().to_owned();
     name.push(".lock");
@@ -114,10 +115,11 @@ pub(super) fn hold(path: &Path) -> io::Result<fs::File> {
     Ok(lock)
 }
 
-/// A new key, whose trailers name another key id.
+/// A new key with another key id in its trailers.
 fn other_than(old: &SigningKey, path: &Path) -> Result<SigningKey, KeyFileError> {
     loop {
         let new = key_file::random().map_err(|cause| io_fault(path, cause))?;
+        // Trailers carry two bytes of the id. With equal ones a receiver could not tell the keys apart.
         if new.id().bytes()[..2] != old.id().bytes()[..2] {
             return Ok(new);
         }
@@ -138,7 +140,7 @@ fn previous(path: &Path) -> PathBuf {
     with(path, ".previous")
 }
 
-/// The file that names the guard which the key is agreed about with.
+/// The file that names the guard with which the key is agreed.
 pub(super) fn pairing(path: &Path) -> PathBuf {
     with(path, ".pairing")
 }

@@ -1,5 +1,5 @@
-//! The guard's way to its VSM: the socket, the key files that both may change, and `vsm guard pair`, by which a guard and a VSM
-//! get to know each other.
+//! The guard's path to its VSM: the socket, the key files that both may change, and `vsm guard pair`, by which a guard and
+//! a VSM get to know each other.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -69,7 +69,7 @@ pub struct GuardSide {
     pub store: PathBuf,
 }
 
-/// The keys of a guard, and the machine that agrees about them.
+/// The keys of a guard, and the machine that agrees on them.
 #[derive(Debug)]
 pub(super) struct Agreement {
     pub(super) end: CucsEnd,
@@ -77,7 +77,7 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
-    /// Opens and locks the key files; a key need not be there yet.
+    /// Opens and locks the key files; there need not be a key yet.
     pub(super) fn open(
         side: &GuardSide,
         code: Option<PairingCode>,
@@ -95,7 +95,8 @@ impl Agreement {
         Ok(Agreement { end, keys })
     }
 
-    /// What a guard seals and verifies under: the one in force, and one that the VSM may have; that alone where none is in force.
+    /// The keys that a guard seals and verifies under: the current one, and one that the VSM may have; only the latter if
+    /// there is no current one.
     pub(super) fn held(&self) -> Result<Vec<SigningKey>, KeyStoreError> {
         let keys = [self.keys.current()?, self.keys.next()?];
         Ok(keys.into_iter().flatten().collect())
@@ -130,6 +131,7 @@ impl Agreement {
 /// A socket from which the VSM is reached.
 pub(super) async fn socket_to(to: SocketAddr) -> Result<UdpSocket, GuardError> {
     let any = match to.ip() {
+        // To a VSM on this computer the socket is bound to loopback: no other host can answer in its name.
         IpAddr::V4(to) if to.is_loopback() => Ipv4Addr::LOCALHOST.into(),
         IpAddr::V6(to) if to.is_loopback() => Ipv6Addr::LOCALHOST.into(),
         IpAddr::V4(_) => IpAddr::from(Ipv4Addr::UNSPECIFIED),
@@ -154,7 +156,7 @@ pub struct GuardPairing {
     own: PublicKey,
 }
 
-/// How it ended.
+/// How the pairing ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum GuardEnding {
     /// Both know each other, and share a key.
@@ -164,7 +166,7 @@ pub enum GuardEnding {
         /// The key's name.
         key: KeyId,
     },
-    /// Nobody answered with the code; the last unproven status.
+    /// Nobody answered with the code; holds the last unproven status.
     NotAnswered(Option<Status>),
 }
 
@@ -188,13 +190,13 @@ impl GuardPairing {
         })
     }
 
-    /// What the people at both ends compare.
+    /// The key that the people at both ends compare.
     #[must_use]
     pub fn own_key(&self) -> PublicKey {
         self.own
     }
 
-    /// Tries until it succeeds, at most `patience`. `report` is given what happens meanwhile.
+    /// Tries until it succeeds, at most `patience`. `report` receives the events meanwhile.
     pub async fn run(
         mut self,
         patience: Duration,
@@ -206,7 +208,7 @@ impl GuardPairing {
             let now = self.clock.now();
             self.agreement.handle_timeout(now, &mut self.disk);
             while let Some(step) = self.agreement.end.poll_transmit() {
-                // What does not leave is lost, as on any network.
+                // A datagram that cannot be sent is lost, as on any network.
                 let _ = self.socket.send_to(&step, self.side.to).await;
             }
             let due = self.agreement.end.poll_timeout().unwrap_or(Duration::MAX);
@@ -220,7 +222,7 @@ impl GuardPairing {
                             self.agreement.handle(now, false, &step, &mut self.disk);
                         }
                     }
-                    // ICMP of what was sent before: nobody listens there yet.
+                    // An ICMP error for an earlier datagram: nobody listens there yet.
                     Err(_) => tokio::time::sleep(PAUSE).await,
                 },
                 () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}

@@ -1,8 +1,8 @@
-//! `vsm guard run`: the guard beside a CUCS. What the CUCS sends to it on loopback goes to the VSM sealed; what verifies of the
-//! VSM goes to the CUCS as it is.
+//! `vsm guard run`: the guard beside a CUCS. It seals what the CUCS sends to it on loopback, and sends it to the VSM. It
+//! passes on to the CUCS what verifies from the VSM.
 //!
-//! On loopback the sender has no key: it is looked up whose socket it is, as for a vehicle that is given a key
-//! ([`LocalPeers`]), and programs of other users are not let in.
+//! On loopback the sender has no key. So the guard looks up who owns the sending socket, as for a vehicle that is given a
+//! key ([`LocalPeers`]), and refuses programs of other users.
 
 use std::io;
 use std::net::SocketAddr;
@@ -32,7 +32,7 @@ use crate::session::{
     Counters, GroupReceiver, GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, Peer,
 };
 
-/// What a guard is between.
+/// The ends between which a guard works.
 #[derive(Debug, Clone)]
 pub struct GuardConfig {
     /// Towards the VSM.
@@ -59,12 +59,12 @@ pub struct GuardProxy {
     agreement: Agreement,
     disk: FileDisk,
     clock: Clock,
-    /// Since boot.
+    /// Time since boot.
     started: Duration,
-    /// Where the CUCS sent from last.
+    /// Where the CUCS last sent from.
     cucs: Option<SocketAddr>,
     dropped: Counters,
-    /// What was in the log last.
+    /// The counts last logged.
     logged: (u64, u64),
 }
 
@@ -119,7 +119,7 @@ impl GuardProxy {
         self.near.local_addr()
     }
 
-    /// Time runs on while the computer sleeps, as it does for the VSM: nothing has to be asked or lifted after that.
+    /// Includes the time that the computer sleeps, as the VSM's clock does: no stamp has to be lifted after a sleep.
     fn now(&self) -> Now {
         Now {
             mono: since_boot().saturating_sub(self.started),
@@ -130,6 +130,7 @@ impl GuardProxy {
     /// Serves until `stop` is done.
     pub async fn serve(mut self, stop: impl Future<Output = ()>) {
         let mut second = interval(Duration::from_secs(1));
+        // A late second is not made up for: counting and log need no exact rhythm.
         second.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let (mut near, mut far, mut all) = ([0; ROOM], [0; ROOM], [0; ROOM]);
         let mut out = [0; MAX_GUARDED];
@@ -153,7 +154,7 @@ impl GuardProxy {
                             self.send(&self.far, out.get(..length).unwrap_or_default(), self.config.side.to).await;
                         }
                     }
-                    // ICMP of what was sent before; the CUCS is not there for the moment.
+                    // An ICMP error for an earlier datagram: the CUCS is not there at the moment.
                     Err(cause) => tracing::debug!("the CUCS's socket: {cause}"),
                 },
                 received = self.far.recv_from(&mut far) => match received {
@@ -183,13 +184,14 @@ impl GuardProxy {
         }
     }
 
-    /// Sends what is due of an exchange, and takes what has come of one.
+    /// Sends exchange messages that are due, and handles received ones.
     async fn agree(&mut self, out: &mut [u8; MAX_GUARDED]) {
         let now = self.now();
         self.agreement.handle_timeout(now, &mut self.disk);
         while let Some(step) = self.agreement.end.poll_transmit() {
             self.send(&self.far, &step, self.config.side.to).await;
         }
+        // A probe under the next key shows whether the VSM has it.
         if self.agreement.end.takes_probe(now.mono)
             && let Ok(Some(next)) = self.agreement.keys.next()
             && let Ok(length) = self.end.probe(next.id(), now, out, &mut self.disk)
@@ -210,7 +212,7 @@ impl GuardProxy {
                 CucsNews::NotAnswered => {
                     tracing::info!("the VSM does not answer the key exchange")
                 }
-                // Anybody can send these.
+                // Anyone can send these.
                 CucsNews::Rejected(status) => tracing::debug!("unproven answer: {status}"),
             }
             if matches!(
@@ -222,8 +224,8 @@ impl GuardProxy {
         }
     }
 
-    /// Seals and verifies with the present key files. The previous key is accepted for a while, since datagrams under it may
-    /// still be in transit.
+    /// Uses the present key files. The previous key is accepted for a while, since datagrams under it may still be in
+    /// transit.
     fn take_keys(&mut self, now: Now) {
         let kept = keys(&self.agreement).map_err(|fault| fault.to_string());
         let kept = kept.and_then(|mut kept| {
@@ -246,7 +248,7 @@ impl GuardProxy {
         }
     }
 
-    /// Seals what the CUCS sends; the length.
+    /// Seals a datagram of the CUCS; returns the length.
     fn seal(
         &mut self,
         from: SocketAddr,
@@ -262,12 +264,13 @@ impl GuardProxy {
             self.dropped.count("of another length than 1 to 548 bytes");
             return None;
         }
-        // In Edition 2.5 the wrapper does not name the sender: the VSM checks it.
+        // In Edition 2.5 the wrapper does not name the sender, so the VSM checks it.
         let other = |source: Id| source != self.config.side.cucs;
         if !ed25::is_ed25(bytes) && frames(bytes).next_source().is_some_and(other) {
             self.dropped.count("source is not the CUCS of this guard");
             return None;
         }
+        // Remembered only after the checks: the answers go there.
         self.cucs = Some(from);
         match self.end.seal(now, bytes, out, &mut self.disk) {
             Ok(length) => Some(length),
@@ -279,10 +282,10 @@ impl GuardProxy {
         }
     }
 
-    /// What of the VSM's datagram goes where.
+    /// Decides what to do with a datagram of the VSM.
     fn answer<'a>(&mut self, bytes: &'a [u8], out: &mut [u8; MAX_GUARDED]) -> Answer<'a> {
         let now = self.now();
-        // What is sealed may be a step too, and then begins as one.
+        // A sealed datagram may also begin as an exchange step does.
         let Some(guarded) = Guarded::parse(bytes) else {
             if let Some(about) = ClockDatagram::parse(bytes) {
                 let answer = self.end.take_clock(now, &about, out, &mut self.disk);
@@ -295,13 +298,15 @@ impl GuardProxy {
             return Answer::None;
         };
         let from = (self.config.side.to, None);
+        // Unsealed datagrams are handled above: they are steps of the exchange or about clocks, and prove nothing by
+        // themselves.
         let opened = self.end.open_from(now, &guarded, from, &mut self.disk);
         if let Ok((_, key)) = opened {
             self.agreement.key_in_use(now, key, &mut self.disk);
         }
         match opened.map(|(inside, _)| inside) {
             Ok([]) => Answer::None,
-            // What the VSM has for the guard itself.
+            // A message of the VSM for the guard itself.
             Ok(inside) if is_offer(inside) => {
                 let offer = opened
                     .ok()
@@ -334,7 +339,7 @@ impl GuardProxy {
         }
     }
 
-    /// What of a datagram of the group goes to the CUCS, and where that is.
+    /// The part of a group datagram that goes to the CUCS, and where that is.
     fn take_group<'a>(
         &mut self,
         from: SocketAddr,
@@ -347,7 +352,7 @@ impl GuardProxy {
             return None;
         }
         let Some(guarded) = Guarded::parse(bytes) else {
-            // What is for CUCSs without a guard goes by the same group.
+            // Datagrams for CUCSs without a guard use the same group.
             self.dropped.count("group: no trailer");
             return None;
         };
@@ -364,7 +369,7 @@ impl GuardProxy {
                 return None;
             }
         };
-        // Each CUCS of the group has a copy of its own.
+        // Each CUCS of the group gets its own copy.
         let other = |frame: Frame<'_>| {
             let to = frame.header.destination;
             to != self.config.side.cucs && to != Id::BROADCAST
@@ -382,7 +387,7 @@ impl GuardProxy {
         }
     }
 
-    /// Once a second at most: that the VSM verifies, and what was refused since.
+    /// At most once a second: that the VSM verifies, and what was refused since.
     fn log_changes(&mut self) {
         let status = self.end.status(self.now().mono);
         let refused = total(&status.refused) + total(&self.dropped);
@@ -390,6 +395,7 @@ impl GuardProxy {
         if verified == 0 && status.verified > 0 {
             tracing::info!("the VSM's datagrams verify");
         }
+        // Each line doubles the count of the one before, so a flood cannot fill the log.
         if refused >= before.saturating_mul(2).max(before + 1) {
             tracing::warn!("refused so far: {}", self.counted(&status));
             self.logged.1 = refused;
@@ -417,14 +423,14 @@ impl GuardProxy {
 }
 
 enum Answer<'a> {
-    /// What is inside, and where the CUCS is.
+    /// The content, and where the CUCS is.
     ToCucs(&'a [u8], SocketAddr),
-    /// So many bytes for the VSM's end: what lifts its stamps, a challenge, or the answer to one.
+    /// This many bytes for the VSM's end: a datagram that raises its stamps, a challenge, or the answer to one.
     ToVsm(usize),
     None,
 }
 
-/// Receives from the group, where there is one.
+/// Receives from the group, if there is one.
 async fn receive(socket: Option<&UdpSocket>, bytes: &mut [u8]) -> io::Result<(usize, SocketAddr)> {
     match socket {
         Some(socket) => socket.recv_from(bytes).await,
@@ -441,7 +447,7 @@ fn join(group: &Group) -> Result<UdpSocket, GuardError> {
     joined.map_err(|cause| GuardError::Bind { at, cause })
 }
 
-/// The keys of a guard, the one in force first.
+/// The keys of a guard, the current one first.
 fn keys(agreement: &Agreement) -> Result<Vec<GuardKeyUntil>, KeyStoreError> {
     let held = agreement.held()?.into_iter();
     Ok(held.map(|key| (key, None)).collect())
@@ -456,7 +462,7 @@ fn total(counters: &Counters) -> u64 {
     counters.iter().map(|(_, count)| count).sum()
 }
 
-/// One byte more shows what is longer than anything that is taken.
+/// One byte more, to detect a datagram that is too long.
 const ROOM: usize = MAX_GUARDED + 1;
 const IDLE: Duration = Duration::from_secs(60);
 const SHORTEST: Duration = Duration::from_millis(1);

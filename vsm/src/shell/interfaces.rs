@@ -1,4 +1,5 @@
-//! The interfaces of this computer, and whether a group's datagrams arrive on another one than that which joined the group.
+//! The interfaces of this computer, and whether a group's datagrams arrive on another one than the interface that joined
+//! the group.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket as BlockingSocket};
@@ -8,8 +9,9 @@ use dli_group::Interface;
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 
-/// Listens for so long on every interface but the one that the group was joined on: the first one that a datagram of the
-/// group arrives on, and who sends it. IPv4 only: a group of IPv6 is joined on the interface that the system chooses.
+/// Listens for this long on every interface except the one that the group was joined on. Returns the first interface on
+/// which a datagram of the group arrives, and its sender. IPv4 only: a group of IPv6 is joined on the interface that the
+/// system chooses.
 ///
 /// # Errors
 /// The system's.
@@ -46,6 +48,7 @@ pub async fn listen_elsewhere(
         }
     }
     let end = tokio::time::Instant::now() + span;
+    // A longer datagram is cut off, which is fine: only its sender is of interest.
     let mut byte = [0; 1];
     while tokio::time::Instant::now() < end {
         for (at, socket) in &sockets {
@@ -61,16 +64,17 @@ pub async fn listen_elsewhere(
 /// The address of the interface that the system would join a group on.
 fn routed(group: SocketAddr) -> io::Result<IpAddr> {
     let socket = BlockingSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
-    // Nothing is sent: this only looks up the route.
+    // Nothing is sent: connecting a UDP socket only looks up the route.
     socket.connect(group)?;
     Ok(socket.local_addr()?.ip())
 }
 
-/// A socket that receives the group's datagrams of this interface, and of no other that some program has joined.
+/// A socket that receives the group's datagrams on this interface only, whatever other programs have joined.
 fn join_only((group, port): (Ipv4Addr, u16), at: Ipv4Addr) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
     socket.set_reuse_address(true)?;
     socket.set_nonblocking(true)?;
+    // Linux otherwise delivers a group's datagrams to every socket bound to its address, from any joined interface.
     socket.set_multicast_all_v4(false)?;
     socket.bind(&SocketAddr::from((group, port)).into())?;
     socket.join_multicast_v4(&group, &at)?;

@@ -46,10 +46,10 @@ pub enum KeyLinkError {
     /// The machine.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// There is no key in force that could be given again.
+    /// There is no current key that could be sent again.
     #[error("there is no key in force, expected one to send again")]
     NoKey,
-    /// SETUP_SIGNING would be in the clear on a link that never is.
+    /// SETUP_SIGNING would be sent in the clear on an encrypted link.
     #[error(
         "the vehicle's link is encrypted (vehicle.encrypt): its keys come from its agent, by `vsm pair`"
     )]
@@ -68,11 +68,11 @@ pub enum KeyLinkError {
 /// The key to install.
 #[derive(Debug)]
 pub enum What {
-    /// Another key than the one in force, or the vehicle's first.
+    /// Another key than the current one, or the vehicle's first.
     New(SigningKey),
-    /// The key in force, again: the vehicle fell back to the previous one.
+    /// The current key again: the vehicle fell back to the previous one.
     InForceAgain,
-    /// A key that nobody keeps, in place of the one in force: a zeroize.
+    /// A key that nobody keeps, in place of the current one: a zeroize.
     Discarded(SigningKey),
 }
 
@@ -85,7 +85,7 @@ pub struct Trust {
     pub lost_key: bool,
 }
 
-/// How it ended, for a person.
+/// How the rotation ended, for a person.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Ending {
     /// The rollover ended with this outcome.
@@ -123,7 +123,7 @@ pub enum Progress {
 pub struct KeyLink {
     rollover: KeyRollover<Peer>,
     keys: KeyStore,
-    /// The key is already the one in force, or is not kept at all: the files stay unchanged, however the rotation ends.
+    /// The key is already the current one, or is not kept at all: the files stay unchanged, however the rotation ends.
     keeps_files: bool,
     store: FileDisk,
     clock: Clock,
@@ -175,6 +175,7 @@ impl KeyLink {
             &record,
             &mut store,
         )?;
+        // A key that nobody keeps must not reach the disk, and the current one is there already.
         let keeps_files = !matches!(what, What::New(_));
         let (old, new) = match what {
             What::New(new) => match keys.next()? {
@@ -254,6 +255,7 @@ impl KeyLink {
                         if self.peers.admits(now.mono, from) {
                             self.rollover.handle_datagram(now, from, bytes, &mut self.store);
                         } else if self.stranger.is_none() {
+                            // Looked up for the message to the operator only.
                             self.stranger = self.peers.may_have_key(from).err();
                         }
                     }
@@ -280,7 +282,7 @@ impl KeyLink {
                 }
             }
             if !self.rollover.has_received() {
-                // Anybody can send such frames, so nothing is concluded from them: they only show the operator why it takes long.
+                // Anyone can send such frames, so they decide nothing; they only show the operator why it takes long.
                 if self.rollover.foreign_frames() > 0 && !std::mem::replace(&mut other_key, true) {
                     report(Progress::OtherKey);
                 }
@@ -292,7 +294,7 @@ impl KeyLink {
             let mono = self.clock.mono();
             let settled = mono.saturating_sub(self.rollover.entered_at());
             match self.rollover.outcome() {
-                // PX4 may not have written its key file yet: watch it until then.
+                // PX4 writes its key file without synchronising it, so the vehicle is watched until that is done.
                 Some(Outcome::Committed) if settled < KEEP_POWER => {}
                 Some(outcome) => return Ok(Ending::Ended(outcome)),
                 None => {}
@@ -311,15 +313,15 @@ impl KeyLink {
         }
     }
 
-    /// The key in force is deleted as soon as the vehicle has the new one, by whichever process finds that out.
+    /// Deletes the current key as soon as the vehicle has the new one, whichever process finds that out.
     ///
     /// # Errors
-    /// The wish could not be made durable.
+    /// The order could not be made durable.
     pub fn revoke_current(&self) -> Result<(), KeyStoreError> {
         self.keys.revoke_current()
     }
 
-    /// A clock that is left behind does no harm, and is deleted at the next start.
+    /// A clock that stays behind is harmless; the next start deletes it.
     fn bury(&mut self) {
         if let Err(fault) = self.keys.bury(&mut self.store) {
             tracing::debug!("the clock of a dead key cannot be deleted: {fault}");
@@ -345,7 +347,7 @@ impl KeyLink {
                 Ok(())
             };
             match allowed {
-                // A frame that does not leave is a frame that is lost.
+                // A frame that cannot be sent counts as lost.
                 Ok(()) => drop(self.writer.send(frame, sent.to).await),
                 Err(stranger) => self.stranger = Some(stranger),
             }
@@ -398,6 +400,7 @@ pub async fn discard_keys(config: &Config, store: &FileDisk) -> Vec<String> {
         let Signing::KeyFile(key_file, exchange) = &vehicle.signing else {
             continue;
         };
+        // With an exchange there is an agent, which has replaced PX4's key itself.
         if exchange.mode != ExchangeMode::Off {
             continue;
         }
@@ -423,7 +426,7 @@ async fn discard(
     let link = loop {
         let (what, store) = (What::Discarded(other.duplicate()), store.shared());
         match KeyLink::open_on(config, vehicle, key_file, what, Trust::default(), store) {
-            // Threads of the bridge that has just ended let go of its keys and sockets in a moment.
+            // The bridge that has just ended still holds keys and sockets for a moment.
             Err(KeyLinkError::Keys(_) | KeyLinkError::Socket(_)) if tries < MAX_OPENS => {
                 tries += 1;
                 tokio::time::sleep(LOOK).await;
@@ -441,7 +444,7 @@ async fn discard(
     })
 }
 
-/// Whether nobody else can listen on the link: a serial line, or this computer itself.
+/// Whether nobody else can receive the link: a serial line, or this computer itself.
 #[must_use]
 pub fn is_local(link: &LinkAddress) -> bool {
     match link {
@@ -449,7 +452,7 @@ pub fn is_local(link: &LinkAddress) -> bool {
         LinkAddress::UdpIn(address) => address.ip().is_loopback(),
         LinkAddress::UdpOut(host) => host.to_socket_addrs().is_ok_and(|mut found| {
             let mut any = false;
-            // Every address must be loopback, as the one that is used is not chosen here; none at all is not local.
+            // Every address must be loopback, since the one used is not chosen here; no address at all is not local.
             found.all(|address| {
                 any = true;
                 address.ip().is_loopback()
@@ -458,13 +461,13 @@ pub fn is_local(link: &LinkAddress) -> bool {
     }
 }
 
-/// The least pause between looks at the clock.
+/// The shortest pause between looks at the clock.
 const LOOK: Duration = Duration::from_millis(50);
 /// How long the vehicle must stay powered after it has accepted the key: PX4 writes its key file without synchronising it.
 pub const KEEP_POWER: Duration = Duration::from_secs(5);
-/// Two seconds.
+/// Two seconds, with `LOOK` between the attempts.
 const MAX_OPENS: u32 = 40;
-/// 10 s of them to see that only one autopilot is on the link, then three tries.
+/// 10 s to see that only one autopilot is on the link, then three tries.
 const DISCARD_WITHIN: Duration = Duration::from_secs(20);
 /// How long a silent vehicle is queried before the rest is left to `vsm run`.
 pub const UNKNOWN_FOR: Duration = Duration::from_secs(60);

@@ -1,17 +1,17 @@
-//! Who stands at the other end of a UDP link on this computer: only a program of a permitted user may be the vehicle there.
+//! The program at the other end of a UDP link on this computer: only one of a permitted user may be the vehicle.
 //!
-//! PX4 takes its first key unsigned, and after a power cut it is unsigned again; so whoever sends unsigned heartbeats in its
-//! name is given the key. On a serial line that is whoever holds the cable. On loopback it would be any program of this
-//! computer, whoever runs it, unless the kernel is asked whose socket it is (`socket_owners`).
+//! PX4 takes its first key unsigned, and after a power cut it may be unsigned again. So any sender of unsigned heartbeats
+//! in its name would be given the key. On a serial line that is whoever holds the cable. On loopback it would be any
+//! program of this computer, of any user, unless the bridge asks the kernel whose socket it is (`socket_owners`).
 //!
-//! - What comes from a socket of another user is dropped, before any machine sees it: such a program can neither pose as
-//!   the vehicle nor keep a key from it by posing as a second one.
-//! - Just before a key leaves, the receiver is looked up once more, in a table whose reading has begun after the key was due.
-//!   Between that look and the sending (milliseconds; where users hold many thousands of sockets, as long as the kernel takes
-//!   for its table) the vehicle's program would have to end and another to take its port.
-//! - Neither sockets that somebody holds nor datagrams that somebody sends delay anybody: a datagram costs one look-up of the
-//!   same length in what another thread has read. What comes from a port that was opened since is dropped too, for a second at
-//!   most (three times as long as the reading takes, where that is longer).
+//! - Datagrams from a socket of another user are dropped before any machine sees them. Such a program can neither pose as
+//! the vehicle nor keep a key from it by posing as a second one.
+//! - Just before a key is sent, the receiver is looked up once more, in a table read after the key was due. Between that
+//! look and the sending (milliseconds; where users hold many thousands of sockets, as long as the kernel takes for its
+//! table) the vehicle's program would have to end and another to take its port.
+//! - Neither sockets that somebody holds nor datagrams that somebody sends delay anyone: a datagram costs one look-up of
+//! constant length in what another thread has read. Datagrams from a port opened since are dropped too, for a second at
+//! most (or three times as long as a reading takes, if that is longer).
 //!
 //! Permitted are this process's own user, root, who could read the key anyway, and the users of the configuration. A person
 //! who vouches for the link (`i_trust_this_link`) switches the check off.
@@ -36,21 +36,21 @@ pub struct LocalPeers {
     owners: Option<SocketOwners>,
     /// Notified when a look is done.
     looked: Arc<Notify>,
-    /// The look before the key that is due, and when it was asked for.
+    /// The look before the key that is due, and when it was requested.
     look: Option<u64>,
     look_at: Option<Duration>,
-    /// Where nobody was found lately, with the number of readings then.
+    /// Addresses whose owner was recently not found, with the number of readings at that time.
     unknown: HashMap<SocketAddr, u64>,
     /// How long a datagram of an unknown port waits for another reading, and when one last did.
     waits: Duration,
     waited_at: Option<Duration>,
-    /// The last that was not admitted, and is in the log.
+    /// When a refused datagram was last logged.
     reported_at: Option<Duration>,
     dropped: u64,
 }
 
 impl LocalPeers {
-    /// For this link: nobody is looked up on a serial line, nor where a person vouches for the link (`trusted`).
+    /// For this link. Nobody is looked up on a serial line, or where a person vouches for the link (`trusted`).
     #[must_use]
     pub fn new(link: &LinkAddress, trusted: bool, users: &[u32]) -> LocalPeers {
         let checked = !trusted && !matches!(link, LinkAddress::Serial { .. });
@@ -66,7 +66,7 @@ impl LocalPeers {
         }
     }
 
-    /// With the kernel's table read so.
+    /// With `read` in place of the kernel's table.
     fn reading(
         permitted: Option<Vec<u32>>,
         read: impl FnMut() -> io::Result<Vec<Socket>> + Send + 'static,
@@ -85,8 +85,8 @@ impl LocalPeers {
         }
     }
 
-    /// Whether what came from there may be looked at, by what was read last. A port that is not known may just have been
-    /// opened: four times a second another reading is waited for, 10 ms at most, and none where readings take long.
+    /// Whether datagrams from there are admitted, by the last reading. An unknown port may just have been opened: at most
+    /// four times a second this waits for another reading, 10 ms at most, and not at all where readings take long.
     pub fn admits(&mut self, mono: Duration, from: Peer) -> bool {
         let (Some(owners), Peer::Udp(from)) = (&self.owners, from) else {
             return true;
@@ -94,6 +94,7 @@ impl LocalPeers {
         let Err(mut stranger) = owners.judge(from) else {
             return true;
         };
+        // The wait blocks the thread that flies, so neither a flood of ports nor a slow kernel may cause many.
         let rests = |at: Duration| mono.saturating_sub(at) < WAIT_AGAIN;
         let may_wait = !self.waits.is_zero() && !self.waited_at.is_some_and(rests);
         let is_unknown = !matches!(stranger, Stranger::OtherUser { .. });
@@ -108,6 +109,7 @@ impl LocalPeers {
         let readings = owners.readings();
         self.dropped = self.dropped.saturating_add(1);
         let is_other = matches!(stranger, Stranger::OtherUser { .. });
+        // Not worth a warning: a program that has just started is in the next reading.
         if !is_other && self.may_be_new(from, readings) {
             tracing::debug!("a datagram of this computer is dropped: {stranger}");
             return false;
@@ -125,8 +127,9 @@ impl LocalPeers {
         false
     }
 
-    /// Whether the port may have been opened after the last reading began: two more show it.
+    /// Whether the port may have been opened after the last reading began: two more readings decide that.
     fn may_be_new(&mut self, from: SocketAddr, readings: u64) -> bool {
+        // Only the log level depends on these entries.
         if self.unknown.len() >= MAX_UNKNOWN && !self.unknown.contains_key(&from) {
             self.unknown.clear();
         }
@@ -134,8 +137,8 @@ impl LocalPeers {
         readings < first.saturating_add(2)
     }
 
-    /// Whether the peer may be sent a key, by a table that is read now. Waits for that: not for a thread that has something else
-    /// to do.
+    /// Whether the peer may be sent a key, by a table that is read now. Blocks until then: not for a thread with other
+    /// work.
     ///
     /// # Errors
     /// It may not.
@@ -150,8 +153,8 @@ impl LocalPeers {
         owners.judge(at)
     }
 
-    /// A key is due: whether a look at its receiver, which begins now, is done. Never waits; [`LocalPeers::looked`] is notified
-    /// when it is worth to ask again.
+    /// For a key that is due: whether a look at its receiver, which begins now, is done. Never blocks;
+    /// [`LocalPeers::looked`] is notified when it is worth asking again.
     pub fn has_looked(&mut self, mono: Duration) -> bool {
         let Some(owners) = &self.owners else {
             return true;
@@ -169,7 +172,7 @@ impl LocalPeers {
         false
     }
 
-    /// What the look shows. It holds for this one key: before the next another one is made.
+    /// The result of the look. It holds for this one key; the next key needs another look.
     ///
     /// # Errors
     /// The peer may not have the key, or was not looked up.
@@ -186,7 +189,7 @@ impl LocalPeers {
         }
     }
 
-    /// No key has left by a look that is done: later it would be old.
+    /// Discards a finished look by which no key was sent: later it would be out of date.
     pub fn forget_look(&mut self) {
         if let Some(owners) = &self.owners {
             self.look = self.look.filter(|number| !owners.has_answered(*number));
@@ -209,19 +212,19 @@ impl LocalPeers {
 /// This process's own user, root and these.
 fn permitted(users: &[u32]) -> Vec<u32> {
     let own = rustix::process::geteuid().as_raw();
-    // In a user name space this stands for everyone who has no number there.
+    // In a user name space this id stands for everyone who has no number there.
     let own = Some(own).filter(|own| *own != OVERFLOW_USER);
     let mut all: Vec<u32> = own.into_iter().chain([0]).chain(users.to_vec()).collect();
     all.dedup();
     all
 }
 
-/// Only what is logged depends on it.
 /// How long the thread that flies may wait for a reading: a few hundred sockets take a millisecond or two.
 const NEW_PORT_WITHIN: Duration = Duration::from_millis(10);
 const WAIT_AGAIN: Duration = Duration::from_millis(250);
+/// Only the log level depends on these entries.
 const MAX_UNKNOWN: usize = 64;
-/// A key that is due and cannot leave, since the disk is full, asks no more often.
+/// A key that is due and cannot be sent, because the disk is full, causes no more looks than this.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 const REPORT_AGAIN: Duration = Duration::from_secs(10);
 const OVERFLOW_USER: u32 = 65_534;

@@ -1,6 +1,6 @@
-//! The log of a program that must not stop: a thread writes it, so that a pipe that nobody reads stops that thread alone.
+//! The log of a program that must not block: a separate thread writes it, so that an unread pipe blocks only that thread.
 //!
-//! Lines that find no room are lost, and counted in the log once it is read again.
+//! Lines that do not fit in the queue are lost, and the log reports their number once it is read again.
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::time::Duration;
 
-/// Where lines are written to. Cheap to clone.
+/// The place to write lines to. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct LogPipe {
     lines: SyncSender<Entry>,
@@ -18,7 +18,7 @@ pub struct LogPipe {
 #[derive(Debug)]
 enum Entry {
     Line(Vec<u8>),
-    /// All before this is written.
+    /// Everything before this has been written.
     End(Sender<()>),
 }
 
@@ -37,7 +37,7 @@ impl LogPipe {
         Ok(LogPipe { lines, lost })
     }
 
-    /// Waits until what was logged is written, a second at most.
+    /// Waits until the logged lines are written, a second at most.
     pub fn finish(&self) {
         let (done, end) = channel();
         // A queue that is full is not being read: there is nothing to wait for.
@@ -49,6 +49,7 @@ impl LogPipe {
 
 impl Write for LogPipe {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        // Never an error: `tracing` would report it to standard error, which is the pipe that is full.
         if let Err(TrySendError::Full(_)) = self.lines.try_send(Entry::Line(line.to_vec())) {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
@@ -79,7 +80,7 @@ fn write(mut out: impl Write, entries: &Receiver<Entry>, lost: &AtomicU64) {
     }
 }
 
-/// Lines that wait to be written at most: some 200 kB.
+/// Lines that may wait: some 200 kB.
 const MAX_LINES: usize = 2_048;
 const END_WITHIN: Duration = Duration::from_secs(1);
 

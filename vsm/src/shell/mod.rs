@@ -3,14 +3,14 @@
 //! From the bottom up: `ownership` checks which files are trusted; `disk` implements [`Disk`](mavlink_link::store::Disk),
 //! and `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file`
 //! and `key_store` are the signing keys, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
-//! `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the networks,
-//! `local_peers` with `socket_owners` who is at their other end, `encryption` the encrypted links on these; `recording` and `dli_recording` write
-//! what passes, `log_pipe` the log; `status_socket`, `pairing_socket`, `web` and `service` show the state to people and to
-//! systemd; `tasks` ends a program of which a part has ended. On these stand the programs: `server` (`vsm run`), `replay`
-//! (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm airside`), `guard_proxy` and `guard_link` (`vsm
-//! guard`), `pairing` (`vsm pair`), `key_link` (`vsm key`) and `settings_link` (`vsm check-vehicle`). `self_check` is what
-//! `vsm doctor` looks at without a bridge, `fleet` a store that several computers share, `erase` what `vsm zeroize` and an
-//! order to zeroize do with what these have written.
+//! `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the
+//! networks, `local_peers` with `socket_owners` the programs at their other end, `encryption` the encrypted links on these;
+//! `recording` and `dli_recording` write the traffic, `log_pipe` the log; `status_socket`, `pairing_socket`, `web` and
+//! `service` show the state to people and to systemd; `tasks` ends a program when a part of it has ended. On these stand
+//! the programs: `server` (`vsm run`), `replay` (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm
+//! airside`), `guard_proxy` and `guard_link` (`vsm guard`), `pairing` (`vsm pair`), `key_link` (`vsm key`) and
+//! `settings_link` (`vsm check-vehicle`). `self_check` holds the checks of `vsm doctor` that need no bridge, `fleet` a
+//! store that several computers share, `erase` what `vsm zeroize` and an order to zeroize do with the files of all these.
 
 pub mod airside;
 pub mod airside_disk;

@@ -1,6 +1,6 @@
 //! `vsm pair`: this VSM and a vehicle's air-side agent get to know each other, over the vehicle's link, by a code that a
-//! person has carried from one to the other. The store's lock and the key's are held, so no bridge runs meanwhile. `vsm zeroize`
-//! orders a paired agent to zeroize in the same way where no bridge runs.
+//! person carries from one to the other. It holds the locks of the store and of the key, so no bridge runs meanwhile. `vsm
+//! zeroize` orders a paired agent to zeroize in the same way when no bridge runs.
 
 use std::path::Path;
 use std::time::Duration;
@@ -56,15 +56,15 @@ pub struct Pairing {
     reader: VehicleReader,
     writer: VehicleWriter,
     peer: Option<Peer>,
-    /// The peer is where a message of the exchange came from.
+    /// The peer's address comes from a message of the exchange.
     exchanged: bool,
     parser: Parser,
     seq: u8,
-    /// Of a link that is encrypted: a pairing passes it in the clear, framed as the rest.
+    /// For an encrypted link: a pairing passes it in the clear, framed like the rest.
     encryption: Option<Encryption>,
 }
 
-/// How it ended.
+/// How the pairing ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Ending {
     /// Both know each other, and share a key.
@@ -74,7 +74,7 @@ pub enum Ending {
         /// The shared key's name.
         key: mavlink_link::signing::KeyId,
     },
-    /// Nobody answered with the code; the last unproven status.
+    /// Nobody answered with the code; holds the last unproven status.
     NotAnswered(Option<Status>),
 }
 
@@ -96,7 +96,7 @@ impl Pairing {
         Ok(pairing)
     }
 
-    /// Opens the link to the agent that was paired with, with a store that is open; `None` where none was.
+    /// Opens the link to the paired agent, with an open store; `None` if there is no pairing.
     ///
     /// # Errors
     /// As [`Pairing::open`].
@@ -174,13 +174,13 @@ impl Pairing {
         })
     }
 
-    /// What this VSM's people and the agent's compare.
+    /// The key that the people of this VSM and of the agent compare.
     #[must_use]
     pub fn own_key(&self) -> PublicKey {
         self.initiator.config().identity.public()
     }
 
-    /// Tries until it succeeds, at most `patience`. `report` is given each event as it happens.
+    /// Tries until it succeeds, at most `patience`. `report` receives each event as it happens.
     pub async fn run(
         mut self,
         patience: Duration,
@@ -206,7 +206,7 @@ impl Pairing {
         }
     }
 
-    /// Orders the agent to zeroize; what it has answered.
+    /// Orders the agent to zeroize; returns its answer.
     pub async fn order_zeroize(mut self, in_flight: bool) -> String {
         let now = self.clock.mono();
         let ordered = self
@@ -228,7 +228,7 @@ impl Pairing {
         outcome
     }
 
-    /// Sends what is due, and waits for what comes, no longer than until then.
+    /// Sends what is due and waits for a datagram, no longer than `end`.
     async fn step(&mut self, end: Duration, bytes: &mut [u8]) {
         self.send().await;
         let encrypted = self.encryption.as_ref().map(Encryption::poll_timeout);
@@ -262,6 +262,7 @@ impl Pairing {
         while let Some(item) = frames.next() {
             let Ok(frame) = item else { continue };
             let header = frame.header();
+            // The ids of other systems on a shared radio must not move the peer's address.
             if header.system_id != self.parties.responder.system || !frame.is_checked() {
                 continue;
             }
@@ -277,19 +278,19 @@ impl Pairing {
                     verified: false,
                     payload: frame.payload(),
                 };
-                // What is of no use is counted by the machine.
+                // The machine counts useless messages.
                 let taken = self.initiator.handle(now, inbound, &mut disk);
-                // A hint that comes while an attempt runs is none too many for this.
+                // A hint during an attempt still shows where the agent is.
                 exchanged = matches!(taken, Ok(()) | Err(Ignored::Limited | Ignored::Hint));
             }
-            // A listening link learns here where the vehicle is. Nothing of it is proven before the end, so nobody who
-            // has spoken first, or in between, keeps the place against one who speaks after.
+            // A listening link learns here where the vehicle is. Nothing is proven before the end, so a sender of an
+            // exchange message replaces any earlier one: nobody can block the place by being first.
             if exchanged || !self.exchanged {
                 self.peer = Some(from);
                 self.exchanged |= exchanged;
             }
         }
-        // Half a frame of one sender must not swallow the next one's.
+        // Half a frame of one sender must not swallow the next sender's frame.
         if from != Peer::Serial {
             self.parser.discard_pending();
         }
@@ -318,7 +319,7 @@ impl Pairing {
             let mut out = [0; MAX_FRAME];
             if let Ok(len) = encode_raw(header, &message.to_payload(), &mut out) {
                 let frame = out.get(..len).unwrap_or_default();
-                // A frame that does not leave is a frame that is lost.
+                // A frame that cannot be sent counts as lost.
                 match &mut self.encryption {
                     None => drop(self.writer.send(frame, to).await),
                     Some(one) => one.send(self.clock.mono(), to, frame),

@@ -1,8 +1,8 @@
-//! `vsm airside pair`: a Unix socket in the agent's store folder. Who may enter the folder may open the window.
+//! `vsm airside pair`: a Unix socket in the agent's store folder. Any user who may enter the folder may open the window.
 //!
-//! The asker sends one line, the code or an empty line for a new one; the agent answers in lines, the code first, and
-//! then what happens at the window until it is closed. An asker that goes away closes it. `vsm guard pair` and `vsm guard rotate` ask
-//! a running bridge in the same way.
+//! The client sends one line, the code or an empty line for a new one. The agent answers in lines: first the code, then the
+//! events of the window until it is closed. A client that disconnects closes it. `vsm guard pair` and `vsm guard rotate`
+//! send requests to a running bridge in the same way.
 
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::PermissionsExt;
@@ -21,7 +21,7 @@ fn path(store: &Path) -> PathBuf {
     store.join("pair.sock")
 }
 
-/// Opens the socket. The store's lock is held: one that is there is left over.
+/// Opens the socket. The store's lock is held, so an existing socket is a leftover.
 ///
 /// # Errors
 /// The system's; paths of over 107 bytes too.
@@ -37,12 +37,12 @@ pub fn listen(store: &Path) -> io::Result<UnixListener> {
     Ok(listener)
 }
 
-/// A person at the window.
+/// The connection of a person who opens the window.
 #[derive(Debug)]
 pub struct Asker(UnixStream);
 
 impl Asker {
-    /// Reads what is asked for: the code, typed or made here. `None` where it is no code, which is reported to the asker.
+    /// Reads the request: the code, typed or made here. `None` for an invalid code, which is reported to the client.
     pub async fn greet(stream: UnixStream) -> Option<(Asker, PairingCode)> {
         let (mut asker, line) = Asker::listen_to(stream).await?;
         match Asker::code(line.trim()) {
@@ -54,7 +54,7 @@ impl Asker {
         }
     }
 
-    /// Reads the one line in which somebody asks.
+    /// Reads the one line of a request.
     pub(super) async fn listen_to(stream: UnixStream) -> Option<(Asker, Zeroizing<String>)> {
         // Bounded: a client that never sends a line end cannot make the agent's memory grow.
         let mut stream = tokio::io::BufReader::new(stream.take(LINE));
@@ -72,21 +72,21 @@ impl Asker {
         }
     }
 
-    /// Sends a line. One that has gone away is no fault: [`Asker::gone`] shows it. One that does not read loses the
-    /// line, for the agent's links wait meanwhile.
+    /// Sends a line. A disconnected client is no error: [`Asker::gone`] shows it. A client that does not read loses the
+    /// line, since the agent's links wait meanwhile.
     pub async fn send_line(&mut self, line: &str) {
         let line = Zeroizing::new(format!("{line}\n"));
         let _ = tokio::time::timeout(TELL_WITHIN, self.0.write_all(line.as_bytes())).await;
     }
 
-    /// Done when the asker has gone away.
+    /// Completes when the client has disconnected.
     pub async fn gone(&mut self) {
         let mut byte = [0];
         while self.0.read(&mut byte).await.is_ok_and(|count| count > 0) {}
     }
 }
 
-/// Asks a running agent, or a bridge, for something, and shows its output, line by line, until it ends.
+/// Sends a request to a running agent or bridge, and shows its output line by line until it ends.
 ///
 /// # Errors
 /// None is running on this store.
@@ -100,7 +100,7 @@ pub fn ask(store: &Path, request: &str, mut show: impl FnMut(&str)) -> io::Resul
     Ok(())
 }
 
-/// More than a code with its hyphens has.
+/// Longer than a code with its hyphens.
 const LINE: u64 = 256;
 /// Time limit for each line: a client that does not read blocks the agent for at most this long. (A socket buffers thousands
 /// of lines.)

@@ -37,7 +37,7 @@ pub enum StartError {
     /// The keys of a vehicle.
     #[error(transparent)]
     Keys(#[from] KeyStoreError),
-    /// Two vehicles' files hold one key: both would count its stamps, each for itself.
+    /// Two vehicles' files hold one key: each link would count its stamps on its own.
     #[error(
         "vehicles {one} and {other} have the same key {key}: each vehicle needs a key of its own, see `vsm keygen`"
     )]
@@ -49,19 +49,19 @@ pub enum StartError {
         /// The key's name.
         key: KeyId,
     },
-    /// The key of another ground station is a vehicle's, or another's.
+    /// The key of another ground station also belongs to a vehicle, or to another ground station.
     #[error(
         "[[forward]] {name} has the key {key} of {other}: each needs a key of its own, see `vsm keygen`"
     )]
     ForwardKey {
         /// The ground station.
         name: String,
-        /// Who has it too.
+        /// The key's other owner.
         other: String,
         /// The key's name.
         key: KeyId,
     },
-    /// The guard key of a CUCS is another's too.
+    /// The guard key of a CUCS has another owner too.
     #[error(
         "CUCS {station} has the guard key {key} of {other}: each needs a key of its own, see `vsm guard keygen`"
     )]
@@ -73,7 +73,7 @@ pub enum StartError {
         /// The key's name.
         key: KeyId,
     },
-    /// The key of the access list is another's too.
+    /// The key of the access list has another owner too.
     #[error(
         "access.key_file has the key {key} of {other}: it needs a key of its own, see `vsm keygen`"
     )]
@@ -86,7 +86,7 @@ pub enum StartError {
     /// There is no access list.
     #[error("{0}")]
     Access(#[from] AccessError),
-    /// A handover that is not finished.
+    /// An unfinished handover.
     #[error(transparent)]
     Handover(#[from] HandoverError),
     /// A socket.

@@ -13,7 +13,7 @@ use crate::session::{FileEvent, FileRefusal};
 use crate::shell::files_socket::{Action, Entry, Reply, Request};
 use crate::shell::tasks::Beat;
 
-/// Serves one asker after the other; who comes meanwhile is refused, not kept waiting.
+/// Serves one client at a time; further ones are refused, not kept waiting.
 pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     let mut current = None;
     loop {
@@ -66,6 +66,7 @@ async fn answer(shared: Rc<Shared>, mut stream: UnixStream) {
         Err(why) => return refuse(&mut stream, &why.to_string()).await,
     };
     let ended = relay(&shared, vehicle, &mut stream).await;
+    // The client has disconnected: nobody reads the events of the operation any more.
     if !ended {
         shared.with(|Core { bridge, store, .. }, now| {
             bridge.withdraw_file(now, vehicle, store);
@@ -74,7 +75,7 @@ async fn answer(shared: Rc<Shared>, mut stream: UnixStream) {
     }
 }
 
-/// Passes on what becomes of the operation; whether it has ended.
+/// Passes on the events of the operation; returns whether it has ended.
 async fn relay(shared: &Shared, vehicle: Id, stream: &mut UnixStream) -> bool {
     loop {
         let (is_there, event) = {
@@ -89,7 +90,7 @@ async fn relay(shared: &Shared, vehicle: Id, stream: &mut UnixStream) -> bool {
             return true;
         }
         let Some(event) = event else {
-            // Nothing is sent by an asker that waits: what can be read is its end.
+            // A waiting client sends nothing, so anything readable means that it has disconnected.
             if stream.try_read(&mut [0]).is_ok() {
                 return false;
             }
@@ -143,7 +144,7 @@ fn done_reply(done: Done) -> Reply {
 }
 
 async fn read_request(stream: &mut UnixStream) -> Result<(Option<Id>, Operation), String> {
-    // Bounded: an asker that never ends its line cannot make the memory grow.
+    // Bounded: a client that never ends its line cannot make the memory grow.
     let mut reader = tokio::io::BufReader::new(stream);
     let mut line = String::new();
     let read = (&mut reader).take(MAX_LINE).read_line(&mut line).await;
@@ -168,6 +169,7 @@ async fn read_request(stream: &mut UnixStream) -> Result<(Option<Id>, Operation)
             ));
         }
         Action::Write { length } => {
+            // Bounded above: a client cannot make the bridge allocate more than a file may have.
             let mut content = vec![0; length];
             let read = reader.read_exact(&mut content).await;
             read.map_err(|cause| format!("the content was cut off: {cause}"))?;
@@ -185,7 +187,7 @@ async fn refuse(stream: &mut UnixStream, why: &str) {
     send(stream, &Reply::Refused { why, anew: false }, &[]).await;
 }
 
-/// Whether the asker has taken it.
+/// Whether the client has received it.
 async fn send(stream: &mut UnixStream, reply: &Reply, bytes: &[u8]) -> bool {
     let mut text = serde_json::to_vec(reply).unwrap_or_default();
     text.push(b'\n');
@@ -194,7 +196,7 @@ async fn send(stream: &mut UnixStream, reply: &Reply, bytes: &[u8]) -> bool {
     matches!(sent, Ok(Ok(())))
 }
 
-/// A path has 238 bytes, each of which may be written as six.
+/// A path has at most 238 bytes, each of which JSON may write as six.
 const MAX_LINE: u64 = 4_096;
 const REQUEST_WITHIN: Duration = Duration::from_secs(10);
 const TAKEN_WITHIN: Duration = Duration::from_secs(30);

@@ -1,7 +1,8 @@
-//! The links of other ground stations (`[[forward]]`): opened at the start, and changed when the configuration is read again.
+//! The links of other ground stations (`[[forward]]`): opened at the start, and changed when the configuration is read
+//! again.
 //!
-//! A place belongs to a link: as long as the configuration has a `[[forward]]` on it, its socket stays open, whatever else of it
-//! changes. Who is on it is asked again only where the key or the ids by which it is known have changed.
+//! A place belongs to a link: as long as the configuration has a `[[forward]]` on that link, its socket stays open,
+//! whatever else changes. The bridge identifies the ground station anew only where its key or ids have changed.
 
 use std::rc::Rc;
 
@@ -17,7 +18,7 @@ use crate::shell::key_file;
 use crate::shell::local_peers::LocalPeers;
 use crate::shell::sockets::{self, Hosts, VehicleReader, VehicleWriter};
 
-/// A link that is open; a task reads it.
+/// An open link, which a task reads.
 #[derive(Debug)]
 pub(super) struct OpenForward {
     /// Its place, by which the bridge knows it as long as it is open.
@@ -26,26 +27,27 @@ pub(super) struct OpenForward {
     pub(super) writer: VehicleWriter,
     /// The fixed peer of a udpout or serial link.
     peer: Option<Peer>,
-    /// Whose programs may be there, where that is looked up.
+    /// Whose programs may be there, where that is checked.
     pub(super) peers: LocalPeers,
     /// Ends the task that reads it.
     pub(super) close: Rc<Notify>,
 }
 
-/// Whose programs may be at the link of a ground station.
+/// Whose programs may be on the link of a ground station.
 pub(super) fn peers(forward: &Forward) -> LocalPeers {
     match &forward.link {
+        // A signed station proves itself, so its socket's owner does not matter.
         ForwardLink::Shared(link) => LocalPeers::new(link, !forward.unsigned, &forward.users),
         ForwardLink::TcpIn(_) | ForwardLink::TcpOut(_) => LocalPeers::of_users(None),
     }
 }
 
-/// What a task reads: the place, the link, and what ends it.
+/// For a reading task: the place, the link, and what ends the task.
 pub(super) type ForwardReader = (usize, VehicleReader, Rc<Notify>);
-/// The end of a link for the bridge, by its place; none where what is there stays.
+/// The bridge's end of each link, by its place; `None` where the present one stays.
 pub(super) type ForwardEnds = Vec<(usize, Option<LinkEnd>)>;
 
-/// What a configuration needs of links.
+/// The links of a configuration.
 #[derive(Default)]
 pub(super) struct Forwards {
     pub(super) ends: ForwardEnds,
@@ -53,17 +55,17 @@ pub(super) struct Forwards {
     pub(super) readers: Vec<ForwardReader>,
 }
 
-/// What serves already, where anything does.
+/// What is already being served.
 #[derive(Clone, Copy)]
 pub(super) struct Served<'a> {
     pub(super) config: &'a Config,
     pub(super) bridge: &'a Bridge,
     pub(super) forwards: &'a [OpenForward],
-    /// Of what it opens beside.
+    /// The resolved addresses for the links that are opened in addition.
     pub(super) hosts: &'a Hosts,
 }
 
-/// Links of other ground stations with these [`keys`], beside those that are open and stay.
+/// Links of other ground stations with these [`keys`], in addition to those that are open and stay.
 pub(super) fn open(
     config: &Config,
     keys: Vec<Option<SigningKey>>,
@@ -125,7 +127,7 @@ pub(super) fn owners<'a>(
     vehicles.chain(forwards)
 }
 
-/// The key of each; none has the key of a vehicle, or of another.
+/// The key of each. None may be the key of a vehicle, or of another ground station.
 pub(super) fn keys(
     config: &Config,
     vehicles: &[(Id, KeyId)],

@@ -1,7 +1,7 @@
-//! Keys agreed about with the guards of CUCSs: a thread that answers them and writes their files.
+//! Keys agreed on with the guards of CUCSs: a thread that answers them and writes their files.
 //!
-//! It is another than the machine's, since a step is answered only once its key is on the disk, which takes its time while
-//! vehicles fly. What it has decided comes back as [`Done`]; nothing else of the bridge is within its reach.
+//! It is separate from the machine's thread, since a step is answered only once its key is on the disk, which takes time
+//! while vehicles fly. Its decisions come back as [`Done`]; it can reach nothing else of the bridge.
 
 use std::io;
 use std::net::SocketAddr;
@@ -31,46 +31,46 @@ use crate::shell::key_file::system_random;
 /// Where the key of each CUCS is, or will be.
 pub(super) type KeyPaths = Vec<(Id, PathBuf)>;
 
-/// What the thread is given.
+/// Work for the thread.
 pub(super) enum Work {
-    /// What has arrived.
+    /// A received datagram.
     Step(SocketAddr, Box<[u8]>),
     /// A person opens the window of a CUCS.
     Open(Id, PairingCode),
-    /// That person is gone.
+    /// That person has disconnected.
     Close,
-    /// A person wants another key for a CUCS.
+    /// A person requests another key for a CUCS.
     Rotate(Id),
     /// The configuration has been read again, and key files may have been changed by hand.
     Files(KeyPaths),
 }
 
-/// What has come of it.
+/// Results of the thread.
 pub(super) enum Done {
     /// To be sent.
     Send(SocketAddr, Vec<u8>),
     /// Whether the window of this CUCS is open: this VSM's fingerprint, or why not.
     Opened(Id, Result<String, String>),
-    /// To be sent to the guard of this CUCS under its key, or why not.
+    /// A datagram for the guard of this CUCS, to be sealed with its key, or why there is none.
     Ask(Id, Result<Vec<u8>, String>),
-    /// What is in force of a paired CUCS, read after the configuration was: another key may have been agreed about meanwhile.
+    /// The keys of a paired CUCS, read after the configuration: another key may have been agreed on meanwhile.
     Keys(Id, Vec<GuardKeyUntil>),
-    /// This key is on the disk, with what is in force now, or why that cannot be read.
+    /// This key is on the disk; with the keys now in use, or why they cannot be read.
     Agreed(Id, KeyId, Result<Vec<GuardKeyUntil>, String>),
-    /// Anything else that has happened.
+    /// Any other event.
     News(Id, VsmNews),
 }
 
-/// The thread, as long as anybody may give it work.
+/// The thread, as long as anyone may give it work.
 #[derive(Debug)]
 pub(super) struct GuardThread {
     work: Sender<Work>,
-    /// Steps that wait for it.
+    /// Steps that wait for the thread.
     steps: Arc<AtomicUsize>,
 }
 
 impl GuardThread {
-    /// Starts it. What it does comes out of the receiver.
+    /// Starts the thread. Its results arrive at the receiver.
     pub(super) fn start(
         config: &Config,
         store: FileDisk,
@@ -98,7 +98,7 @@ impl GuardThread {
         Ok((GuardThread { work, steps }, results))
     }
 
-    /// Gives it what has arrived; false where as much waits already, and it is lost as on any link.
+    /// Passes on a received datagram; false if too many wait already. It is then lost, as on any link.
     pub(super) fn give_step(&self, from: SocketAddr, bytes: Box<[u8]>) -> bool {
         if self.steps.fetch_add(1, Ordering::Relaxed) >= MAX_STEPS {
             self.steps.fetch_sub(1, Ordering::Relaxed);
@@ -108,9 +108,9 @@ impl GuardThread {
         true
     }
 
-    /// Gives it work of this computer, which no flood of strangers keeps away.
+    /// Passes on work of this computer, which a flood of strangers cannot displace.
     pub(super) fn give(&self, work: Work) {
-        // A thread that has ended has panicked, which is found by who reads its results.
+        // A thread that has ended has panicked; the reader of its results finds that out.
         let _ = self.work.send(work);
     }
 }
@@ -133,7 +133,7 @@ struct Answers {
     vsm: Id,
     store: FileDisk,
     clock: Clock,
-    /// None before the first pairing: a VSM that never had one needs no static key.
+    /// `None` before the first pairing: a VSM without pairings needs no static key.
     end: Option<VsmEnd>,
     files: Vec<(Id, AgreedFiles)>,
     done: UnboundedSender<Done>,
@@ -201,7 +201,7 @@ impl Answers {
         }
     }
 
-    /// Without any pairing this check is the only cost.
+    /// Handles a step. Without any pairing this check is the only cost.
     fn take_step(&mut self, from: SocketAddr, bytes: &[u8]) {
         let Some(step) = ExchangeDatagram::parse(bytes) else {
             return;
@@ -210,7 +210,7 @@ impl Answers {
         let of = files.find(|(id, _)| *id == step.cucs);
         if let (Some((_, files)), Some(end)) = (of, &mut self.end) {
             let now = self.clock.mono();
-            // Why it was ignored is counted by the machine.
+            // The machine counts why a step was ignored.
             let _ = end.handle(now, from, &step, &mut system_random, files);
         }
     }
@@ -220,6 +220,7 @@ impl Answers {
         if let Some(end) = &mut self.end {
             end.retain(known);
         }
+        // Kept where the path is the same: an open window must survive a reload.
         let pairs = |id: Id, path: &PathBuf| {
             let mut known = self.files.iter();
             let same = known.find(|(one, files)| *one == id && files.path() == path);
@@ -263,7 +264,7 @@ impl Answers {
         }
     }
 
-    /// The static key is made with the first pairing.
+    /// Creates the machine; the first pairing creates its static key.
     fn make_end(&mut self) -> Result<(), String> {
         if self.end.is_none() {
             let identity = guard_identity(&mut self.store, &mut system_random);
@@ -290,7 +291,7 @@ impl Answers {
         Ok(end.own_key().fingerprint().to_string())
     }
 
-    /// Answers and news; a key that is agreed about goes to the bridge before its guard is answered.
+    /// Passes on answers and news. An agreed key reaches the bridge before its guard is answered.
     fn report(&mut self) {
         let Some(end) = &mut self.end else { return };
         let mut all = Vec::new();
@@ -310,6 +311,7 @@ impl Answers {
                 }
             });
         }
+        // Answers last: after step 4 the guard may seal with the new key at once, which the bridge must know by then.
         while let Some((to, bytes)) = end.poll_transmit() {
             all.push(Done::Send(to, bytes));
         }

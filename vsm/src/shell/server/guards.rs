@@ -13,7 +13,7 @@ use crate::config::{Access, Config};
 use crate::session::{GuardKeyUntil, MAX_LIST_BYTES};
 use crate::shell::{guard_file, key_file};
 
-/// The keys of each CUCS with a guard; none has the key of another, or of `others`.
+/// The keys of each CUCS with a guard. None may be the key of another CUCS, or one of `others`.
 pub(super) fn keys(
     config: &Config,
     others: impl Iterator<Item = (String, KeyId)>,
@@ -28,7 +28,7 @@ pub(super) fn keys(
         let keys = guard_file::read(&guard.key_file, now)?;
         for (key, _) in &keys {
             let id = key.id();
-            // Whoever has it could send in the name of both.
+            // Someone with it could send in the name of both.
             if let Some((other, _)) = known.iter().find(|(_, known)| *known == id) {
                 return Err(StartError::GuardKey {
                     station: station.id,
@@ -54,23 +54,23 @@ pub(super) fn owners(keys: &[(Id, Vec<GuardKeyUntil>)]) -> Vec<(String, KeyId)> 
     keys.iter().flat_map(of).collect()
 }
 
-/// The key of the access list, which none of these has too.
+/// The key of the access list, which may be none of `others`.
 pub(super) fn access_key(
     access: &Access,
     mut others: impl Iterator<Item = (String, KeyId)>,
 ) -> Result<SigningKey, StartError> {
     let key = key_file::read(&access.key_file)?;
-    // A CUCS that has it could sign a list for itself.
+    // A CUCS with this key could sign a list for itself.
     match others.find(|(_, other)| *other == key.id()) {
         None => Ok(key),
         Some((other, key)) => Err(StartError::AccessKey { other, key }),
     }
 }
 
-/// What the file of the access list holds; it needs no protection of its own, since it is signed.
+/// The content of the access list's file. It needs no protection of its own, since it is signed.
 pub(super) fn access_list(path: &Path) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
-    // One byte more shows what is longer than any list.
+    // One byte more, to detect a file longer than any list.
     let read = File::open(path).and_then(|file| {
         let most = MAX_LIST_BYTES as u64 + 1;
         file.take(most).read_to_end(&mut bytes)

@@ -52,7 +52,7 @@ use crate::session::Status;
 pub struct Server {
     shared: Rc<Shared>,
     dli: DliSockets,
-    /// One a link: its index, and what ends it.
+    /// One for each link: its index, and what ends its task.
     readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
     /// One for each other ground station.
     forwards: Vec<ForwardReader>,
@@ -69,12 +69,12 @@ pub struct Server {
     control: Option<(Door, Reports)>,
     /// The configuration that is read again, and where that is requested.
     reload: Option<(PathBuf, UnixListener)>,
-    /// What a reload asks for the addresses of hosts.
+    /// Resolves the host names of a reloaded configuration.
     resolver: Resolver,
 }
 
 impl Server {
-    /// Where stations reach it.
+    /// The address at which stations reach it.
     ///
     /// # Errors
     /// The system's.
