@@ -11,7 +11,7 @@
 //!
 //! - a peer with neither a static key nor the pairing code changes nothing but counters;
 //! - a key that the responder may install in the autopilot is always on the initiator's disk: there is no state in which
-//! the vehicle signs with a key that the ground does not have;
+//!   the vehicle signs with a key that the ground does not have;
 //! - no key is replaced on silence.
 //!
 //! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what both

@@ -6,9 +6,9 @@
 //!
 //! - nothing is deleted on silence: a vehicle that sends nothing may have accepted the key (pitfall 27);
 //! - the new key is given up only after frames of the vehicle, made after the last SETUP_SIGNING had become a replay, have
-//! verified under the old key alone for half a minute;
+//!   verified under the old key alone for half a minute;
 //! - every SETUP_SIGNING is signed with the key in use, sent while the vehicle reports that it is disarmed (PX4 refuses it
-//! while armed), and carries a first timestamp above every timestamp seen;
+//!   while armed), and carries a first timestamp above every timestamp seen;
 //! - timestamps rise over both keys, since the vehicle keeps one table of streams for both.
 //!
 //! ```text

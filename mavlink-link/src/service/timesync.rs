@@ -7,9 +7,9 @@
 //!
 //! How the offset is chosen:
 //! - of the latest exchanges those with short round trips count, and of these the median. Exchanges delayed in a queue are
-//! left out, and one false answer moves nothing;
+//!   left out, and one false answer moves nothing;
 //! - it counts only while more than half of the exchanges agree with it, and the latest does. A vehicle that lies now and
-//! then, or whose clock runs at another rate, has no offset;
+//!   then, or whose clock runs at another rate, has no offset;
 //! - after [`JUMPED`] exchanges in a row against it the clock has jumped: the earlier ones are discarded.
 //!
 //! A vehicle timestamp later than now, or older than [`MAX_AGE`], is not used. Where even the youngest of the latest

@@ -5,13 +5,13 @@
 //! program of this computer, of any user, unless the bridge asks the kernel whose socket it is (`socket_owners`).
 //!
 //! - Datagrams from a socket of another user are dropped before any machine sees them. Such a program can neither pose as
-//! the vehicle nor keep a key from it by posing as a second one.
+//!   the vehicle nor keep a key from it by posing as a second one.
 //! - Just before a key is sent, the receiver is looked up once more, in a table read after the key was due. Between that
-//! look and the sending (milliseconds; where users hold many thousands of sockets, as long as the kernel takes for its
-//! table) the vehicle's program would have to end and another to take its port.
+//!   look and the sending (milliseconds; where users hold many thousands of sockets, as long as the kernel takes for its
+//!   table) the vehicle's program would have to end and another to take its port.
 //! - Neither sockets that somebody holds nor datagrams that somebody sends delay anyone: a datagram costs one look-up of
-//! constant length in what another thread has read. Datagrams from a port opened since are dropped too, for a second at
-//! most (or three times as long as a reading takes, if that is longer).
+//!   constant length in what another thread has read. Datagrams from a port opened since are dropped too, for a second at
+//!   most (or three times as long as a reading takes, if that is longer).
 //!
 //! Permitted are this process's own user, root, who could read the key anyway, and the users of the configuration. A person
 //! who vouches for the link (`i_trust_this_link`) switches the check off.
