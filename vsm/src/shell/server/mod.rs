@@ -88,20 +88,20 @@ impl Server {
         self.shared.core.borrow().store.files().shared()
     }
 
-    /// Where the operator's page is; `None` where none is served.
+    /// The address of the operator's page; `None` if none is served.
     #[must_use]
     pub fn page_address(&self) -> Option<SocketAddr> {
         self.page.as_ref()?.0.local_addr().ok()
     }
 
-    /// Where the vehicle with this index reaches it; `None` for a serial line.
+    /// The address for the vehicle with this index; `None` for a serial line.
     #[must_use]
     pub fn vehicle_address(&self, index: usize) -> Option<SocketAddr> {
         let core = self.shared.core.borrow();
         core.writers.get(index)?.local_addr()
     }
 
-    /// Lets the file of the configuration be read again while it serves: by SIGHUP, and by `vsm reload`.
+    /// Allows reloads of the configuration file while it serves: by SIGHUP, and by `vsm reload`.
     ///
     /// # Errors
     /// The socket for `vsm reload` cannot be opened.
@@ -115,7 +115,7 @@ impl Server {
         Ok(())
     }
 
-    /// A reload asks this for the addresses of hosts, on a thread of its own, instead of the system.
+    /// Resolves the host names of a reload, on a separate thread, in place of the system's resolver.
     pub fn resolve_by(&mut self, resolver: Resolver) {
         self.resolver = resolver;
     }
@@ -130,10 +130,10 @@ impl Server {
             .map(|recording| recording.path().to_owned())
     }
 
-    /// Serves until `stop` is done, or an order to zeroize is stored, then gives the last status.
+    /// Serves until `stop` is done, or an order to zeroize is stored, then returns the last status.
     ///
     /// # Errors
-    /// A task has ended or does not answer: what is left must not continue without it.
+    /// A task has ended or does not answer: the rest must not continue without it.
     pub async fn serve(self, stop: impl Future<Output = ()>) -> Result<Status, TaskFault> {
         let Server {
             shared,

@@ -1,4 +1,4 @@
-//! How a server comes to its store, keys, sockets and recordings, before anything is sent.
+//! How a server opens its store, keys, sockets and recordings, before anything is sent.
 
 use std::cell::RefCell;
 use std::io;
@@ -39,7 +39,7 @@ impl Server {
     /// # Errors
     /// Any of them cannot be opened; nothing has been sent in that case.
     pub fn open(config: &Config) -> Result<Server, StartError> {
-        // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
+        // The store's lock comes first: a second bridge stops here, before it opens keys or sockets.
         Server::open_on(config, FileDisk::open(&config.store.dir)?)
     }
 
@@ -61,6 +61,7 @@ impl Server {
         for vehicle in config.vehicles() {
             let (key, keys) = open_keys(vehicle, &mut key_ids, &mut store)?;
             key_stores.push(keys);
+            // Vehicles on one link share its socket: PX4 answers the port that spoke first, so there must be one port.
             if find_port(&ports, &vehicle.link).is_none() {
                 let (reader, port) = open_port(vehicle, &Hosts::AskNow, &mut store)?;
                 readers.push((ports.len(), reader, port.close.clone()));
@@ -74,7 +75,7 @@ impl Server {
             recordings.push(record_vehicle(config, vehicle, now)?);
         }
         let dli_recording = record_dli(config, now)?;
-        // Before the bridge verifies its audit logs, and binds the next line by it.
+        // Needed before the bridge verifies its audit logs and chains the next line to them.
         AuditKey::load_or_make(&mut store, &mut system_random).map_err(BridgeError::Store)?;
         let mut bridge = Bridge::new(config, ends, now, NOT_BEFORE, &mut store)?;
         let mut secret = [0; 32];
@@ -82,6 +83,7 @@ impl Server {
         bridge.set_secret(secret);
         system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
         bridge.set_group_secret(secret, now);
+        // The bridge has its own copies of both.
         secret.zeroize();
         bridge.set_trace(tracing::enabled!(tracing::Level::DEBUG));
         let mut exchanges = vec![];

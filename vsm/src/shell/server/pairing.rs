@@ -22,13 +22,13 @@ use crate::shell::clock::NOT_BEFORE;
 use crate::shell::pairing_socket::Asker;
 use crate::shell::tasks::Beat;
 
-/// A person at this computer, and what they wait for.
+/// A client on this computer, and what it waits for.
 struct Waiting {
     asker: Asker,
     cucs: Id,
     what: Wish,
     key: Option<KeyId>,
-    /// Of a rotation: however much else arrives meanwhile.
+    /// The time limit of a rotation, whatever else arrives meanwhile.
     until: Instant,
 }
 
@@ -62,7 +62,7 @@ pub(super) async fn serve(
             Next::Asked(Ok(stream)) => greet(&shared, &beat, stream, &mut waiting).await,
             Next::Asked(Err(cause)) => pause_after("the socket for pairing", &cause).await,
             Next::Gone => {
-                // The client of the window is gone.
+                // The client of the window has disconnected.
                 if waiting.take().is_some_and(|one| one.what == Wish::Pair) {
                     shared.with(|core, _| core.guard_thread.give(Work::Close));
                 }
@@ -85,7 +85,7 @@ async fn gone(waiting: &mut Option<Waiting>) {
             until,
             ..
         }) => {
-            // A guard that is there answers in a moment.
+            // A guard that runs answers in a moment.
             let _ = timeout_at(*until, asker.gone()).await;
             asker
                 .send_line("not rotated: its guard has not answered; the key in force stays. Is it paired, running, and has it been received of late (`vsm guard status`)?")
@@ -123,6 +123,7 @@ async fn greet(shared: &Shared, beat: &Beat, stream: UnixStream, waiting: &mut O
             }
         },
         (Some("rotate"), Some(Ok(cucs))) => {
+            // Entries of the access list name guard keys: see `LISTED`.
             if shared.core.borrow().config.access.is_some() {
                 return beat.during(asker.send_line(LISTED)).await;
             }
@@ -213,7 +214,7 @@ async fn take(
             tracing::info!("CUCS {cucs} is paired with the guard {print}");
             Some(paired(shared, cucs, &print.to_string()))
         }
-        // It comes as `Done::Agreed`, with its keys.
+        // Reported as `Done::Agreed`, with its keys.
         Done::News(_, VsmNews::Agreed(_)) => None,
         Done::News(_, VsmNews::WrongCode) => Some("pairing attempt with a wrong code".to_owned()),
         Done::News(cucs, VsmNews::Closed) => {
@@ -236,7 +237,7 @@ async fn take(
     }
 }
 
-/// What the person still has to do.
+/// The steps that are left to the person.
 fn paired(shared: &Shared, cucs: Id, print: &str) -> String {
     let core = shared.core.borrow();
     let guarded = core.config.stations().find(|one| one.id == cucs);
@@ -259,8 +260,8 @@ fn paired(shared: &Shared, cucs: Id, print: &str) -> String {
     text
 }
 
-/// The bridge seals and verifies under these keys; of a CUCS that has no guard yet by the configuration nothing changes. `new`: one that
-/// has just been agreed about.
+/// The bridge seals and verifies under these keys. For a CUCS without a guard in the configuration nothing changes. `new`:
+/// a key that has just been agreed on.
 fn put_in_force(
     shared: &Shared,
     cucs: Id,
@@ -269,7 +270,7 @@ fn put_in_force(
 ) -> Result<(), String> {
     shared.with(|core, now| {
         let Core { bridge, store, .. } = core;
-        // It was never used: nothing is to be read of it, while vehicles fly.
+        // The key was never used, so there is no ceiling to read: no disk access while vehicles fly.
         if let Some(new) = new {
             store.know(&Ceiling::name(&new), None);
         }

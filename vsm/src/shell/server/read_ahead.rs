@@ -1,8 +1,8 @@
-//! What the store holds of the vehicles and stations that a reload adds: read by the thread that reads the configuration,
-//! so that the bridge, which serves meanwhile, waits for no disk.
+//! The store's records of the vehicles and stations that a reload adds. The thread that reads the configuration reads them
+//! too, so that the bridge, which serves meanwhile, waits for no disk.
 //!
-//! A file belongs to what is added where its name has the id of a vehicle, a station or a key in it. Nobody else writes it
-//! before the bridge serves them, so that what was read is what the bridge would read.
+//! A file belongs to an added vehicle or station if its name contains that id, or the id of its key. Nobody else writes it
+//! before the bridge serves them, so the bridge would read the same content.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,10 +17,10 @@ use crate::shell::disk::FileDisk;
 /// The files, by their names.
 #[derive(Debug, Default)]
 pub(super) struct ReadAhead {
-    /// Of what is added, as file names have them, and names of files.
+    /// The ids of what is added, as file names contain them, and names of files.
     ids: Vec<String>,
     files: BTreeMap<String, Zeroizing<Vec<u8>>>,
-    /// Files that were written since: they are read from the disk again.
+    /// Files written since then: they are read from the disk again.
     changed: RefCell<BTreeSet<String>>,
 }
 
@@ -44,20 +44,20 @@ impl ReadAhead {
         Ok(ahead)
     }
 
-    /// What it has of the ids that are names of files; `None` where one is not there.
+    /// The content of the ids that are names of files; `None` for a missing file.
     pub(super) fn named(&self) -> impl Iterator<Item = (&str, Option<Zeroizing<Vec<u8>>>)> {
         let each = self.ids.iter();
         each.map(|name| (&**name, self.files.get(name).cloned()))
     }
 
-    /// Whether a file is among them, or is not there.
+    /// Whether the file was read ahead, or is known to be missing.
     fn covers(&self, name: &str) -> bool {
         let is_one = |part: &str| self.ids.iter().any(|id| id == part);
         [AUDIT_KEY, IDENTITY].contains(&name) || is_one(name) || name.split(['-', '.']).any(is_one)
     }
 }
 
-/// A disk of which these files were read ahead.
+/// A disk whose files were partly read ahead.
 pub(super) struct Ahead<'a> {
     disk: &'a mut dyn Disk,
     read: &'a ReadAhead,

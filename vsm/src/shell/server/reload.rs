@@ -111,23 +111,23 @@ fn log(path: &Path, report: &Report) {
     }
 }
 
-/// What a configuration needs of files and name servers.
+/// What a configuration needs from files and name servers.
 struct Reread {
     changes: Changes,
     hosts: Hosts,
-    /// Of the vehicles that are added.
+    /// For the added vehicles.
     files: BTreeMap<Id, Files>,
-    /// Of the ground stations beside the bridge.
+    /// For the ground stations beside the bridge.
     forward_keys: Vec<Option<SigningKey>>,
-    /// Of the ground stations with a guard.
+    /// For the ground stations with a guard.
     guard_keys: Vec<(Id, Vec<GuardKeyUntil>)>,
     /// The file of the access list, where one is configured.
     access: Option<Result<Vec<u8>, String>>,
-    /// What the store holds of what is added.
+    /// The store's records of what is added.
     ahead: ReadAhead,
 }
 
-/// Keys and recording of a vehicle that is added.
+/// Keys and recording of an added vehicle.
 struct Files {
     key: Option<SigningKey>,
     keys: Option<OrderedKeys>,
@@ -179,7 +179,7 @@ impl Reading {
             }
         };
         let path = path.to_owned();
-        // Not the runtime's own thread for such work: the end of the program would wait for it.
+        // Not the runtime's own thread pool: the end of the program would wait for it.
         thread::Builder::new()
             .name("reload".to_owned())
             .spawn(move || drop(sender.send(read(&path, &mut open))))
@@ -199,7 +199,7 @@ impl Reading {
     }
 }
 
-/// What is there already, and needs no name server; and what it is read with.
+/// What is open already, and needs no name server; and the means to read the rest.
 struct Open {
     config: Config,
     ports: Vec<LinkAddress>,
@@ -211,13 +211,14 @@ struct Open {
     resolver: Resolver,
 }
 
-/// Reads everything that may take its time. Blocks.
+/// Reads everything that may be slow. Blocks.
 fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     let mut config = Config::load(path).map_err(|fault| fault.to_string())?;
     let read = config.read_terrain(Some(&open.config));
     read.map_err(|fault| fault.to_string())?;
     let changes = open.config.changes(&config)?;
     let config = &changes.config;
+    // Checked here, where a refusal costs nothing: opening the key would fail on the removed vehicle's lock.
     check_heirs(&open.config, config)?;
     let is_new = |one: &&Vehicle| open.config.vehicles().all(|known| known.id != one.id);
     let vehicles = config.vehicles().filter(is_new).map(|one| &one.link);
@@ -246,7 +247,7 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     let ids = ids.map(|id| format!("{:08x}", id.0));
     let others = forward::owners(config, &known, &forward_keys);
     let guard_keys = guards::keys(config, others, open.now).map_err(|fault| fault.to_string())?;
-    // The one of the running bridge: another waits for a restart.
+    // The list of the running bridge: another one waits for a restart.
     let access = open.config.access.as_ref();
     let access = access.map(|access| guards::access_list(&access.list));
     let others = forward_keys.iter().flatten().map(SigningKey::id);
@@ -268,7 +269,7 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     })
 }
 
-/// Opens the keys of a vehicle that is added, none of which a vehicle of `known` has, and begins its recording.
+/// Opens the keys of an added vehicle, which may be none of a vehicle in `known`, and begins its recording.
 fn read_vehicle(
     config: &Config,
     vehicle: &Vehicle,
@@ -279,7 +280,7 @@ fn read_vehicle(
     let start = |keys| OrderedKeys::start(keys, &open.store, open.stored.clone());
     let keys = keys.map(start).transpose().map_err(StartError::Writer)?;
     if let Some(keys) = &keys {
-        // The bridge looks at them when it begins to serve the vehicle, and the exchange of keys at its records.
+        // The bridge reads the keys when it begins to serve the vehicle, and the key exchange reads its records.
         let records = [ExchangeRecord::name(&vehicle.id), IDENTITY.to_owned()];
         let records = records.map(|name| open.store.folder().join(name));
         let all = keys.keys.files().into_iter().chain(records);
@@ -292,7 +293,7 @@ fn read_vehicle(
     })
 }
 
-/// What a vehicle that is added comes with.
+/// An added vehicle with its resources.
 struct Added {
     vehicle: Vehicle,
     end: LinkEnd,
@@ -301,13 +302,14 @@ struct Added {
     recording: Option<Recording>,
 }
 
-/// Links that were opened for them.
+/// Links opened for added vehicles.
 type Opened = Vec<(VehicleReader, OpenPort)>;
 
 fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
     let applied = shared.with(|core, now| {
         let Changes { config, mut report } = new.changes;
         let (ahead, guard_keys) = (new.ahead, new.guard_keys);
+        // So that the bridge, which compares a ceiling with the one before, reads none from the disk.
         for (name, bytes) in ahead.named() {
             core.store.know(name, bytes);
         }
@@ -342,7 +344,7 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         let store = &mut Ahead::new(store, &ahead);
         let prepared = bridge.prepare_forwards(&config, ends, now, NOT_BEFORE, store);
         let prepared = prepared.map_err(|fault| fault.to_string())?;
-        // Before what it narrows is applied, which may be wider.
+        // Stored before the configuration that it narrows is applied, which may grant more.
         if let Err(fault) = bridge.store_access(access.as_ref(), store) {
             let why = format!("the access list cannot be stored: {fault}");
             bridge.refuse_access(&why, now, store);
@@ -355,7 +357,7 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
         let before = bridge.guard_key_ids();
         let keyed = bridge.set_guard_keys(guard_keys, now, NOT_BEFORE, store);
         if let Err(fault) = keyed {
-            // Nothing is taken of a station without its key: that is no reason to undo what else has changed.
+            // The bridge accepts nothing of a station without its key. That is no reason to undo the other changes.
             tracing::error!("a CUCS has no guard key: {fault}");
         }
         report_guard_keys(&before, &bridge.guard_key_ids(), &mut report);
@@ -390,7 +392,7 @@ fn reload(shared: &Rc<Shared>, later: &Later, new: Reread) -> Report {
     }
 }
 
-/// Key files are read again too, and the configuration does not show that one is another.
+/// Key files are read again too, and the configuration does not show a changed key.
 fn report_guard_keys(
     before: &[(Id, Option<String>)],
     after: &[(Id, Option<String>)],
@@ -414,7 +416,7 @@ fn report_guard_keys(
     }
 }
 
-/// A vehicle in flight is not left to itself.
+/// An armed vehicle must not be removed: nobody could command it any more.
 fn check_removed(core: &Core, config: &Config) -> Result<(), String> {
     match removed(&core.config, config).find(|one| core.bridge.is_flying(one.id)) {
         None => Ok(()),
@@ -429,7 +431,7 @@ fn removed<'a>(before: &'a Config, config: &'a Config) -> impl Iterator<Item = &
     before.vehicles().filter(move |one| !is_listed(one.id))
 }
 
-/// The key of a vehicle that is removed is locked until it is.
+/// The key of a removed vehicle stays locked until the removal is complete.
 fn check_heirs(before: &Config, config: &Config) -> Result<(), String> {
     for vehicle in removed(before, config) {
         let id = vehicle.id;
@@ -449,7 +451,7 @@ fn check_heirs(before: &Config, config: &Config) -> Result<(), String> {
     Ok(())
 }
 
-/// The links of the vehicles that are added, and of other ground stations.
+/// The links of the added vehicles, and of other ground stations.
 fn open_added(
     core: &mut Core,
     config: &Config,
@@ -496,7 +498,7 @@ fn open_added(
     Ok(((added, opened), forwards))
 }
 
-/// Lets the bridge continue with `config`. Returns what has to be received.
+/// Switches the bridge to `config`. Returns the links to receive from.
 fn apply(
     core: &mut Core,
     config: Config,
@@ -518,7 +520,7 @@ fn apply(
         ends.push(end);
         kept.push((vehicle, keys, writer, recording));
     }
-    // In two steps, so that what fails with a new vehicle can be undone: taking rights away cannot.
+    // In two steps, so that a failure with a new vehicle can be undone: withdrawn rights cannot be given back.
     let mut both = core.config.clone();
     let is_new = |id: Id| kept.iter().any(|(vehicle, ..)| vehicle.id == id);
     let new = config.vehicle.iter().filter(|one| is_new(one.get_ref().id));
@@ -551,6 +553,7 @@ fn apply(
             .reload(&config, vec![], now, NOT_BEFORE, &mut store)?;
         Ok(())
     };
+    // Back to the vehicles and rights of before.
     if let Err(fault) = begin() {
         core.bridge
             .reload(&core.config, vec![], now, NOT_BEFORE, &mut core.store)?;
@@ -575,9 +578,10 @@ fn apply(
     Ok(change_ports(core, opened))
 }
 
-/// Closes what belonged to vehicles that are gone, of those that there were.
+/// Closes what belonged to removed vehicles; `before` are all vehicles of before.
 fn remove_ends(core: &mut Core, before: &[Id]) {
     let left: Vec<Id> = core.bridge.vehicles().collect();
+    // From the last to the first, so that the indices still to come stay valid.
     for index in (0..before.len())
         .rev()
         .filter(|index| !left.contains(&before[*index]))
@@ -599,7 +603,7 @@ fn remove_ends(core: &mut Core, before: &[Id]) {
     }
 }
 
-/// Puts links that were opened where the bridge has them, and closes those that no vehicle is on.
+/// Puts opened links where the bridge expects them, and closes links that no vehicle uses.
 fn change_ports(core: &mut Core, opened: Opened) -> Vec<(usize, VehicleReader, Rc<Notify>)> {
     let Core {
         ports,
@@ -624,11 +628,11 @@ fn change_ports(core: &mut Core, opened: Opened) -> Vec<(usize, VehicleReader, R
     receivers
 }
 
-/// Puts links that were opened where the rest is, and closes those that no ground station is on.
+/// Adds opened links to the others, and closes links that no ground station uses.
 fn change_forwards(core: &mut Core, ends: &[usize], opened: Vec<OpenForward>) {
     core.forwards.extend(opened);
     for one in &mut core.forwards {
-        // Other users may have been named.
+        // The configuration may name other users now.
         let mut configured = core.config.forwards();
         if let Some(forward) = configured.find(|forward| forward.link == one.link) {
             one.peers = forward::peers(forward);
@@ -645,7 +649,7 @@ fn change_forwards(core: &mut Core, ends: &[usize], opened: Vec<OpenForward>) {
 
 const PAUSE: Duration = Duration::from_millis(500);
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
-/// Forty tiles from a slow disk, or a name server after another; `vsm reload` waits a little longer.
+/// Forty tiles from a slow disk, or several name servers in turn; `vsm reload` waits a little longer.
 const READ_WITHIN: Duration = Duration::from_secs(100);
 
 #[cfg(test)]

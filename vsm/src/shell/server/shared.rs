@@ -1,4 +1,4 @@
-//! What all tasks of a server share: the machine with its store, recordings and keys, and what wakes the others.
+//! What all tasks of a server share: the machine with its store, recordings and keys, and the notifications between tasks.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -24,7 +24,7 @@ use crate::shell::sockets::VehicleWriter;
 use crate::shell::web::control::Clients;
 use crate::shell::web::{Event, Events, PageInfo, Source};
 
-/// Writes to the log what a machine has to report.
+/// Writes a machine's entry to the log.
 pub(super) fn write_log(entry: &LogEntry) {
     let LogEntry { level, about, text } = entry;
     match level {
@@ -39,24 +39,24 @@ pub(super) fn write_log(entry: &LogEntry) {
 #[derive(Debug)]
 pub(super) struct Shared {
     pub(super) clock: Clock,
-    /// Of this VSM, as the status shows it.
+    /// The id of this VSM, as the status shows it.
     pub(super) vsm: String,
     pub(super) core: RefCell<Core>,
-    /// What was logged of late, for the page.
+    /// Recent log entries, for the page.
     pub(super) events: RefCell<Events>,
     /// Something waits to be sent.
     pub(super) outgoing: Notify,
-    /// The next time-out may have moved.
+    /// The next timeout may have moved.
     pub(super) timing: Notify,
-    /// The disk has made something durable, or cannot.
+    /// The disk has made something durable, or has failed to.
     pub(super) stored: Arc<Notify>,
-    /// An order to zeroize is to be stored.
+    /// An order to zeroize must be stored.
     pub(super) zeroize: Notify,
-    /// It is stored, and announced: the bridge ends.
+    /// The order is stored and announced: the bridge ends.
     pub(super) ended: Notify,
 }
 
-/// A link that is open; a task reads it.
+/// An open link, which a task reads.
 #[derive(Debug)]
 pub(super) struct OpenPort {
     pub(super) link: LinkAddress,
@@ -67,36 +67,36 @@ pub(super) struct OpenPort {
     pub(super) close: Rc<Notify>,
 }
 
-/// The machine, and what it works with.
+/// The machine and its resources.
 #[derive(Debug)]
 pub(super) struct Core {
     pub(super) bridge: Bridge,
-    /// What it runs with.
+    /// The present configuration.
     pub(super) config: Config,
     /// The links, by the bridge's numbers; `None` for one that is no longer needed.
     pub(super) ports: Vec<Option<OpenPort>>,
     /// One for each other ground station.
     pub(super) forwards: Vec<OpenForward>,
-    /// One a vehicle.
+    /// One for each vehicle.
     pub(super) writers: Vec<VehicleWriter>,
     pub(super) store: QueuedDisk,
-    /// One a vehicle, where recordings are made.
+    /// One for each vehicle, where recordings are made.
     pub(super) recordings: Vec<Option<Recording>>,
     pub(super) dli_recording: Option<DliRecording>,
     /// Locked as long as the bridge runs.
     pub(super) key_stores: Vec<Option<OrderedKeys>>,
-    /// Of the vehicles that agree about keys over the air, by their index.
+    /// For the vehicles that agree on keys over the air, by their index.
     pub(super) exchanges: Vec<(usize, KeyExchange)>,
-    /// Of the vehicles whose link is encrypted, by their index.
+    /// For the vehicles with an encrypted link, by their index.
     pub(super) encryptions: Vec<(usize, Encryption)>,
-    /// Agrees about keys with the guards of CUCSs.
+    /// Agrees on keys with the guards of CUCSs.
     pub(super) guard_thread: GuardThread,
     /// The web clients that are connected.
     pub(super) web: Clients,
 }
 
 impl Core {
-    /// The key exchanges take what has come in for them, and do what is due.
+    /// Passes received messages to the key exchanges, and does what is due.
     fn step_exchanges(&mut self, now: Now, in_use: Option<usize>, events: &RefCell<Events>) {
         self.each_exchange(|index, exchange, with| {
             if in_use == Some(index) {
@@ -130,19 +130,19 @@ impl Core {
         }
     }
 
-    /// An order to zeroize stands here: the agents are ordered the same.
+    /// An order to zeroize is in place here: orders the agents to zeroize too.
     pub(super) fn order_agents(&mut self, now: Now) {
         let in_flight = self.bridge.zeroizes_in_flight();
         self.each_exchange(|_, exchange, with| exchange.order_zeroize(now, in_flight, with));
     }
 
-    /// Whether nothing more is to come of that.
+    /// Whether all agents have reported.
     pub(super) fn agents_have_answered(&self) -> bool {
         let mut exchanges = self.exchanges.iter();
         exchanges.all(|(_, one)| one.zeroized().is_some())
     }
 
-    /// When anything is next needed.
+    /// When anything is next due.
     pub(super) fn poll_timeout(&mut self, now: Duration) -> Duration {
         let of_bridge = self.bridge.poll_timeout(now);
         let exchanges = self.exchanges.iter().map(|(_, one)| one.poll_timeout());
@@ -150,7 +150,7 @@ impl Core {
         exchanges.chain(encryptions).fold(of_bridge, Duration::min)
     }
 
-    /// Writes what the recordings hold back.
+    /// Writes the recordings' buffers.
     pub(super) fn flush(&mut self) {
         self.recordings
             .iter_mut()
@@ -161,7 +161,7 @@ impl Core {
 }
 
 impl Shared {
-    /// Lets the bridge do something, then sees to what follows from it.
+    /// Calls the bridge, then handles what follows from the call.
     pub(super) fn with<T>(&self, act: impl FnOnce(&mut Core, Now) -> T) -> T {
         let mut core = self.core.borrow_mut();
         let now = self.clock.now();
@@ -196,7 +196,7 @@ impl Shared {
                     let in_use = (change == KeyChange::Commit).then_some(index);
                     core.step_exchanges(now, in_use, &self.events);
                 }
-                // Found out again at the next start.
+                // The next start finds it out again.
                 Err(fault) => tracing::error!("{what}, but {fault}"),
             }
         }
@@ -217,7 +217,7 @@ impl Shared {
         done
     }
 
-    /// How everything stands.
+    /// The status of everything.
     pub(super) fn status(&self) -> Status {
         let core = self.core.borrow();
         let now = self.clock.mono();

@@ -1,6 +1,6 @@
 //! The tasks around the machine: each moves bytes to or from it, or wakes it when it is due.
 //!
-//! None returns while the bridge serves, and each waits for its work within [`Beat::during`].
+//! No task returns while the bridge serves, and each waits for its work within [`Beat::during`].
 
 use std::io::{self, IoSlice};
 use std::net::SocketAddr;
@@ -24,7 +24,8 @@ use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::Beat;
 
-/// `group`: the socket is its member, and what does not come from its sources is not taken.
+/// Receives from stations. With a `group`, the socket is its member, and datagrams that are not from its sources are
+/// dropped.
 pub(super) async fn receive_dli(
     shared: Rc<Shared>,
     beat: Rc<Beat>,
@@ -37,7 +38,8 @@ pub(super) async fn receive_dli(
     loop {
         match socket.try_recv_from(&mut bytes) {
             Ok((length, from)) => {
-                // A socket of IPv6 that takes IPv4 too shows an address of that in another form: a station is the same there.
+                // An IPv6 socket that also accepts IPv4 shows IPv4 addresses in mapped form; a station must have the same
+                // address on both.
                 let from = SocketAddr::new(from.ip().to_canonical(), from.port());
                 let now = shared.with(|core, now| {
                     let bytes = bytes.get(..length).unwrap_or_default();
@@ -54,8 +56,8 @@ pub(super) async fn receive_dli(
                     core.bridge.handle_dli(now, from, bytes, &mut core.store);
                     now.mono
                 });
-                // A socket that is never empty would keep the thread: the vehicles, the clock and what waits to be sent
-                // have their turn in between.
+                // A socket that is never empty would occupy the thread. Vehicles, timers and queued datagrams get their
+                // turn in between.
                 if now.saturating_sub(turn) >= TURN {
                     beat.during(tokio::task::yield_now()).await;
                     turn = shared.clock.mono();
@@ -94,8 +96,8 @@ pub(super) async fn receive_vehicle(
         match received {
             Ok(first) => {
                 let full = shared.with(|core, now| {
-                    // With many vehicles on a link there are more: what follows from a datagram (timers, frames, reports) is
-                    // looked at once for all of them. Not where keys are agreed: what comes for that is taken after each.
+                    // Many vehicles on a link mean many datagrams: their effects (timers, frames, reports) are handled once
+                    // for all of them. Not where keys are agreed on: exchange messages are handled one by one.
                     let at_once = if core.exchanges.is_empty() {
                         AT_ONCE
                     } else {
@@ -111,7 +113,7 @@ pub(super) async fn receive_vehicle(
                     }
                     taken == AT_ONCE
                 });
-                // A socket that is never empty would keep the thread.
+                // A socket that is never empty would occupy the thread.
                 if full {
                     beat.during(tokio::task::yield_now()).await;
                 }
@@ -137,7 +139,7 @@ pub(super) async fn receive_forward(
             }
         };
         let Some(received) = beat.during(received).await else {
-            // It was removed from the configuration; its socket closes with this task.
+            // Removed from the configuration; its socket closes with this task.
             return beat.finish();
         };
         match received {
@@ -156,6 +158,7 @@ pub(super) async fn receive_forward(
                     return bridge.count_foreign(number);
                 }
                 bridge.handle_forward(now, number, from, bytes, store);
+                // Only now is the sender known to be the ground station: a TCP connection may stay.
                 if let Some(forward) = forward
                     && bridge.forward_peer(number) == Some(from)
                 {
@@ -186,6 +189,7 @@ pub(super) async fn send(
     unicast: Rc<UdpSocket>,
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
 ) {
+    // An IPv6 socket reaches an IPv4 address only in mapped form.
     let takes_both = unicast.local_addr().is_ok_and(|here| here.is_ipv6());
     let reached = |to: SocketAddr| match to {
         SocketAddr::V4(v4) if takes_both => {
@@ -197,8 +201,8 @@ pub(super) async fn send(
     let mut batch = Batch::default();
     loop {
         beat.during(shared.outgoing.notified()).await;
-        // Taken one by one: the machine is not held while the system takes its time. What is for a vehicle goes first,
-        // however much is to be sent to stations.
+        // Taken one by one: the machine is not borrowed while the system is slow. Frames for vehicles go first, however
+        // much is queued for stations.
         loop {
             let sealed = shared.core.borrow_mut().poll_encrypted(shared.clock.mono());
             if let Some((writer, to, bytes)) = sealed {
@@ -212,7 +216,7 @@ pub(super) async fn send(
                 if tracing::enabled!(tracing::Level::DEBUG) {
                     write_log(&shared.core.borrow().bridge.trace_vehicle(index, &frame));
                 }
-                // A socket or a queue is shared, not copied; the borrow of the core ends before the await.
+                // A writer is a shared handle, so cloning is cheap; the borrow of the core ends before the await.
                 let writer = shared.core.borrow().writers.get(index).cloned();
                 if let Some(writer) = writer
                     && !send_frame(&shared, index, &frame, &writer).await
@@ -228,7 +232,7 @@ pub(super) async fn send(
                 }
                 continue;
             }
-            // Bound to a name so that the borrow of the core ends here, and not after the await below.
+            // Bound to a name, so that the borrow of the core ends here and not after the await below.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else {
                 batch.send(&beat, &unicast).await;
@@ -248,6 +252,7 @@ pub(super) async fn send(
             {
                 recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
             }
+            // Only after the recording, which holds web traffic too.
             if pass_to_web(&shared, &datagram) {
                 continue;
             }
@@ -260,7 +265,7 @@ pub(super) async fn send(
                 let Core { bridge, store, .. } = &mut *core;
                 bridge.sealed(shared.clock.now(), &datagram, &mut guarded, store)
             };
-            // Bridges without a key for it have counted it.
+            // The bridge has counted a datagram without a key.
             let Some(bytes) = bytes else { continue };
             if let Destination::Unicast(_) = datagram.to {
                 batch.add(to, bytes);
@@ -276,7 +281,7 @@ pub(super) async fn send(
     }
 }
 
-/// Datagrams that go to the socket in one call of the system: with many vehicles the calls are the larger part of what a report costs.
+/// Datagrams sent in one system call: with many vehicles the calls cost more than the reports themselves.
 #[derive(Debug, Default)]
 struct Batch {
     each: Vec<(SocketAddr, Range<usize>)>,
@@ -301,7 +306,7 @@ impl Batch {
             match beat.during(socket.async_io(Interest::WRITABLE, send)).await {
                 Ok(some) => sent += some,
                 Err(cause) => {
-                    // The first of the rest; those behind it are no worse for that.
+                    // The first of the rest failed; those behind it are still sent.
                     tracing::debug!("a datagram to a CUCS was not sent: {cause}");
                     sent += 1;
                 }
@@ -312,7 +317,7 @@ impl Batch {
     }
 }
 
-/// Sends the first of these, as many as the socket takes: how many.
+/// Sends the first of these, as many as the socket accepts; returns how many.
 fn send_some(
     socket: &UdpSocket,
     bytes: &[u8],
@@ -338,7 +343,7 @@ fn send_some(
     Ok(sendmmsg(socket, &mut headers, SendFlags::empty())?)
 }
 
-/// Datagrams in a call: more gain little, and hold up what is for a vehicle.
+/// Datagrams in a call: more gain little, and delay frames for vehicles.
 const MAX_BATCH: usize = 16;
 
 /// True if the datagram is for a web client: it was queued, or the client is not connected.
@@ -357,7 +362,7 @@ fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
     true
 }
 
-/// Sends what is for other ground stations, last of all. A socket that has no room loses it, as on any link.
+/// Sends frames to other ground stations, last of all. A full socket loses them, as on any link.
 fn send_forwards(shared: &Shared) {
     let mut core = shared.core.borrow_mut();
     while let Some((number, frame)) = core.bridge.poll_forward() {
@@ -369,7 +374,7 @@ fn send_forwards(shared: &Shared) {
     }
 }
 
-/// False where the line is gone for good.
+/// Sends a frame to a vehicle; false if the line is gone for good.
 async fn send_frame(
     shared: &Shared,
     index: usize,
@@ -384,6 +389,7 @@ async fn send_frame(
         ) {
             recording.write(shared.clock.now().wall, &view);
         }
+        // After the recording, which must be readable without the link's keys.
         if core.encrypt(shared.clock.mono(), index, frame.to, frame.bytes()) {
             return true;
         }
@@ -391,10 +397,10 @@ async fn send_frame(
     write_bytes(frame.bytes(), frame.to, writer).await
 }
 
-/// False where the line is gone for good.
+/// False if the line is gone for good.
 async fn write_bytes(bytes: &[u8], to: Peer, writer: &VehicleWriter) -> bool {
     match writer.send(bytes, to).await {
-        // The task that writes the serial port is gone: its end is ours, too.
+        // The task that writes the serial port has ended, so this one ends too.
         Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => return false,
         Err(cause) => tracing::debug!("a frame to the vehicle was not sent: {cause}"),
         Ok(()) => {}
@@ -428,7 +434,7 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
                 flush_at = shared.clock.mono() + FLUSH_EVERY;
                 shared.core.borrow_mut().flush();
             }
-            // A machine that is due at once, always, must not starve the sockets.
+            // A machine that is always due must not starve the sockets.
             beat.during(tokio::time::sleep(SHORTEST_WAIT)).await;
             continue;
         }
@@ -443,7 +449,7 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
     }
 }
 
-/// Looks now and then whether the group's datagrams arrive on another interface than the one that joined it.
+/// Checks from time to time whether the group's datagrams arrive on another interface than the one that joined it.
 pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group) {
     let mut pause = FIRST_WATCH;
     loop {
@@ -477,7 +483,7 @@ pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: Un
     }
 }
 
-/// `vsm check-vehicle`: one after the other, each as long as the vehicles take to answer.
+/// `vsm check-vehicle`: one request after the other, each as long as the vehicles take to answer.
 pub(super) async fn send_settings(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         let stream = match beat.during(listener.accept()).await {
@@ -507,13 +513,13 @@ pub(super) async fn pause_after(what: &str, cause: &io::Error) {
     tokio::time::sleep(Duration::from_millis(500)).await;
 }
 
-/// The longest UDP datagram, so that one that is too long is counted, not cut.
+/// The longest UDP datagram, so that one that is too long is counted and not cut off.
 const LARGEST_DATAGRAM: usize = 65_536;
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
-/// Datagrams of a vehicles' link that are handled before others have their turn: under a millisecond.
+/// Datagrams of a vehicle link that are handled before others get their turn: under a millisecond.
 const AT_ONCE: usize = 32;
-/// How long the messages of stations are handled before others have their turn.
+/// How long messages of stations are handled before others get their turn.
 const TURN: Duration = Duration::from_millis(2);
 /// A station sends a heartbeat each second or two.
 const WATCH_FOR: Duration = Duration::from_secs(3);

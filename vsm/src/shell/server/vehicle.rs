@@ -1,4 +1,4 @@
-//! What one vehicle needs before it is served: its keys, its link, its recording, and its exchange of keys.
+//! The resources of one vehicle before it is served: its keys, its link, its recording, and its key exchange.
 
 use std::path::Path;
 use std::rc::Rc;
@@ -21,7 +21,7 @@ use crate::shell::key_store::KeyStore;
 use crate::shell::recording::{Quota, Recording};
 use crate::shell::sockets::{self, Hosts, VehicleReader};
 
-/// Whether no vehicle before has one of this one's keys.
+/// Checks that no vehicle in `known` has one of this one's keys.
 pub(super) fn check_own(
     vehicle: Id,
     keys: Option<&KeyStore>,
@@ -56,13 +56,13 @@ pub(super) fn record_vehicle(
     })
 }
 
-/// One recording for each vehicle, and the one of the DLI.
+/// One recording for each vehicle, and one for the DLI.
 pub(super) fn share(config: &Config, record: &Record) -> Quota {
     Quota::share(record.max_mb, config.vehicle.len() + 1)
 }
 
-/// The exchange of a vehicle that agrees about keys over the air. Of another, a handover that an earlier process has begun
-/// continues.
+/// The key exchange of a vehicle that agrees on keys over the air. For other vehicles, a key rotation that an earlier
+/// process began is continued.
 pub(super) fn open_exchange(
     config: &Config,
     (index, vehicle): (usize, &Vehicle),
@@ -86,7 +86,7 @@ pub(super) fn open_exchange(
             not_before: NOT_BEFORE,
         };
         let mut exchange = KeyExchange::open(config, vehicle, index, *settings, now, &mut with)?;
-        // The agent hands it over: in flight the vehicle continues under its current key.
+        // The agent installs the key; in flight the vehicle continues under its current one.
         exchange.take_up_next(now, &mut with);
         return Ok(Some(exchange));
     }
@@ -100,7 +100,7 @@ pub(super) fn open_exchange(
     Ok(None)
 }
 
-/// The keys of a vehicle, none of which another vehicle of `known` has.
+/// The keys of a vehicle, which may be none of another vehicle in `known`.
 pub(super) fn open_keys(
     vehicle: &Vehicle,
     known: &mut Vec<(Id, KeyId)>,
@@ -142,7 +142,7 @@ pub(super) fn open_port(
     Ok((reader, port))
 }
 
-/// The key in force and its files. A first key that was sent and whose end is not known is the one in force.
+/// The current key and its files. A first key that was sent, with unknown outcome, counts as the current one.
 pub(super) fn vehicle_keys(
     path: &Path,
     mode: ExchangeMode,
@@ -153,7 +153,7 @@ pub(super) fn vehicle_keys(
         tracing::warn!("the clock of a dead key cannot be deleted: {fault}");
     }
     if keys.current()?.is_none() {
-        // A key that is handed over has a clock on disk before it leaves.
+        // A key has a clock on disk before it is sent, so without one it was never sent.
         if mode == ExchangeMode::Off
             && let Some(next) = keys.next()?
             && store.load::<Ceiling>(&next.id())?.is_none()
@@ -164,7 +164,7 @@ pub(super) fn vehicle_keys(
         keys.commit()?;
     }
     if keys.current()?.is_none() && mode == ExchangeMode::Legacy {
-        // Until a key is agreed the link has a random key that nobody else holds, so that no unsigned frame is accepted.
+        // Until a key is agreed on, the link has a random key that nobody else holds: no unsigned frame is accepted.
         keys.stage(&key_file::random().map_err(StartError::Random)?)?;
         keys.commit()?;
     }
@@ -174,7 +174,7 @@ pub(super) fn vehicle_keys(
     }
     match keys.current()? {
         Some(key) => Ok((key, keys)),
-        // Read only for its error, which names the missing file and the command that makes one.
+        // Read only for the error, which names the missing file and the command that creates it.
         None => Ok((key_file::read(path)?, keys)),
     }
 }

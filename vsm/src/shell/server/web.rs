@@ -1,4 +1,4 @@
-//! The web clients of the bridge: what their connections report goes to the machine, and what ends goes to them.
+//! The web clients of the bridge: passes the reports of their connections to the machine, and the end of a session to them.
 
 use std::rc::Rc;
 
@@ -7,9 +7,9 @@ use crate::session::web::{Hello, WebEnd, WebRefusal};
 use crate::shell::tasks::Beat;
 use crate::shell::web::control::{Admitted, Report, Reports};
 
-/// Takes the reports of all connections, one by one: each connection waits for its turn.
+/// Handles the reports of all connections, one by one: each connection waits for its turn.
 pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, mut reports: Reports) {
-    // Where all connections are gone the thread of them is: without it nobody is served.
+    // The reports end when the connections' thread has ended: nobody is served without it.
     while let Some(report) = beat.during(reports.recv()).await {
         take(&shared, report);
         // A client that sends continuously must not block vehicles and timers.
@@ -46,6 +46,7 @@ fn take(shared: &Shared, report: Report) {
                     ends,
                 })
             });
+            // The client disconnected while it was admitted, so nobody will report its end.
             if let Err(unsent) = answer.send(admitted)
                 && unsent.is_ok()
             {

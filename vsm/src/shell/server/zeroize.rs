@@ -1,5 +1,5 @@
-//! An order to zeroize, by message or by `vsm zeroize`: it is stored, agents beside PX4 are ordered the same, and the bridge ends; who
-//! has run it erases what lies on the disk.
+//! An order to zeroize, by message or by `vsm zeroize`: it is stored, agents beside PX4 receive the same order, and the
+//! bridge ends. The program that ran the bridge then erases the files.
 
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -50,7 +50,7 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
                 return None;
             }
             let order = Order::of_bridge(&core.config, core.bridge.zeroizes_in_flight());
-            // By this thread: whatever else waits for the disk is erased anyway.
+            // On this thread: other queued writes are erased anyway.
             let mut disk = core.store.files().shared();
             let stored = erase::begin(&mut disk, &order).map_err(|fault| fault.to_string());
             core.bridge
@@ -69,7 +69,7 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
             status_socket::answer(stream, &answer, ANSWER_WITHIN).await;
         }
         if ended {
-            // What stations are sent of it leaves first.
+            // Stations receive the outcome first.
             beat.during(tokio::time::sleep(LAST_WORDS)).await;
             shared.ended.notify_one();
             beat.during(std::future::pending::<()>()).await;
@@ -77,8 +77,8 @@ pub(super) async fn serve(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixList
     }
 }
 
-/// Orders the same of the agents beside PX4: they must be asked while this computer still has its keys. What is not answered
-/// within half a minute holds up nothing more.
+/// Sends the order to the agents beside PX4, while this computer still has its keys. Agents that do not answer within half
+/// a minute delay nothing further.
 async fn beyond(shared: &Shared, beat: &Beat) -> Vec<String> {
     shared.with(Core::order_agents);
     let end = Instant::now() + AGENTS_WITHIN;
@@ -100,14 +100,14 @@ async fn beyond(shared: &Shared, beat: &Beat) -> Vec<String> {
     })
 }
 
-/// Whether it is meant in flight, too.
+/// Whether the order is valid in flight too.
 async fn read_word(stream: &mut UnixStream) -> Option<bool> {
     let read = tokio::time::timeout(ANSWER_WITHIN, stream.read_u8()).await;
     Some(read.ok()?.ok()? == IN_FLIGHT)
 }
 
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
-/// What a key exchange needs at the most for its own end of it, and some.
+/// The longest that a key exchange needs for its own end of it, with a margin.
 const AGENTS_WITHIN: Duration = Duration::from_secs(32);
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 const PAUSE: Duration = Duration::from_millis(500);
