@@ -15,13 +15,13 @@ pub fn stopping() {
     notify(NotifyState::Stopping);
 }
 
-/// Reports that it is alive. Whoever calls this has found out that every part of the program works: silent, the program is
-/// ended and started again.
+/// Reports that it is alive. The caller must have checked that every part of the program works: without this report the
+/// program is ended and restarted.
 pub fn alive() {
     notify(NotifyState::Watchdog);
 }
 
-/// Keeps a service manager from ending this program while `work` takes its time, at a start too.
+/// Keeps a service manager from ending this program during long `work`, at a start too.
 pub fn while_busy<T>(work: impl FnOnce() -> T) -> T {
     let (done, ended) = std::sync::mpsc::channel::<()>();
     std::thread::scope(move |scope| {
@@ -38,7 +38,7 @@ pub fn while_busy<T>(work: impl FnOnce() -> T) -> T {
     })
 }
 
-/// How often [`alive`] is expected: twice in each period that the service manager waits; `None` where it does not wait.
+/// How often [`alive`] is expected: twice in each period of the service manager; `None` if it has none.
 #[must_use]
 pub fn ping_interval() -> Option<Duration> {
     let mut micros = 0;

@@ -1,7 +1,7 @@
-//! `vsm check-vehicle` without a running bridge: a vehicle's link, held by this process alone, on which settings are read.
+//! `vsm check-vehicle` without a running bridge: a vehicle's link, used by this process alone, to read settings.
 //!
-//! Nothing is sent but heartbeats, challenges and PARAM_REQUEST_READ, signed with the key in force; store and key are
-//! locked meanwhile, as two writers of one stream would make each other's stamps stale.
+//! It sends only heartbeats, challenges and PARAM_REQUEST_READ, signed with the current key. Store and key are locked
+//! meanwhile, since two writers of one stream would make each other's stamps stale.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,16 +35,16 @@ pub enum SettingsLinkError {
     /// The link.
     #[error(transparent)]
     Socket(#[from] SocketError),
-    /// The clock, or what was learned of the link.
+    /// The clock, or the record of the link.
     #[error(transparent)]
     Record(#[from] StoreError),
-    /// The vehicle answers nothing that is not signed.
+    /// Without a key the vehicle would answer nothing.
     #[error("there is no key {path} yet: begin with `vsm pair` or `vsm key provision`", path = path.display())]
     NoKey {
         /// The key file.
         path: PathBuf,
     },
-    /// Only a bridge that runs has the link's keys.
+    /// Only a running bridge has the link's keys.
     #[error(
         "the vehicle's link is encrypted (vehicle.encrypt): start `vsm run`, which this command asks then"
     )]
@@ -127,8 +127,8 @@ impl SettingsLink {
         })
     }
 
-    /// Reads every setting that [`hardening`] judges, for at most `patience`; what is not answered stays unknown. Where nothing
-    /// at all arrives it ends after [`NOTHING_FOR`], and returns `true`: PX4 sends a heartbeat each second.
+    /// Reads every setting that [`hardening`] judges, for at most `patience`; settings without an answer stay unknown. If
+    /// nothing at all arrives, it ends after [`NOTHING_FOR`] and returns `true`: PX4 sends a heartbeat each second.
     pub async fn read(mut self, patience: Duration) -> (VehicleSettings, bool) {
         let mut names = hardening::SETTINGS
             .iter()
@@ -139,6 +139,7 @@ impl SettingsLink {
             while let Some(event) = self.parameters.poll_event() {
                 self.found.note(&event);
             }
+            // One request at a time, so that `requested` is the timestamp of this one.
             if self.link.state() == LinkState::Live && self.parameters.pending() == 0 {
                 self.found.live = true;
                 self.requested = None;
@@ -197,7 +198,7 @@ impl SettingsLink {
                         return;
                     };
                     let auth = auth(&mut self.key, &mut self.store);
-                    // The client repeats what cannot leave now.
+                    // The client repeats what cannot be sent now.
                     let Ok(sent) = self.link.send(now, auth, &message, &mut out) else {
                         continue;
                     };
@@ -206,7 +207,7 @@ impl SettingsLink {
                 }
             };
             let frame = out.get(..sent.len).unwrap_or_default();
-            // A frame that does not leave is a frame that is lost.
+            // A frame that cannot be sent counts as lost.
             drop(self.writer.send(frame, sent.to).await);
         }
     }
@@ -219,7 +220,7 @@ fn auth<'a>(key: &'a mut Option<KeyState>, store: &'a mut FileDisk) -> Auth<'a> 
     }
 }
 
-/// How long nothing at all may arrive before there is nothing to wait for.
+/// How long to wait if nothing at all arrives.
 pub const NOTHING_FOR: Duration = Duration::from_secs(8);
-/// The least pause between looks at the clock.
+/// The shortest pause between looks at the clock.
 const LOOK: Duration = Duration::from_millis(50);

@@ -1,6 +1,6 @@
-//! The owners of this computer's UDP sockets: `/proc/self/net/udp` names the user of each, and a thread of its own reads it.
+//! The owners of this computer's UDP sockets: `/proc/self/net/udp` names the user of each, and a separate thread reads it.
 //!
-//! Any user can open sockets, and the time that the kernel needs for its table grows faster than their number: for 20,000 it is
+//! Any user can open sockets, and the time that the kernel needs for its table grows faster than their number: 20,000 take
 //! seconds. So the thread that handles datagrams does not depend on it:
 //!
 //! - The reading thread reads once a second, whatever arrives, and pauses at least as long as the reading took. The last table is
@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 
-/// Where it is bound, and its user.
+/// The address of a socket, and its user.
 pub(super) type Socket = (SocketAddr, u32);
 
 /// A peer that may not have a key.
@@ -39,7 +39,7 @@ pub enum Stranger {
         /// The address.
         at: SocketAddr,
     },
-    /// The kernel gives no owner.
+    /// The kernel reports no owner.
     #[error("the owner of {at} is not known: {cause}")]
     Unknown {
         /// The address.
@@ -84,7 +84,7 @@ impl SocketOwners {
             .name("socket-owners".to_owned())
             .spawn(move || of_thread.keep_reading(&permitted, read));
         if let Err(cause) = started {
-            // Nobody is admitted then, and nobody waits.
+            // Then nobody is admitted, and nobody waits.
             let mut state = shared.lock();
             state.table = Err(cause.to_string());
             state.ended = true;
@@ -156,14 +156,14 @@ struct Shared {
 
 #[derive(Debug)]
 struct State {
-    /// What was read last, or why it could not be.
+    /// The last table, or why it could not be read.
     table: Result<Table, String>,
     readings: u64,
     /// How long the last one took.
     took: Duration,
-    /// The last number that was asked for.
+    /// The last number that was requested.
     asked: u64,
-    /// The last that had been asked for when the reading began that is there.
+    /// The last number that had been requested when the present table's reading began.
     answered: u64,
     ended: bool,
 }
@@ -175,7 +175,7 @@ impl State {
 }
 
 impl Shared {
-    /// Held for a look-up at most: what takes long is done beside it.
+    /// Held only for a look-up: slow work is done outside.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -200,7 +200,7 @@ impl Shared {
             state.took = took;
             let was_asked = std::mem::replace(&mut state.answered, asked) < asked;
             drop(state);
-            // It may be large.
+            // Dropped outside the lock: it may be large.
             drop(before);
             self.changed.notify_all();
             if was_asked {
@@ -222,7 +222,7 @@ impl Shared {
 #[derive(Debug)]
 struct Table {
     permitted: Vec<u32>,
-    /// At an address and port: a user with a socket there who is not permitted, where there is one.
+    /// For each address and port: a user with a socket there who is not permitted, if any.
     foreign: HashMap<(IpAddr, u16), Option<u32>>,
 }
 
@@ -249,8 +249,8 @@ impl Table {
             let Some(foreign) = self.foreign.get(&(bound, at.port())) else {
                 continue;
             };
-            // Beside a socket of IPv4 itself the system gives [::] nothing of IPv4: any user may bind that one, with
-            // IPV6_V6ONLY, to PX4's port, and must not cut PX4 off by it.
+            // If an IPv4 socket is bound there, the system gives [::] no IPv4 datagrams. Any user may bind [::] with
+            // IPV6_V6ONLY to PX4's port, and must not be able to cut PX4 off with that.
             if by_ipv4 && bound == ANY_IPV6 {
                 continue;
             }
@@ -269,7 +269,7 @@ impl Table {
     }
 }
 
-/// Where a socket is bound that gets what is sent to this address: those of IPv4 first, [::], which is given IPv4 too, last.
+/// The addresses of sockets that receive datagrams to this address: IPv4 ones first, then [::], which receives IPv4 too.
 fn reaching(to: IpAddr) -> [IpAddr; 5] {
     match to.to_canonical() {
         IpAddr::V4(to) => {
@@ -301,12 +301,12 @@ pub(super) fn sockets() -> io::Result<Vec<Socket>> {
     Ok(all)
 }
 
-/// Line by line, whatever the length of the table: any user can open sockets, and a bound on it would be a way to have
-/// everybody dropped. The kernel's limits of open files bound what is kept, some 40 bytes a socket.
+/// Reads the table line by line, without a bound on its length: any user can open sockets, and a bound would let them have
+/// everyone dropped. The kernel's limits on open files bound the memory, some 40 bytes a socket.
 fn add_entries(mut table: impl BufRead, all: &mut Vec<Socket>) -> io::Result<()> {
     let mut line = String::new();
     while table.read_line(&mut line)? > 0 {
-        // The first line is a heading, and no entry.
+        // The first line is a heading, not an entry.
         all.extend(entry(&line));
         line.clear();
     }
@@ -319,7 +319,7 @@ fn entry(line: &str) -> Option<Socket> {
     let (address, port) = fields.nth(1)?.split_once(':')?;
     let uid = fields.nth(5)?.parse().ok()?;
     let port = u16::from_str_radix(port, 16).ok()?;
-    // Words of 32 bits, each printed as a number of this computer's byte order.
+    // Words of 32 bits, each printed as a number in this computer's byte order.
     let word = |at: usize| u32::from_str_radix(address.get(at..at + 8)?, 16).ok();
     let ip = match address.len() {
         8 => IpAddr::from(word(0)?.to_ne_bytes()),
@@ -340,7 +340,7 @@ pub(super) const NOT_YET: &str = "it has not been looked up yet";
 const READ_EVERY: Duration = Duration::from_secs(1);
 /// Three times what the table of 20,000 sockets takes, on a slow computer.
 pub(super) const PATIENCE: Duration = Duration::from_secs(30);
-/// A few thousand sockets take longer.
+/// Longer than a reading of a few hundred sockets, shorter than one of a few thousand.
 const QUICK: Duration = Duration::from_millis(20);
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The sockets of the configuration: bound, joined, or refused with what to do about it.
+//! The sockets of the configuration: bound, joined, or refused with an error that says what to do.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -77,7 +77,7 @@ impl SocketError {
     }
 }
 
-/// The DLI side: a socket for stations, and one for the group where there is one.
+/// The DLI side: a socket for stations, and one for the group, if any.
 #[derive(Debug)]
 pub struct DliSockets {
     /// Bound to `dli.listen`.
@@ -156,7 +156,7 @@ impl VehicleReader {
     pub async fn receive(&mut self, bytes: &mut [u8]) -> io::Result<(usize, Peer)> {
         match self {
             VehicleReader::Udp(socket) => loop {
-                // One byte of room more shows what was longer.
+                // One byte more, to detect a longer datagram.
                 let room = bytes.len().min(MAX_AT_ONCE + 1);
                 let (length, from) = socket.recv_from(&mut bytes[..room]).await?;
                 if length <= MAX_AT_ONCE {
@@ -180,14 +180,14 @@ impl VehicleReader {
             return None;
         };
         let room = bytes.len().min(MAX_AT_ONCE + 1);
-        // A fault is reported by the next `receive`.
+        // The next `receive` reports a fault.
         let (length, from) = socket.try_recv_from(&mut bytes[..room]).ok()?;
         (length <= MAX_AT_ONCE).then_some((length, Peer::Udp(from)))
     }
 }
 
 impl VehicleWriter {
-    /// Where the other end reaches it; `None` for what has no address.
+    /// The address at which the other end reaches it; `None` if it has none.
     #[must_use]
     pub fn local_addr(&self) -> Option<SocketAddr> {
         match self {
@@ -239,15 +239,15 @@ impl VehicleWriter {
     }
 }
 
-/// Senders of MAVLink fill a datagram up to what a network carries whole, 1,500 bytes. Each byte of a longer one could
-/// begin a frame whose checksum we were to compute.
+/// MAVLink senders fill a datagram up to what a network carries unfragmented, 1,500 bytes. In a longer one each byte could
+/// begin a frame whose checksum would have to be computed.
 const MAX_AT_ONCE: usize = 2_048;
 
-/// Frames that wait for a serial port, at the most.
+/// The most frames that wait for a serial port.
 const SERIAL_QUEUE: usize = 64;
 
-/// How long a frame may wait for its port. A command that comes later than this might no longer be meant; what was lost
-/// is repeated by the protocols above.
+/// How long a frame may wait for its port. A later command might no longer be intended; the protocols above repeat what is
+/// lost.
 const SERIAL_PATIENCE: Duration = Duration::from_secs(2);
 
 /// Writes the queue in order until all senders are gone. A frame that the port does not accept is lost, as on any link: if
@@ -274,18 +274,18 @@ fn write_apart(mut port: impl AsyncWrite + Unpin + Send + 'static) -> SerialQueu
     SerialQueue(queue)
 }
 
-/// How the hosts of `udpout` and `tcpout` links get their addresses. A resolver without an answer keeps its thread for half a
-/// minute: while a bridge serves, names are asked for on another thread, before anything is opened.
+/// How the hosts of `udpout` and `tcpout` links are resolved. A resolver without an answer blocks its thread for half a
+/// minute, so while a bridge serves, another thread resolves the names before anything is opened.
 #[derive(Debug)]
 pub enum Hosts {
-    /// The resolver is asked where a link is opened.
+    /// Resolved when a link is opened.
     AskNow,
-    /// These were asked for before; there are no others.
+    /// Resolved before; there are no others.
     Known(BTreeMap<String, SocketAddr>),
 }
 
 impl Hosts {
-    /// Asks for the hosts of these links, each named by its key of the configuration. Blocks.
+    /// Resolves the hosts of these links, each named by its key of the configuration. Blocks.
     ///
     /// # Errors
     /// A host is unknown.
@@ -330,8 +330,8 @@ pub(super) fn ask_system(host: &str) -> io::Result<Option<SocketAddr>> {
     host.to_socket_addrs().map(|mut all| all.next())
 }
 
-/// The record of a link's local port: that of the first vehicle on it, so that whoever opens a link that several share
-/// has the same port.
+/// The record of a link's local port. It is named by the first vehicle on the link, so that every program opens a shared
+/// link from the same port.
 #[must_use]
 pub fn port_record(config: &Config, vehicle: &Vehicle) -> String {
     let mut on_link = config.vehicles().filter(|one| one.link == vehicle.link);
@@ -339,10 +339,10 @@ pub fn port_record(config: &Config, vehicle: &Vehicle) -> String {
     format!("port-{:08x}", first.id.0)
 }
 
-/// Opens a MAVLink link, named by its `key` of the configuration: its ends, and the fixed peer where there is one.
+/// Opens a MAVLink link, named by its `key` of the configuration: returns its ends, and the fixed peer if there is one.
 ///
-/// PX4 answers the first address that speaks to it for as long as it runs: the local port of a udpout link is kept in
-/// the store, and taken again after a restart.
+/// PX4 answers the first address that sends to it for as long as it runs. So the local port of a udpout link is stored, and
+/// used again after a restart.
 ///
 /// # Errors
 /// The port is taken, the host unknown, the device missing.
@@ -388,7 +388,7 @@ pub fn open_link(
     ))
 }
 
-/// Opens the link of another ground station: those of vehicles, and TCP.
+/// Opens the link of another ground station: the kinds of vehicle links, and TCP.
 ///
 /// # Errors
 /// As [`open_link`].
@@ -434,6 +434,7 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<U
     }
     let socket = udp(SocketAddr::new(any, 0))?;
     let port = socket.local_addr()?.port();
+    // Not worth refusing the start: only a PX4 that runs longer than this bridge would not answer the next one.
     if let Err(fault) = store.replace(record, format!("{port}\n").as_bytes(), Durability::Process) {
         tracing::warn!("the local port {port} cannot be kept for a restart: {fault}");
     }
@@ -446,14 +447,14 @@ fn udp(address: SocketAddr) -> io::Result<UdpSocket> {
         Type::DGRAM,
         Some(Protocol::UDP),
     )?;
-    // Not shared as a group's is: two programs on one unicast port would each get half of the datagrams.
+    // Not shared, unlike a group's socket: two programs on one unicast port would each get half of the datagrams.
     socket.set_reuse_address(false)?;
     if address.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
-        // `[::]` is every address, of IPv4 too, whatever the system's default is.
+        // `[::]` means every address, IPv4 included, whatever the system's default.
         socket.set_only_v6(false)?;
     }
     socket.set_nonblocking(true)?;
-    // The system's default buffer does as well, only with more loss in bursts.
+    // The system's default buffer works too, with more loss in bursts.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
     socket.bind(&address.into())?;
     UdpSocket::from_std(socket.into())

@@ -1,6 +1,5 @@
-//! `vsm status`, `vsm reload` and `vsm check-vehicle`: Unix sockets in the store folder that answer in JSON any user who may
-//! enter the folder. One gives the status, one what came of a configuration that is read again, one the settings of the
-//! vehicles.
+//! `vsm status`, `vsm reload` and `vsm check-vehicle`: Unix sockets in the store folder that answer in JSON any user who
+//! may enter the folder. One returns the status, one the outcome of a reload, one the settings of the vehicles.
 
 use std::io::{self, Read, Write as _};
 use std::os::unix::fs::PermissionsExt;
@@ -12,29 +11,29 @@ use serde::{Deserialize, Serialize};
 use tokio::io::AsyncWriteExt;
 use tokio::net::UnixListener;
 
-/// Gives the status.
+/// Returns the status.
 pub const STATUS: &str = "status.sock";
-/// Lets the configuration be read again.
+/// Reloads the configuration.
 pub const RELOAD: &str = "reload.sock";
 
-/// Reaches the files of the vehicles.
+/// Accesses the files of the vehicles.
 pub const FILES: &str = "files.sock";
 
-/// Reads the settings of the vehicles, and gives them once they are read.
+/// Reads the settings of the vehicles, and returns them.
 pub const SETTINGS: &str = "settings.sock";
 
 /// Orders to zeroize.
 pub const ZEROIZE: &str = "zeroize.sock";
 
-/// What an order to zeroize begins with where it is meant in flight, too; another byte where it is not.
+/// The first byte of an order to zeroize that is valid in flight too; any other byte for one that is not.
 pub const IN_FLIGHT: u8 = b'f';
 
-/// What an order to zeroize is answered, once it is stored, and what it could reach has answered.
+/// The answer to an order to zeroize, once it is stored and the reachable agents have answered.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Ordered {
-    /// Why it is not taken.
+    /// Why it is refused.
     pub refused: Option<String>,
-    /// What has become of what is not on this computer: agents, and PX4's key.
+    /// The outcome for what is not on this computer: agents, and PX4's key.
     #[serde(default)]
     pub beyond: Vec<String>,
 }
@@ -45,7 +44,7 @@ pub fn path(store: &Path, name: &str) -> PathBuf {
     store.join(name)
 }
 
-/// Opens the socket. The store's lock is held: one that is there is left over.
+/// Opens the socket. The store's lock is held, so an existing socket is a leftover.
 ///
 /// # Errors
 /// The system's; paths of over 107 bytes too.
@@ -68,7 +67,7 @@ pub async fn answer(mut stream: tokio::net::UnixStream, status: &impl Serialize,
     let _ = tokio::time::timeout(within, stream.write_all(text.as_bytes())).await;
 }
 
-/// Asks a running bridge.
+/// Sends a request to a running bridge.
 ///
 /// # Errors
 /// None is running on this store, or it does not answer.
@@ -76,7 +75,7 @@ pub fn ask(store: &Path, name: &str, within: Duration) -> io::Result<String> {
     ask_for(store, name, &[], within)
 }
 
-/// As [`ask`], with what is asked for.
+/// As [`ask`], with a content.
 ///
 /// # Errors
 /// As [`ask`].

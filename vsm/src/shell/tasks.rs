@@ -67,9 +67,9 @@ pub struct Beat {
 }
 
 impl Beat {
-    /// Waits for `work`, the one place where a task may stay for long, and answers every round meanwhile.
+    /// Waits for `work`, the one place where a task may wait for long, and answers every round meanwhile.
     ///
-    /// What a task awaits outside of this must be over within [`STUCK_AFTER`].
+    /// Anything that a task awaits elsewhere must complete within [`STUCK_AFTER`].
     pub async fn during<T>(&self, work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
         poll_fn(|context| {
@@ -156,7 +156,7 @@ struct Member {
 }
 
 impl Tasks {
-    /// Adds a task, which is given the beat that it has to answer by.
+    /// Adds a task, and passes it the beat by which it answers.
     pub fn spawn<F>(
         &mut self,
         local: &LocalSet,
@@ -171,7 +171,7 @@ impl Tasks {
         self.members.push(Member { id, name, beat });
     }
 
-    /// By which tasks are added while these run.
+    /// Adds tasks while these run.
     #[must_use]
     pub fn later(&self) -> Later {
         self.later.clone()

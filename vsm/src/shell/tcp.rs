@@ -1,13 +1,13 @@
-//! MAVLink over TCP, for other ground stations (`[[forward]]`) alone: a vehicle's link would queue what is stale.
+//! MAVLink over TCP, only for other ground stations (`[[forward]]`): a vehicle's link would queue stale data.
 //!
-//! A connection is a peer as an address of UDP is one: the machine decides which of them is the ground station, and only
-//! that one is sent anything. What a connection does not take is lost, as on any link, and one that takes nothing for
-//! `PATIENCE` is closed. Few may connect at once. So that strangers do not keep the ground station out, one that has
-//! connected and that the machine has not accepted ([`TcpWriter::accept`]) within `ACCEPTED_WITHIN` is closed, and before
-//! that it gives its place to whoever connects when all are taken: first the oldest of the host that has the most of them,
-//! so that one host takes no place of another. A connection that was accepted is never replaced. What is left: strangers on
-//! the ground station's own host, or on many, who reconnect `MAX_CONNECTIONS` times between its connecting and its first
-//! signed frame, each time that it tries. One whose other end is gone is found by the system's probes.
+//! A connection is a peer, like a UDP address: the machine decides which of them is the ground station, and only that one
+//! is sent anything. What a connection does not accept is lost, as on any link, and one that accepts nothing for `PATIENCE`
+//! is closed. Few may connect at once. Strangers must not keep the ground station out, so a connection that the machine has
+//! not accepted ([`TcpWriter::accept`]) within `ACCEPTED_WITHIN` is closed. Before that it gives its place to a newcomer
+//! when all places are taken: first the oldest of the host with the most of them, so that one host takes no place of
+//! another. An accepted connection is never replaced. One attack is left: strangers on the ground station's own host, or on
+//! many hosts, who reconnect `MAX_CONNECTIONS` times between its connection and its first signed frame, each time it tries.
+//! The system's probes find a connection whose other end is gone.
 
 use std::cmp::Reverse;
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::session::Peer;
 
-/// What arrives on any connection.
+/// The data of all connections.
 #[derive(Debug)]
 pub struct TcpReader(mpsc::Receiver<(SocketAddr, Vec<u8>)>);
 
@@ -35,24 +35,24 @@ pub struct TcpWriter(Arc<Mutex<Connections>>);
 #[derive(Debug, Default)]
 struct Connections {
     all: HashMap<SocketAddr, Connection>,
-    /// The one that the machine has accepted last.
+    /// The connection that the machine accepted last.
     station: Option<SocketAddr>,
     /// Connections so far.
     count: u64,
-    /// When somebody last gave way with a line in the log.
+    /// When a displaced connection was last logged.
     crowded: Option<Instant>,
 }
 
 #[derive(Debug)]
 struct Connection {
-    /// The younger ones have higher numbers.
+    /// Younger connections have higher numbers.
     number: u64,
     queue: mpsc::Sender<Vec<u8>>,
-    /// Whether the machine has taken its other end for the ground station. It is closed where this is dropped.
+    /// Whether the machine has accepted its other end as the ground station. Dropping this closes the connection.
     accepted: watch::Sender<bool>,
 }
 
-/// What its task needs of it.
+/// What the connection's task needs.
 struct Ends {
     number: u64,
     queue: mpsc::Receiver<Vec<u8>>,
@@ -60,7 +60,7 @@ struct Ends {
 }
 
 impl TcpReader {
-    /// What came, and from where.
+    /// Received bytes, and their source.
     ///
     /// # Errors
     /// The task that accepts or connects is gone.
@@ -85,8 +85,8 @@ impl TcpWriter {
         queued.map_err(|_| io::ErrorKind::WouldBlock.into())
     }
 
-    /// The machine takes who is at the other end for the ground station: the connection stays. One that it took for that
-    /// before stays as long as nobody needs its place.
+    /// The machine has accepted the other end as the ground station: the connection stays. An earlier accepted connection
+    /// stays as long as nobody needs its place.
     pub fn accept(&self, peer: SocketAddr) {
         let mut connections = self.lock();
         if let Some(connection) = connections.all.get(&peer) {
@@ -119,7 +119,7 @@ impl TcpWriter {
 
     fn remove(&self, peer: SocketAddr, number: u64) {
         let mut connections = self.lock();
-        // It may have given way, and another be there from the same address.
+        // It may have been displaced, and another may be there from the same address.
         if connections
             .all
             .get(&peer)
@@ -135,8 +135,8 @@ impl TcpWriter {
 }
 
 impl Connections {
-    /// Closes the connection that matters least: of who has never been accepted before who has been, of the host that has
-    /// the most of these, the oldest.
+    /// Closes the least important connection: one that was never accepted before one that was, the host with the most of
+    /// these first, and of those the oldest.
     fn make_room(&mut self, newcomer: SocketAddr) {
         let never = |one: &Connection| !*one.accepted.borrow();
         let from = |host: IpAddr| {
@@ -157,7 +157,7 @@ impl Connections {
         };
         self.all.remove(&peer);
         let now = Instant::now();
-        // Whoever connects again and again must not fill the log.
+        // Repeated connections must not fill the log.
         if self
             .crowded
             .is_none_or(|at| now.duration_since(at) > SAID_AGAIN)
@@ -185,7 +185,7 @@ pub fn listen(address: SocketAddr) -> io::Result<(TcpReader, TcpWriter)> {
     tokio::spawn(async move {
         loop {
             let accepted = tokio::select! {
-                // It was removed from the configuration.
+                // Removed from the configuration.
                 () = sender.closed() => return,
                 accepted = listener.accept() => accepted,
             };
@@ -205,7 +205,7 @@ pub fn listen(address: SocketAddr) -> io::Result<(TcpReader, TcpWriter)> {
     Ok((TcpReader(receiver), writer))
 }
 
-/// Connects, again and again. Must be called within a tokio runtime.
+/// Connects, and reconnects. Must be called within a tokio runtime.
 #[must_use]
 pub fn connect(peer: SocketAddr) -> (TcpReader, TcpWriter) {
     let (sender, receiver) = mpsc::channel(QUEUE);
@@ -250,7 +250,7 @@ async fn serve(
     received: mpsc::Sender<(SocketAddr, Vec<u8>)>,
     connections: TcpWriter,
 ) {
-    // Frames are small, and each is awaited.
+    // Frames are small, and their receiver waits for each.
     let _ = stream.set_nodelay(true);
     // A ground station that is switched off closes nothing.
     let probes = TcpKeepalive::new()
@@ -269,7 +269,7 @@ async fn serve(
         loop {
             match reading.read(&mut bytes).await {
                 Ok(0) | Err(_) => return,
-                // Whoever sends faster than it is read waits: TCP holds it back.
+                // A sender that is faster than the reader waits: TCP holds it back.
                 Ok(length)
                     if received
                         .send((peer, bytes[..length].to_vec()))
@@ -295,7 +295,7 @@ async fn serve(
     let place = async {
         let waited = timeout(ACCEPTED_WITHIN, accepted.wait_for(|accepted| *accepted)).await;
         match waited.map(|accepted| accepted.is_ok()) {
-            // Until it gives way, as it may have already.
+            // Until it is displaced, which may have happened already.
             Ok(accepted_once) => while accepted_once && accepted.changed().await.is_ok() {},
             Err(_) => tracing::info!(
                 "TCP: {peer} has not shown itself as the ground station within {} s and is disconnected",
@@ -312,19 +312,19 @@ async fn serve(
     connections.remove(peer, number);
 }
 
-/// Connections of one link at once: the ground station, its next try, and strangers.
+/// Connections of one link at once: the ground station, its next attempt, and strangers.
 const MAX_CONNECTIONS: usize = 8;
-/// Between two lines of the log about crowding.
+/// Between two log lines about displaced connections.
 const SAID_AGAIN: Duration = Duration::from_secs(60);
-/// Frames that wait for a connection, and pieces that wait to be read.
+/// Frames that wait for a connection, and pieces that wait for the reader.
 const QUEUE: usize = 64;
 /// Bytes read at once.
 const AT_ONCE: usize = 2_048;
-/// How long a connection may take nothing, or an attempt to connect last.
+/// How long a connection may accept nothing, and how long an attempt to connect may last.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How long who connects may leave open whether it is the ground station, whose HEARTBEAT comes once a second.
+/// How long a connection may stay unproven; the ground station's HEARTBEAT comes once a second.
 const ACCEPTED_WITHIN: Duration = Duration::from_secs(10);
-/// A connection that is silent so long is probed, three times at the same interval.
+/// A connection silent for so long is probed, three times at the same interval.
 const PROBED_AFTER: Duration = Duration::from_secs(5);
 /// Between attempts.
 const AGAIN: Duration = Duration::from_secs(2);

@@ -4,12 +4,12 @@
 //!
 //! - `panic`: it panics;
 //! - `end`: it returns;
-//! - `block`: it waits for ever, as on a socket that takes nothing;
+//! - `block`: it waits forever, as on a socket that accepts nothing;
 //! - `freeze`: it keeps the thread, as an endless loop does.
 
 use std::future::Future;
 
-/// The task, broken where the environment asks for it.
+/// The task, broken if the environment requests it.
 #[cfg(debug_assertions)]
 pub(super) async fn broken(task: &'static str, work: impl Future<Output = ()>) {
     use std::time::Duration;
