@@ -1,7 +1,7 @@
 //! The routes and waypoints that a CUCS has sent for one vehicle, as it sent them.
 //!
-//! A plan only stores. What is wrong in one message alone is refused at once ([`StoreError`]); everything that
-//! needs the others is reported when the route is flown ([`crate::route`]), so that waypoints may come in any order.
+//! A plan only stores. A fault within one message is refused at once ([`StoreError`]). A fault that depends on other
+//! messages is reported when the route is loaded ([`crate::route`]), so that waypoints may arrive in any order.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -27,7 +27,7 @@ pub struct Plan {
     actions: BTreeMap<u16, Actions>,
 }
 
-/// What is done at a waypoint beside flying there, as it came.
+/// The actions at a waypoint, as received.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Actions {
     payload: Option<PayloadActionWaypoint>,
@@ -44,7 +44,7 @@ impl Actions {
     }
 }
 
-/// A curved leg as it came.
+/// A curved leg, as received.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Curve {
     /// 50001, the paper's message.
@@ -62,7 +62,7 @@ impl Curve {
     }
 }
 
-/// A message that the plan takes, under its number.
+/// A message that the plan accepts, under its number.
 enum Part<'m> {
     Route(&'m UaRoute),
     Waypoint(u16, &'m UaPositionWaypoint),
@@ -72,7 +72,7 @@ enum Part<'m> {
     Specific(u16, &'m VehicleSpecificWaypoint),
 }
 
-/// A message that the plan does not take.
+/// A message that the plan does not accept.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StoreError {
     /// The number that identifies it is absent.
@@ -96,9 +96,9 @@ pub enum StoreError {
     Angle {
         /// The field.
         field: &'static str,
-        /// What it holds.
+        /// Its value.
         value: f64,
-        /// The greatest that it can be.
+        /// The greatest possible value.
         max: f64,
     },
     /// A Time Stamp of 50001 that is no number.
@@ -114,7 +114,7 @@ pub enum StoreError {
         /// What the wrapper holds.
         expected: Id,
     },
-    /// A 13004 or 13006 that asks for something that no mission of PX4 does.
+    /// A 13004 or 13006 with an action that no PX4 mission can do.
     #[error("{0}")]
     Action(String),
     /// The plan is full: a bound on memory, beyond what any vehicle carries.
@@ -142,7 +142,7 @@ impl Plan {
     pub fn store(&mut self, message: &Message, cucs: Id, vehicle: Id) -> Result<(), StoreError> {
         match self.checked(message, cucs, vehicle)? {
             Part::Route(route) => {
-                // The latest definition stands last: it is the one that a load without a Route ID means.
+                // The latest definition stands last: a load without a Route ID means that one.
                 self.routes.retain(|known| !is_same(known, route));
                 if !removes(route) {
                     self.routes.push(route.clone());
@@ -150,7 +150,7 @@ impl Plan {
             }
             Part::Waypoint(number, waypoint) => {
                 let before = self.waypoints.insert(number, waypoint.clone());
-                // The leg that a curve described is gone with the Next Waypoint that made it.
+                // A changed Next Waypoint ends the leg that a curve described.
                 if let Some(before) = before.as_ref().map(next)
                     && before != next(waypoint)
                 {
@@ -173,7 +173,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Whether [`Plan::store`] would store a message: a caller can so write it down before it is stored.
+    /// Whether [`Plan::store`] would store a message: a caller can log the message before it stores it.
     ///
     /// # Errors
     /// As [`Plan::store`].
@@ -246,12 +246,13 @@ impl Plan {
         }
     }
 
-    /// Forgets everything (13000 mode 1).
+    /// Deletes everything (13000 mode 1).
     pub fn clear(&mut self) {
         *self = Plan::default();
     }
 
-    /// Forgets one route, with the waypoints, loiters and curves that no other leads to (13000 mode 1 with a Route ID).
+    /// Deletes one route, with the waypoints, loiters and curves that no other route leads to (13000 mode 1 with a Route
+    /// ID).
     pub fn clear_route(&mut self, name: &str) {
         let Some(route) = self.route_named(name).cloned() else {
             return;
@@ -270,7 +271,7 @@ impl Plan {
         }
     }
 
-    /// Forgets the loiter, the actions and the curves at a waypoint that `sent` does not have there.
+    /// Deletes the loiter, the actions and the curves at a waypoint that `sent` does not have there.
     pub fn drop_unsent(&mut self, number: u16, sent: &Plan) {
         if !sent.loiters.contains_key(&number) {
             self.loiters.remove(&number);
@@ -283,7 +284,7 @@ impl Plan {
                 self.actions.remove(&number);
             }
         }
-        // Only the curves at this waypoint are looked at: a CUCS sends ten thousand of both.
+        // A range, and not all curves: a CUCS may send ten thousand of both.
         let here = self.curves.range(curves_at(number)).map(|(ends, _)| *ends);
         let unsent: Vec<_> = here
             .filter(|ends| !sent.curves.contains_key(ends))
@@ -332,12 +333,13 @@ impl Plan {
         &self.routes
     }
 
-    /// The flight route that waypoints without any 13001 are (Edition 2.5, #801: a route without one is of type flight). It
-    /// begins at waypoint 1, which no other leads to.
+    /// The implied flight route of waypoints without any 13001 (Edition 2.5, #801: a route without one is of type flight).
+    /// It begins at waypoint 1, to which no other leads.
     ///
-    /// `None` where there is a 13001, and where the waypoints are not one chain from waypoint 1: a start that they leave open is not
-    /// guessed. In a chain that begins at 3, 3 may be the first waypoint, or the first that has arrived of an upload whose 13001 and
-    /// first waypoints were lost (nothing else counts them). Before 1 none can be missing: numbers are 1 to 65534.
+    /// `None` if there is a 13001, or if the waypoints are not one chain from waypoint 1: an ambiguous start is not
+    /// guessed. If a chain begins at 3, then 3 may be the first waypoint, or the first that arrived of an upload whose
+    /// 13001 and first waypoints were lost (nothing else counts them). Before 1 none can be missing: numbers are 1 to
+    /// 65534.
     #[must_use]
     pub fn route_of_waypoints(&self) -> Option<UaRoute> {
         if !self.routes.is_empty() {
@@ -372,7 +374,7 @@ impl Plan {
     /// What is done at the waypoint of this number (13006), in its order.
     #[must_use]
     pub fn actions(&self, number: u16) -> Vec<Action> {
-        // Another one was not stored.
+        // `store` refuses invalid ones.
         let specific = self.actions.get(&number);
         specific
             .and_then(|known| action::tagged(known.specific.as_ref()?).ok())
@@ -382,7 +384,7 @@ impl Plan {
     /// What a payload station does from the leg to the waypoint of this number on (13004).
     #[must_use]
     pub fn payload_action(&self, number: u16) -> Option<PayloadAction> {
-        // Another one was not stored.
+        // `store` refuses invalid ones.
         PayloadAction::of(self.actions.get(&number)?.payload.as_ref()?).ok()
     }
 
@@ -393,7 +395,7 @@ impl Plan {
             .map(|((_, p4), curve)| (*p4, curve))
     }
 
-    /// A curved leg, P1 and P4, that has an end which no 13002 has described.
+    /// A curved leg, P1 and P4, with an end that no 13002 has described.
     #[must_use]
     pub fn curve_without_end(&self) -> Option<(u16, u16)> {
         let known = |end: u16| self.waypoints.contains_key(&end);
@@ -401,7 +403,7 @@ impl Plan {
         curves.find(|(p1, p4)| !known(*p1) || !known(*p4))
     }
 
-    /// A route by itself: its definition, the waypoints that it leads to, their loiters and curves.
+    /// A single route: its definition, its waypoints, and their loiters, actions and curves.
     #[must_use]
     pub fn part(&self, route: &UaRoute) -> Plan {
         let mut part = Plan {
@@ -426,11 +428,11 @@ impl Plan {
         part
     }
 
-    /// The launch, approach and contingency routes that are defined as they were `before`, and lead elsewhere now, each with
-    /// the numbers of the waypoints at which they differ.
+    /// The launch, approach and contingency routes whose definition is unchanged since `before`, but not their content,
+    /// each with the numbers of the waypoints that differ.
     ///
-    /// Waypoints have one numbering for all routes (13002.Waypoint Number), so that what is sent for one route changes the others
-    /// that use its numbers. Of flight routes that is usual; these are flown later, without being loaded again.
+    /// Waypoints have one numbering for all routes (13002.Waypoint Number), so a message for one route changes the others
+    /// that use its numbers. For flight routes that is usual; the others are flown later, without being loaded again.
     #[must_use]
     pub fn routes_changed_since(&self, before: &Plan) -> Vec<(&UaRoute, Vec<u16>)> {
         let kept = |route: &&UaRoute| {
@@ -450,7 +452,7 @@ impl Plan {
             .collect()
     }
 
-    /// Whether another plan has the same at a waypoint, whenever it was sent.
+    /// Whether another plan has the same content at a waypoint, regardless of when it was sent.
     fn is_alike_at(&self, other: &Plan, number: u16) -> bool {
         let content = |plan: &Plan| -> Vec<Message> {
             let messages = plan.messages_about(number);
@@ -461,8 +463,8 @@ impl Plan {
         content(self) == content(other)
     }
 
-    /// What is known beside a route that went aboard: that route as it was then, and the other routes as they were
-    /// sent since. Waypoints that no route leads to any more are left out.
+    /// What is known in addition to an uploaded route: that route as it was then, and the other routes as sent since.
+    /// Waypoints that no route leads to any more are left out.
     #[must_use]
     pub fn beside(&self, aboard: &Plan) -> Plan {
         let is_aboard = |route: &UaRoute| {
@@ -477,7 +479,7 @@ impl Plan {
         whole
     }
 
-    /// Puts another plan in the place of what it describes too.
+    /// Replaces what another plan also describes.
     fn lay(&mut self, upper: Plan) {
         let Plan {
             routes,
@@ -497,7 +499,7 @@ impl Plan {
         self.actions.extend(actions);
     }
 
-    /// The messages that are about one waypoint: it, its loiter and actions, the curves that start at it.
+    /// The messages about one waypoint: the waypoint, its loiter and actions, and the curves that start at it.
     pub fn messages_about(&self, number: u16) -> impl Iterator<Item = Message> + '_ {
         let waypoint = self.waypoint(number).cloned();
         let loiter = self.loiter(number).cloned();
@@ -511,7 +513,7 @@ impl Plan {
             .chain(curves)
     }
 
-    /// Everything, as messages, in the order of an upload: routes, waypoints with their loiters, actions, curves.
+    /// Everything as messages, in upload order: routes, waypoints with their loiters, actions, curves.
     pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
         let routes = self.routes.iter().cloned().map(Message::UaRoute);
         let waypoints = self.waypoints.iter().flat_map(|(number, waypoint)| {
@@ -550,8 +552,7 @@ pub fn route_name(route: &UaRoute) -> Option<&str> {
     name.filter(|name| !name.is_empty())
 }
 
-/// Whether a 13001 defines the route that another has defined: of the same name, or, where neither has one, of the same
-/// type.
+/// Whether a 13001 redefines a known route: one with the same name, or, if neither has a name, with the same type.
 fn is_same(known: &UaRoute, new: &UaRoute) -> bool {
     match (route_name(known), route_name(new)) {
         (None, None) => route_type(known) == route_type(new),

@@ -1,29 +1,29 @@
-//! Waypoints that a multicopter must stop at, or it could miss them for good.
+//! Waypoints at which a multicopter must stop, or it could miss them for good.
 //!
-//! PX4 flies height and distance apart from each other. It runs past a waypoint whose next one is at another height
-//! with its climb still on, and swings about the height of it; and a climb can take longer than the way. Where it leaves
-//! the acceptance radius behind while the height is more than NAV_MC_ALT_RAD (0.8 m) off, PX4 does not turn back, and the
-//! vehicle flies on along the leg without end, climbing: seen on v1.18 at a radius of 3 m and 5 m/s with a climb of 1.5 m
-//! in 25 m, and at PX4's own radius (NAV_ACC_RAD, 10 m) and 10 m/s with a climb of 5 m in 100 m. A hold of any length
-//! makes PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside a radius of 10 m,
-//! however steep the climb. The radius and the cruise speed are those that the vehicle reports ([`Performance`]).
+//! PX4 controls height and horizontal position independently. If the next waypoint is at another height, it passes a
+//! waypoint while still climbing, and its height oscillates there; or the climb takes longer than the way. If it leaves the
+//! acceptance radius while the height is more than NAV_MC_ALT_RAD (0.8 m) off, PX4 does not turn back, and the vehicle
+//! flies on along the leg without end, climbing. This was seen on v1.18 with a radius of 3 m at 5 m/s and a climb of 1.5 m
+//! in 25 m, and with PX4's own radius (NAV_ACC_RAD, 10 m) at 10 m/s and a climb of 5 m in 100 m. A hold of any length makes
+//! PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside a radius of 10 m, however
+//! steep the climb. The radius and the cruise speed are those that the vehicle reports ([`Performance`]).
 
 use mavlink_link::service::mission::Item;
 
 use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT};
 use crate::limits::{ACCEPTANCE_M, Performance};
 
-/// Makes PX4 brake for each waypoint of these that it reaches, or leaves, with a climb or a descent, where it has
-/// a radius of its own or is passed within less time than a swing of the height takes. The first waypoint is reached from
-/// anywhere; PX4 climbs to its height before it flies there, on the spot. Gives the indices of those it brakes for.
+/// Makes PX4 brake for each of these waypoints that it reaches or leaves with a climb or a descent, if the waypoint has its
+/// own radius or is passed in less time than the height oscillates. The first waypoint is reached from anywhere; PX4 climbs
+/// to its height on the spot before it flies there. Returns the indices of the waypoints it brakes for.
 ///
-/// The points of a curve are not meant: they are slowed and widened instead ([`super::curve`]).
+/// Points of a curve are excluded: they are slowed and widened instead ([`super::curve`]).
 pub(crate) fn where_height_changes(
     items: &mut [Item],
     waypoints: &[usize],
     performance: &Performance,
 ) -> Vec<usize> {
-    // A vehicle whose own radius is smaller than PX4's is like one that is given such a radius.
+    // A vehicle whose own radius is smaller than PX4's default counts as if each item had that radius.
     let narrow = performance.acceptance_m < ACCEPTANCE_M;
     let mut braked = Vec::new();
     for &at in waypoints {
@@ -46,9 +46,9 @@ pub(crate) fn where_height_changes(
     braked
 }
 
-/// The first item from `start` on that a multicopter could miss for good where it is commanded to fly at this speed, until the
-/// route sets another: one that is passed with a climb or a descent faster than it was made for. `level` states of the first
-/// place whether it is reached without one, where the vehicle comes from elsewhere than the route does.
+/// The first item from `start` on that a multicopter could miss for good at this commanded speed, up to the route's next
+/// speed: one that is passed with a climb or a descent faster than it was planned for. `level` says whether the first place
+/// is reached without one, for a vehicle that does not come from the route's previous waypoint.
 pub(crate) fn missed_at(
     items: &[Item],
     start: usize,
@@ -68,7 +68,7 @@ pub(crate) fn missed_at(
             let fast = if radius_m <= 0.0 {
                 is_fast(speed_m_s, performance)
             } else {
-                // A point of a climbing curve is as wide as half a swing at the speed that was planned.
+                // A point of a climbing curve is as wide as half a swing at the planned speed.
                 0.5 * CURVE_SWING_S * speed_m_s > radius_m + 0.01
             };
             is_passed(item) && fast && changes(at)
@@ -78,7 +78,7 @@ pub(crate) fn missed_at(
         let on = items.iter().enumerate().skip(from);
         on.take_while(|(_, item)| item.command != DO_CHANGE_SPEED)
     };
-    // What a loop leads back to comes after what follows: it is passed at the same speed.
+    // The waypoints that a loop leads back to follow later, at the same speed.
     let back = until_speed_change(start)
         .filter(|(_, item)| item.command == DO_JUMP)
         .map(|(_, item)| item.params[0] as usize);
@@ -94,13 +94,13 @@ fn is_passed(item: &Item) -> bool {
     item.command == NAV_WAYPOINT && item.params[0] <= 0.0
 }
 
-/// Whether it is reached, or left, by a climb or a descent. `first_is_level` applies where no waypoint is before it.
+/// Whether it is reached or left by a climb or a descent. `first_is_level` applies if no waypoint is before it.
 fn changes_height(items: &[Item], at: usize, first_is_level: bool) -> bool {
     let before = items.iter().take(at).rev().find(|item| item.is_flown_to());
     before.map_or(!first_is_level, |before| differs(items, at, before)) || next_differs(items, at)
 }
 
-/// Whether it is left by one. After the last one, and after a loop, comes something that is not known here.
+/// Whether it is left by one. After the last one, and after a loop, the next height is unknown here.
 fn next_differs(items: &[Item], at: usize) -> bool {
     let mut after = items.iter().skip(at + 1);
     let next = after.find(|item| item.is_flown_to() || item.command == DO_JUMP);
@@ -118,7 +118,7 @@ fn is_fast(speed_m_s: f64, performance: &Performance) -> bool {
     SWING_S * speed_m_s > 2.0 * performance.acceptance_m
 }
 
-/// The speed at which the item is reached, m/s; none before the route has set one.
+/// The speed at which the item is reached, m/s; `None` before the route has set one.
 fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
     let before = items.iter().take(at).rev();
     before
@@ -127,16 +127,16 @@ fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
         .find(|speed| *speed > 0.0)
 }
 
-/// Heights that differ by less than this are one, m: PX4 takes 1 mm for a difference, and swings by no more than this
-/// one is.
+/// Heights that differ by less than this count as equal, m. PX4 reacts to 1 mm, but then swings by no more than the
+/// difference.
 const LEVEL_M: f32 = 0.05;
-/// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were taken as late as 11 m
+/// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were accepted as late as 11 m
 /// behind; at 5 m/s, 4 s, as late as 7 m.
 const SWING_S: f64 = 4.0;
-/// The same for the points of a climbing curve, which are flown slowly: PX4 v1.18 is up to 2.7 s of each swing further off
-/// than NAV_MC_ALT_RAD (0.8 m), and takes no waypoint that it passes meanwhile, for good.
+/// The same for the points of a climbing curve, which are flown slowly: for up to 2.7 s of each swing PX4 v1.18 is further
+/// off than NAV_MC_ALT_RAD (0.8 m), and never accepts a waypoint that it passes meanwhile.
 pub(super) const CURVE_SWING_S: f64 = 3.0;
-/// The shortest hold that matters, s.
+/// The shortest hold that makes PX4 brake, s.
 const HOLD_S: f32 = 0.1;
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! Legs between heights above the ground (altitude type 2 with `vehicle.agl = "terrain"`): a profile of straight lines that
 //! keeps its distance from the ground between waypoints too.
 //!
-//! At a waypoint the vehicle is as high above the ground as it was commanded. Between two, the height that is commanded
-//! changes evenly, and the ground does not: where a straight line would come closer to it than [`KEPT`] of that height, a
-//! point is added, at the full height above the place where the line comes closest, and both halves are looked at again. Over
-//! a valley the line stays straight: a vehicle that follows every dip climbs for nothing. On wings the profile begins to climb
-//! where the wing needs it to.
+//! At a waypoint the vehicle is at its commanded height above the ground. Between two waypoints the commanded height
+//! changes evenly, and the ground does not. Where a straight line would come closer to the ground than [`KEPT`] of that
+//! height, a point is added, at the full height above the closest place, and both halves are checked again. Over a valley
+//! the line stays straight: following every dip would cost climbs for nothing. On wings the profile begins to climb early
+//! enough for the wing.
 //!
-//! The ground is looked at along the line alone, each third of a sample of the elevation files. What the vehicle flies beside
-//! the line (`vehicle.curve.wind_m_s`, the cut of a corner) is not looked at, and belongs into the height.
+//! The ground is sampled along the line only, at each third of a sample of the elevation files. Deviations from the line
+//! (`vehicle.curve.wind_m_s`, a cut corner) are not considered: the height must include a margin for them.
 
 use curve_paths::Position;
 use curve_paths::terrain::{Terrain, between};
@@ -19,15 +19,15 @@ use super::wings::Wings;
 /// A point of the profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
-    /// Where, at metres above mean sea level.
+    /// Its position, altitude in metres above mean sea level.
     pub(super) position: Position,
-    /// The node that it is, or that is before it.
+    /// The node at it, or before it.
     pub(super) node: usize,
     /// How far it is from that node to the next, 0 to below 1.
     pub(super) part: f64,
 }
 
-/// What a climb may cost on the ground: metres of height a metre, up and down.
+/// The steepest climb and descent: metres of height per metre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Slopes {
     up: f64,
@@ -35,7 +35,7 @@ pub(super) struct Slopes {
 }
 
 impl Slopes {
-    /// Of wings at a speed.
+    /// For wings at a speed.
     pub(super) fn of(wings: &Wings, speed_m_s: f64) -> Slopes {
         Slopes {
             up: USED_OF_CLIMB * wings.climb_m_s / speed_m_s,
@@ -44,23 +44,23 @@ impl Slopes {
     }
 }
 
-/// A place that was looked at.
+/// A sampled place.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
     at: Point,
     /// Metres over ground from the first node.
     along_m: f64,
-    /// What is flown there where a point is added, m above mean sea level.
+    /// The altitude flown there if a point is added, m above mean sea level.
     full_m: f64,
-    /// What a line may not be below.
+    /// The lowest altitude a line may have there.
     needed_m: f64,
 }
 
-/// The profile over these nodes, whose altitudes are heights above the ground, in the order that they are flown; they are
-/// points of it. `looked_at` counts the places that were looked at, of [`MAX_PLACES`].
+/// The profile over these nodes, whose altitudes are heights above the ground, in flying order; the nodes are points of it.
+/// `looked_at` counts the samples, at most [`MAX_PLACES`].
 ///
 /// # Errors
-/// The ground is not known somewhere, or too long a route was asked for.
+/// The ground is unknown somewhere, or the route is too long.
 pub(super) fn follow(
     nodes: &[Position],
     slopes: Option<Slopes>,
@@ -133,7 +133,7 @@ fn sample(
         };
         let length_m = from.ground().distance_m(to.ground());
         let places = (length_m / spacing_m).ceil().max(1.0);
-        // Before the line is walked: one leg alone may be longer than all that is allowed.
+        // Checked before the line is sampled: one leg alone may exceed the limit.
         if *looked_at as f64 + places > MAX_PLACES as f64 {
             return Err(TerrainError::Long { spacing_m });
         }
@@ -155,8 +155,8 @@ fn sample(
     Ok(samples)
 }
 
-/// Raises what is flown so that a wing that climbs and sinks no faster than this reaches it. The ends stay: a waypoint is
-/// flown at what it was commanded at, and a leg that is too steep for that is refused.
+/// Raises the profile so that a wing that climbs and sinks no faster than this can fly it. The ends stay: a waypoint is
+/// flown at its commanded height, and a leg that is too steep for that is refused.
 fn climb_in_time(samples: &mut [Sample], slopes: Slopes) {
     let raise = |sample: &mut Sample, to_m: f64| {
         if to_m > sample.full_m {
@@ -165,11 +165,13 @@ fn climb_in_time(samples: &mut [Sample], slopes: Slopes) {
         }
     };
     let last = samples.len().saturating_sub(1);
+    // Backwards for climbs: each place must be high enough to reach the next one.
     for at in (1..last).rev() {
         let [this, next] = [at, at + 1].map(|at| samples[at]);
         let reach_m = next.full_m - slopes.up * (next.along_m - this.along_m);
         raise(&mut samples[at], reach_m);
     }
+    // Forwards for descents, in the same way.
     for at in 1..last {
         let [before, this] = [at - 1, at].map(|at| samples[at]);
         let reach_m = before.full_m - slopes.down * (this.along_m - before.along_m);
@@ -177,8 +179,9 @@ fn climb_in_time(samples: &mut [Sample], slopes: Slopes) {
     }
 }
 
-/// The samples between two of them that must be points, in order.
+/// The samples between two others that must become points, in order.
 fn points_between(samples: &[Sample], start: usize, end: usize) -> Vec<usize> {
+    // A stack in place of recursion: a route may have many thousand samples.
     let mut kept = Vec::new();
     let mut open = vec![(start, end)];
     while let Some((from, to)) = open.pop() {
@@ -199,12 +202,12 @@ fn points_between(samples: &[Sample], start: usize, end: usize) -> Vec<usize> {
     kept
 }
 
-/// So much of the height above the ground that is commanded is kept between waypoints: a line that never came closer would
-/// have a point at each bump of the elevation files.
+/// The part of the commanded height that is kept between waypoints. A line that never came closer would need a point at
+/// each bump of the elevation files.
 const KEPT: f64 = 0.9;
-/// Of the climb and the descent that wings can, what the profile plans with: the rest corrects what they are off it by.
+/// The part of a wing's climb and descent that the profile uses: the rest is for corrections.
 const USED_OF_CLIMB: f64 = 0.8;
-/// No line is shorter, m.
+/// The shortest line, m.
 const SHORTEST_M: f64 = 1e-3;
 
 #[cfg(test)]

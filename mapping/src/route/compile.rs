@@ -23,8 +23,7 @@ use crate::plan::Plan;
 /// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
 /// within the smallest tolerance that the items allow, and a note reports it.
 ///
-/// # Errors
-/// The first waypoint, in flying order, that cannot be flown, and why. Nothing is half done.
+/// The first waypoint, in flying order, that cannot be flown, and why. No partial mission is returned.
 pub fn compile(plan: &Plan, initial: u16, site: &Site) -> Result<CompiledMission, RouteError> {
     let mut compiled = match compile_within(plan, initial, site) {
         Err(RouteError {
@@ -51,6 +50,7 @@ pub(crate) fn compile_within(
     initial: u16,
     site: &Site,
 ) -> Result<CompiledMission, RouteError> {
+    // A curve that has lost an end would be left out without a word, and the leg flown straight.
     if let Some((p1, p4)) = plan.curve_without_end() {
         let (waypoint, reason) = match plan.waypoint(p1) {
             None => (p1, Reason::CurveWithoutEnd(p4)),
@@ -70,10 +70,10 @@ pub(crate) fn compile_within(
     })
 }
 
-/// The mission with the smallest tolerance that its items allow; none where even the coarsest needs more.
+/// The mission with the smallest tolerance that its items allow; `None` where even the coarsest needs more.
 ///
 /// # Errors
-/// Anything but too many items: a coarser tolerance does not mend it.
+/// Anything but too many items: a coarser tolerance does not help with it.
 fn within_items(
     plan: &Plan,
     initial: u16,
@@ -105,6 +105,7 @@ fn within_items(
             None => low_m = tried_m,
         }
     };
+    // Bisection on a logarithmic scale: the number of chords goes with the square root of the tolerance.
     while high_m > CLOSE * low_m {
         let tried_m = (low_m * high_m).sqrt();
         match try_with(tried_m)? {
@@ -115,20 +116,20 @@ fn within_items(
     Ok(Some(best))
 }
 
-/// What has been made so far.
+/// The mission so far.
 #[derive(Debug)]
 struct Draft<'a> {
     plan: &'a Plan,
     site: &'a Site<'a>,
     compiled: CompiledMission,
-    /// The heights above the ground that waypoints are commanded at, m, and how many places have been looked at for them.
+    /// The commanded heights above the ground, m, by waypoint, and how many places have been sampled for them.
     heights: BTreeMap<u16, f64>,
     looked_at: usize,
     /// The items at the ends of curves.
     ends: Vec<usize>,
     /// The items of waypoints that end no curve.
     straight: Vec<usize>,
-    /// The vehicle as it is where it hovers: a VTOL.
+    /// For a VTOL, the vehicle while it hovers.
     hover: Option<Site<'a>>,
     /// A VTOL hovers from here on.
     hovers: bool,
@@ -152,13 +153,13 @@ impl<'a> Draft<'a> {
         }
     }
 
-    /// The vehicle as it flies the leg that is added.
+    /// The vehicle in the state in which it flies the leg that is being added.
     fn site(&self) -> &Site<'a> {
         let hover = self.hover.as_ref().filter(|_| self.hovers);
         hover.unwrap_or(self.site)
     }
 
-    /// Adds the leg to a waypoint, and gives the number of the one that follows; 0 after the last.
+    /// Adds the leg to a waypoint, and returns the number of the next one; 0 after the last.
     ///
     /// # Errors
     /// It, or the curved leg to it, cannot be flown.
@@ -171,6 +172,7 @@ impl<'a> Draft<'a> {
         let site = &site;
         self.hovered.insert(number, self.hovers);
         let waypoint = plan.waypoint(number).ok_or_else(|| at(Reason::Unknown))?;
+        // PX4 would fly an endless loop by DO_JUMP only, which a route asks for by Waypoint Type (0802.17).
         if self.compiled.order.iter().any(|leg| leg.number == number) {
             return Err(at(Reason::Loop));
         }
@@ -181,7 +183,9 @@ impl<'a> Draft<'a> {
         self.on_wings(&leg).map_err(at)?;
         curve::check(plan, number, waypoint).map_err(at)?;
         let begun_at = self.compiled.items.len();
+        // Before the speed: a sensor points where it must as soon as the leg begins.
         self.point(number, site).map_err(at)?;
+        // Before the leg's own items: PX4 applies a speed to the leg it is on.
         if let Some(speed_m_s) = leg.speed_m_s {
             self.compiled
                 .push(number, change_speed(speed_m_s, site.hovers()));
@@ -221,7 +225,7 @@ impl<'a> Draft<'a> {
         Ok(next)
     }
 
-    /// What a payload station does from the leg to this waypoint on (13004): before the leg begins.
+    /// Adds what a payload station does from the leg to this waypoint on (13004). These items come before the leg's.
     ///
     /// # Errors
     /// The altitude of a place that is looked at has no usable reference.
@@ -240,13 +244,13 @@ impl<'a> Draft<'a> {
                     .datum()
                     .level(at.altitude_m, at.altitude_type, [at.place]);
                 let level = level.map_err(|fault| match fault {
-                    // Reported within seconds: a load waits for it.
+                    // A missing geoid is reported within seconds, so the load waits for it.
                     AltitudeError::NoGeoid => Reason::Altitude(fault),
                     other => Reason::StarePoint(other),
                 })?;
                 self.compiled.push(number, item::take_gimbal());
                 self.compiled.push(number, item::look_at(at.place, level));
-                // PX4 leaves MIS_MNT_YAW_CTL at 0.
+                // MIS_MNT_YAW_CTL is 0 by default in PX4.
                 if site.hovers() {
                     self.compiled.notes.push(format!(
                         "waypoint {number}: the vehicle turns its nose to its starepoint (13004) until another one or ROI OFF, \
@@ -263,10 +267,10 @@ impl<'a> Draft<'a> {
         Ok(())
     }
 
-    /// What is done at a waypoint once it is reached, and its loiter is over.
+    /// Adds the actions at a waypoint, for after it is reached and its loiter is over.
     ///
     /// # Errors
-    /// PX4 would never come to it, or cannot do it with this airframe.
+    /// PX4 would never get there, or cannot do it with this airframe.
     fn act(&mut self, leg: &Leg, loiter: Option<&UaLoiterWaypoint>) -> Result<(), Reason> {
         let endless = loiter.is_some_and(|loiter| loiter.loiter_duration.is_none());
         let actions = self.plan.actions(leg.number);
@@ -287,7 +291,7 @@ impl<'a> Draft<'a> {
         Ok(())
     }
 
-    /// The transition at a waypoint. One to what it is already is none: PX4 passes over it.
+    /// Adds the transition at a waypoint. A transition to the present state is left out: PX4 would skip it.
     ///
     /// # Errors
     /// It is no VTOL, or too low.
@@ -306,7 +310,7 @@ impl<'a> Draft<'a> {
         if to_hover != self.hovers {
             self.hovers = to_hover;
             self.compiled.push(leg.number, item::transition(to_hover));
-            // Whatever PX4 keeps of the speed that was commanded before it turned.
+            // PX4 may keep part of a speed commanded before the transition, and the limits change with it.
             let site = self.site();
             let cruise = change_speed(site.performance.cruise_m_s, site.hovers());
             self.compiled.push(leg.number, cruise);
@@ -314,7 +318,8 @@ impl<'a> Draft<'a> {
         Ok(())
     }
 
-    /// Whether wings can climb and turn to a waypoint from the ones before it. A curve to it or from there is judged by itself.
+    /// Checks that wings can climb and turn to a waypoint from the ones before it. A curve to or from a waypoint is judged
+    /// separately.
     ///
     /// # Errors
     /// They cannot.
@@ -333,7 +338,8 @@ impl<'a> Draft<'a> {
             return Ok(());
         };
         let curved = |number: u16| self.plan.curves_from(number).next().is_some();
-        // From a loiter it leaves in whatever direction it needs; to its wings PX4 turns towards the next waypoint first.
+        // A vehicle leaves a loiter in any direction it needs; after a transition to wings PX4 first turns to the next
+        // waypoint.
         let free = loiter::flown_at(self.plan, from.number).is_some()
             || self.hovered.get(&from.number) == Some(&true);
         if curved(start.number) || curved(from.number) || free {
@@ -343,14 +349,14 @@ impl<'a> Draft<'a> {
         wings.check_turn(from.number, places, speed_m_s)
     }
 
-    /// The heights above the ground that two waypoints are commanded at, where both are.
+    /// The heights above the ground at which two waypoints are commanded, if both are.
     fn heights_of(&self, from: &Leg, to: &Leg) -> Option<(f64, f64)> {
         let of = |leg: &Leg| self.heights.get(&leg.number).copied();
         of(from).zip(of(to))
     }
 
-    /// The points between two waypoints that a straight leg needs to keep its height above the ground; none where one of them is
-    /// commanded at another altitude.
+    /// The points that a straight leg between two waypoints needs to keep its height above the ground; none if one of them
+    /// is commanded at another kind of altitude.
     fn over_ground(&mut self, from: &Leg, to: &Leg) -> Result<Vec<Position>, Reason> {
         let site = *self.site();
         let (Some((from_m, to_m)), Some(terrain)) = (self.heights_of(from, to), site.terrain)
@@ -417,19 +423,20 @@ impl<'a> Draft<'a> {
     fn end_curve(&mut self, leg: &Leg, chords: &curve::Chords, begun_at: usize) {
         let site = *self.site();
         let compiled = &mut self.compiled;
-        // P1 is a vertex of the curve too.
+        // P1 is a vertex of the curve too, so it gets the curve's acceptance radius.
         let before = compiled.items.iter_mut().take(begun_at).enumerate();
         if let Some((p1, item)) = before.filter(|(_, item)| item.is_flown_to()).last() {
             curve::accept(item, chords);
             self.ends.extend(site.hovers().then_some(p1));
         }
+        // The curve was flown slower than requested: the speed after it is the requested one again.
         if chords.slowed {
             let wished_m_s = leg.speed_m_s.unwrap_or_else(|| compiled.speed_m_s(&site));
             compiled.push(leg.number, change_speed(wished_m_s, site.hovers()));
         }
     }
 
-    /// The number of the waypoint that follows; 0 after the last, and after the end of a loop, which jumps back.
+    /// The number of the next waypoint; 0 after the last, and after the end of a loop, which jumps back.
     fn lead_on(&mut self, leg: &Leg, waypoint: &UaPositionWaypoint) -> Result<u16, Reason> {
         let next = waypoint.next_waypoint.unwrap_or(0);
         if !waypoint::ends_loop(waypoint)? {
@@ -440,6 +447,7 @@ impl<'a> Draft<'a> {
                 return Err(Reason::CurveClosesLoop(to));
             }
             self.compiled.push(leg.number, jump);
+            // The loop's start would be reached in the other state of a VTOL than on the first lap.
             if self.hovered.get(&next) != Some(&self.hovers) {
                 return Err(Reason::TransitionInLoop(next));
             }
@@ -447,6 +455,7 @@ impl<'a> Draft<'a> {
         let start = self.compiled.order.iter().find(|leg| leg.number == next);
         if let Some(start) = start.copied() {
             distance(&start, Some(leg), self.site)?;
+            // The way back is a leg of its own, without items that could follow the ground.
             if !self.over_ground(leg, &start)?.is_empty() {
                 return Err(Reason::GroundInLoop(next));
             }
@@ -454,7 +463,7 @@ impl<'a> Draft<'a> {
         Ok(0)
     }
 
-    /// The whole of it; none where nothing has been added.
+    /// The finished mission; `None` if nothing was added.
     fn finish(self) -> Option<CompiledMission> {
         let Draft {
             site,
@@ -464,7 +473,7 @@ impl<'a> Draft<'a> {
             hover,
             ..
         } = self;
-        // Of a VTOL, only what it hovers to is in these lists; of a fixed wing, nothing.
+        // For a VTOL, these lists hold only items that it hovers to; for a fixed wing, nothing.
         let hover = hover.unwrap_or(*site);
         if hover.hovers() {
             let performance = &hover.performance;
@@ -475,6 +484,8 @@ impl<'a> Draft<'a> {
             }
             note_own_radius(&mut compiled, &straight, performance);
         }
+        // PX4 starts an uploaded mission at the item with `current`; without one it would keep the index of the mission
+        // before.
         compiled.items.first_mut()?.current = true;
         Some(compiled)
     }
@@ -487,7 +498,7 @@ fn stop_where_missed(
     performance: &Performance,
 ) {
     let braked = brake::where_height_changes(&mut compiled.items, straight, performance);
-    // The first waypoint is not braked for because of what the route does there.
+    // The first waypoint is braked for because of the way there, not because of the route.
     let leads_there = |at: usize| compiled.items.iter().take(at).any(Item::is_flown_to);
     let mut numbers: Vec<u16> = braked
         .into_iter()
@@ -505,7 +516,7 @@ fn stop_where_missed(
     }
 }
 
-/// Adds a note where waypoints are taken within the vehicle's own radius, and that is too small for it.
+/// Adds a note where waypoints use the vehicle's own radius and that is too small for it.
 fn note_own_radius(compiled: &mut CompiledMission, straight: &[usize], performance: &Performance) {
     let own_m = performance.acceptance_m;
     let mut items = straight.iter().filter_map(|at| compiled.items.get(*at));
@@ -518,7 +529,7 @@ fn note_own_radius(compiled: &mut CompiledMission, straight: &[usize], performan
     }
 }
 
-/// Whether a leg is no longer than allowed: from the waypoint before, or from home where it is the first.
+/// Checks that a leg is no longer than allowed: from the waypoint before, or from home for the first.
 ///
 /// # Errors
 /// It is longer.
@@ -537,6 +548,7 @@ fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
             Err(Reason::FarFromHome {
                 distance_m,
                 max_m,
+                // Latitude and longitude exchanged are the usual mistake: if they fit, the error says so.
                 swapped: metres(start, (longitude, latitude)) <= max_m,
             })
         }

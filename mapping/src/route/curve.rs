@@ -1,7 +1,7 @@
 //! A curved leg (50001, 50002) as the straight chords that a stock PX4 flies, within a proven tolerance.
 //!
-//! What a curve message means, and why the deviation is bounded, is in [`curve_paths`]. Here it gets its ends from the
-//! waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
+//! [`curve_paths`] defines the meaning of a curve message, and why the deviation is bounded. Here a curve gets its ends
+//! from the waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
 
 use curve_paths::flight::{FlownItem, Policy, chord_acceptance_m, flown_bound_m, plan_flight};
 use curve_paths::terrain::Terrain;
@@ -19,7 +19,7 @@ use crate::altitude::Level;
 use crate::limits::Performance;
 use crate::plan::{Curve, Plan};
 
-/// The curves that start at a waypoint: at most one, and to its Next Waypoint.
+/// Checks the curves that start at a waypoint: at most one, and to its Next Waypoint.
 pub(super) fn check(plan: &Plan, number: u16, waypoint: &UaPositionWaypoint) -> Result<(), Reason> {
     let mut curves = plan.curves_from(number).map(|(p4, _)| p4);
     let Some(to) = curves.next() else {
@@ -38,13 +38,13 @@ pub(super) fn check(plan: &Plan, number: u16, waypoint: &UaPositionWaypoint) -> 
 
 /// The ground below a curve.
 pub(super) struct Ground<'a> {
-    /// The heights above it that both ends are commanded at, m; none where one of them is commanded otherwise.
+    /// The commanded heights above it at both ends, m; `None` if one end has another kind of altitude.
     pub(super) heights_m: Option<(f64, f64)>,
-    /// Places that were looked at so far.
+    /// Places sampled so far.
     pub(super) looked_at: &'a mut usize,
 }
 
-/// Pushes the chords of the curved leg from P1 to P4, where there is one.
+/// Adds the chords of the curved leg from P1 to P4, if there is one.
 pub(super) fn fly(
     plan: &Plan,
     (p1, p4): (&Leg, &Leg),
@@ -77,6 +77,7 @@ pub(super) fn fly(
     }
     let tolerance_m = site.curving.tolerance_m;
     compiled.curved = Some(with(compiled.curved, &chords, tolerance_m));
+    // Some stations interpolate in latitude and longitude: their operator sees another line than the one that is flown.
     if chords.reads_differently {
         let text = format!(
             "curve {} to {} is flown as defined; drawn in latitude and longitude it is another line",
@@ -99,7 +100,7 @@ pub(super) fn fly(
     Ok(Some(chords))
 }
 
-/// A vertex of a level curve is not passed by more than the curve's radius; one of a climbing curve not by less.
+/// A level curve's vertex is passed within at most the curve's radius, a climbing curve's within at least that.
 pub(super) fn accept(item: &mut Item, chords: &Chords) {
     let acceptance_m = chords.acceptance_m;
     let closer = item.params[1] > 0.0 && item.params[1] < acceptance_m;
@@ -108,8 +109,8 @@ pub(super) fn accept(item: &mut Item, chords: &Chords) {
     }
 }
 
-/// The end of a curve before an item at another altitude: a multicopter swings about its altitude on the way to it, and
-/// must stay within its radius for as long as that takes (`CURVE_SWING_S`).
+/// Widens the end of a curve before an item at another altitude: a multicopter swings about its altitude on the way, and
+/// must stay within the radius for as long as that takes (`CURVE_SWING_S`).
 pub(super) fn widen(items: &mut [Item], end: usize, performance: &Performance) {
     let z = |item: &Item| (item.frame, item.z);
     let speed_m_s = items
@@ -157,11 +158,11 @@ fn with(before: Option<Curved>, chords: &Chords, tolerance_m: f64) -> Curved {
 pub(super) struct Chords {
     /// The vertices between P1 and P4, and the speed from each on where it changes there.
     pub vertices: Vec<Chord>,
-    /// The speed from P1 on, where it differs from the wished one.
+    /// The speed from P1 on, if it differs from the requested one.
     pub speed_at_start_m_s: Option<f64>,
     /// Acceptance radius for all vertices and both ends, m.
     pub acceptance_m: f32,
-    /// A vehicle that hovers climbs or descends along it.
+    /// A hovering vehicle climbs or descends along it.
     pub climbs: bool,
     /// The speed was lowered somewhere and must be set again after P4.
     pub slowed: bool,
@@ -197,7 +198,7 @@ fn chords(
     ground: &mut Ground<'_>,
     site: &Site,
 ) -> Result<Chords, CurveError> {
-    // Heights stay relative where both ends are; a leg of mixed references is converted to altitudes above sea level.
+    // Heights stay relative if both ends are; a leg of mixed references is converted to altitudes above sea level.
     let above_home = matches!(
         (p1.level, p4.level),
         (Level::AboveHome(_), Level::AboveHome(_))
@@ -205,7 +206,8 @@ fn chords(
     let over = ground.heights_m.zip(site.terrain);
     let metres = |level: Level, place: (f64, f64)| {
         let base_m = match over {
-            // Heights above the ground are flown as the curve describes them over a level plane, which then takes on its shape.
+            // Heights above the ground are planned as the curve describes them over a level plane; the plane then takes the
+            // shape of the ground.
             Some(_) => site.datum().ground_m(place)?,
             None if above_home => site.home.amsl_m,
             None => 0.0,
@@ -262,7 +264,7 @@ fn chords(
         change.map(|change| change.speed_mps)
     };
     let slower = (speed_m_s < wished_m_s).then_some(speed_m_s);
-    // The first and the last vertex are the waypoints P1 and P4, which have items of their own.
+    // The first and last vertex are the waypoints P1 and P4, which have their own items.
     let last = densified.vertices.len().saturating_sub(1);
     let vertices = densified
         .vertices
@@ -289,6 +291,7 @@ fn chords(
             }
         });
     let mut acceptance_m = chord_acceptance_m(densified.shortest_chord_m);
+    // Half a chord at most: with a larger radius PX4 would skip vertices.
     if climbs {
         let half_m = 0.5 * densified.shortest_chord_m;
         acceptance_m =
@@ -306,8 +309,8 @@ fn chords(
     })
 }
 
-/// Turns heights above the ground into altitudes above mean sea level, with the points that the ground between two vertices
-/// demands: the chords stay where they are over ground.
+/// Turns heights above the ground into altitudes above mean sea level, and adds the points that the ground between two
+/// vertices requires. In the plane the chords stay where they are.
 fn lay_over(
     densified: &mut Densified,
     slopes: Option<Slopes>,
@@ -336,7 +339,7 @@ fn lay_over(
     Ok(())
 }
 
-/// Whether all its vertices are at one altitude, as PX4 sees it.
+/// Whether PX4 sees all its vertices at one altitude.
 fn is_level(densified: &Densified) -> bool {
     let altitudes = densified.vertices.windows(2);
     altitudes
@@ -344,8 +347,8 @@ fn is_level(densified: &Densified) -> bool {
         .all(|rise_m| rise_m <= LEVEL_M)
 }
 
-/// The speed at which a vehicle that swings about the altitude of its item is still taken at each: it must stay within
-/// the acceptance radius, half a chord at most, for as long as a swing takes it out of the vertical one.
+/// The highest speed at which a vehicle that swings about its altitude still reaches each item: it must stay within the
+/// acceptance radius, half a chord at most, for as long as the swing exceeds the vertical one.
 fn climbing_speed(
     wished_m_s: f64,
     densified: &Densified,
@@ -356,7 +359,7 @@ fn climbing_speed(
         return Ok(wished_m_s);
     }
     match policy {
-        // Whole tenths, downwards: the resolution used for a DO_CHANGE_SPEED.
+        // Rounded down to tenths, the resolution used for DO_CHANGE_SPEED.
         Policy::Slow => Ok((fastest_m_s * 10.0).floor() * 0.1),
         Policy::Refuse => Err(CurveError::ClimbsTooFast {
             speed_m_s: wished_m_s,
@@ -366,8 +369,9 @@ fn climbing_speed(
     }
 }
 
-/// Within what deviation the curves of a mission are flown, m: none without curves, and on wings in a wind too strong for
-/// the speed. Of the whole mission, since a curve is entered as what is before it leaves it.
+/// The deviation within which the curves of a mission are flown, m; `None` without curves, and on wings in a wind too
+/// strong for the speed. Computed over the whole mission, since a curve is entered in the state in which the leg before
+/// ends.
 pub(super) fn flown_m(plan: &Plan, compiled: &CompiledMission, site: &Site) -> Option<f64> {
     let pairs = compiled.order.windows(2);
     let curved: Vec<u16> = pairs
@@ -473,7 +477,7 @@ fn controls(
     }
 }
 
-/// Most that the end of a curve is widened to, m.
+/// The largest radius for the end of a curve, m.
 const WIDEST_M: f32 = 20.0;
-/// Altitudes this close are one to PX4, m.
+/// Altitudes this close are equal for PX4, m.
 const LEVEL_M: f64 = 1e-3;

@@ -1,4 +1,4 @@
-//! Mission items as PX4 takes them.
+//! Mission items in the form that PX4 accepts.
 
 use curve_paths::Position;
 use mavlink_link::service::mission::{DO_SET_ROI_LOCATION, FRAME_MISSION, Item};
@@ -22,15 +22,15 @@ pub(super) fn placed(place: (f64, f64), level: Level, command: u16, params: [f32
     }
 }
 
-/// A point of a leg between heights above the ground, passed within the vehicle's own radius.
+/// A point of a leg between heights above the ground, with the vehicle's own acceptance radius.
 pub(super) fn over(point: Position) -> Item {
     let params = [0.0, 0.0, 0.0, f32::NAN];
     let place = (point.lat_deg, point.lon_deg);
     placed(place, Level::Amsl(point.alt_m), NAV_WAYPOINT, params)
 }
 
-/// PX4 applies a speed to the present leg of a multicopter only when it is called a ground speed, and to that of a wing only
-/// when it is called an air speed, which is what it flies there.
+/// PX4 applies a speed to the present leg of a multicopter only if it is a ground speed, and to that of a wing only if it
+/// is an air speed, which is what a wing flies.
 pub(super) fn change_speed(speed_m_s: f64, hovers: bool) -> Item {
     let kind = if hovers {
         SPEED_TYPE_GROUND
@@ -68,11 +68,11 @@ pub(super) fn action(action: &Action) -> Vec<Item> {
     let one = |command, params| vec![plain(command, params)];
     match *action {
         Action::Transition(_) => Vec::new(),
-        // All cameras, without an interval, one picture.
+        // All cameras, no interval, one picture.
         Action::Photo => one(IMAGE_START_CAPTURE, [0.0, 0.0, 1.0, 0.0]),
         Action::PhotoEvery(seconds) => one(IMAGE_START_CAPTURE, [0.0, seconds, 0.0, 0.0]),
         Action::PhotoStop => one(IMAGE_STOP_CAPTURE, [0.0; 4]),
-        // A camera with modes records in its video mode alone, and photographs in its image mode alone.
+        // A camera with modes records only in its video mode, and takes pictures only in its image mode.
         Action::Video(true) => vec![
             plain(SET_CAMERA_MODE, [0.0, CAMERA_MODE_VIDEO, 0.0, 0.0]),
             plain(VIDEO_START_CAPTURE, [0.0; 4]),
@@ -81,9 +81,9 @@ pub(super) fn action(action: &Action) -> Vec<Item> {
             plain(VIDEO_STOP_CAPTURE, [0.0; 4]),
             plain(SET_CAMERA_MODE, [0.0, CAMERA_MODE_IMAGE, 0.0, 0.0]),
         ],
-        // The first picture at once.
+        // Param3: the first picture at once.
         Action::TriggerMetres(metres) => one(DO_SET_CAM_TRIGG_DIST, [metres, 0.0, 1.0, 0.0]),
-        // An interval does not switch the trigger on, as a distance does.
+        // An interval does not switch the trigger on; a distance does.
         Action::TriggerSeconds(seconds) => vec![
             plain(
                 DO_SET_CAM_TRIGG_INTERVAL,
@@ -93,7 +93,7 @@ pub(super) fn action(action: &Action) -> Vec<Item> {
         ],
         Action::TriggerOff => one(DO_TRIGGER_CONTROL, [0.0; 4]),
         Action::RoiOff => one(DO_SET_ROI_NONE, [0.0; 4]),
-        // Hour, minute and second of a time of the day: none.
+        // Param2 to param4 are hour, minute and second of a time of day: -1 is "not used".
         Action::Delay(seconds) => one(NAV_DELAY, [seconds, -1.0, -1.0, -1.0]),
     }
 }
@@ -109,17 +109,17 @@ fn plain(command: u16, params: [f32; 4]) -> Item {
     }
 }
 
-/// The autopilot takes primary control of the gimbal from whoever has it: -2 is its own system and component. Secondary control
-/// stays.
+/// The autopilot takes primary control of the gimbal from whoever has it; -2 stands for its own system and component.
+/// Secondary control is unchanged (-1).
 pub(super) fn take_gimbal() -> Item {
     plain(DO_GIMBAL_MANAGER_CONFIGURE, [-2.0, -2.0, -1.0, -1.0])
 }
 
-/// The gimbal to these angles. What it looked at before is looked at no more, by it and by the nose of a multicopter; that
-/// centres the gimbal, and so comes first.
+/// Points the gimbal at these angles. It first clears the region of interest, for the gimbal and for the nose of a
+/// multicopter; that centres the gimbal, so it must come first.
 pub(super) fn point_gimbal(to: Direction) -> [Item; 3] {
     let [pitch, yaw] = [to.elevation, to.azimuth].map(|angle| angle.to_degrees() as f32);
-    // NaN: as fast as it can. Flags (param5) 0: the angles follow the vehicle.
+    // NaN: as fast as possible. Flags (param5) 0: the angles follow the vehicle.
     let angles = [pitch, yaw, f32::NAN, f32::NAN];
     [
         plain(DO_SET_ROI_NONE, [0.0; 4]),
@@ -128,7 +128,7 @@ pub(super) fn point_gimbal(to: Direction) -> [Item; 3] {
     ]
 }
 
-/// A place to look at: an item in a frame with a place that is not flown to.
+/// A place to look at: an item in a frame with a position that is not flown to.
 pub(super) fn look_at(place: (f64, f64), level: Level) -> Item {
     placed(place, level, DO_SET_ROI_LOCATION, [0.0; 4])
 }
@@ -139,7 +139,7 @@ pub(super) fn show_sensor(camera: u8, thermal: bool) -> Item {
     plain(SET_CAMERA_SOURCE, [camera.into(), source, 0.0, 0.0])
 }
 
-/// Whether an item that precedes a waypoint's own belongs to the leg there: its speed, and where a sensor looks on it.
+/// Whether an item before a waypoint's own belongs to its leg: the speed, and where a sensor points.
 pub(super) fn prepares_leg(item: &Item) -> bool {
     matches!(
         item.command,

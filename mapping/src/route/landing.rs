@@ -1,4 +1,5 @@
-//! How a route ends: PX4 flies no mission of a wing without a landing (MIS_TKO_LAND_REQ), and lands by it when commanded.
+//! How a route ends: PX4 flies no mission of a wing without a landing (MIS_TKO_LAND_REQ), and uses it when a landing is
+//! commanded.
 //!
 //! | airframe | the mission is |
 //! |---|---|
@@ -6,12 +7,12 @@
 //! | fixed wing | the route, NAV_LOITER_UNLIM at its end, then DO_LAND_START and the pattern |
 //! | VTOL | DO_VTOL_TRANSITION to wings, then as a fixed wing, with NAV_VTOL_LAND |
 //!
-//! The pattern is the approach route (13001, Route Type approach) where one was sent: its last waypoint is the touch-down,
-//! at home's altitude. Else it is the one that is configured (`vehicle.landing`): a loiter down to its height, then straight
-//! to the touch-down. The vehicle stays in the loiter at the end of its route until mode 19 is commanded: a route that
-//! ended in a landing would land whoever only wanted it flown.
+//! The pattern is the approach route (13001, Route Type approach) if one was sent: its last waypoint is the touch-down, at
+//! home's altitude. Otherwise it is the configured one (`vehicle.landing`): a loiter down to its height, then straight to
+//! the touch-down. The vehicle stays in the loiter at the end of its route until mode 19 is commanded: a route that ended
+//! in a landing would land a vehicle whose operator only wanted the route.
 //!
-//! Items of the pattern belong to no waypoint of the route (number 0): a CUCS sees its own route, and nothing of ours.
+//! Items of the pattern belong to no waypoint of the route (number 0): a CUCS sees its own route, without our additions.
 //!
 //! PX4's own checks are made here, before anything is sent (FeasibilityChecker.cpp of v1.18): the item before NAV_LAND is
 //! above it, far enough for FW_LND_ANG, and the touch-down lies outside a loiter's circle.
@@ -32,7 +33,7 @@ use crate::altitude::Level;
 use crate::limits::{metres, moved};
 use crate::plan::Plan;
 
-/// Ends a compiled route as this vehicle needs it. `plan` is all that was sent: the approach route may be in it.
+/// Ends a compiled route as this vehicle needs it. `plan` holds everything that was sent, perhaps an approach route too.
 ///
 /// # Errors
 /// A wing has no landing, or one that it cannot fly: the waypoint of the approach, or the first of the route.
@@ -74,7 +75,7 @@ pub fn complete(
             (Some(route), _) => {
                 let initial = route.initial_waypoint_number.unwrap_or(0);
                 let mut pattern = approach(compile(plan, initial, site)?, wings, site)?;
-                // No waypoint of this route, whatever its number.
+                // The approach's waypoint numbers are not those of this route, even if they are equal.
                 pattern.iter_mut().for_each(|(number, _)| *number = 0);
                 pattern
             }
@@ -119,10 +120,10 @@ fn mark_first(compiled: &mut CompiledMission) {
     }
 }
 
-/// To wings before anything else: PX4 passes over it where the vehicle flies on them already.
+/// Starts with a transition to wings; PX4 skips it if the vehicle flies on them already.
 fn transition_first(compiled: &mut CompiledMission, number: u16) {
     for item in &mut compiled.items {
-        // A jump names the index of an item.
+        // A jump names an item by its index, which the inserted item shifts.
         if item.command == DO_JUMP {
             item.params[0] += 1.0;
         }
@@ -141,7 +142,7 @@ fn land_start() -> (u16, Item) {
     (0, item)
 }
 
-/// The approach route as a landing pattern: its last waypoint is where the vehicle lands.
+/// The approach route as a landing pattern: its last waypoint is the touch-down.
 fn approach(route: CompiledMission, wings: &Wings, site: &Site) -> Result<Items, RouteError> {
     let [.., before, last] = route.order.as_slice() else {
         return Err(RouteError {
@@ -161,12 +162,12 @@ fn approach(route: CompiledMission, wings: &Wings, site: &Site) -> Result<Items,
     let mut items: Items = pairs.filter(|(number, _)| *number != last.number).collect();
     for (_, item) in &mut items {
         item.current = false;
-        // Compiled as a route of its own, its jumps would lead elsewhere here.
+        // It was compiled as a separate route, so its jumps would lead elsewhere here.
         if item.command == DO_JUMP {
             return Err(at(Reason::LoopInApproach));
         }
     }
-    // A loiter without end would never let the vehicle land: down to its altitude, then on.
+    // A loiter without end would never let the vehicle land: descend to its altitude, then continue.
     if let Some((_, item)) = items.iter_mut().rev().find(|(_, item)| item.is_flown_to())
         && item.command == NAV_LOITER_UNLIM
     {
@@ -208,14 +209,14 @@ fn configured(pattern: &Pattern, wings: &Wings, site: &Site) -> Result<Items, Re
     let place = pattern.place.unwrap_or(home);
     let radius_m = pattern.radius_m.unwrap_or(wings.loiter_radius_m);
     let glide_deg = pattern.glide_deg.unwrap_or(wings.glide_deg);
-    // A VTOL comes in level, and lands vertically.
+    // A VTOL approaches level, and lands vertically.
     let final_m = if wings.vtol {
         (2.0 * radius_m.abs()).max(VTOL_FINAL_M)
     } else {
         pattern.height_m / glide_deg.to_radians().tan()
     };
     wings.check_circle(radius_m, site.performance.cruise_m_s)?;
-    // The circle's tangent leads to the touch-down: its centre is beside the beginning of the final approach.
+    // The tangent of the circle leads to the touch-down, so its centre is beside the start of the final approach.
     let begin = moved(place, pattern.course_rad + std::f64::consts::PI, final_m);
     let side = std::f64::consts::FRAC_PI_2.copysign(radius_m);
     let centre = moved(begin, pattern.course_rad + side, radius_m.abs());
@@ -227,7 +228,7 @@ fn configured(pattern: &Pattern, wings: &Wings, site: &Site) -> Result<Items, Re
     };
     check(&entry, place, wings)?;
     let level = Level::AboveHome(pattern.height_m);
-    // Heading to the touch-down before it leaves, on the tangent.
+    // Param1 and param4: leave the circle heading to the touch-down, on the tangent.
     let params = [1.0, radius_m as f32, 0.0, 1.0];
     Ok(vec![
         land_start(),
@@ -245,7 +246,7 @@ struct Entry {
     radius_m: f64,
 }
 
-/// PX4's own checks of a landing.
+/// PX4's own checks of a landing, made before the upload: PX4 reports a failure only after it.
 fn check(entry: &Entry, place: (f64, f64), wings: &Wings) -> Result<(), Reason> {
     if wings.vtol {
         return wings.check_transition(entry.height_m);
@@ -262,7 +263,7 @@ fn check(entry: &Entry, place: (f64, f64), wings: &Wings) -> Result<(), Reason> 
         NAV_WAYPOINT => away_m,
         _ => return Err(Reason::ApproachLoiter),
     };
-    // PX4 adds a tenth of a degree for rounding.
+    // PX4 allows a tenth of a degree for rounding.
     let steepest = (wings.glide_deg + 0.1).to_radians().tan();
     if entry.height_m <= steepest * final_m {
         return Ok(());
@@ -276,7 +277,7 @@ fn check(entry: &Entry, place: (f64, f64), wings: &Wings) -> Result<(), Reason> 
     })
 }
 
-/// Shortest final approach of a VTOL: it slows down to a hover in it, m.
+/// Shortest final approach of a VTOL, in which it slows down to a hover, m.
 const VTOL_FINAL_M: f64 = 200.0;
 
 #[cfg(test)]

@@ -34,14 +34,14 @@ pub(super) struct Loiter {
     pub(super) speed_m_s: Option<f64>,
 }
 
-/// The loiter that is flown at a waypoint: one whose duration is 0 is none (Edition 2.5, #803 field 5), where one without a
-/// duration has no end.
+/// The loiter that is flown at a waypoint. A duration of 0 means none (Edition 2.5, #803 field 5); an absent duration means
+/// without end.
 pub(super) fn flown_at(plan: &Plan, number: u16) -> Option<&UaLoiterWaypoint> {
     plan.loiter(number)
         .filter(|loiter| loiter.loiter_duration != Some(0))
 }
 
-/// The places that a vehicle flies over at a waypoint: that one, and on wings the circle of its loiter.
+/// The places that a vehicle flies over at a waypoint: its position, and on wings the circle of its loiter.
 pub(super) fn flown_over(
     centre: (f64, f64),
     requested: Option<&UaLoiterWaypoint>,
@@ -72,7 +72,7 @@ pub(super) fn loiter(
         None => None,
         Some(duration) => match requested.loiter_duration_units {
             None | Some(LoiterDurationUnits::Seconds) => Some(f64::from(duration)),
-            // PX4 refuses NAV_LOITER_TURNS, so turns become the time that they take; a multicopter flies no circle here.
+            // PX4 refuses NAV_LOITER_TURNS, so turns become the time they take; a multicopter flies no circle here.
             Some(LoiterDurationUnits::Turns) => match speed_m_s.or(leg_speed_m_s) {
                 Some(speed_m_s) if !hovers && radius_m != 0.0 => {
                     Some(f64::from(duration) * TAU * radius_m.abs() / speed_m_s)
@@ -110,13 +110,13 @@ fn pattern(requested: &UaLoiterWaypoint, hovers: bool) -> Result<(), Reason> {
 /// Metres, negative for counter-clockwise; 0 is the vehicle's own radius.
 fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     let radius_m = requested.loiter_radius.map_or(0.0, |radius| radius.si());
-    // Declared of every vehicle (41003), so refused of one that hovers there too.
+    // The limit is declared for every vehicle (41003), so it applies to one that hovers too.
     if radius_m > WIDEST_CIRCLE_M {
         return Err(Reason::LoiterRadius(radius_m));
     }
     match requested.loiter_direction {
         None | Some(LoiterDirection::VehicleDependent) => Ok(radius_m),
-        // What is no direction is refused of one that hovers there too: only 0 to 2 are declared.
+        // An undefined direction is refused for one that hovers too: only 0 to 2 are declared.
         Some(LoiterDirection::IntoWind) => Err(Reason::LoiterType("turn into the wind")),
         Some(LoiterDirection::Unknown(value)) => Err(Reason::unknown("Loiter Direction", value)),
         _ if hovers => Ok(radius_m),
@@ -129,7 +129,7 @@ fn radius(requested: &UaLoiterWaypoint, hovers: bool) -> Result<f64, Reason> {
     }
 }
 
-/// m/s on the circle; none where it hovers.
+/// m/s on the circle; `None` for a vehicle that hovers.
 fn speed(
     requested: &UaLoiterWaypoint,
     hovers: bool,
@@ -142,6 +142,7 @@ fn speed(
         None | Some(SpeedType::Indicated | SpeedType::True | SpeedType::Ground) => {}
         Some(other) => return Err(Reason::unknown("Speed Type", other.raw())),
     }
+    // After the check above: an unknown Speed Type is refused even where the speed has no effect.
     if hovers {
         return Ok(None);
     }

@@ -1,4 +1,4 @@
-//! A route as it goes to PX4: its items, whose waypoint each is, and where in the route the vehicle is by them.
+//! A route as uploaded to PX4: its items, the waypoint of each, and the vehicle's progress by item.
 
 use mavlink_link::service::mission::Item;
 use serde::{Deserialize, Serialize};
@@ -13,18 +13,18 @@ use super::site::Site;
 use crate::altitude::Level;
 use crate::limits::{Limits, Performance};
 
-/// A route as it goes to PX4, and whose waypoint each item is.
+/// A route as uploaded to PX4, with the waypoint of each item.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CompiledMission {
     /// The items, the first with `current` set.
     pub items: Vec<Item>,
     /// The CUCS's waypoint number of each item.
     pub waypoint_of: Vec<u16>,
-    /// The waypoints in the order that they are flown.
+    /// The waypoints in flying order.
     pub order: Vec<Leg>,
-    /// What became of its curved legs, where it has any.
+    /// A summary of its curved legs, if any.
     pub curved: Option<Curved>,
-    /// What the operator should know of it.
+    /// Notes for the operator.
     pub notes: Vec<String>,
 }
 
@@ -44,25 +44,25 @@ pub struct Leg {
 }
 
 impl Leg {
-    /// Where it leads to, degrees north and east.
+    /// Its end, degrees north and east.
     pub(crate) fn place(&self) -> (f64, f64) {
         (self.latitude, self.longitude)
     }
 }
 
-/// What was made of the curved legs of a route; its fields are named so in JSON.
+/// A summary of the curved legs of a route; JSON uses these field names.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Curved {
     /// Curved legs.
     pub legs: usize,
-    /// The chords that they are flown by.
+    /// Their chords.
     pub chords: usize,
-    /// The tolerance that the chords were made with, m: the configured one, or the smallest that the items allow.
+    /// The tolerance of the chords, m: the configured one, or the smallest that the items allow.
     pub tolerance_m: f64,
     /// Proven deviation of the chords from the curves, both ways, m.
     pub bound_m: f64,
-    /// Within this deviation they are flown, m, by every flight that was measured; on wings in the wind that is reckoned
-    /// with (`vehicle.curve.wind_m_s`), none where that is too strong for the speed.
+    /// The predicted deviation in flight, m, within which every measured flight stayed; on wings with the assumed wind
+    /// (`vehicle.curve.wind_m_s`), `None` if that is too strong for the speed.
     pub predicted_m: Option<f64>,
     /// Predicted time that the curved legs take, s.
     pub time_s: f64,
@@ -83,7 +83,7 @@ impl Curved {
             "{legs} curved legs in {chords} chords, proven within {bound_m:.2} m, {time_s:.0} s"
         );
         if let Some(predicted_m) = self.predicted_m {
-            // A bound is rounded upwards.
+            // An upper bound is rounded up.
             let predicted_m = (predicted_m * 10.0).ceil() * 0.1;
             text += &format!("; flown within {predicted_m:.1} m, predicted and not promised");
         }
@@ -102,7 +102,7 @@ impl CompiledMission {
     pub fn first_item_of(&self, waypoint: u16) -> Option<u16> {
         let leg = self.order.iter().find(|leg| leg.number == waypoint)?;
         let (x, y) = (degrees_e7(leg.latitude), degrees_e7(leg.longitude));
-        // The chords of a curve that leads to it are passed over: a flight to the waypoint goes straight there.
+        // Skips the chords of a curve to the waypoint: a flight to the waypoint goes straight there.
         let mut at = self
             .items
             .iter()
@@ -119,9 +119,9 @@ impl CompiledMission {
         u16::try_from(at).ok()
     }
 
-    /// The first waypoint from this item on that a multicopter could miss for good at this speed, where it is commanded
-    /// beside the route: it climbs or descends there. `level`: whether a vehicle that does not come from the waypoint
-    /// before reaches the first one without that.
+    /// The first waypoint from this item on that a multicopter could miss for good at this speed, commanded separately from
+    /// the route: it climbs or descends there. `level` says whether the first one is reached without that, for a vehicle
+    /// that does not come from the waypoint before.
     #[must_use]
     pub fn missed_at(
         &self,
@@ -134,7 +134,7 @@ impl CompiledMission {
         self.waypoint_of.get(at).copied()
     }
 
-    /// The first item with a place at or after this one: PX4 does the ones before it at once.
+    /// The first item with a position at or after this one: PX4 executes the ones before it immediately.
     #[must_use]
     pub fn place_from(&self, seq: u16) -> u16 {
         let on = self.items.iter().skip(usize::from(seq));
@@ -142,8 +142,8 @@ impl CompiledMission {
         seq.saturating_add(u16::try_from(steps).unwrap_or(0))
     }
 
-    /// The leg that has been flown to its end where this item is reached, as an index of `order`: `None` for the
-    /// chords of a curve on the way to its end, and for items without a place.
+    /// The leg that is complete when this item is reached, as an index of `order`: `None` for the chords of a curve on the
+    /// way to its end, and for items without a position.
     #[must_use]
     pub fn leg_ended_by(&self, seq: u16) -> Option<usize> {
         let at = usize::from(seq);
@@ -169,8 +169,8 @@ impl CompiledMission {
         self.order.iter().position(|leg| leg.number == *number)
     }
 
-    /// Whether it can be flown from the present home. It was compiled for home as it was then: PX4 sets another where it
-    /// arms, and an altitude above sea level does not move with it.
+    /// Checks that it can be flown from the present home. It was compiled for an earlier one: PX4 sets home again when it
+    /// arms, and an altitude above sea level does not move with home.
     ///
     /// # Errors
     /// The first waypoint that is below home now, or beyond the limits.
@@ -185,14 +185,14 @@ impl CompiledMission {
         Ok(())
     }
 
-    /// What it is flown at, m above mean sea level, at its lowest; a landing is no part of that.
+    /// Its lowest altitude, m above mean sea level; a landing is excluded.
     #[must_use]
     pub fn lowest_amsl_m(&self, home_amsl_m: f64) -> Option<f64> {
         let levels = self.levels().map(|(level, _)| level.amsl(home_amsl_m));
         levels.min_by(f64::total_cmp)
     }
 
-    /// Whether a VTOL hovers along the leg that a flight from this item begins with; the rest of the route it is on its wings.
+    /// Whether a VTOL hovers along the leg with which a flight from this item begins; otherwise it is on its wings.
     #[must_use]
     pub fn hovers_from(&self, seq: u16) -> bool {
         let before = self.items.iter().take(usize::from(self.place_from(seq)));
@@ -214,7 +214,7 @@ impl CompiledMission {
         self.items.iter().any(touches_down)
     }
 
-    /// Where its landing pattern begins: that of a wing.
+    /// Where the landing pattern of a wing begins.
     #[must_use]
     pub fn landing_start(&self) -> Option<u16> {
         let mut items = self.items.iter();
@@ -228,7 +228,7 @@ impl CompiledMission {
         self.items.get(usize::from(seq)).is_some_and(touches_down)
     }
 
-    /// Whether the route is flown to its end when this item is current: a wing stays there, or lands.
+    /// Whether the route is complete when this item is current: a wing then stays there, or lands.
     #[must_use]
     pub fn is_past_the_route(&self, seq: u16) -> bool {
         let staying = self.landing_start().map(|at| at.saturating_sub(1));
@@ -245,7 +245,7 @@ impl CompiledMission {
         self.landing_start().is_some_and(|start| seq >= start) || self.is_touch_down(seq)
     }
 
-    /// What each item with a place is flown at, and the waypoint that it belongs to.
+    /// The level of each item with a position, and the waypoint that it belongs to.
     fn levels(&self) -> impl Iterator<Item = (Level, u16)> + '_ {
         let route = self.landing_start().map_or(self.items.len(), usize::from);
         let items = self.items.iter().zip(&self.waypoint_of).take(route);

@@ -1,6 +1,6 @@
 //! A route becomes mission items for PX4, or a refusal that names the waypoint.
 //!
-//! Everything is validated here, since PX4 is no check: it takes latitude 200, a NaN altitude and a jump to item 99.
+//! Everything is validated here, since PX4 does not: it accepts latitude 200, a NaN altitude and a jump to item 99.
 //!
 //! | DLI | PX4 |
 //! |---|---|
@@ -11,10 +11,10 @@
 //! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: `loiter` |
 //! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `waypoint` |
 //!
-//! In the order that they are read best: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`,
-//! `loiter` and `curve` (the items of each), `brake` (where PX4 must stop), `clearance` (heights
-//! above the ground between waypoints), `wings` (what wings can), `landing` (how a route
-//! ends), `mission` (the result), `terrain` (the result beside the ground), `error` (each refusal).
+//! In reading order: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`, `loiter` and
+//! `curve` (the items of each), `brake` (where PX4 must stop), `clearance` (heights above the ground between waypoints),
+//! `wings` (the limits of a wing), `landing` (how a route ends), `mission` (the result), `terrain` (the result compared
+//! with the ground), `error` (each refusal).
 
 mod brake;
 mod clearance;

@@ -1,4 +1,4 @@
-//! What a route is compiled for: the vehicle, where its home is, the limits, and how curves are flown.
+//! What a route is compiled for: the vehicle, its home, the limits, and how curves are flown.
 
 pub use curve_paths::Vertices;
 use curve_paths::flight::Airframe;
@@ -11,7 +11,7 @@ use crate::limits::{Limits, Performance};
 use crate::parameter::Parameters;
 use crate::telemetry::Place;
 
-/// What must be known of the vehicle to fly a route.
+/// What must be known about the vehicle to compile a route.
 #[derive(Debug, Clone, Copy)]
 pub struct Site<'a> {
     /// Home.
@@ -20,16 +20,17 @@ pub struct Site<'a> {
     pub geoid_m: Option<f64>,
     /// How AGL is flown.
     pub agl: Agl,
-    /// What pressure altitudes are flown by.
+    /// The reference of pressure altitudes.
     pub altimeter: Altimeter,
-    /// The ground, where elevation files are configured: what AGL is above where `agl` says so, and what a route is compared
+    /// The ground, if elevation files are configured: the reference of AGL if `agl` says so, and what a route is compared
     /// with.
     pub terrain: Option<&'a Terrain>,
-    /// Its wings; none of a multicopter. A VTOL flies its routes on them, but for the legs that it was commanded to hover along.
+    /// Its wings; `None` for a multicopter. A VTOL flies its routes on them, except for the legs on which it was commanded
+    /// to hover.
     pub wings: Option<Wings>,
     /// Bounds.
     pub limits: Limits,
-    /// What it can, and does by itself.
+    /// The vehicle's performance, and its defaults.
     pub performance: Performance,
     /// How curved legs are flown.
     pub curving: Curving,
@@ -42,7 +43,7 @@ impl<'a> Site<'a> {
         self.wings.is_none()
     }
 
-    /// What altitudes are converted by.
+    /// The references of altitudes.
     pub(super) fn datum(&self) -> Datum<'a> {
         Datum {
             geoid_m: self.geoid_m,
@@ -52,7 +53,7 @@ impl<'a> Site<'a> {
         }
     }
 
-    /// What turns along its curves, and how.
+    /// How the vehicle flies its curves.
     pub(super) fn airframe(&self) -> Airframe {
         if self.hovers() {
             Airframe::Multicopter(self.curving.multicopter)
@@ -61,7 +62,7 @@ impl<'a> Site<'a> {
         }
     }
 
-    /// A VTOL while it hovers: a multicopter, with the limits of one; none of another airframe.
+    /// A VTOL while it hovers: a multicopter with that performance; `None` for another airframe.
     pub(super) fn hovering(&self) -> Option<Site<'a>> {
         Some(Site {
             wings: None,
@@ -76,7 +77,7 @@ impl<'a> Site<'a> {
 pub struct Curving {
     /// Largest planned deviation, m.
     pub tolerance_m: f64,
-    /// What is done where the curve is too tight for the speed.
+    /// What to do where a curve is too tight for the speed.
     pub policy: Policy,
     /// Whether vertices may leave the curve by up to the tolerance.
     pub vertices: Vertices,
@@ -105,7 +106,7 @@ impl Curving {
         let mut plane = Airframe::FixedWing(self.fixed_wing);
         for name in Airframe::NAMES {
             if let Some(value) = parameters.get(name) {
-                // What is out of its range is as good as not reported.
+                // A value out of range counts as not reported.
                 let _ = quad.set(name, value);
                 let _ = plane.set(name, value);
             }

@@ -1,8 +1,8 @@
-//! A compiled route beside the ground: at every place that it leads over, between its waypoints and on its curves too.
+//! A compiled route compared with the ground, at every place it leads over, between its waypoints and on its curves too.
 //!
-//! What is compared is what PX4 flies: straight lines between the items, in their order, also where a loop leads back, and the
-//! circles of loiters with a radius. The way from the vehicle to the first waypoint is no part of a route, and a landing ends on
-//! the ground. Where the terrain is not known nothing is compared, and a note says so.
+//! Compared is what PX4 flies: straight lines between the items, in their order, also where a loop leads back, and the
+//! circles of loiters with a radius. The way from the vehicle to the first waypoint is not part of a route, and a landing
+//! ends on the ground. Where the terrain is unknown nothing is compared, and a note reports that.
 
 use curve_paths::Position;
 use curve_paths::terrain::{Clearance, Profile, Terrain, profile};
@@ -15,7 +15,7 @@ use crate::altitude::Level;
 use crate::limits::Limits;
 
 impl CompiledMission {
-    /// Whether it stays above the ground, home being so high: what an operator should know of that, where there is anything.
+    /// Checks that it stays above the ground for this altitude of home. Returns a note for the operator, if there is one.
     ///
     /// # Errors
     /// The first waypoint, in the order of the items, on the way to which it is too low.
@@ -61,8 +61,8 @@ impl CompiledMission {
     }
 }
 
-/// Whether a vehicle may be sent straight from where it is to another place, both at altitudes above mean sea level. One that is
-/// low already may be sent anywhere that is no lower: upwards must always be possible.
+/// Checks that a vehicle may be sent straight from its position to another place, both at altitudes above mean sea level. A
+/// vehicle that is already low may be sent anywhere that is no lower: climbing must always be possible.
 ///
 /// # Errors
 /// Where on the way it would be too low.
@@ -90,7 +90,7 @@ pub fn check_way(
     }
 }
 
-/// What is no number is too low, too.
+/// A NaN counts as too low.
 fn is_low(found: &Clearance, needed_m: f64) -> bool {
     found.clearance_m.is_nan() || found.clearance_m <= needed_m
 }
@@ -112,7 +112,7 @@ impl Look<'_> {
             reason: Reason::Terrain(fault),
         };
         let spacing_m = self.spacing_m;
-        // Before the line is walked: one leg alone may be longer than all that is allowed.
+        // Checked before the line is sampled: one leg alone may exceed the limit.
         let places = from.ground().distance_m(to.ground()) / spacing_m;
         if self.seen.looked_at as f64 + places > MAX_PLACES as f64 {
             return Err(at(TerrainError::Long { spacing_m }));
@@ -133,7 +133,7 @@ impl Look<'_> {
         }
     }
 
-    /// The circle of a loiter, as chords.
+    /// The circle of a loiter, in chords.
     fn around(&mut self, at: Position, radius_m: f64, waypoint: u16) -> Result<(), RouteError> {
         if radius_m.is_nan() || radius_m <= 0.0 {
             return Ok(());
@@ -168,11 +168,11 @@ fn radius_m(item: &Item) -> Option<f64> {
     Some(radius_m.abs().into())
 }
 
-/// A circle is walked in so many straight lines: of 1 km they leave it by 4 m.
+/// A circle is sampled along this many chords: with a radius of 1 km they leave it by 4 m.
 const CHORDS: u32 = 36;
-/// Of latitude.
+/// Metres in a degree of latitude.
 const METRES_A_DEGREE: f64 = 111_195.0;
-/// What a vehicle that stands in the air may seem to sink by, m.
+/// How far a hovering vehicle may seem to sink, m.
 const ROUNDING_M: f64 = 1.0;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! One waypoint (13002) of a route, with its loiter (13003): what it asks, checked, and the items that fly it.
+//! One waypoint (13002) of a route with its loiter (13003): its checked fields, and the items that fly it.
 
 use mavlink_link::service::mission::{FRAME_MISSION, Item};
 use stanag_msgs::enums::{LimitType, LocationType, TurnType, WaypointSpeedType, WaypointType};
@@ -11,7 +11,7 @@ use super::mission::{CompiledMission, Leg};
 use super::site::Site;
 use crate::limits::Performance;
 
-/// The leg to it: where it is, how high, how fast.
+/// The leg to it: position, altitude, speed.
 ///
 /// # Errors
 /// The first field that is missing, or that PX4 cannot fly, or that is out of the limits.
@@ -53,7 +53,7 @@ pub(super) fn leg(
     })
 }
 
-/// The height above the ground of elevation files that it is commanded at, m; none of another altitude.
+/// Its commanded height above the ground of elevation files, m; `None` for another kind of altitude.
 pub(super) fn above_ground(waypoint: &UaPositionWaypoint, site: &Site) -> Option<f64> {
     let altitude_m = waypoint.waypoint_to_altitude?.si();
     let is_above = site
@@ -76,7 +76,7 @@ fn speed(waypoint: &UaPositionWaypoint, performance: &Performance) -> Result<Opt
     Ok(Some(performance.check(speed_m_s)?))
 }
 
-/// The items at its place: it is flown to, or stayed at as its loiter asks.
+/// The items at its position: fly there, or stay as its loiter requests.
 ///
 /// # Errors
 /// A turn or a loiter that PX4 cannot fly.
@@ -95,7 +95,7 @@ pub(super) fn items(
     if let Some(wings) = &site.wings {
         let speed_m_s = loiter.speed_m_s.or(leg.speed_m_s);
         let speed_m_s = speed_m_s.unwrap_or(site.performance.cruise_m_s);
-        // Without a radius it is the vehicle's own.
+        // Radius 0 is the vehicle's own.
         if loiter.params[2] != 0.0 {
             wings.check_circle(loiter.params[2].into(), speed_m_s)?;
         }
@@ -106,7 +106,7 @@ pub(super) fn items(
         .filter(|speed| Some(*speed) != leg.speed_m_s)
     {
         None => Ok(vec![stay]),
-        // The loiter's speed is not the speed of the leg to it, nor of the next one.
+        // The loiter's speed is neither that of the leg to it nor that of the next one.
         Some(speed_m_s) => {
             let back = leg
                 .speed_m_s
@@ -136,8 +136,8 @@ pub(super) fn ends_loop(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {
     }
 }
 
-/// The jump back from the end of a loop, `number`, whose own items are in `compiled` already; `None` for a loop that
-/// is flown once.
+/// The jump back from the end of a loop, `number`, whose own items are in `compiled` already; `None` for a loop that is
+/// flown once.
 pub(super) fn jump(
     number: u16,
     waypoint: &UaPositionWaypoint,
@@ -149,10 +149,12 @@ pub(super) fn jump(
         .filter(|_| start != number)
         .ok_or(Reason::LoopStart(start))?;
     let jumps = match waypoint.limit_type {
+        // PX4 has no jump without end: 65,535 is the most that it counts.
         None | Some(LimitType::None) => MAX_JUMPS,
         Some(LimitType::Count) => match waypoint.loop_limit {
             None => return Err(Reason::Missing("Loop Limit")),
             Some(0) => return Err(Reason::LoopLimit),
+            // The first lap needs no jump.
             Some(times) => times - 1,
         },
         Some(LimitType::Time) => return Err(Reason::LoopTime),

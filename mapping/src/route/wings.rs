@@ -1,7 +1,7 @@
-//! What a route must respect on wings: the turn and the climb that they can fly, and how the vehicle lands.
+//! The limits of a route flown on wings: possible turns and climbs, and how the vehicle lands.
 //!
-//! PX4 refuses none of it: it flies past a waypoint inside its turn circle, and spirals up at one that the leg is too steep
-//! for, in AUTO.MISSION, with nothing reported.
+//! PX4 refuses none of it. It flies past a waypoint inside its turn circle, and spirals up to one that is too steep for the
+//! leg, in AUTO.MISSION, with nothing reported.
 
 use geo::{Bearing, Destination, Distance, Haversine, Point};
 
@@ -14,7 +14,7 @@ use crate::parameter::Parameters;
 pub struct Wings {
     /// It hovers too: it transitions before a route, and lands vertically.
     pub vtol: bool,
-    /// What a VTOL can while it hovers.
+    /// The performance of a VTOL while it hovers.
     pub hover: Option<Performance>,
     /// Greatest bank, rad: FW_R_LIM.
     pub bank_rad: f64,
@@ -26,11 +26,12 @@ pub struct Wings {
     pub loiter_radius_m: f64,
     /// Steepest landing, degrees: FW_LND_ANG.
     pub glide_deg: f64,
-    /// PX4 flies no mission without a landing: MIS_TKO_LAND_REQ 2, 3 and 5, and 4 with a take-off, which no mission has here.
+    /// PX4 flies no mission without a landing: MIS_TKO_LAND_REQ 2, 3 and 5, and 4 with a take-off, which no mission has
+    /// here.
     pub needs_landing: bool,
     /// Lowest transition of a VTOL, m above home: `vehicle.limits.transition_m`, VT_FW_MIN_ALT where that is higher.
     pub transition_m: f64,
-    /// Where it lands unless an approach route says so: `vehicle.landing`.
+    /// Where it lands, unless an approach route defines that: `vehicle.landing`.
     pub landing: Option<Pattern>,
 }
 
@@ -50,7 +51,7 @@ pub struct Pattern {
 }
 
 impl Wings {
-    /// The parameters that it is made of, beside those of [`Performance`](crate::limits::Performance).
+    /// The parameters that it is derived from, in addition to those of [`Performance`](crate::limits::Performance).
     pub const NAMES: [&str; 7] = [
         "FW_LND_ANG",
         "FW_R_LIM",
@@ -61,7 +62,7 @@ impl Wings {
         "VT_FW_MIN_ALT",
     ];
 
-    /// By the vehicle's parameters, PX4's defaults where it has not reported them.
+    /// From the vehicle's parameters, with PX4's defaults for those it has not reported.
     #[must_use]
     pub fn of(
         vtol: bool,
@@ -71,7 +72,7 @@ impl Wings {
     ) -> Wings {
         let or = |name, default| parameters.above_zero(name).unwrap_or(default);
         let loiter = parameters.get("NAV_LOITER_RAD");
-        // rc.fw_defaults and rc.vtol_defaults of PX4 v1.18 set 2.
+        // The defaults of wings, rc.fw_defaults and rc.vtol_defaults of PX4 v1.18, set 2.
         let required = parameters.get("MIS_TKO_LAND_REQ").unwrap_or(2.0);
         Wings {
             vtol,
@@ -90,6 +91,7 @@ impl Wings {
     /// Radius of the tightest turn at an air speed, m, without wind.
     #[must_use]
     pub fn turn_radius_m(&self, speed_m_s: f64) -> f64 {
+        // R = V^2 / (g tan bank), for a coordinated turn.
         speed_m_s * speed_m_s / (GRAVITY_M_S2 * self.bank_rad.tan())
     }
 
@@ -126,7 +128,7 @@ impl Wings {
         })
     }
 
-    /// Whether a leg is flat enough at this speed, that climbs so far on such a distance.
+    /// Checks that a leg with this climb over this distance is flat enough at this speed.
     ///
     /// # Errors
     /// It climbs or descends faster than the wing does.
@@ -142,7 +144,7 @@ impl Wings {
             self.sink_m_s
         };
         let seconds = distance_m / speed_m_s;
-        // Within PX4's own vertical acceptance no leg is too steep.
+        // A climb within PX4's own vertical acceptance is never too steep.
         if climb_m.abs() <= most_m_s * seconds + LEVEL_M {
             return Ok(());
         }
@@ -154,7 +156,7 @@ impl Wings {
         })
     }
 
-    /// Whether the third place can be turned to at the second one, waypoint `at`, by a vehicle that comes from the first.
+    /// Checks that a vehicle that comes from the first place can turn at the second, waypoint `at`, to the third.
     ///
     /// # Errors
     /// It lies inside the turn circle.
@@ -168,10 +170,11 @@ impl Wings {
         let (course, onward) = (Haversine.bearing(a, b), Haversine.bearing(b, c));
         let turn = (onward - course + 540.0).rem_euclid(360.0) - 180.0;
         let radius_m = self.turn_radius_m(speed_m_s);
-        // At 180 degrees either side will do.
+        // At 180 degrees either side is possible.
         let side = if turn < 0.0 { -90.0 } else { 90.0 };
         let centre = Haversine.destination(b, course + side, radius_m);
         let off_m = Haversine.distance(centre, c);
+        // PX4 accepts the waypoint within its radius, so a place slightly inside the circle is still reached.
         if off_m >= radius_m - INSIDE_M {
             return Ok(());
         }
@@ -189,7 +192,7 @@ fn point((latitude, longitude): (f64, f64)) -> Point {
 }
 
 const GRAVITY_M_S2: f64 = 9.806_65;
-/// NAV_FW_ALT_RAD as PX4 comes, m.
+/// The default of NAV_FW_ALT_RAD, m.
 const LEVEL_M: f64 = 10.0;
-/// NAV_ACC_RAD as PX4 comes: within it a waypoint is taken all the same, m.
+/// The default of NAV_ACC_RAD, m: within it a waypoint is accepted all the same.
 const INSIDE_M: f64 = 10.0;
