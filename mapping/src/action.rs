@@ -1,12 +1,12 @@
-//! What Tag/Data of a 13006 asks for at its waypoint, beside flying there: camera, camera trigger, a delay, and the
+//! What Tag/Data of a 13006 requests at its waypoint, in addition to flying there: camera, camera trigger, a delay, and the
 //! transition of a VTOL.
 //!
-//! What is no such action is refused when it is sent; nothing of it is stored. Several are divided by `;`, up to 18
-//! characters in all, and are done in their order when the waypoint is reached; a transition is always the last.
+//! Anything else is refused on arrival, and nothing of it is stored. Several actions are separated by `;`, up to 18
+//! characters in all, and run in their order when the waypoint is reached; a transition is always the last.
 
 use stanag_msgs::messages::VehicleSpecificWaypoint;
 
-/// What a VTOL does at a waypoint, and flies the legs from there as: Tag/Data of 13006.
+/// A transition of a VTOL at a waypoint; it flies the legs from there in the new state. Tag/Data of 13006.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Transition {
     /// `TRANSITION WINGS`.
@@ -15,39 +15,39 @@ pub enum Transition {
     Hover,
 }
 
-/// One thing that Tag/Data of a 13006 asks for, on reaching its waypoint.
+/// One action of a 13006's Tag/Data, at its waypoint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
     /// `TRANSITION WINGS` or `TRANSITION HOVER`.
     Transition(Transition),
-    /// `PHOTO`: one.
+    /// `PHOTO`: one picture.
     Photo,
-    /// `PHOTO EVERY 2.5`: one each so many seconds, until `PHOTO STOP`.
+    /// `PHOTO EVERY 2.5`: a picture each 2.5 seconds, until `PHOTO STOP`.
     PhotoEvery(f64),
     /// `PHOTO STOP`.
     PhotoStop,
     /// `VIDEO START`, `VIDEO STOP`.
     Video(bool),
-    /// `TRIGGER 25 M`: the camera trigger, each so many metres flown.
+    /// `TRIGGER 25 M`: the camera trigger, each 25 metres flown.
     TriggerMetres(f64),
-    /// `TRIGGER 2.5 S`: each so many seconds.
+    /// `TRIGGER 2.5 S`: each 2.5 seconds.
     TriggerSeconds(f64),
     /// `TRIGGER OFF`.
     TriggerOff,
-    /// `ROI OFF`: no place is looked at any more.
+    /// `ROI OFF`: stops looking at a place.
     RoiOff,
-    /// `DELAY 10`: it hovers for so many seconds.
+    /// `DELAY 10`: hovers for 10 seconds.
     Delay(f64),
 }
 
-/// What a 13006 asks for, in order; nothing of an empty one, which takes an earlier one back.
+/// The actions of a 13006, in order; none for an empty one, which withdraws an earlier one.
 ///
 /// # Errors
-/// A Tag Type or a Tag/Data that means nothing here.
+/// A Tag Type or a Tag/Data that is not supported.
 pub fn tagged(specific: &VehicleSpecificWaypoint) -> Result<Vec<Action>, String> {
     let text = specific.tag_data.as_ref().map_or("", |text| text.as_str());
     let tag_type = specific.tag_type.unwrap_or(0);
-    // The field keeps 19 characters: of a full one it is not known whether a number was cut, and `DELAY 40` became `DELAY 4`.
+    // The field holds 19 characters. In a full one a number may have been cut: `DELAY 40` became `DELAY 4`.
     if text.len() > LONGEST {
         return Err(format!(
             "13006 Tag/Data \"{text}\" fills its field and may have been cut, expected at most {LONGEST} characters"
@@ -94,13 +94,13 @@ fn named(text: &str) -> Option<Action> {
     })
 }
 
-/// What Tag/Data may say.
+/// The supported texts of Tag/Data.
 const TAGS: &str = "PHOTO, PHOTO EVERY s, PHOTO STOP, VIDEO START, VIDEO STOP, TRIGGER m M, TRIGGER s S, TRIGGER OFF, ROI OFF, \
                     DELAY s, TRANSITION HOVER or TRANSITION WINGS";
 /// Characters of Tag/Data.
 const LONGEST: usize = 18;
-/// PX4 reads the outputs 5 and 6 of a mission's DO_SET_ACTUATOR from param5 and param6, which MISSION_ITEM_INT has as whole
-/// numbers: none of them leaves an output as it is, so every item would move both.
+/// PX4 reads the outputs 5 and 6 of a mission's DO_SET_ACTUATOR from param5 and param6, which are integers in
+/// MISSION_ITEM_INT. No integer leaves an output unchanged, so every item would move both.
 const NO_SERVO: &str = "SERVO is not supported: PX4 would set the actuator outputs 5 and 6 to their middle with it, whatever is on \
                         them, since its mission items cannot leave them as they are";
 

@@ -1,22 +1,22 @@
-//! Texts and faults to message 16000, Subsystem Status Alert.
+//! Texts and faults as message 16000, Subsystem Status Alert.
 
 use mavlink_link::dialect::MavSeverity;
 use stanag_msgs::enums::{AlertPriority, AlertType, SubsystemId};
 use stanag_msgs::messages::SubsystemStatusAlert;
 use stanag_msgs::{Id, Text, TimeStamp};
 
-/// What is reported to operators.
+/// A report to operators.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Alert {
     /// Identifies the alert; later ones of the same id are updates of it. Above 0.
     pub id: i32,
     /// How urgent.
     pub priority: AlertPriority,
-    /// What of the aircraft or the VSM it is about.
+    /// The part of the aircraft or the VSM that it is about.
     pub subsystem: SubsystemId,
-    /// What an operator can act on.
+    /// A text that an operator can act on.
     pub text: String,
-    /// It stands until its cause is gone: no operator can clear it.
+    /// It stays until its cause is gone: no operator can clear it.
     pub lasting: bool,
 }
 
@@ -74,7 +74,8 @@ pub fn messages(
         })
 }
 
-/// Cuts at spaces where it can; at most 255 parts. Beyond ASCII every character becomes one `?` on the wire.
+/// Splits at spaces if possible, into at most 255 parts. Each character beyond ASCII becomes one `?` on the wire, so
+/// characters are counted, not bytes.
 fn split(text: &str) -> Vec<String> {
     let mut parts: Vec<String> = vec![String::new()];
     for word in text.split_inclusive(' ') {

@@ -21,13 +21,13 @@ pub enum Agl {
     /// As height above home; PX4 refuses the terrain frame.
     #[default]
     AboveHome,
-    /// As height above the ground of `vehicle.terrain`, and not at all where that has none.
+    /// As height above the ground of `vehicle.terrain`; refused where that has no data.
     Terrain,
-    /// Not at all.
+    /// Refused.
     Refuse,
 }
 
-/// An altitude as MAVLink takes it.
+/// An altitude in a form that MAVLink can carry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Level {
     /// Metres above mean sea level.
@@ -46,7 +46,7 @@ impl Level {
         }
     }
 
-    /// What a MAVLink item with a place is flown at; `None` for a frame in which nothing of ours is.
+    /// The level of a MAVLink item with a position; `None` for a frame that we never use.
     #[must_use]
     pub fn of_frame(frame: u8, z: f64) -> Option<Level> {
         match frame {
@@ -94,7 +94,7 @@ impl Altimeter {
     /// A setting in Pa.
     ///
     /// # Errors
-    /// It is outside 800 to 1100 hPa: no weather is so.
+    /// It is outside 800 to 1100 hPa, which no weather reaches.
     pub fn new(pascal: f64) -> Result<Altimeter, AltitudeError> {
         if (80_000.0..=110_000.0).contains(&pascal) {
             Ok(Altimeter { pascal })
@@ -112,6 +112,7 @@ impl Altimeter {
     /// Metres above mean sea level of a pressure altitude.
     #[must_use]
     pub fn amsl_of_pressure_altitude(self, pressure_altitude_m: f64) -> f64 {
+        // The barometric formula of the troposphere, with the ratio of the two pressures at sea level.
         SCALE_M - (SCALE_M - pressure_altitude_m) * self.ratio()
     }
 
@@ -126,7 +127,7 @@ impl Altimeter {
     }
 }
 
-/// An altitude that cannot be flown as it stands.
+/// An altitude that cannot be flown as commanded.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AltitudeError {
     /// No altitude type beside the altitude: guessing one could be hundreds of metres off.
@@ -150,33 +151,33 @@ pub enum AltitudeError {
     /// Type 3 before the vehicle has reported its geoid separation.
     #[error("altitude type 3 (WGS-84): the vehicle's geoid separation is not known yet")]
     NoGeoid,
-    /// A type that no source names.
+    /// A type that no source defines.
     #[error("altitude type {0} is not known, expected 0 to 3")]
     Unknown(u8),
-    /// An altimeter setting, hPa, that no weather has.
+    /// An altimeter setting, hPa, that no weather reaches.
     #[error("altimeter setting {0} hPa, expected 800 to 1100")]
     Setting(i32),
 }
 
-/// What altitudes of the DLI are converted by.
+/// The references by which altitudes of the DLI are converted.
 #[derive(Debug, Clone, Copy)]
 pub struct Datum<'a> {
     /// Height of the geoid above the ellipsoid, m, once the vehicle has reported it.
     pub geoid_m: Option<f64>,
     /// How AGL is flown.
     pub agl: Agl,
-    /// What pressure altitudes are flown by.
+    /// The reference of pressure altitudes.
     pub altimeter: Altimeter,
     /// The ground, where elevation files are configured.
     pub terrain: Option<&'a Terrain>,
 }
 
 impl Datum<'_> {
-    /// Turns an altitude of the DLI into a level that MAVLink can carry. `over`: the places, degrees north and east, that are
-    /// flown over at it; AGL by elevation files is above the highest of them.
+    /// Converts an altitude of the DLI to a level that MAVLink can carry. `over`: the places, degrees north and east, that
+    /// are flown over at this altitude; AGL by elevation files is above the highest of them.
     ///
     /// # Errors
-    /// The type is absent, unknown, refused by `agl`, or needs a geoid separation or a height of the ground that is not known.
+    /// The type is absent, unknown, refused by `agl`, or needs a geoid separation or a ground height that is unknown.
     pub fn level(
         &self,
         altitude_m: f64,
@@ -211,7 +212,7 @@ impl Datum<'_> {
     /// The height of the ground, m above mean sea level.
     ///
     /// # Errors
-    /// It is not known there.
+    /// It is unknown there.
     pub fn ground_m(&self, (latitude, longitude): (f64, f64)) -> Result<f64, AltitudeError> {
         let ground = self
             .terrain

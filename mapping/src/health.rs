@@ -1,5 +1,5 @@
-//! What is wrong with a vehicle by its own messages, subsystem by subsystem, in words that an operator can act on: the
-//! source of 16000 for lasting causes and of the states in 16001.
+//! Faults of a vehicle by its own messages, subsystem by subsystem, in words that an operator can act on: the source of
+//! 16000 for lasting causes, and of the states in 16001.
 
 use mavlink_link::dialect::MavState;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -9,7 +9,7 @@ use crate::evidence::{MOTOR_OUTPUTS, POSITION};
 use crate::parameter::Parameters;
 use crate::telemetry::Telemetry;
 
-/// What can be wrong. One alert stands for each at a time.
+/// The possible faults. Each has at most one alert at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum HealthFault {
     /// SYS_STATUS: motor outputs.
@@ -22,13 +22,13 @@ pub enum HealthFault {
     Barometer,
     /// SYS_STATUS: GPS, or GPS_RAW_INT without a 3-D fix.
     Gps,
-    /// ESTIMATOR_STATUS: no position, or one that is not to be trusted.
+    /// ESTIMATOR_STATUS: no position, or an unreliable one.
     Estimator,
     /// SYS_STATUS: the battery's sensor.
     BatterySensor,
-    /// SYS_STATUS, BATTERY_STATUS: how much is left.
+    /// SYS_STATUS, BATTERY_STATUS: the remaining charge.
     Charge,
-    /// HEARTBEAT: a failsafe flies the vehicle, or it is an emergency.
+    /// HEARTBEAT: a failsafe controls the vehicle, or it reports an emergency.
     Failsafe,
     /// EXTENDED_SYS_STATE: a VTOL fell back to hovering without a transition to it (PX4's quad-chute).
     Transition,
@@ -36,14 +36,14 @@ pub enum HealthFault {
     Autopilot,
 }
 
-/// Something that is wrong.
+/// A fault that was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
-    /// What it is about.
+    /// Which fault.
     pub fault: HealthFault,
     /// How urgent.
     pub priority: AlertPriority,
-    /// What of the aircraft.
+    /// Which part of the aircraft.
     pub subsystem: SubsystemId,
     /// What is wrong, and what to do.
     pub text: String,
@@ -86,7 +86,7 @@ impl HealthFault {
     }
 }
 
-/// Everything that is wrong with a vehicle whose link is live, by its latest messages.
+/// All faults of a vehicle with a live link, by its latest messages.
 #[must_use]
 pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
     use AlertPriority as P;
@@ -134,7 +134,7 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         let text = "barometer failure: altitudes are from GPS only; keep clear of the ground";
         found(HealthFault::Barometer, P::Warning, S::Navigation, text);
     }
-    // One finding for each fault: a receiver that fails has no position either.
+    // One finding for each fault: a failed receiver has no position either.
     if fails(GPS) {
         let text = "GPS failure: modes that need a position are unavailable; land manually";
         found(HealthFault::Gps, P::Warning, S::Navigation, text);
@@ -208,7 +208,7 @@ fn charge(vehicle: &Telemetry, parameters: &Parameters) -> Option<(AlertPriority
     ];
     levels.iter().find_map(|(priority, name, otherwise, what)| {
         let below = threshold(name, *otherwise);
-        // A share of a float has more digits than a battery.
+        // A float has more digits than a battery's threshold.
         let shown = (below * 10.0).round() / 10.0;
         (percent <= below).then(|| {
             let text = format!("battery at {shown} % or less ({name}): {what}");

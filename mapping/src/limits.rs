@@ -1,7 +1,7 @@
-//! How high, how far and how fast a vehicle can be commanded to fly: by the configuration, by its own parameters, and by
-//! PX4's defaults where it has not reported them.
+//! How high, far and fast a vehicle can be commanded to fly: by the configuration, by its own parameters, and by PX4's
+//! defaults for those it has not reported.
 //!
-//! The same bounds are reported in the configuration phase (41003), and refuse a 2016, a 13002 and a 13003 beyond them.
+//! The configuration phase reports the same bounds (41003), and a 2016, a 13002 or a 13003 beyond them is refused.
 
 use geo::{Destination, Distance, Haversine, Point};
 
@@ -15,16 +15,15 @@ pub struct Limits {
     pub first_m: f64,
     /// Longest leg, m.
     pub leg_m: f64,
-    /// Lowest waypoint, m above home; where it is negative, only with `below_home`.
+    /// Lowest waypoint, m above home; a negative one applies only with `below_home`.
     pub lowest_m: f64,
     /// Whether anything may be flown below home.
     pub below_home: bool,
     /// Highest waypoint, m above home.
     pub highest_m: f64,
-    /// Lowest place of a route, m above the terrain where that is known; negative: so far below it.
+    /// Lowest place of a route, m above the terrain where that is known; negative: below it.
     pub above_terrain_m: f64,
-    /// Fastest commanded speed, m/s; the vehicle's own counts where it is lower
-    /// ([`Performance`]).
+    /// Fastest commanded speed, m/s; the vehicle's own limit applies if it is lower ([`Performance`]).
     pub speed_m_s: f64,
     /// Lowest transition of a VTOL, m above home.
     pub transition_m: f64,
@@ -49,11 +48,12 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The parameters of the vehicle that narrow them.
+    /// The vehicle's parameters that narrow them.
     pub const NAMES: [&str; 1] = ["GF_MAX_VER_DIST"];
 
-    /// These, narrowed by the fence that the vehicle itself keeps (GF_MAX_VER_DIST): PX4 refuses a plan above it, and flies its
-    /// action where a command leads there. What 41000 declares and what a command or a load is judged by are both made here.
+    /// These limits, narrowed by the fence that the vehicle itself keeps (GF_MAX_VER_DIST): PX4 refuses a plan above it,
+    /// and runs the fence's action if a command leads there. Both the declaration (41000) and the checks of commands and
+    /// loads use the result.
     #[must_use]
     pub fn of(self, parameters: &Parameters) -> Self {
         let [vertical] = Self::NAMES;
@@ -64,7 +64,7 @@ impl Limits {
         }
     }
 
-    /// The lowest that may be flown, m above home.
+    /// The lowest height that may be flown, m above home.
     #[must_use]
     pub fn floor_m(&self) -> f64 {
         if self.below_home {
@@ -74,14 +74,14 @@ impl Limits {
         }
     }
 
-    /// Whether a level may be flown at. Every altitude that is sent to the vehicle is compared here, of whatever type it
-    /// was commanded.
+    /// Checks that a level may be flown. Every altitude that is sent to the vehicle passes this check, whatever its
+    /// commanded type.
     ///
     /// # Errors
-    /// It is below home and that is not allowed, or it is lower or higher than the limits.
+    /// It is below home and that is not allowed, or it is beyond the limits.
     pub fn check_height(&self, level: Level, home_amsl_m: f64) -> Result<(), HeightError> {
         let height_m = level.above_home(home_amsl_m);
-        // Home is where the vehicle stood: its altitude is the ground's. What is no number is refused here too.
+        // Home is where the vehicle was on the ground, so its altitude is the ground's. A NaN is refused here too.
         let clear = height_m > 0.0 || self.below_home;
         if !clear {
             return Err(HeightError::BelowHome {
@@ -100,7 +100,7 @@ impl Limits {
     }
 }
 
-/// An altitude that may not be flown at.
+/// An altitude that may not be flown.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum HeightError {
     /// At home's altitude or below it, and `vehicle.limits.below_home` does not allow that.
@@ -130,16 +130,16 @@ pub enum HeightError {
     },
 }
 
-/// What it can, and what it does by itself.
+/// The vehicle's performance, and its defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Performance {
-    /// The slowest speed that can be commanded, m/s: FW_AIRSPD_MIN; of a multicopter one step of the field.
+    /// The slowest speed that can be commanded, m/s: FW_AIRSPD_MIN; for a multicopter one step of the field.
     pub slowest_m_s: f64,
     /// The fastest, m/s: MPC_XY_VEL_MAX or FW_AIRSPD_MAX, at most `vehicle.limits.speed_m_s`.
     pub fastest_m_s: f64,
-    /// Flown before any speed is commanded, m/s: MPC_XY_CRUISE or FW_AIRSPD_TRIM.
+    /// The speed before any is commanded, m/s: MPC_XY_CRUISE or FW_AIRSPD_TRIM.
     pub cruise_m_s: f64,
-    /// Within it a waypoint without a radius of its own is taken, m: NAV_ACC_RAD.
+    /// The distance within which a waypoint without its own radius is accepted, m: NAV_ACC_RAD.
     pub acceptance_m: f64,
 }
 
@@ -156,7 +156,7 @@ pub struct SpeedError {
 }
 
 impl Performance {
-    /// The parameters that it is made of.
+    /// The parameters that it is derived from.
     pub const NAMES: [&str; 6] = [
         "MPC_XY_VEL_MAX",
         "MPC_XY_CRUISE",
@@ -166,7 +166,7 @@ impl Performance {
         "FW_AIRSPD_TRIM",
     ];
 
-    /// Of a vehicle that can stand still, or cannot, with these parameters, within the configured limits.
+    /// For a vehicle that can hover, or cannot, with these parameters, within the configured limits.
     #[must_use]
     pub fn of(hovers: bool, parameters: &Parameters, limits: &Limits) -> Self {
         let [slowest, fastest, cruise] = if hovers {
@@ -175,7 +175,7 @@ impl Performance {
             ["FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"].map(Some)
         };
         let known = |name: Option<&str>| name.and_then(|name| parameters.above_zero(name));
-        // The configuration narrows what the vehicle's own parameters allow, and never widens it.
+        // The configuration narrows what the vehicle's parameters allow, and never widens it.
         let fastest_m_s = known(fastest).map_or(limits.speed_m_s, |own| own.min(limits.speed_m_s));
         let px4s = if hovers {
             QUAD_CRUISE_M_S
@@ -190,7 +190,7 @@ impl Performance {
         }
     }
 
-    /// The speed, where it can be commanded.
+    /// The speed, if it can be commanded.
     ///
     /// # Errors
     /// It is too slow, too fast, or no number.
@@ -212,7 +212,7 @@ impl Performance {
 }
 
 impl Default for Performance {
-    /// Of a multicopter that has reported nothing.
+    /// For a multicopter that has reported nothing.
     fn default() -> Self {
         Self::of(true, &Parameters::default(), &Limits::default())
     }
@@ -224,7 +224,7 @@ pub fn metres(from: (f64, f64), to: (f64, f64)) -> f64 {
     Haversine.distance(Point::new(from.1, from.0), Point::new(to.1, to.0))
 }
 
-/// The place at a distance, m, from another in a direction, rad clockwise from true north; degrees north and east.
+/// The place at a distance, m, and direction, rad clockwise from true north, from another; degrees north and east.
 #[must_use]
 pub fn moved(from: (f64, f64), course_rad: f64, distance_m: f64) -> (f64, f64) {
     let from = Point::new(from.1, from.0);
@@ -232,28 +232,28 @@ pub fn moved(from: (f64, f64), course_rad: f64, distance_m: f64) -> (f64, f64) {
     (at.y(), at.x())
 }
 
-/// A place, and the circle about it, by its points: what is flown over along the circle.
+/// A place and points of the circle around it: the places flown over along the circle.
 #[must_use]
 pub fn disc(centre: (f64, f64), radius_m: f64) -> Vec<(f64, f64)> {
-    // No point of it is further from one of these than an elevation sample of 30 m, up to a radius of 170 m; on the widest it
-    // is six of them.
+    // No point of the circle is further from one of these than an elevation sample of 30 m, up to a radius of 170 m; on the
+    // widest circle it is six samples.
     let course = |part: u32| f64::from(part) * std::f64::consts::TAU / f64::from(POINTS_OF_CIRCLE);
     let circle = (0..POINTS_OF_CIRCLE).map(|part| moved(centre, course(part), radius_m));
     std::iter::once(centre).chain(circle).collect()
 }
 
-/// The widest circle, m: of a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), of a fixed wing the
-/// most that NAV_LOITER_RAD takes.
+/// The widest circle, m: for a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), for a fixed wing the
+/// maximum of NAV_LOITER_RAD.
 pub const WIDEST_CIRCLE_M: f64 = 1_000.0;
 
 const POINTS_OF_CIRCLE: u32 = 36;
-/// One step of a speed on the wire.
+/// One step of the speed field.
 const STEP_M_S: f64 = 0.5;
-/// MPC_XY_CRUISE as PX4 comes.
+/// The default of MPC_XY_CRUISE.
 const QUAD_CRUISE_M_S: f64 = 5.0;
-/// FW_AIRSPD_TRIM as PX4 comes.
+/// The default of FW_AIRSPD_TRIM.
 const WING_CRUISE_M_S: f64 = 15.0;
-/// NAV_ACC_RAD as PX4 comes.
+/// The default of NAV_ACC_RAD.
 pub(crate) const ACCEPTANCE_M: f64 = 10.0;
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ impl Px4Mode {
     pub const COURSE: Px4Mode = Px4Mode::new(4, 19);
     /// TERMINATION: failsafe values at all outputs, until PX4 restarts.
     pub const TERMINATION: Px4Mode = Px4Mode::new(10, 0);
-    /// OFFBOARD: set points come over the link.
+    /// OFFBOARD: set points arrive over the link.
     pub const OFFBOARD: Px4Mode = Px4Mode::new(6, 0);
 
     /// The mode of a main and a sub mode, as MAV_CMD_DO_SET_MODE takes them in param2 and param3.
@@ -54,17 +54,17 @@ impl Px4Mode {
         row(self).map_or("an unknown mode", |(_, _, name)| name)
     }
 
-    /// What 3001 reports for it: the standard's mode where there is one, else a vehicle specific one from 32 up.
+    /// What 3001 reports for it: the standard's mode if there is one, otherwise a vehicle specific one from 32 up.
     #[must_use]
     pub fn reported(self) -> FlightPathControlMode {
         FlightPathControlMode::from_raw(row(self).map_or(UNKNOWN_MODE, |(_, dli, _)| *dli))
     }
 }
 
-/// What 3001 reports for a mode of PX4 that this table does not know.
+/// What 3001 reports for a PX4 mode that is not in this table.
 pub const UNKNOWN_MODE: u8 = 255;
 
-/// PX4's modes, what 3001 reports for each, and their names: the values above 31 are described to a CUCS by 41002.
+/// PX4's modes, what 3001 reports for each, and their names; 41002 describes the values above 31 to a CUCS.
 pub const MODES: &[(Px4Mode, u8, &str)] = &[
     (Px4Mode::POSCTL, 2, "POSCTL"),
     (Px4Mode::MISSION, 11, "AUTO.MISSION"),

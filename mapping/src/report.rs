@@ -30,7 +30,7 @@ pub const UA_STATE_TO_WINGS: u8 = 14;
 /// UA State of a VTOL that transitions to a hover.
 pub const UA_STATE_TO_HOVER: u8 = 15;
 
-/// What the CUCS has commanded last and the vehicle has taken: the source of 3002's commanded fields.
+/// What the CUCS last commanded and the vehicle accepted: the source of 3002's commanded fields.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Commanded {
     /// Altitude, above mean sea level.
@@ -39,16 +39,16 @@ pub struct Commanded {
     pub speed_m_s: Option<f64>,
     /// Its reference.
     pub speed_type: Option<SpeedType>,
-    /// Which leg of the route was flown when it was commanded: a later one may have a speed of its own.
+    /// The leg of the route at the time of the command: a later leg may have its own speed.
     pub speed_leg: Option<usize>,
     /// Loiter position: degrees north and east.
     pub loiter_position: Option<(f64, f64)>,
-    /// Direction that is steered (mode 15).
+    /// The commanded direction (mode 15).
     pub direction: Option<CommandedDirection>,
 }
 
 impl Commanded {
-    /// What `later` commands takes the place of what was before; the rest stays.
+    /// Applies what `later` commands; the rest is unchanged.
     pub fn keep(&mut self, later: &Commanded) {
         let Commanded {
             altitude_amsl_m,
@@ -70,7 +70,7 @@ impl Commanded {
 /// A direction as 2016 commands it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CommandedDirection {
-    /// Where nose and track point, as far as each is commanded.
+    /// Where nose and track point, as far as commanded.
     Steady {
         /// Commanded Heading.
         heading: Option<Bam16>,
@@ -81,7 +81,7 @@ pub enum CommandedDirection {
     Turning(f64),
 }
 
-/// 3001: the mode that the vehicle is in, never the requested one. `None` before it has reported one.
+/// 3001: the vehicle's actual mode, never the requested one. `None` before it has reported one.
 #[must_use]
 pub fn operating_mode(vehicle: &Telemetry, stamp: TimeStamp) -> Option<VehicleOperatingModeReport> {
     Some(VehicleOperatingModeReport {
@@ -90,7 +90,7 @@ pub fn operating_mode(vehicle: &Telemetry, stamp: TimeStamp) -> Option<VehicleOp
     })
 }
 
-/// 3001 of a vehicle that has fallen silent: no mode.
+/// 3001 for a vehicle that is no longer received: no mode.
 #[must_use]
 pub fn no_operating_mode(stamp: TimeStamp) -> VehicleOperatingModeReport {
     VehicleOperatingModeReport {
@@ -99,7 +99,7 @@ pub fn no_operating_mode(stamp: TimeStamp) -> VehicleOperatingModeReport {
     }
 }
 
-/// 3002. `stale` leaves only what does not come from the vehicle, with UA State unknown.
+/// 3002. `stale` leaves only values that do not come from the vehicle, with UA State unknown.
 #[must_use]
 pub fn operating_states(
     vehicle: &Telemetry,
@@ -148,10 +148,10 @@ pub fn operating_states(
     states
 }
 
-/// What 3002 leaves out because nothing is commanded in the present mode, for Edition 2.5: all fields of #104 are always sent, and an
-/// altitude of 0 would be one that nobody has commanded. It is what was commanded `last`, in whatever mode and by whichever CUCS, so
-/// that it is the same for the next in control; before that what is flown. Altitude and Heading Command Type stay absent, which says that
-/// neither is commanded now; a speed of 0 is none, as it is in #43.
+/// Fills what 3002 leaves out because nothing is commanded in the present mode, for Edition 2.5: #104 always carries all
+/// fields, and an altitude of 0 would be one that nobody commanded. The value is the `last` commanded one, in whatever mode
+/// and by whichever CUCS, so that the next CUCS in control sees the same; before any command it is the flown one. Altitude
+/// and Heading Command Type stay absent, which means that neither is commanded now; a speed of 0 means none, as in #43.
 pub fn fill_commanded(states: &mut VehicleOperatingStates, vehicle: &Telemetry, last: &Commanded) {
     if states.commanded_altitude.is_none() {
         let (altitude_type, offset_m) = reference(vehicle);
@@ -180,10 +180,10 @@ pub fn fill_commanded(states: &mut VehicleOperatingStates, vehicle: &Telemetry, 
     states.commanded_course = states.commanded_course.or(course).or_else(track);
 }
 
-/// 4000. `None` before the vehicle has reported anything that it carries.
+/// 4000. `None` before the vehicle has reported any of its values.
 ///
-/// Altitude is type 3 (ellipsoid) where the vehicle's geoid separation is known, else type 1 (AMSL). Without a
-/// position fix latitude, longitude and altitude are absent.
+/// Altitude is type 3 (ellipsoid) if the vehicle's geoid separation is known, otherwise type 1 (AMSL). Without a position
+/// fix, latitude, longitude and altitude are absent.
 #[must_use]
 pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<InertialStates> {
     let position = vehicle.position.filter(|_| vehicle.gps_fix != Some(false));
@@ -217,18 +217,18 @@ pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<Inertial
     Some(states)
 }
 
-/// Where a vehicle is along its route, as indices of [`CompiledMission::order`].
+/// A vehicle's position along its route, as indices of [`CompiledMission::order`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Along {
-    /// The waypoint that it has been at last; `None` before the first, and after it was sent elsewhere.
+    /// The last waypoint it was at; `None` before the first, and after it was sent elsewhere.
     pub from: Option<usize>,
-    /// The waypoint that it flies to, or will first.
+    /// The waypoint that it flies to, or will fly to first.
     pub to: Option<usize>,
     /// The one after that.
     pub next: Option<usize>,
 }
 
-/// 4001, in the CUCS's own waypoint numbers; 0 where there is no such waypoint.
+/// 4001, in the CUCS's own waypoint numbers; 0 if there is no such waypoint.
 #[must_use]
 pub fn waypoint_states(
     vehicle: &Telemetry,
@@ -257,7 +257,7 @@ pub fn waypoint_states(
         Scaled::from_si(amsl_m + offset_m).ok()
     };
     states.altitude_type = Some(altitude_type);
-    // Of a wing's legs it is the air speed that is commanded.
+    // For the legs of a wing the commanded speed is an air speed.
     states.speed_type = Some(if vehicle.airframe().has_wings() {
         SpeedType::Indicated
     } else {
@@ -294,7 +294,8 @@ pub fn waypoint_states(
     states
 }
 
-/// 4001 of a vehicle that loiters where it was commanded to: that place as To, 65535 since it is none of the uploader's.
+/// 4001 for a vehicle that loiters at a commanded place: that place as To, with number 65535, since it is none of the
+/// uploader's waypoints.
 #[must_use]
 pub fn loiter_place_states(
     vehicle: &Telemetry,
@@ -329,7 +330,7 @@ pub(crate) fn reference(vehicle: &Telemetry) -> (AltitudeType, f64) {
     }
 }
 
-/// A quantity, where it is known and its field can express it.
+/// A quantity, if it is known and its field can express it.
 pub(crate) fn scaled<R: Integer, S: Scale>(value: Option<f64>) -> Option<Scaled<R, S>> {
     Scaled::from_si(value?).ok()
 }
@@ -351,6 +352,7 @@ fn ua_state(vehicle: &Telemetry) -> UaState {
         Some(MavLandedState::MAV_LANDED_STATE_IN_AIR) => UaState::from_raw(UA_STATE_AIRBORNE),
         Some(MavLandedState::MAV_LANDED_STATE_TAKEOFF) => UaState::from_raw(UA_STATE_TAKE_OFF),
         Some(MavLandedState::MAV_LANDED_STATE_LANDING) => UaState::from_raw(UA_STATE_LANDING),
+        // Armed on the ground, before the take-off.
         _ if vehicle.armed == Some(true) => UaState::PreLaunch,
         _ => match vehicle.system_status {
             Some(MavState::MAV_STATE_STANDBY) => UaState::PreStart,
@@ -360,11 +362,11 @@ fn ua_state(vehicle: &Telemetry) -> UaState {
     }
 }
 
-/// Which leg of the route is flown, its number of legs where the route is over; `None` where the vehicle has reported none.
+/// The leg that is flown, or the number of legs when the route is complete; `None` if the vehicle has reported none.
 #[must_use]
 pub fn to_index(vehicle: &Telemetry, compiled: &CompiledMission) -> Option<usize> {
     let mission = vehicle.mission?;
-    // A mission that is over flies to nothing any more; the last waypoint stays the one it came from.
+    // A complete mission flies to nothing; its last waypoint stays the one it came from.
     if mission.state == MissionState::MISSION_STATE_COMPLETE {
         return Some(compiled.order.len());
     }
@@ -379,7 +381,7 @@ fn to_leg<'a>(vehicle: &Telemetry, compiled: Option<&'a CompiledMission>) -> Opt
     compiled.order.get(to_index(vehicle, compiled)?)
 }
 
-/// The speed that the vehicle was commanded last: by 2016, or by the leg that a mission flies since.
+/// The speed last commanded to the vehicle: by 2016, or by the leg that a mission flies since then.
 fn commanded_speed(
     vehicle: &Telemetry,
     commanded: &Commanded,
@@ -400,7 +402,7 @@ fn commanded_speed(
     else {
         return by_2016;
     };
-    // A speed of the route stays until the next one.
+    // A speed of the route applies until the next one.
     let by_route = compiled
         .order
         .iter()
@@ -428,7 +430,7 @@ fn eta_ms(vehicle: &Telemetry, to: &Leg, stamp: TimeStamp) -> Option<u64> {
     later(stamp.0, distance_m, vehicle.groundspeed?)
 }
 
-/// When a distance is flown; `None` at a speed so low that the time has no meaning.
+/// When a distance will be flown; `None` at a speed so low that the time has no meaning.
 fn later(from_ms: u64, distance_m: f64, speed_m_s: f64) -> Option<u64> {
     const SLOWEST_M_S: f64 = 0.5;
     (speed_m_s >= SLOWEST_M_S)

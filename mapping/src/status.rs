@@ -1,6 +1,6 @@
 //! Status on request: messages 3000, 3004 to 3007, 3009, 3010, 12101, 16001 and 50013.
 //!
-//! None is pushed: a CUCS asks by 17001 or 17002. A field that the vehicle has not reported is absent, never zero.
+//! None is pushed: a CUCS requests them by 17001 or 17002. A field that the vehicle has not reported is absent, never zero.
 //! Angles and velocities over ground are true, not magnetic; 3010 is in the body's axes.
 
 use std::f64::consts::TAU;
@@ -38,7 +38,7 @@ pub fn engines(vehicle: &Telemetry) -> u8 {
     }
 }
 
-/// 3000: what is known of the airframe. It burns no fuel: a capacity below 0 is "not applicable".
+/// 3000: what is known about the airframe. It burns no fuel: a capacity below 0 means "not applicable".
 #[must_use]
 pub fn configuration(vehicle: &Telemetry, stamp: TimeStamp) -> VehicleConfiguration {
     VehicleConfiguration {
@@ -115,10 +115,10 @@ pub fn engine(
     };
     let motor = usize::from(number).checked_sub(1);
     let rpm = motor.and_then(|motor| *vehicle.equipment.rpm.get(motor)?);
-    // Of more than one motor the combustion engine may be any, or drive a generator.
+    // With several motors the combustion engine may be any of them, or drive a generator.
     let combustion = (vehicle.equipment.combustion).filter(|_| engines(vehicle) == 1);
     let turning = combustion.and_then(|engine| engine.rpm);
-    // It runs while the vehicle is disarmed, too.
+    // A combustion engine runs while the vehicle is disarmed, too.
     let status = match turning {
         Some(rpm) if rpm > 0.0 => Some(EngineStatus::Running),
         Some(_) => Some(EngineStatus::Stopped),
@@ -137,7 +137,7 @@ pub fn engine(
     }
 }
 
-/// Message 3009. `agl`: whether height above home may stand for height above ground, or that of elevation files is known,
+/// Message 3009. `agl`: whether height above home stands for height above ground, or that of elevation files is known, with
 /// `ground_m` above mean sea level below the vehicle.
 #[must_use]
 pub fn air_and_ground(
@@ -159,7 +159,7 @@ pub fn air_and_ground(
     };
     let ground = vehicle.velocity_ned;
     let wind = vehicle.sensed.wind_ne;
-    // A multicopter without an air speed sensor reports 0 all the time.
+    // A multicopter without an air speed sensor always reports 0.
     let airspeed = vehicle
         .airspeed
         .filter(|airspeed| !vehicle.hovers() || *airspeed > 0.0);
@@ -196,7 +196,7 @@ pub fn body_sensed(vehicle: &Telemetry, stamp: TimeStamp) -> BodyRelativeSensedS
     }
 }
 
-/// 12101. No source gives its scales.
+/// 12101. No source defines its scales.
 ///
 /// Here volts and amperes are in steps of 0.01, charge in steps of 0.0016 % as in 3002, temperature in steps of 0.5 K.
 #[must_use]
@@ -222,7 +222,7 @@ pub fn battery(vehicle: &Telemetry, stamp: TimeStamp) -> BatteryReport {
     }
 }
 
-/// 50013. What the vehicle has not reported is absent.
+/// 50013. Values that the vehicle has not reported are absent.
 #[must_use]
 pub fn software(
     vsm_version: &str,
@@ -244,8 +244,8 @@ pub fn software(
     }
 }
 
-/// 16001, one a subsystem, by rising Subsystem ID: the worst of what is found there. `live` is whether the vehicle is
-/// received; of one that is not, nothing is known but the link.
+/// 16001, one for each subsystem, by rising Subsystem ID, with its worst finding. `live`: the vehicle is received; if not,
+/// only the state of the link is known.
 #[must_use]
 pub fn subsystems(
     vehicle: &Telemetry,
@@ -282,7 +282,7 @@ pub fn subsystems(
     ]
 }
 
-/// 16001 of one subsystem; `reference` is what 15001 asks for more with, -1 where there is no more.
+/// 16001 of one subsystem; `reference` is what a 15001 quotes to request more, -1 if there is no more.
 #[must_use]
 pub fn subsystem_report(
     (subsystem, state): (SubsystemId, AlertPriority),

@@ -1,6 +1,6 @@
-//! What a vehicle has reported of itself: the latest values of its messages, in SI units and the frames named here.
+//! What a vehicle has reported: the latest values of its messages, in SI units and the frames named here.
 //!
-//! A plain value. Whoever feeds it decides which messages to believe (verified, fresh) and when it is stale.
+//! A plain value. The caller decides which messages to believe (verified, fresh) and when the value is stale.
 
 use mavlink_link::dialect::{
     AUTOPILOT_VERSION_DATA, GpsFixType, MavAutopilot, MavLandedState, MavMessage, MavModeFlag,
@@ -40,20 +40,20 @@ pub struct Attitude {
     pub yaw_rate: f64,
 }
 
-/// The mission aboard (MISSION_CURRENT).
+/// The uploaded mission (MISSION_CURRENT).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MissionProgress {
     /// Sequence of the item that is flown to.
     pub seq: u16,
-    /// Items aboard; `None` where the vehicle has no mission.
+    /// Number of items; `None` if the vehicle has no mission.
     pub total: Option<u16>,
     /// Not started, active, paused, complete.
     pub state: MissionState,
-    /// PX4's checksum of the plan aboard, 0 where it has none.
+    /// PX4's checksum of the plan, 0 if it has none.
     pub mission_id: u32,
-    /// The same of the geofence aboard.
+    /// The same for the geofence.
     pub fence_id: u32,
-    /// The same of the rally points aboard.
+    /// The same for the rally points.
     pub rally_points_id: u32,
 }
 
@@ -84,10 +84,10 @@ pub struct Telemetry {
     pub autopilot: Option<MavAutopilot>,
     /// EXTENDED_SYS_STATE.landed_state.
     pub landed: Option<MavLandedState>,
-    /// EXTENDED_SYS_STATE.vtol_state; `None` of what is no VTOL.
+    /// EXTENDED_SYS_STATE.vtol_state; `None` for a vehicle that is no VTOL.
     pub vtol_state: Option<MavVtolState>,
-    /// A VTOL hovers that was on its wings or on the way there, without a transition back: PX4's quad-chute. It stands until
-    /// the next transition to wings, or the ground.
+    /// A VTOL hovers although it was on its wings or on the way there, and without a transition back: PX4's quad-chute.
+    /// True until the next transition to wings, or the ground.
     pub transition_failed: bool,
     /// GLOBAL_POSITION_INT, once the vehicle has a position.
     pub position: Option<Place>,
@@ -113,24 +113,24 @@ pub struct Telemetry {
     pub battery: Option<u8>,
     /// MISSION_CURRENT.
     pub mission: Option<MissionProgress>,
-    /// Where it flies to (POSITION_TARGET_GLOBAL_INT): PX4's own set point, AMSL.
+    /// The place it flies to (POSITION_TARGET_GLOBAL_INT): PX4's own set point, AMSL.
     pub target: Option<Place>,
-    /// The circle that it flies, or flew last (ORBIT_EXECUTION_STATUS).
+    /// The circle that it flies, or last flew (ORBIT_EXECUTION_STATUS).
     pub orbit: Option<Orbit>,
-    /// The last MISSION_ITEM_REACHED; PX4 sends it ten times over.
+    /// The last MISSION_ITEM_REACHED; PX4 repeats it up to ten times.
     pub reached: Option<u16>,
-    /// What its sensors have reported beyond that.
+    /// Further values of its sensors.
     pub sensed: Sensed,
-    /// What contingencies are judged by.
+    /// The basis for judging contingencies.
     pub evidence: Evidence,
-    /// What it has reported of its equipment: taken in beside, with its time ([`Equipment::update`]).
+    /// Its equipment. Updated separately, with the time ([`Equipment::update`]).
     pub equipment: Equipment,
-    /// AUTOPILOT_VERSION, once it was asked for.
+    /// AUTOPILOT_VERSION, once it was received.
     pub software: Option<Software>,
 }
 
 impl Telemetry {
-    /// Takes in one message of the vehicle's autopilot. True where it held something that is kept here.
+    /// Takes one message of the vehicle's autopilot. True if this struct keeps any of its values.
     pub fn update(&mut self, message: &MavMessage) -> bool {
         let sensed = self.sensed.update(message);
         self.evidence.update(message);
@@ -138,7 +138,8 @@ impl Telemetry {
             MavMessage::HEARTBEAT(m) => {
                 let mode = Some(Px4Mode(m.custom_mode));
                 if self.mode != mode {
-                    // What was intended before may not be now: a mode just commanded would look like a failsafe.
+                    // The intended mode may have changed with it: otherwise a mode just commanded would look like a
+                    // failsafe.
                     self.intended_mode = None;
                 }
                 self.mode = mode;
@@ -189,7 +190,7 @@ impl Telemetry {
             MavMessage::GPS_RAW_INT(m) => {
                 let fix = m.fix_type as u32 >= GpsFixType::GPS_FIX_TYPE_3D_FIX as u32;
                 self.gps_fix = Some(fix);
-                // An extension field that was never sent reads as 0: no receiver is exactly on the ellipsoid for long.
+                // An extension field that was not sent reads as 0; no receiver stays exactly on the ellipsoid.
                 if fix && m.alt_ellipsoid != 0 {
                     self.geoid_m = Some((f64::from(m.alt_ellipsoid) - f64::from(m.alt)) / 1e3);
                 }
@@ -204,11 +205,13 @@ impl Telemetry {
             MavMessage::SYS_STATUS(m) => {
                 self.battery = percent(m.battery_remaining).or(self.battery)
             }
+            // Only the first battery: others may feed a payload.
             MavMessage::BATTERY_STATUS(m) if m.id == 0 => {
                 self.battery = percent(m.battery_remaining).or(self.battery)
             }
             MavMessage::MISSION_CURRENT(m) => {
                 self.mission = Some(MissionProgress {
+                    // PX4 sends 65535 when it has no mission.
                     seq: m.seq,
                     total: (m.total != u16::MAX).then_some(m.total),
                     state: m.mission_state,
@@ -235,7 +238,7 @@ impl Telemetry {
         true
     }
 
-    /// Whether it is in the air, as far as it has reported.
+    /// Whether it has reported that it is in the air.
     #[must_use]
     pub fn airborne(&self) -> bool {
         use MavLandedState as S;
@@ -249,14 +252,14 @@ impl Telemetry {
         )
     }
 
-    /// Whether it stands on the ground, as it reports itself.
+    /// Whether it has reported that it is on the ground.
     #[must_use]
     pub fn stands(&self) -> bool {
         self.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND)
     }
 
-    /// Forgets where it was and what it flew: it has restarted, perhaps somewhere else. What it is stays, and what
-    /// its sensors measure is reported again.
+    /// Discards its position and what it flew: it has restarted, perhaps elsewhere. Its type stays, and its sensors report
+    /// again.
     pub fn restart(&mut self) {
         self.landed = None;
         self.vtol_state = None;
@@ -273,8 +276,8 @@ impl Telemetry {
         self.evidence = Evidence::default();
     }
 
-    /// The next state of a VTOL. A transition back takes seconds, in which this message is sent several times: one that hovers
-    /// without it was dropped out of its wings.
+    /// Updates the state of a VTOL. A transition back takes seconds, in which this message arrives several times, so a VTOL
+    /// that hovers without having reported it has lost its wings.
     fn turn_vtol(&mut self, next: MavVtolState) {
         use MavVtolState as V;
         let before = self.vtol_state;
@@ -290,14 +293,14 @@ impl Telemetry {
         self.vtol_state = (next != V::MAV_VTOL_STATE_UNDEFINED).then_some(next);
     }
 
-    /// What it is; a vehicle whose type is not known yet is taken for one that hovers.
+    /// Its airframe; a vehicle of unknown type is treated as one that hovers.
     #[must_use]
     pub fn airframe(&self) -> Airframe {
         self.vehicle_type
             .map_or(Airframe::Multicopter, Airframe::of)
     }
 
-    /// Whether it stands still in the air as it flies now: a fixed wing never does, a VTOL does until it flies on its wings.
+    /// Whether it can stand still in the air in its present state: a fixed wing never, a VTOL unless it flies on its wings.
     #[must_use]
     pub fn hovers(&self) -> bool {
         match self.airframe() {
@@ -307,7 +310,7 @@ impl Telemetry {
         }
     }
 
-    /// Whether a VTOL turns to its wings, or to a hover.
+    /// Whether a VTOL is in a transition, in either direction.
     #[must_use]
     pub fn transits(&self) -> bool {
         use MavVtolState as V;
@@ -318,7 +321,7 @@ impl Telemetry {
     }
 }
 
-/// Of degrees times 1e7, and metres.
+/// From degrees times 1e7, and metres.
 fn place(latitude: i32, longitude: i32, amsl_m: f64) -> Place {
     Place {
         latitude: f64::from(latitude) / 1e7,
@@ -327,18 +330,18 @@ fn place(latitude: i32, longitude: i32, amsl_m: f64) -> Place {
     }
 }
 
-/// The battery (BATTERY_STATUS of id 0, SYS_STATUS where that has not come).
+/// The battery (BATTERY_STATUS with id 0, or SYS_STATUS if there is none).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Battery {
-    /// Volts: the cells added.
+    /// Volts: the sum of the cells.
     pub volts: Option<f64>,
-    /// Amperes out of it.
+    /// Discharge current, amperes.
     pub amperes: Option<f64>,
     /// Kelvin.
     pub kelvin: Option<f64>,
 }
 
-/// SYS_STATUS: which sensors are used, and which of these are well.
+/// SYS_STATUS: which sensors are in use, and which of these are healthy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Health {
     /// onboard_control_sensors_enabled.
@@ -348,7 +351,7 @@ pub struct Health {
 }
 
 impl Health {
-    /// Whether one of these sensors is used and not well.
+    /// Whether one of these sensors is in use and not healthy.
     #[must_use]
     pub fn fails(self, sensors: u32) -> bool {
         self.enabled & !self.healthy & sensors != 0
@@ -371,7 +374,7 @@ pub struct Sensed {
 }
 
 impl Sensed {
-    /// Takes in one message. True where it held something that is kept here.
+    /// Takes one message. True if this struct keeps any of its values.
     pub(crate) fn update(&mut self, message: &MavMessage) -> bool {
         match message {
             MavMessage::WIND_COV(m) => {
@@ -383,6 +386,7 @@ impl Sensed {
                 self.acceleration = force.iter().all(|v| v.is_finite()).then_some(force);
             }
             MavMessage::BATTERY_STATUS(m) if m.id == 0 => {
+                // Cells that do not exist are 65535.
                 let cells = m.voltages.iter().filter(|cell| **cell != u16::MAX);
                 let millivolts: u32 = cells.map(|cell| u32::from(*cell)).sum();
                 self.battery = Battery {
@@ -409,7 +413,7 @@ impl Sensed {
     }
 }
 
-/// What a vehicle has reported of its software and board.
+/// The vehicle's software and board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Software {
     /// Such as `1.18.0-beta`.
@@ -423,7 +427,7 @@ pub struct Software {
 }
 
 impl Software {
-    /// Of the message.
+    /// From the message.
     #[must_use]
     pub fn of(message: &AUTOPILOT_VERSION_DATA) -> Software {
         let [major, minor, patch, kind] = message.flight_sw_version.to_be_bytes();

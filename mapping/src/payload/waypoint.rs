@@ -1,7 +1,8 @@
-//! What a 13004 asks of a payload station from the leg to its waypoint on: where its sensor looks, and which sensor is shown.
+//! What a 13004 requests of a payload station from the leg to its waypoint on: where its sensor looks, and which sensor is
+//! shown.
 //!
-//! The standard has it done when the vehicle begins to fly to the waypoint (#804), so its items precede those of the leg. What
-//! a mission of PX4 v1.18 cannot do is refused when it is sent, and nothing of it is stored:
+//! By the standard this happens when the vehicle begins to fly to the waypoint (#804), so the items precede those of the
+//! leg. Anything that a mission of PX4 v1.18 cannot do is refused on arrival, and nothing of it is stored:
 //!
 //! | 13004 | items | why no other |
 //! |---|---|---|
@@ -18,14 +19,14 @@ use stanag_msgs::messages::PayloadActionWaypoint;
 
 use super::pointing::Direction;
 
-/// What a 13004 asks for.
+/// The request of a 13004.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PayloadAction {
     /// Station number, 1 to 16.
     pub station: u8,
-    /// Where its sensor looks; none where it is left as it is.
+    /// Where its sensor looks; `None` leaves it unchanged.
     pub pointing: Option<Pointing>,
-    /// The thermal sensor is shown (Sensor Output 2), or the other (1).
+    /// Shows the thermal sensor (Sensor Output 2), or the other one (1).
     pub thermal: Option<bool>,
 }
 
@@ -38,22 +39,22 @@ pub enum Pointing {
     Place(StarePoint),
 }
 
-/// A place that is looked at.
+/// A place to look at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarePoint {
     /// Degrees north and east.
     pub place: (f64, f64),
-    /// Metres, of its type.
+    /// Metres, with the reference of its type.
     pub altitude_m: f64,
-    /// What it is above.
+    /// The reference of the altitude.
     pub altitude_type: Option<AltitudeType>,
 }
 
 impl PayloadAction {
-    /// What a 13004 asks for.
+    /// The request of a 13004.
     ///
     /// # Errors
-    /// What of it no item of PX4's missions does: the field, its value, and what is expected.
+    /// What no item of PX4's missions can do: the field, its value, and what is expected.
     pub fn of(action: &PayloadActionWaypoint) -> Result<PayloadAction, String> {
         let stations = action.station_number_1_16.map_or(0, |bits| bits.raw());
         if stations.count_ones() != 1 {
@@ -107,7 +108,8 @@ impl PayloadAction {
     }
 }
 
-/// The component id of the camera that an item for a station names: MAV_COMP_ID_CAMERA of station 1, those of the others follow.
+/// The component id of the camera that an item for a station names: MAV_COMP_ID_CAMERA for station 1, the following ids for
+/// the others.
 #[must_use]
 pub fn camera_of(station: u8) -> u8 {
     station.saturating_add(99)
