@@ -28,14 +28,14 @@ impl ChordBound {
     pub fn new(v1: Vec3, v2: Vec3, v3: Vec3) -> Self {
         let l2 = v3.norm2();
         if l2 < NO_CHORD_M2 {
-            // A closed part: all of it within the hull of its control points around q0.
+            // A closed part: all of it lies within the hull of its control points around q0.
             let offset_m = v1.norm2().max(v2.norm2()).max(l2).sqrt();
             return Self {
                 offset_m,
                 lag_m: 0.0,
             };
         }
-        // |w1 + w2| and |w2 - w1| by cross products with the chord: no cancellation, and nothing waits for the division.
+        // |w1 + w2| and |w2 - w1| by cross products with the chord: no cancellation, and no term waits for the division.
         let inverse = 1.0 / l2;
         let w_squared = 0.25 * (v1 + v2).cross(v3).norm2() * inverse;
         let m_squared = 0.25 * (v2 - v1).cross(v3).norm2() * inverse;
@@ -52,7 +52,7 @@ impl ChordBound {
         Self { offset_m, lag_m }
     }
 
-    /// The distance, m, that neither the curve is from the chord nor the chord from the curve anywhere.
+    /// A distance, m, that neither the curve exceeds from the chord nor the chord from the curve.
     #[inline]
     #[must_use]
     pub fn distance_m(self) -> f64 {
@@ -77,7 +77,7 @@ pub fn off_curve_m(c: [Vec3; 4], v: Vec3) -> f64 {
     if l2 < NO_CHORD_M2 {
         return c.iter().map(|p| p.norm()).fold(l2.sqrt(), f64::max);
     }
-    // Fractions along the chord (s) and what is left across it (w).
+    // Fractions along the chord (s) and the rest across it (w).
     let s = c.map(|p| p.dot(v) / l2);
     let mut w = c;
     for (w, s) in w.iter_mut().zip(s) {
@@ -103,6 +103,7 @@ pub fn off_curve_m(c: [Vec3; 4], v: Vec3) -> f64 {
         }
         return worst;
     }
+    // A part that runs back is rare (a loop or a cusp); a coarse bound is enough there.
     let back: f64 = s.windows(2).map(|p| (p[0] - p[1]).max(0.0)).sum();
     let (min, max) = (
         s.iter().copied().fold(0.0, f64::min),
@@ -175,7 +176,7 @@ fn lag(s1: f64, s2: f64) -> f64 {
     if discriminant <= 0.0 {
         return 0.0;
     }
-    // Citardauq's form for the second root: no cancellation, and right when a is 0.
+    // Citardauq's form for the second root: no cancellation, and correct when a is 0.
     let q = -(b + discriminant.sqrt().copysign(b));
     let (r1, r2) = (q / a, c / q);
     let mut furthest: f64 = 0.0;

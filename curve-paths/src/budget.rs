@@ -1,7 +1,7 @@
 //! The smallest tolerance that a number of items allows.
 //!
-//! The number of chords grows with one over the root of the tolerance, nearly, for each leg by itself. So one walk shows
-//! what tolerance to try next, and a few walks enclose the one that is sought.
+//! For each leg, the number of chords grows almost with the inverse root of the tolerance. So one walk predicts the next
+//! tolerance to try, and a few walks enclose the smallest one.
 
 use thiserror::Error;
 
@@ -13,19 +13,19 @@ use crate::walk::{Densified, Rules, length, length_guessed};
 /// A route densified to a number of vertices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budgeted {
-    /// The vertices, and what is proven of them.
+    /// The vertices, with their proven bound.
     pub densified: Densified,
-    /// The tolerance that they were made with, m: the smallest that the budget allows, to a tenth of a percent.
+    /// Their tolerance, m: the smallest that the budget allows, to a tenth of a percent.
     pub tolerance_m: f64,
 }
 
 /// Why no tolerance fits the budget.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum BudgetError {
-    /// The route's own waypoints are too many already.
+    /// The route's own waypoints already exceed the budget.
     #[error("at most {max_vertices} vertices, but the ends of the legs alone are {min}")]
     TooFew {
-        /// What was allowed.
+        /// The allowed number.
         max_vertices: usize,
         /// The ends of the legs, joints counted once.
         min: usize,
@@ -35,9 +35,8 @@ pub enum BudgetError {
     Densify(#[from] DensifyError),
 }
 
-/// The vertices of a whole route, at most `max_vertices` of them, first and last counted, with the smallest tolerance
-/// that allows it. The tolerance in `options` is the smallest that is of use; more vertices than it needs are not
-/// spent.
+/// The vertices of a whole route, at most `max_vertices`, first and last counted, with the smallest tolerance that allows
+/// this. The tolerance in `options` is the smallest useful one: no more vertices are used than it needs.
 ///
 /// # Errors
 /// When the legs' own ends exceed the budget, or the route cannot be densified.
@@ -66,7 +65,7 @@ pub fn densify_to_budget(
     } else {
         fixed_m + curves.smallest(requested_m)
     };
-    // The least chord can ask for more than the count did: then the tolerance gives way by small steps.
+    // The minimum chord may need a larger tolerance than the count did: then the tolerance grows in small steps.
     let mut last = None;
     for _ in 0..MIN_CHORD_STEPS {
         match densify(
@@ -94,7 +93,7 @@ pub fn densify_to_budget(
     Err(last.map_or(too_few, BudgetError::Densify))
 }
 
-/// The curved legs of a route, and the chords that there may be of them.
+/// The curved legs of a route, and the most chords they may have.
 struct Curves<'a> {
     legs: Vec<&'a BezierLeg>,
     max: usize,
@@ -125,7 +124,7 @@ impl<'a> Curves<'a> {
         }
     }
 
-    /// Whether they fit at this tolerance, fixed allowance taken off; it stops counting where they do not.
+    /// Whether they fit at this tolerance, the fixed allowance subtracted; it stops counting where they do not.
     fn fit(&self, tolerance_m: f64) -> bool {
         let rules = self.rules(tolerance_m);
         let mut left = self.max;
@@ -137,7 +136,7 @@ impl<'a> Curves<'a> {
         })
     }
 
-    /// The smallest tolerance, m, that they fit at, to [`NARROW`], where they do not at `low`.
+    /// The smallest tolerance, m, at which they fit, to [`NARROW`]; they do not fit at `low`.
     fn smallest(&self, mut low: f64) -> f64 {
         let mut high = f64::INFINITY;
         let mut at = low;
@@ -145,7 +144,8 @@ impl<'a> Curves<'a> {
         let mut lengths: Vec<f64> = self.legs.iter().map(guessed).collect();
         let mut walks = 0;
         while high > low * NARROW {
-            // Both sides of the tolerance that the last walk predicts, the upper first.
+            // Tried just above and just below the prediction of the last walk, above first: if it is right, both ends of
+            // the interval are found.
             let aim = at * self.scale(&lengths);
             let near = if high > aim * BESIDE * BESIDE {
                 aim * BESIDE
@@ -161,6 +161,7 @@ impl<'a> Curves<'a> {
             };
             walks += 1;
             let rules = self.rules(at);
+            // A leg far too coarse to fit needs no exact count.
             let enough = 4 * self.max;
             let mut chords = 0;
             for (leg, known) in self.legs.iter().zip(&mut lengths) {
@@ -176,7 +177,7 @@ impl<'a> Curves<'a> {
         high
     }
 
-    /// By how much the tolerance that these lengths were found at must grow, so that each leg's chords, rounded up, fit.
+    /// The factor by which the tolerance of these lengths must grow, so that each leg's chords, rounded up, fit.
     fn scale(&self, lengths: &[f64]) -> f64 {
         let chords = |shrink: f64| -> usize {
             let whole = |length: &f64| ((length * shrink).ceil() as usize).max(1);
@@ -194,21 +195,21 @@ impl<'a> Curves<'a> {
                 over = middle;
             }
         }
-        // Chords grow with the root of the tolerance.
+        // The number of chords goes with the inverse root of the tolerance.
         1.0 / (fits * fits)
     }
 }
 
-/// Relative width at which the smallest tolerance is known.
+/// The relative width to which the smallest tolerance is determined.
 const NARROW: f64 = 1.001;
-/// How far beside the prediction is tried: two such steps are within the width.
+/// How far beside the prediction to try: two such steps are within the width.
 const BESIDE: f64 = 1.000_3;
-/// Walks that follow the prediction of the one before; after these the interval is halved.
+/// Walks that use the prediction of the one before; after these the interval is halved.
 const PREDICTED_WALKS: u32 = 10;
-/// Lengths are not stretched further than this.
+/// The largest factor by which lengths are stretched.
 const MAX_SHRINK: f64 = 1e6;
 /// Halvings of the interval in which the shrinking is sought.
 const SHRINK_STEPS: u32 = 24;
-/// Steps, and their size, by which a tolerance gives way to the least chord: a thousandfold in all.
+/// Number and size of the steps by which the tolerance grows for the minimum chord: a thousandfold in all.
 const MIN_CHORD_STEPS: u32 = 200;
 const MIN_CHORD_STEP: f64 = 1.035;

@@ -1,9 +1,8 @@
 //! From curved legs to the vertices of straight ones, within a tolerance that is proven.
 //!
-//! Promised: the polyline through the vertices and the curve are nowhere further apart than `bound_m`, both ways, in
-//! three dimensions, all allowance included; `bound_m` is at most the tolerance asked for; every leg's own ends are
-//! vertices, each joint once; a route that ends where it began ends in the very same numbers. Nothing is allocated
-//! but the output.
+//! Promised: the polyline through the vertices and the curve are nowhere further apart than `bound_m`, both ways, in three
+//! dimensions, all allowances included; `bound_m` is at most the requested tolerance; every leg's own ends are vertices,
+//! each joint once; a closed route ends in exactly the numbers it starts with. Only the output is allocated.
 
 use thiserror::Error;
 
@@ -21,7 +20,7 @@ use crate::wgs84::{Near, Position};
     reason = "a route has a few hundred legs at most, and a leg stays Copy"
 )]
 pub enum Leg {
-    /// The geodesic from one position to another, climbing evenly: one chord, which is charged its roundings only.
+    /// The geodesic from one position to another with an even climb: one chord, which is charged only its rounding errors.
     Straight {
         /// Its start.
         from: Position,
@@ -83,7 +82,7 @@ pub struct Options {
     pub tolerance_m: f64,
     /// Shortest chord between two vertices of a curved leg, m on the ground; 4 for flight, 0 for no rule.
     pub min_chord_m: f64,
-    /// What is charged to the bound beside the geometry.
+    /// What is charged to the bound in addition to the geometry.
     pub allowance: ErrorAllowance,
     /// Whether vertices may leave the curve.
     pub vertices: Vertices,
@@ -95,7 +94,7 @@ pub enum Vertices {
     /// On the curve.
     #[default]
     OnCurve,
-    /// Off it by up to the tolerance: about 30 % fewer, and proven all the same.
+    /// Off the curve by up to the tolerance: about 30 % fewer, and proven all the same.
     Free,
 }
 
@@ -111,7 +110,7 @@ impl Options {
         }
     }
 
-    /// Geometry only: no allowance, no least chord.
+    /// Geometry only: no allowance, no minimum chord.
     #[must_use]
     pub const fn geometry(tolerance_m: f64) -> Self {
         Self {
@@ -123,7 +122,7 @@ impl Options {
     }
 }
 
-/// Why a route cannot be densified as asked.
+/// Why a route cannot be densified with these options.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum DensifyError {
     /// The route has no leg.
@@ -139,22 +138,22 @@ pub enum DensifyError {
         /// The distance, m.
         gap_m: f64,
     },
-    /// The tolerance is no number, or smaller than what the allowance take of it.
+    /// The tolerance is not a number, or smaller than what the allowances take of it.
     #[error("tolerance is {tolerance_m} m, expected {min_m:.4} to 10000 m")]
     Tolerance {
-        /// What was asked for, m.
+        /// The requested tolerance, m.
         tolerance_m: f64,
-        /// The least that can be kept, m.
+        /// The smallest possible tolerance, m.
         min_m: f64,
     },
-    /// The curve turns too tightly for chords of the least length.
+    /// The curve turns too tightly for chords of the minimum length.
     #[error("leg {leg} at t = {t:.4}: no chord of {min_chord_m} m keeps {tolerance_m} m")]
     ChordTooShort {
         /// The leg, from 0.
         leg: usize,
         /// The parameter.
         t: f64,
-        /// The least chord, m.
+        /// The minimum chord, m.
         min_chord_m: f64,
         /// The tolerance, m.
         tolerance_m: f64,
@@ -164,7 +163,7 @@ pub enum DensifyError {
 /// The vertices of a whole route.
 ///
 /// # Errors
-/// When the route is empty or torn, the tolerance cannot be kept, or the least chord forbids it.
+/// The route is empty or has a gap, the tolerance cannot be kept, or the minimum chord prevents it.
 pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyError> {
     let first = legs.first().ok_or(DensifyError::Empty)?.start();
     let fixed_m = check(legs, options)?;
@@ -211,6 +210,8 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
             }
         }
     }
+    // The ends of a closed route may differ by less than any message can carry. With equal numbers, PX4 gets the same item
+    // twice.
     if let [first, .., last] = &mut out.vertices[..]
         && apart_m(first.position, last.position) <= SAME_M
     {
@@ -222,8 +223,7 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
 /// The number of vertices that [`densify`] makes with vertices on the curve and no least chord, first and last
 /// counted: the search alone, without their latitudes and longitudes.
 ///
-/// # Errors
-/// As [`densify`], save for the least chord.
+/// As [`densify`], except for the minimum chord.
 pub fn vertices_needed(legs: &[Leg], options: &Options) -> Result<usize, DensifyError> {
     legs.first().ok_or(DensifyError::Empty)?;
     let tolerance_m = options.tolerance_m - check(legs, options)?;
@@ -246,7 +246,7 @@ fn freed(leg: &BezierLeg, index: usize, rules: &Rules, fixed_m: f64, out: &mut D
         return false;
     }
     let needed = out.vertices.len() - before.0;
-    // A vertex on the curve is the simpler one: off it only where that saves items.
+    // A vertex on the curve is simpler: vertices leave the curve only where that saves items.
     if count(leg, rules, needed) <= needed {
         out.vertices.truncate(before.0);
         (out.bound_m, out.shortest_chord_m) = (before.1, before.2);
@@ -267,6 +267,7 @@ fn densify_leg(
     walk(leg, rules, |chord| {
         out.bound_m = out.bound_m.max(fixed_m + chord.bound_m);
         out.shortest_chord_m = out.shortest_chord_m.min(chord.ground_m);
+        // The leg's own end, in its own digits: a computed one would differ by rounding.
         let position = if chord.b >= 1.0 {
             leg.p4()
         } else {
@@ -286,7 +287,7 @@ fn densify_leg(
     .map_err(|stuck| stuck.t)
 }
 
-/// Checks the route against its options; what every vertex is charged, m.
+/// Checks the route against its options; returns what every vertex is charged, m.
 pub(crate) fn check(legs: &[Leg], options: &Options) -> Result<f64, DensifyError> {
     for (index, pair) in legs.windows(2).enumerate() {
         let gap_m = apart_m(pair[0].end(), pair[1].start());
@@ -297,6 +298,7 @@ pub(crate) fn check(legs: &[Leg], options: &Options) -> Result<f64, DensifyError
             });
         }
     }
+    // float32 altitudes round more coarsely the higher they are, so the highest point sets the charge.
     let highest_m = legs.iter().map(highest).fold(0.0, f64::max);
     let fixed_m = options.allowance.fixed_m(highest_m);
     let min_m = fixed_m + MIN_GEOMETRY_M;
@@ -325,9 +327,9 @@ fn apart_m(a: Position, b: Position) -> f64 {
     flat.norm().hypot(a.alt_m - b.alt_m)
 }
 
-/// Two positions no further apart than this are one: far under what any message can carry, m.
+/// Positions no further apart than this are equal: far less than any message can carry, m.
 const SAME_M: f64 = 1e-6;
-/// Room for these is made at once; a route that needs more makes more.
+/// Allocated for these at once; a route that needs more grows the buffer.
 const VERTICES_A_LEG: usize = 16;
 /// What the allowance must leave for the geometry, m.
 const MIN_GEOMETRY_M: f64 = 1e-3;

@@ -1,8 +1,8 @@
 //! Vertices off the curve: fewer items for the same tolerance.
 //!
-//! A chord with its ends on the curve lies all on the inner side of a bend and uses the tolerance on that side only.
-//! With its ends moved outwards by nearly the tolerance, the middle may be inside by as much: chords get longer by the
-//! root of two. A leg's own ends stay where they are. The deviation both ways is proven for each chord by
+//! A chord with its ends on the curve lies on the inner side of a bend and uses the tolerance on that side only. With its
+//! ends moved outwards by nearly the tolerance, its middle may be inside by as much: chords become longer by a factor of
+//! root two. A leg's own ends stay. The deviation both ways is proven for each chord by
 //! [`off_curve_m`](crate::bound::off_curve_m).
 
 use crate::leg::BezierLeg;
@@ -11,7 +11,7 @@ use crate::vector::Vec3;
 use crate::walk::{AltitudeAlong, Densified, Rules, Vertex};
 use crate::wgs84::{Ground, Position};
 
-/// Appends the vertices of a leg after its start; false, with nothing appended, where the search gets stuck.
+/// Appends the vertices of a leg after its start; false, with nothing appended, if the search fails.
 pub(crate) fn walk_free(
     leg: &BezierLeg,
     index: usize,
@@ -22,14 +22,14 @@ pub(crate) fn walk_free(
     let before = (out.vertices.len(), out.bound_m, out.shortest_chord_m);
     let mut local = Local::new(leg, &rules.allowance);
     let mut altitude = AltitudeAlong::new(leg);
-    // The offset of the vertex that we stand at, earth-centred and in altitude.
+    // The offset of the present vertex, earth-centred and in altitude.
     let mut offset = (Vec3::ZERO, 0.0);
     let mut last = 0.0;
     while local.t() < 1.0 {
         let t = local.t();
         let here = local.framed(offset.0, offset.1);
         let Some(chord) = longest(&local, here, rules, last) else {
-            // Nothing is left behind: the caller walks this leg again with its vertices on the curve.
+            // Everything is undone: the caller walks this leg again with its vertices on the curve.
             out.vertices.truncate(before.0);
             (out.bound_m, out.shortest_chord_m) = (before.1, before.2);
             return false;
@@ -69,7 +69,7 @@ struct FreeChord {
 fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<FreeChord> {
     let t = local.t();
     let rest = 1.0 - t;
-    // The better of an end moved outwards and one on the curve.
+    // A chord to an end moved outwards, or to one on the curve where that fails.
     let try_to = |h: f64| -> Option<FreeChord> {
         let b = if h >= rest { 1.0 } else { t + h };
         let tried = |offset: Vec3| {
@@ -81,7 +81,7 @@ fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<Fr
                 ground_m,
             })
         };
-        // The end of a leg is a waypoint of the route, which is not ours to move.
+        // The end of a leg is a waypoint of the route, which must not move.
         if b >= 1.0 {
             return tried(Vec3::ZERO);
         }
@@ -96,6 +96,7 @@ fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<Fr
     }
     let (mut low, mut high) = (0.0, rest);
     let mut best = None;
+    // Outward ends allow chords longer by root two; the bound then decides.
     let mut h = (1.4 * local.guess(rules.tolerance_m, last).h).min(0.7 * rest);
     for _ in 0..MAX_STEPS {
         match try_to(h) {
@@ -119,9 +120,9 @@ fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<Fr
     best
 }
 
-/// How far outwards a vertex goes, as a part of the tolerance: the rest is for the chord between two such.
+/// How far outwards a vertex moves, as a part of the tolerance: the rest is for the chord between two such vertices.
 const OUTWARD: f64 = 0.97;
-/// Under this bend, as a multiple of the tolerance, there is no outside.
+/// With less bend than this, as a multiple of the tolerance, a chord has no outer side.
 const STRAIGHT: f64 = 0.1;
 /// Relative width that ends a search.
 const NARROW: f64 = 2e-3;

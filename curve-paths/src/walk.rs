@@ -1,8 +1,8 @@
 //! Along one leg by the longest chords that the tolerance allows.
 //!
-//! From each vertex the end of the next chord is searched with the proven bound: first guess from the curvature and how
-//! it changes, then a secant in the root of the bound (which grows nearly like the chord), bisection after six steps, as
-//! the secant stalls near a cusp. A chord is only ever accepted with its bound within the tolerance.
+//! From each vertex the end of the next chord is searched with the proven bound. The first guess comes from the curvature
+//! and its change. Then follows a secant on the root of the bound (which grows almost like the chord), and bisection after
+//! six steps, since the secant stalls near a cusp. A chord is accepted only if its bound is within the tolerance.
 
 use crate::leg::BezierLeg;
 use crate::local::{Chord, ErrorAllowance, Local};
@@ -11,7 +11,7 @@ use crate::wgs84::Position;
 /// A vertex of the densified route.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vertex {
-    /// Where it is.
+    /// Its position.
     pub position: Position,
     /// The leg that it ends or lies in, from 0; the route's first vertex belongs to leg 0.
     pub leg: usize,
@@ -19,7 +19,7 @@ pub struct Vertex {
     pub t: f64,
 }
 
-/// The vertices, and what is proven of them.
+/// The vertices, with their proven bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Densified {
     /// The vertices in order; the last equals the first in every bit of its position when the route is closed.
@@ -30,7 +30,7 @@ pub struct Densified {
     pub shortest_chord_m: f64,
 }
 
-/// The altitude at rising parameters, the length summed up from chord to chord.
+/// The altitude at rising parameters; the length is summed from chord to chord.
 pub(crate) struct AltitudeAlong<'a> {
     leg: &'a BezierLeg,
     length_m: f64,
@@ -56,7 +56,7 @@ impl<'a> AltitudeAlong<'a> {
     }
 }
 
-/// What a walk must keep.
+/// The rules of a walk.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
     /// Greatest bound of a chord, fixed allowance already taken off, m.
@@ -67,7 +67,7 @@ pub(crate) struct Rules {
     pub(crate) allowance: ErrorAllowance,
 }
 
-/// No chord of the least length keeps the tolerance here.
+/// No chord of the minimum length keeps the tolerance here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stuck {
     /// Parameter up to which the leg could be walked.
@@ -107,7 +107,7 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
     let guess = local.guess(tolerance_m, local.last());
     let moved = (guess.slope * (guess.h - local.last())).clamp(-0.5, 0.5);
     let mut h = AIM * guess.h * (1.0 - moved);
-    // Near the end, the end itself is worth the first try.
+    // Near the end of the leg, try the end first.
     if h > 0.8 * rest {
         h = rest;
     }
@@ -132,10 +132,10 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
         {
             return best;
         }
-        // The bound grows nearly with the square of the chord, so its root is nearly a straight line to the secant.
+        // The bound grows almost with the square of the chord, so its root is almost a straight line for the secant.
         let g = f.sqrt();
         let per_g = if step == 0 {
-            // Nothing is measured before it: as the root of the bound should grow here.
+            // Without a measurement before it: the expected growth of the root here.
             h / (g * (1.0 + (guess.slope * h).clamp(-0.5, 1.0)))
         } else {
             (h - before_h) / (g - before_g)
@@ -158,10 +158,10 @@ pub(crate) fn count(leg: &BezierLeg, rules: &Rules, enough: usize) -> usize {
     length(leg, rules, enough).ceil() as usize
 }
 
-/// How many chords of full length the greedy walk needs, the last one counted by the part of it that is used: never 0,
-/// and rounded up it is the number of chords. It stops counting past `enough`.
+/// The number of full chords that the greedy walk needs, with the last one counted by its used part: never 0, and the
+/// number of chords when rounded up. It stops counting past `enough`.
 pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
-    // A chord is about as long as the root of what it may be off.
+    // A chord is about as long as the root of its allowed deviation.
     let used = |last: &Chord| (last.bound_m / rules.tolerance_m).sqrt().clamp(1e-6, 1.0);
     let mut local = Local::new(leg, &rules.allowance);
     let whole = local.chord(1.0);
@@ -179,7 +179,7 @@ pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
     }
 }
 
-/// About what [`length`] will be, without a walk: from the curvature at a few places.
+/// An estimate of [`length`] without a walk, from the curvature at a few places.
 pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
     let local = Local::new(leg, &rules.allowance);
     let place = |k: u32| (f64::from(k) + 0.5) / f64::from(PLACES);
@@ -187,21 +187,21 @@ pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
     (0..PLACES).map(density).sum::<f64>() / f64::from(PLACES)
 }
 
-/// As the greedy walk, with no chord under the least length. A last chord that is too short is lengthened at the cost
-/// of the one before it; where that fails too, a dynamic program over a grid decides.
+/// As the greedy walk, with no chord under the minimum length. A last chord that is too short is lengthened at the cost of
+/// the one before; if that fails too, a dynamic program over a grid decides.
 fn walk_with_min(
     leg: &BezierLeg,
     local: &mut Local<'_>,
     rules: &Rules,
     mut visit: impl FnMut(&Chord),
 ) -> Result<(), Stuck> {
-    // A leg that one chord does for is the route's own; its length is not ours to choose.
+    // If one chord is enough, its ends are the route's own waypoints, and its length is given.
     let whole = local.chord(1.0);
     if whole.bound_m <= rules.tolerance_m {
         visit(&whole);
         return Ok(());
     }
-    // First without calling `visit`: whether the greedy walk gets through, and whether its end needs balance.
+    // A first pass without `visit`: whether the greedy walk succeeds, and whether its end needs balancing.
     let mut balance = None;
     let mut before: Option<Chord> = None;
     while local.t() < 1.0 {
@@ -219,7 +219,7 @@ fn walk_with_min(
         before = Some(chord);
         local.advance(&chord);
     }
-    // Second pass: only now is it certain that every chord can be visited, and `visit` takes none back.
+    // Second pass: only now is every chord certain, and a call of `visit` cannot be undone.
     local.reframe(0.0);
     while local.t() < 1.0 {
         if let Some((first, second)) = &balance
@@ -236,8 +236,8 @@ fn walk_with_min(
     Ok(())
 }
 
-/// Two chords from the start of `chord` to the end of the leg, both long enough and within the tolerance, if there
-/// are such: the vertex between them is moved back from where `chord` put it.
+/// Two chords from the start of `chord` to the end of the leg, both long enough and within the tolerance, if they exist:
+/// the vertex between them is moved back from the end of `chord`.
 fn rebalanced(leg: &BezierLeg, chord: &Chord, rules: &Rules) -> Option<(Chord, Chord)> {
     let mut local = Local::new(leg, &rules.allowance);
     (1..=BALANCE_STEPS).find_map(|k| {
@@ -251,8 +251,8 @@ fn rebalanced(leg: &BezierLeg, chord: &Chord, rules: &Rules) -> Option<(Chord, C
     })
 }
 
-/// The fewest chords with vertices on an even grid of t, none under the least length. Only near cusps does it come
-/// to this, so its cost (a few ms) and its buffers do not matter.
+/// The fewest chords with vertices on an even grid of t, none under the minimum length. Needed only near cusps, so its cost
+/// (a few ms) and its buffers do not matter.
 fn optimum_with_min(
     leg: &BezierLeg,
     rules: &Rules,
@@ -292,7 +292,7 @@ fn optimum_with_min(
     Ok(())
 }
 
-/// Places at which the curvature is looked at for a guess.
+/// Places at which the curvature is sampled for an estimate.
 const PLACES: u32 = 8;
 /// Places tried for the last vertex but one.
 const BALANCE_STEPS: u32 = 31;
@@ -300,11 +300,11 @@ const BALANCE_STEPS: u32 = 31;
 const GRID: usize = 384;
 /// Fraction of the tolerance that ends a search: the chord is within half a percent of the longest.
 const CLOSE_ENOUGH: f64 = 0.99;
-/// What the secant aims at: a root between that of the above and 1.
+/// The secant's target: between the root of the above and 1.
 const AIM: f64 = 0.9975;
 /// Relative width of the interval that ends a search.
 const NARROW: f64 = 1e-3;
-/// Steps by secant; then bisection.
+/// Steps by secant before bisection.
 const SECANT_STEPS: u32 = 6;
-/// Steps after which a chord that is good is taken as it is.
+/// Steps after which a valid chord is accepted as it is.
 const MAX_STEPS: u32 = 40;

@@ -1,4 +1,4 @@
-//! How tightly a leg turns, seen from above: that is what bank and lateral acceleration answer to.
+//! How tightly a leg turns, seen from above: this determines bank and lateral acceleration.
 
 use crate::leg::BezierLeg;
 use crate::vector::Vec3;
@@ -9,17 +9,17 @@ use crate::wgs84::{Position, up};
 pub struct Tightest {
     /// Its parameter.
     pub t: f64,
-    /// Where it is.
+    /// Its position.
     pub position: Position,
     /// Radius of the ground track there, m; infinite on a straight.
     pub radius_m: f64,
-    /// Greatest change of curvature along the part, 1/m^2: what lateral jerk answers to.
+    /// Greatest change of curvature along the part, 1/m^2: this determines lateral jerk.
     pub curvature_rate: f64,
 }
 
 /// The tightest place between two parameters of a leg.
 ///
-/// Sampled, then closed in on to a millionth of the part; a cusp comes out as a radius of 0 or close to it.
+/// Sampled, then refined to a millionth of the part; a cusp gives a radius of 0 or close to it.
 #[must_use]
 pub fn tightest(leg: &BezierLeg, a: f64, b: f64) -> Tightest {
     let view = View::of(leg, 0.5 * (a + b));
@@ -86,7 +86,7 @@ impl<'a> View<'a> {
         let flat = d - self.up * d.dot(self.up);
         let speed2 = flat.norm2();
         let turn = self.up.dot(flat.cross(dd));
-        // Below these a straight leg's rounding would pass for a turn.
+        // Below this, the rounding errors of a straight leg would look like a turn.
         if turn.abs() <= 1e-9 * dd.norm() * d.norm().max(1e-6) {
             return 0.0;
         }

@@ -1,11 +1,12 @@
-//! A bound of the deviation with which a route's curves are flown: what the guidance adds to the planned deviation.
+//! A bound for the flown deviation of a route's curves: what the guidance adds to the planned deviation.
 //!
-//! Not proven, as the planned one is, but held by every flight of docs/guide/curves.md. Wings are flown along the items by
-//! PX4's guidance law ([`Npfg`](super::Npfg)), without wind and with the allowed wind from eight directions; the worst of these
-//! tracks, with a margin, is the bound. A multicopter's is that of its worst corner, from PX4's position smoothing.
+//! It is not proven, as the planned one is, but every flight of docs/guide/curves.md stayed within it. For wings, the items
+//! are flown with PX4's guidance law ([`Npfg`](super::Npfg)), without wind and with the allowed wind from eight directions;
+//! the worst of these tracks, with a margin, is the bound. For a multicopter it is that of its worst corner, from PX4's
+//! position smoothing.
 //!
-//! The deviation counts both ways: the track from the curve, and the curve from the track, which a vehicle that cuts a bend
-//! does not come near.
+//! The deviation counts both ways: from the track to the curve, and from the curve to the track, since a vehicle that cuts
+//! a bend never comes near the bend.
 
 use std::f64::consts::TAU;
 
@@ -14,22 +15,22 @@ use super::vehicle::{Airframe, FixedWing, Multicopter};
 use super::wing_track::{self, Mark};
 use crate::wgs84::{Position, east_north, up};
 
-/// An item of a mission, as far as it decides how the way to it is flown.
+/// The part of a mission item that decides how the way to it is flown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlownItem {
-    /// Where it is.
+    /// Its position.
     pub position: Position,
-    /// Speed on the leg to it, m/s: through the air on wings, over ground of a multicopter.
+    /// Speed on the leg to it, m/s: air speed for wings, ground speed for a multicopter.
     pub speed_mps: f64,
-    /// Its acceptance radius, m; wings take it by one of their own ([`FixedWing::switch_m`]).
+    /// Its acceptance radius, m; wings use one of their own ([`FixedWing::switch_m`]).
     pub acceptance_m: f64,
     /// Whether the leg to it is a chord of a curve.
     pub curved: bool,
 }
 
-/// The deviation within which the curves of a mission are flown whose chords are within `bound_m` of them, m.
+/// The flown deviation of a mission's curves, m, if the chords are within `bound_m` of them.
 ///
-/// None without a curve, and for wings where the wind is over [`MAX_WIND_SHARE`] of the speed somewhere.
+/// `None` without a curve, and for wings where the wind exceeds [`MAX_WIND_SHARE`] of the speed somewhere.
 #[must_use]
 pub fn flown_bound_m(items: &[FlownItem], bound_m: f64, airframe: &Airframe) -> Option<f64> {
     if !items.iter().any(|item| item.curved) {
@@ -77,11 +78,11 @@ fn on_wings(items: &[FlownItem], wing: &FixedWing) -> Option<f64> {
     let off_m = winds
         .into_iter()
         .map(|wind| chords.apart_m(&wing_track::fly(&marks, wing, wind)));
-    // A wind that carries a vehicle away leaves no track to be near to.
+    // A wind that carries the vehicle away gives an infinite distance.
     Some(off_m.fold(0.0, f64::max)).filter(|off_m| off_m.is_finite())
 }
 
-/// The items of the curves, and those before and after that decide how they are entered and left.
+/// The items of the curves, and those before and after that influence how the curves are entered and left.
 fn around_curves(items: &[FlownItem]) -> &[FlownItem] {
     let first = items.iter().position(|item| item.curved).unwrap_or(0);
     let last = items.iter().rposition(|item| item.curved).unwrap_or(0);
@@ -91,14 +92,14 @@ fn around_curves(items: &[FlownItem]) -> &[FlownItem] {
         .unwrap_or(items)
 }
 
-/// The items seen from above, m from the first; a leg is no longer than `longest_m`.
+/// The items seen from above, m from the first; legs are cut to `longest_m`.
 fn flat(items: &[FlownItem], longest_m: f64) -> Vec<NorthEast> {
     let mut places = Vec::with_capacity(items.len());
     let mut at = [0.0, 0.0];
     let mut before: Option<Position> = None;
     for item in items {
         if let Some(before) = before {
-            // From item to item, so that a long route stays as true as a short one.
+            // From item to item, so that a long route is as accurate as a short one.
             let from = before.ground().to_ecef();
             let (east, north) = east_north(up(from));
             let step = item.position.ground().to_ecef() - from;
@@ -111,12 +112,12 @@ fn flat(items: &[FlownItem], longest_m: f64) -> Vec<NorthEast> {
     places
 }
 
-/// The chords of a route, and what of it counts: its curves, and half of the straight leg after each, onto which a vehicle
-/// is carried that leaves a curve too wide. The other half belongs to the corner at its end.
+/// The chords of a route, and the parts that count: its curves, and half of the straight leg after each, onto which a
+/// vehicle that leaves a curve too wide is carried. The other half belongs to the corner at its end.
 struct Chords<'a> {
     places: &'a [NorthEast],
     curved: Vec<bool>,
-    /// How far along the route each place is, m.
+    /// The distance of each place along the route, m.
     along_m: Vec<f64>,
 }
 
@@ -137,8 +138,8 @@ impl<'a> Chords<'a> {
     /// The greatest distance between the track and the curved chords, both ways, m.
     fn apart_m(&self, track: &[NorthEast]) -> f64 {
         let mut worst_m = 0.0_f64;
-        // How far along the route each place of the track is, never less than before: it is in the order of the route
-        // that it is flown, where it crosses itself too.
+        // The distance along the route of each place of the track. It never decreases: the track follows the order of the
+        // route, also where the route crosses itself.
         let mut passed: Vec<f64> = Vec::with_capacity(track.len());
         let mut reached_m = 0.0_f64;
         for at in track {
@@ -172,7 +173,7 @@ impl<'a> Chords<'a> {
         self.curved[leg] || self.curved[leg - 1] && share <= 0.5
     }
 
-    /// Distance to the nearest chord around a place of the route, how far along the route that is, and whether it counts.
+    /// Distance to the nearest chord around a place of the route, its distance along the route, and whether it counts.
     fn nearest(&self, at: NorthEast, reached_m: f64) -> (f64, f64, bool) {
         let low = self.along_m.partition_point(|m| *m < reached_m - WINDOW_M);
         let mut best = (f64::INFINITY, reached_m, false);
@@ -233,17 +234,17 @@ fn by_corners(items: &[FlownItem], copter: &Multicopter) -> f64 {
     level_m.hypot(lead_m)
 }
 
-/// The largest wind that wings are predicted in, as a part of their air speed.
+/// The strongest wind for which wings are predicted, as a part of their air speed.
 pub const MAX_WIND_SHARE: f64 = 0.6;
-/// Items before and after the curves.
+/// Items before and after the curves that are included.
 const AROUND: usize = 3;
-/// A vehicle has settled on its line after so long, s: what is beyond that of a leg changes nothing, and is left out.
+/// After so long a vehicle has settled on its line, s: the rest of a leg changes nothing, and is left out.
 const SETTLED_S: f64 = 25.0;
 /// Directions of the wind.
 const WINDS: u32 = 8;
-/// A track is matched with the part of the route this far before and behind of where it has been matched last, m.
+/// A track is matched with the part of the route this far before and behind its last match, m.
 const WINDOW_M: f64 = 150.0;
-/// More than what flights came to, at most, of what was computed for them (1.3 times): docs/guide/curves.md.
+/// More than the largest ratio of flown to computed deviation (1.3): docs/guide/curves.md.
 const WING_FACTOR: f64 = 1.4;
-/// Added for what is not computed: estimate, gusts, height, m.
+/// Added for effects that are not computed: estimate, gusts, height, m.
 const WING_M: f64 = 2.0;

@@ -1,4 +1,4 @@
-//! A flown track beside the route that it was to follow: how far it strayed, and which points of the route it passed.
+//! Compares a flown track with its route: how far it deviated, and which points of the route it passed.
 //!
 //! Promised: only the part between the route's start and end counts, wherever the track begins and ends; distances are
 //! in three dimensions, against the curves themselves and not their chords, and both ways: a vehicle that cuts a bend is near
@@ -9,7 +9,7 @@ use crate::vector::Vec3;
 use crate::walk::Densified;
 use crate::wgs84::{Position, east_north, up};
 
-/// What a flown track was like.
+/// A comparison of a flown track with its route.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flown {
     /// Greatest distance of the track from the route and of the route from the track, m.
@@ -17,7 +17,7 @@ pub struct Flown {
 
     /// Points of the densified route.
     pub points: usize,
-    /// Those of them that the track comes within the given distance of.
+    /// How many of them the track passes within the given distance.
     pub passed: usize,
     /// The samples of the track that count: the first, and the one after the last.
     pub part: (usize, usize),
@@ -25,7 +25,7 @@ pub struct Flown {
 
 /// Measures a flown track against the legs of a route; a point is passed within `within_m`.
 ///
-/// None where the track comes near the start or the end of the route nowhere, or the end before the start.
+/// `None` if the track never comes near the start or the end of the route, or reaches the end before the start.
 #[must_use]
 pub fn measure(
     legs: &[Leg],
@@ -39,7 +39,7 @@ pub fn measure(
     let near_m = within_m.max(NEAR_M);
     let enters = flown.iter().position(|p| (*p - start).norm() <= near_m)?;
     let leaves = flown.iter().rposition(|p| (*p - end).norm() <= near_m)?;
-    // On to the nearest: what lies before the start is no part of the route.
+    // Continues to the nearest sample: the way to the start is not part of the route.
     let first = (enters..flown.len())
         .take_while(|&k| (flown[k] - start).norm() <= near_m)
         .min_by(|&a, &b| {
@@ -109,7 +109,7 @@ fn to_segment(p: Vec3, a: Vec3, b: Vec3) -> f64 {
     (e - d * f).norm()
 }
 
-/// A horizontal plane at a place: foreshortened by less than a millionth within some kilometres.
+/// A horizontal plane at a place: it shortens distances by less than a millionth within some kilometres.
 struct Flat {
     origin: Vec3,
     east: Vec3,
