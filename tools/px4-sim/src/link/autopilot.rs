@@ -1,4 +1,4 @@
-//! A vehicle and its links: framing, signing, the lock on the first sender, still without sockets.
+//! A vehicle and its links: framing, signing, and the lock on the first sender; without sockets.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -12,20 +12,20 @@ use crate::config::Config;
 use crate::link::signing::{Admission, Refusal, Setup, Signing};
 use crate::vehicle::state::{Outgoing, Vehicle};
 
-/// What went over one link.
+/// Counts of one link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LinkCounters {
     /// Frames sent.
     pub sent: u64,
     /// Of these, signed.
     pub sent_signed: u64,
-    /// Frames taken because their signature was good.
+    /// Frames accepted with a valid signature.
     pub verified: u64,
-    /// Frames taken without a signature.
+    /// Frames accepted without a signature.
     pub unsigned: u64,
-    /// Frames of the four that need no signature, taken with a bad one.
+    /// Frames of the four that need no signature, accepted with a bad one.
     pub badly_signed: u64,
-    /// Bytes that were no frame: bad checksum, unknown flag, MAVLink 1, unknown message.
+    /// Bytes that are no frame: bad checksum, unknown flag, MAVLink 1, unknown message.
     pub not_frames: u64,
     /// Dropped: [`Refusal::Unsigned`].
     pub dropped_unsigned: u64,
@@ -37,7 +37,7 @@ pub struct LinkCounters {
     pub dropped_old_stream: u64,
     /// Dropped: [`Refusal::TooManyStreams`].
     pub dropped_too_many_streams: u64,
-    /// Datagrams of others than the partner; they are acted on.
+    /// Datagrams from senders other than the partner; they are acted on.
     pub from_strangers: u64,
 }
 
@@ -71,7 +71,7 @@ struct Port<A> {
     /// This link's signing clock.
     clock: u64,
     remote: Option<A>,
-    /// The first sender, for life.
+    /// The first sender, kept for life.
     partner: Option<A>,
     counters: LinkCounters,
 }
@@ -97,7 +97,7 @@ pub struct Autopilot<A> {
 }
 
 impl<A: Clone + PartialEq> Autopilot<A> {
-    /// Switched on. `remotes` are the links: where each sends to before anything was received; a link
+    /// Switches it on. `remotes` are the links: the address to which each sends before anything was received. A link
     /// without one sends nothing until then.
     pub fn new(config: Config, signing: Signing, remotes: Vec<Option<A>>) -> Self {
         let clock = signing.stored_stamp();
@@ -120,8 +120,8 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         }
     }
 
-    /// Switched off and on again: back at home, the streams forgotten, every signing clock back at
-    /// the value in the key file, and a new partner taken.
+    /// Switches it off and on again: it is back at home, the streams are forgotten, every signing clock is back at the
+    /// value in the key file, and it takes a new partner.
     pub fn restart(&mut self) {
         // The card stays as it is.
         let files = self.vehicle.files().clone();
@@ -142,12 +142,12 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         &self.vehicle
     }
 
-    /// The vehicle, to do to it what no link does: another station beside this one, a sensor that fails.
+    /// The vehicle, for changes that no link makes: another station beside this one, a failing sensor.
     pub fn vehicle_mut(&mut self) -> &mut Vehicle {
         &mut self.vehicle
     }
 
-    /// What went over a link.
+    /// Counts of a link.
     pub fn counters(&self, link: usize) -> LinkCounters {
         self.ports.get(link).map(|p| p.counters).unwrap_or_default()
     }
@@ -157,7 +157,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         self.ports.get(link).map(|p| p.clock)
     }
 
-    /// Key and first stamp, as they are in force and on disk.
+    /// Key and first stamp, as in use and on disk.
     pub fn signing(&self) -> &Signing {
         &self.signing
     }
@@ -167,13 +167,12 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         self.signing.key().is_some()
     }
 
-    /// Lets time pass.
+    /// Advances the time.
     pub fn step(&mut self, dt: Duration) {
         self.vehicle.step(dt);
     }
 
-    /// Handles a datagram. Its sender becomes the partner when it is the first; any sender's frames are
-    /// acted on.
+    /// Handles a datagram. The first sender becomes the partner; frames of any sender are acted on.
     pub fn handle_datagram(&mut self, link: usize, from: A, bytes: &[u8]) {
         let Some(port) = self.ports.get_mut(link) else {
             return;
@@ -186,7 +185,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
             Some(_) => {}
         }
         let (taken, rekeyed) = port.take(bytes, &mut self.signing, &mut self.vehicle);
-        // The key file is shared: every other link starts again from its timestamp too.
+        // The key file is shared, so every other link also restarts from its timestamp.
         if rekeyed {
             let clock = self.signing.stored_stamp();
             for (i, other) in self.ports.iter_mut().enumerate() {
@@ -225,7 +224,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
     }
 }
 
-/// A message let in: the dialect's struct, or the payload that the structs refuse.
+/// An accepted message: the dialect's struct, or the payload where the structs refuse it.
 struct Taken {
     from: Node,
     id: u32,
@@ -233,7 +232,7 @@ struct Taken {
 }
 
 impl<A> Port<A> {
-    /// The messages of a datagram that are let in, and whether the key has changed.
+    /// The accepted messages of a datagram, and whether the key has changed.
     fn take(
         &mut self,
         bytes: &[u8],
@@ -259,7 +258,7 @@ impl<A> Port<A> {
             }
             let from = Node::new(header.system_id, header.component_id);
             let content = view.message().map_err(|_| view.payload().to_vec());
-            // A key must be in force before the next frame of the same datagram is judged.
+            // The key must take effect before the next frame of the same datagram is judged.
             if let Ok(MavMessage::SETUP_SIGNING(setup)) = &content {
                 let result = signing.setup(setup, view.is_signed(), vehicle.commander.is_armed());
                 if matches!(result, Setup::Accepted | Setup::Disabled) {
@@ -325,6 +324,7 @@ impl<A> Port<A> {
         let Some(key) = signing.key() else {
             return Some(len);
         };
+        // One more for each packet, not the time: only a verified frame on this link lifts the clock further.
         let stamp = Stamp::new(self.clock);
         self.clock += 1;
         self.counters.sent_signed += 1;

@@ -1,9 +1,9 @@
 //! Signing as PX4 v1.18 does it, faults included: this is a model of the other side, not an example.
 //!
-//! - The timestamp of PX4's own packets is the initial one and one more for each packet; only a verified packet on
-//!   the same link lifts it.
-//! - A stream (system, component, link id) is let in when it is at most 60 s behind the link's clock;
-//!   there are 16 for the life of the process, whatever the key.
+//! - PX4's own packets carry the initial timestamp, plus one for each packet; only a verified packet on the same link lifts
+//!   it.
+//! - A new stream (system, component, link id) is accepted when it is at most 60 s behind the link's clock; there are 16
+//!   for the life of the process, whatever the key.
 //! - HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION are accepted unsigned, and badly signed too: a heartbeat proves nothing.
 //! - A refused frame is dropped silently: neither COMMAND_ACK nor STATUSTEXT.
 
@@ -26,27 +26,27 @@ pub enum Refusal {
     TooManyStreams,
 }
 
-/// Why a frame was taken.
+/// Why a frame was accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Admission {
     /// Its signature and stamp are good.
     Verified,
     /// No key is set, or the message needs no signature.
     Unsigned,
-    /// Badly signed, but one of the four: taken all the same.
+    /// Badly signed, but one of the four: accepted all the same.
     BadlySigned,
 }
 
-/// What became of SETUP_SIGNING.
+/// The outcome of SETUP_SIGNING.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Setup {
-    /// The key is in force, on every link.
+    /// The key is in use, on every link.
     Accepted,
     /// Signing is off.
     Disabled,
     /// The vehicle is armed.
     Armed,
-    /// The zero key did not come signed.
+    /// The zero key arrived unsigned.
     Ignored,
 }
 
@@ -73,7 +73,7 @@ impl Signing {
         }
     }
 
-    /// The key, where signing is on.
+    /// The key, while signing is on.
     pub fn key(&self) -> Option<&SigningKey> {
         self.key.as_ref()
     }
@@ -106,6 +106,7 @@ impl Signing {
             return exempt(Admission::BadlySigned, Refusal::BadSignature);
         }
         let id = (header.system_id, header.component_id, signature.link_id);
+        // PX4 judges the stamp after the signature, so a forged frame cannot move a stream.
         match self.admit_stamp(id, signature.stamp, *clock) {
             Ok(()) => {
                 *clock = (*clock).max(signature.stamp.get());
@@ -146,7 +147,7 @@ impl Signing {
             self.stored_stamp = 0;
             return Setup::Disabled;
         }
-        // A zero key with a stamp is a key like any other.
+        // PX4 treats a zero key with a stamp like any other key.
         self.key = Some(SigningKey::new_allowing_zero(m.secret_key));
         self.stored_stamp = m.initial_timestamp;
         Setup::Accepted

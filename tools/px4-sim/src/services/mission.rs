@@ -1,9 +1,8 @@
-//! The vehicle's end, as PX4 v1.18's mission manager behaves on the wire.
+//! The vehicle's end of missions, as PX4 v1.18's mission manager behaves on the wire.
 //!
-//! One transfer at a time and one item request outstanding; a request is repeated every 0.25 s;
-//! 5 s after the partner's last message the transfer is dropped with a text and without a
-//! MISSION_ACK. An item is checked as it comes, and the first bad one ends the transfer; the
-//! plan held before stays until the last item of the new one is in.
+//! One transfer at a time, and one outstanding item request, repeated every 0.25 s. 5 s after the partner's last message
+//! the transfer is dropped, with a text and without a MISSION_ACK. Each item is checked on arrival, and the first bad one
+//! ends the transfer; the previous plan stays until the last item of the new one has arrived.
 
 use std::time::Duration;
 
@@ -70,7 +69,7 @@ pub struct Server<R> {
     partner: Option<Node>,
     kind: MavMissionType,
     state: State,
-    /// The CRC and the number of items of the transfer that was received last.
+    /// The CRC and the number of items of the transfer received last.
     received: (u32, u16),
     last_sent: Duration,
     last_heard: Duration,
@@ -139,7 +138,7 @@ impl<R: ItemRules> Server<R> {
         self.current
     }
 
-    /// Whether a transfer runs.
+    /// Whether a transfer is in progress.
     pub const fn is_busy(&self) -> bool {
         !matches!(self.state, State::Idle)
     }
@@ -152,6 +151,7 @@ impl<R: ItemRules> Server<R> {
         else {
             return false;
         };
+        // PX4 takes MAV_COMP_ID_MISSIONPLANNER for itself in mission messages.
         let planner = (system, component) == (self.us.system, MISSION_PLANNER);
         if !planner && !self.us.is_target(system, component) {
             return false;
@@ -277,6 +277,7 @@ impl<R: ItemRules> Server<R> {
         let Some(index) = index(kind) else {
             return;
         };
+        // PX4 applies `current` of each item as it arrives, so the last one wins.
         let start = items.iter().rposition(|item| item.current);
         let start = start.and_then(|seq| u16::try_from(seq).ok());
         self.plans[index] = Plan { items, opaque_id };
@@ -349,7 +350,7 @@ impl<R: ItemRules> Server<R> {
                     self.send_ack(from, MavMissionResult::MAV_MISSION_ERROR, 0);
                     return;
                 }
-                // While no item came, a repeated count is taken for one whose answer was lost.
+                // Before the first item, PX4 takes a repeated count for one whose answer was lost.
                 if !items.is_empty() {
                     return self.reject(from, "WPM: REJ. CMD: Busy\t");
                 }
@@ -405,6 +406,7 @@ impl<R: ItemRules> Server<R> {
         }
         let items = std::mem::take(items);
         self.state = State::Idle;
+        // PX4 compares the CRC with that of the stored plan: an identical upload changes nothing in flight.
         if crc != self.opaque_id(kind) {
             self.store(kind, items, crc);
         }
@@ -412,7 +414,7 @@ impl<R: ItemRules> Server<R> {
     }
 
     fn refuse(&mut self, from: Node, fault: ItemFault) {
-        // Only what is wrong with the item itself has a text.
+        // PX4 sends a text only for faults of the item itself.
         if fault != ItemFault::Other {
             self.text("IGN MISSION_ITEM: Invalid item\t");
         }
@@ -453,6 +455,7 @@ impl<R: ItemRules> Server<R> {
         let ignored = match self.state {
             State::Idle => false,
             State::Sending { next, .. } => {
+                // All items were requested: PX4 then takes the transfer for complete, although MISSION_ACK is missing.
                 usize::from(next) != self.items(self.kind).len() && !again
             }
             State::Receiving { .. } => true,
@@ -522,7 +525,7 @@ impl<R: ItemRules> Server<R> {
         let message = if self.int {
             item.to_message(to, self.kind, seq)
         } else {
-            // The float message has the frames that are not called INT.
+            // The float message uses the frames without INT in their names.
             item.frame = match item.frame {
                 5 => FRAME_GLOBAL,
                 6 => FRAME_GLOBAL_RELATIVE,
@@ -530,7 +533,7 @@ impl<R: ItemRules> Server<R> {
             };
             item.to_float_message(to, self.kind, seq)
         };
-        // What came in a message fits in one, so that this cannot fail.
+        // It arrived in a message, so a message can carry it: this cannot fail.
         if let Ok(message) = message {
             self.out.push(message);
         }

@@ -1,6 +1,6 @@
-//! Commands: what each does, and what is answered.
+//! Commands: what each one does, and its answer.
 //!
-//! The numbers are those of MAV_CMD; the answers those seen of PX4 v1.18.
+//! The numbers are those of MAV_CMD; the answers were observed on PX4 v1.18.
 
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MavSeverity};
@@ -20,8 +20,8 @@ use crate::physics::trajectory::Circle;
 use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
 
 impl Vehicle {
-    /// Queues a command. When one more arrives than the queue holds, the oldest is lost silently: as observed, 200 commands
-    /// back to back lose most acknowledgements, so a bridge must keep one command outstanding and retry.
+    /// Queues a command. If the queue is full, the oldest is lost silently. Observed on PX4: of 200 commands back to back
+    /// most get no acknowledgement, so a bridge must keep one command outstanding and retry.
     pub(crate) fn queue_command(&mut self, command: Command) {
         let own = self.node();
         let Node { system, component } = command.target;
@@ -77,7 +77,7 @@ impl Vehicle {
         .is_some()
     }
 
-    /// PX4 forwards what is for another component of its vehicle, and that component answers.
+    /// PX4 forwards commands for another component of its vehicle, and that component answers.
     fn execute_by_component(&mut self, command: &Command) {
         let carrier = self.carrier();
         let Some((answer, sent)) = self.payloads.execute(command, &carrier) else {
@@ -114,7 +114,7 @@ impl Vehicle {
             gimbal::CONFIGURE | gimbal::PITCHYAW | gimbal::SET_ROI_NONE => {
                 self.payloads.execute_by_px4(&command);
             }
-            // One picture has to have a number, which the camera trigger gives it.
+            // A single picture needs a number, which the camera trigger gives it.
             actions::IMAGE_START_CAPTURE if p3 == 1.0 => self.trigger_camera(),
             SET_CAMERA_MODE
             | SET_CAMERA_SOURCE
@@ -130,14 +130,14 @@ impl Vehicle {
         }
     }
 
-    /// The pulses of the camera trigger after so many.
+    /// Sends the camera trigger's pulses since this count.
     pub(crate) fn trigger_cameras_since(&mut self, before: u32) {
         for _ in before..self.actions.triggers {
             self.trigger_camera();
         }
     }
 
-    /// A pulse of the camera trigger, whose interface is MAVLink (TRIG_INTERFACE 4) as it comes: one picture
+    /// A pulse of the camera trigger, whose default interface is MAVLink (TRIG_INTERFACE 4): one picture
     /// (streams/CAMERA_TRIGGER.hpp).
     fn trigger_camera(&mut self) {
         let own = self.node();
@@ -151,7 +151,7 @@ impl Vehicle {
         self.command_camera(FIRST_CAMERA, command);
     }
 
-    /// A command of the autopilot itself to a camera. Its acknowledgement is for the autopilot, and goes no further.
+    /// A command of the autopilot itself to a camera. Its acknowledgement goes to the autopilot only.
     fn command_camera(&mut self, camera: u8, command: Command) {
         let target = Node::new(self.node().system, camera);
         let carrier = self.carrier();
@@ -171,7 +171,7 @@ impl Vehicle {
         payload[2] = answer as u8;
         payload[8] = command.from.system;
         payload[9] = command.from.component;
-        // The dialect's struct where it knows the command.
+        // The dialect's struct if it knows the command; PX4 acknowledges unknown ones too.
         match MavMessage::parse(MavlinkVersion::V2, mav::COMMAND_ACK_DATA::ID, &payload) {
             Ok(message) if component == self.node().component => self.send(message),
             Ok(message) => self.send_of_components(vec![(component, message)]),
@@ -197,7 +197,7 @@ impl Vehicle {
             186 => self.change_altitude(c),
             191 => self.go_around(),
             192 => self.reposition(c),
-            // Regions of interest, camera triggers and the like: taken, without effect here.
+            // Regions of interest, camera triggers and the like are accepted, without effect here.
             195 if self.config.payloads > 0 => {
                 let placed = gimbal::place(c, &self.carrier());
                 let pointed = self.payloads.execute_by_px4(&placed);
@@ -208,7 +208,7 @@ impl Vehicle {
                 pointed.unwrap_or(Answer::Accepted)
             }
             80 | 189 | 195 | 196 | 197 | 201 | 206 | 211 | 214 | 530..=532 => Answer::Accepted,
-            // A reboot would be accepted by a board; a process cannot.
+            // A board would accept a reboot; a simulator process cannot reboot.
             246 => Answer::accepted_or(Answer::Denied, c.param(1) == 0.0),
             262 => match Mode::from_standard(c.param(1) as u32) {
                 Some(mode) => self.switch(mode, None),
@@ -217,7 +217,7 @@ impl Vehicle {
             300 => self.start_mission(c),
             400 => self.arm_or_disarm(c),
             401 => Answer::Accepted,
-            // Nothing in PX4 takes them then, and nothing answers (recording 07).
+            // Nothing in PX4 handles them in these states, so nothing answers (recording 07).
             3000 if self.config.airframe != Airframe::Vtol => return None,
             43_002 if !self.commander.is_armed() => return None,
             3000 => self.transition(c),
@@ -320,7 +320,7 @@ impl Vehicle {
 
     fn arm_or_disarm(&mut self, c: &Command) -> Answer {
         let was_armed = self.commander.is_armed();
-        // Forcing does not skip the checks where the command comes from outside.
+        // Force does not skip the checks for a command from outside.
         let done = self.decide(|commander, facts, notes| match c.param(1).round() as i64 {
             1 => Some(commander.arm("external command", facts, notes)),
             0 => {
@@ -355,7 +355,7 @@ impl Vehicle {
         };
         if first >= 0.0 {
             let active = self.commander.is_armed() && self.commander.mode() == Mode::Mission;
-            // Item 0 is where a mission starts anyway; only another one moves it.
+            // A mission starts at item 0 anyway; only another item moves it.
             if first as usize != self.navigator.mission.index() {
                 self.navigate(|nav, view, notes| {
                     nav.mission.select(first as usize, active, view, notes);
@@ -412,7 +412,7 @@ impl Vehicle {
                     self.send(report);
                     Answer::Accepted
                 }
-                // Known, but there is nothing to report yet.
+                // Known, but without a value yet.
                 None if self.streams.knows(message) => Answer::Accepted,
                 None => Answer::Denied,
             },
@@ -423,7 +423,7 @@ impl Vehicle {
         let change_mode = c.param(2) as i64 & 1 == 1;
         let holding = self.commander.mode() == Mode::Loiter;
         let target = self.local_target_of(c);
-        // Without a place the course is kept, at another altitude and speed.
+        // Without a position the course is kept, at another altitude and speed.
         if change_mode && self.commander.mode() == Mode::Course && !target.n.is_finite() {
             if c.given(1).is_some_and(|speed| speed > 0.0) {
                 self.navigator.set_speed(c.given(1));
@@ -450,7 +450,7 @@ impl Vehicle {
         answer
     }
 
-    /// Disarmed, the place is not kept: a later switch to hold must not fly there.
+    /// While disarmed the position is not kept: a later switch to hold must not fly there.
     fn hold_at(&mut self, reposition: Reposition) {
         if self.commander.is_armed() {
             self.navigate(|nav, view, _| nav.set_reposition(reposition, view));
@@ -508,7 +508,7 @@ impl Vehicle {
         Answer::Accepted
     }
 
-    /// On wings only: a multicopter has none.
+    /// On wings only: PX4 has no figure eight for a multicopter.
     pub(crate) fn figure_eight(&mut self, c: &Command) -> Answer {
         if self.config.airframe == Airframe::Quad {
             self.critical("Figure 8 command only available for fixed wing and vtol vehicles.");
@@ -543,7 +543,7 @@ impl Vehicle {
         Answer::Accepted
     }
 
-    /// PX4 denies it in every other mode, of a heading, and of what is not on wings.
+    /// PX4 denies it in every other mode, for a heading, and for a vehicle that is not on wings.
     fn change_course(&mut self, c: &Command) -> Answer {
         let may = self.body.flown_as() == Airframe::Plane
             && self.commander.mode() == Mode::Course
@@ -607,11 +607,11 @@ impl Vehicle {
     }
 
     pub(crate) fn terminate(&mut self, c: &Command) -> Answer {
-        // CBRK_FLIGHTTERM is not asked: it is about PX4's own failure detector alone. Nor is there a way back by param1 0.
+        // CBRK_FLIGHTTERM is ignored: it disables PX4's own failure detector only. Param1 0 does not end a termination.
         if c.param(1) <= 0.5 || !self.commander.is_armed() {
             return Answer::Denied;
         }
-        // Once terminated, a repetition is rejected: a ground station must look at HEARTBEAT.
+        // A repetition is rejected once terminated, so a ground station must look at HEARTBEAT.
         let done = self.request(Mode::Termination, false);
         Answer::accepted_or(Answer::TemporarilyRejected, done)
     }
@@ -623,7 +623,7 @@ const SET_CAMERA_SOURCE: u16 = 534;
 const FIRST_CAMERA: u8 = 100;
 /// How many commands wait for the commander: the depth of PX4's queue.
 const QUEUE: usize = 8;
-/// COMPONENT_ARM_DISARM.param2: do it in the air, too.
+/// COMPONENT_ARM_DISARM.param2: also in the air.
 const FORCE: i64 = 21196;
 /// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW.
 const WINGS: i64 = 4;
