@@ -1,6 +1,6 @@
 //! Requests messages at given rates, by MAV_CMD_SET_MESSAGE_INTERVAL.
 //!
-//! Uses a [`command::Client`], which has one command outstate. PX4 forgets rates
+//! Uses a [`command::Client`], which has one command outstanding. PX4 forgets rates
 //! when it restarts, so the caller decides when to request them again; an id that the vehicle refused
 //! is not requested again.
 
