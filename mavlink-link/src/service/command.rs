@@ -369,6 +369,8 @@ impl Client {
     }
 
     fn finish(&mut self, now: Duration, active: &Active, outcome: Outcome, surplus: u8) {
+        // What a slow link had no room for yet is not sent after its end was reported.
+        self.out.clear();
         if surplus > 0 {
             self.surplus = Some(Surplus {
                 command: active.command.command,

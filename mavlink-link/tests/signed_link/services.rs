@@ -184,11 +184,22 @@ fn a_lost_second_answer_holds_the_next_command_for_one_wait_only() {
         .submit(ms(0), command(ARM, Repetition::Safe))
         .unwrap();
     client.handle_timeout(ms(500));
-    client.handle_message(ms(510), PX4, &ack(ARM, ACCEPTED), true);
     assert_eq!(sent(&mut client), [0, 1]);
+    client.handle_message(ms(510), PX4, &ack(ARM, ACCEPTED), true);
     assert_eq!(client.poll_timeout(), Some(ms(1010)));
     client.handle_timeout(ms(1010));
     assert_eq!(sent(&mut client), [0]);
+}
+
+#[test]
+fn what_had_no_room_to_leave_does_not_leave_after_its_end() {
+    let mut client = client();
+    let ticket = client
+        .submit(ms(0), command(ARM, Repetition::Safe))
+        .unwrap();
+    client.withdraw(ms(10), ticket);
+    assert_eq!(outcome(&mut client), Some(Outcome::Withdrawn));
+    assert!(sent(&mut client).is_empty());
 }
 
 #[test]

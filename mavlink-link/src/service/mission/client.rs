@@ -235,6 +235,10 @@ impl Client {
 
     fn end(&mut self, job: &Job, end: Result<Event, Failure>) {
         let (operation, kind) = (job.operation(), job.kind());
+        // What a slow link had no room for yet is not sent after its end was reported: a MISSION_SET_CURRENT could move the
+        // aircraft then. A MISSION_ACK only closes a transfer.
+        self.out
+            .retain(|message| matches!(message, MavMessage::MISSION_ACK(_)));
         let event = end.unwrap_or_else(|reason| {
             if matches!(operation, Operation::Upload | Operation::Download) {
                 self.out.push(cancel(self.vehicle, kind));

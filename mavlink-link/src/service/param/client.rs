@@ -304,6 +304,8 @@ impl Client {
     }
 
     fn finish(&mut self, now: Duration, event: Event) {
+        // What a slow link had no room for yet is not sent after its end was reported.
+        self.out.clear();
         if matches!(self.events.last_mut(), Some(Event::Progress { .. })) {
             self.events.pop_last();
         }
