@@ -129,6 +129,23 @@ fn an_expired_partial_frame_gives_up_the_good_ones_inside_it() {
 }
 
 #[test]
+fn overlapping_candidates_cost_their_receiver_few_signatures_and_hide_no_checked_frame() {
+    let vehicle = Vehicle::new(Stamp::new(1)).heartbeat();
+    let mut bytes: Vec<u8> = [0xfd, 0xff, 0x01, 0x7f, 0x00, 0x01, 0x00]
+        .into_iter()
+        .cycle()
+        .take(2_000)
+        .collect();
+    bytes.extend(&vehicle);
+    bytes.extend([0; 300]);
+    let (found, _) = parse(&mut Parser::new(), &bytes);
+    let (checked, hashed): (Vec<_>, Vec<_>) = found.into_iter().partition(|one| *one == vehicle);
+    assert_eq!(checked.len(), 1);
+    let hashed: usize = hashed.iter().map(Vec::len).sum();
+    assert!((1..=3 * bytes.len()).contains(&hashed), "{hashed}");
+}
+
+#[test]
 fn mavlink_1_is_recognised_and_refused() {
     // A MAVLink 1 heartbeat: length, sequence, system, component, id, payload, checksum.
     let mut v1 = vec![0xfe, 9, 0, 1, 1, 0, 0, 0, 0, 0, 6, 8, 0, 4, 3];
