@@ -291,11 +291,15 @@ fn udp(family: SocketAddr, shared: bool) -> io::Result<Socket> {
     socket.set_nonblocking(true)?;
     // The system's default does as well, only with more loss in bursts.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
+    let _ = socket.set_send_buffer_size(SEND_BUFFER);
     Ok(socket)
 }
 
 /// Bursts of an upload wait here while a record is written. The system may grant less.
 const RECEIVE_BUFFER: usize = 1 << 20;
+/// More than ARP holds for one computer that is not there (`unres_qlen_bytes`, 212,992 bytes), so that what is sent to the others
+/// finds room. The system may grant less.
+const SEND_BUFFER: usize = 1 << 20;
 
 #[cfg(test)]
 mod tests {

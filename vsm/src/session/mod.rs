@@ -106,7 +106,7 @@ mod termination;
 mod testing;
 pub(crate) mod trace;
 pub(crate) mod trigger;
-mod turns;
+pub(crate) mod turns;
 mod two_steps;
 pub mod web;
 mod zeroize;

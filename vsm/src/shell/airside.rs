@@ -223,6 +223,9 @@ impl AirsideServer {
         let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
         let mut pings = service::ping_interval().map(tokio::time::interval);
         let (stored, looked) = (self.stored.clone(), self.px4_peers.looked());
+        for (_, writer) in [&self.radio, &self.px4] {
+            writer.ready().await;
+        }
         // Frames and alerts of the start, before the first wait.
         self.settle().await?;
         loop {
@@ -456,11 +459,11 @@ impl AirsideServer {
             if let (Side::Radio, Some(encryption)) = (sent.side, &mut self.encryption) {
                 encryption.send(self.clock.mono(), sent.to, frame);
                 // At once: it holds few packets, and a burst of PX4's frames makes many.
-                self.send_encrypted().await?;
+                self.send_encrypted()?;
             } else if let Some(Err(stranger)) = stranger {
                 tracing::error!("{NOT_SENT}: {stranger}");
                 self.agent.count_held_back(FOREIGN);
-            } else if let Err(cause) = writer.send(frame, sent.to).await {
+            } else if let Err(cause) = writer.try_send(frame, sent.to) {
                 // The writer's task has ended; nothing would be sent on this line any more. Any other error is of this
                 // frame alone.
                 if cause.kind() == io::ErrorKind::BrokenPipe {
@@ -475,7 +478,7 @@ impl AirsideServer {
         }
         self.px4_peers.forget_look();
         self.report_pairing().await;
-        self.send_encrypted().await?;
+        self.send_encrypted()?;
         while let Some(note) = self.agent.poll_note() {
             write_log(note.level, &note.text);
         }
@@ -490,13 +493,13 @@ impl AirsideServer {
     }
 
     /// Sends what the encrypted link has for the radio, and writes its log.
-    async fn send_encrypted(&mut self) -> Result<(), TaskFault> {
+    fn send_encrypted(&mut self) -> Result<(), TaskFault> {
         let Some(encryption) = &mut self.encryption else {
             return Ok(());
         };
         let disk = &mut self.disk.store;
         while let Some((to, bytes)) = encryption.poll_transmit(self.clock.mono(), disk) {
-            if let Err(cause) = self.radio.1.send(bytes, to).await {
+            if let Err(cause) = self.radio.1.try_send(bytes, to) {
                 if cause.kind() == io::ErrorKind::BrokenPipe {
                     let task = RADIO_WRITER;
                     return Err(TaskFault::Ended { task });

@@ -203,10 +203,20 @@ impl VehicleWriter {
         }
     }
 
-    /// Sends one frame or drops it, without waiting.
+    /// Waits until a frame can be sent. Until the runtime has looked at a socket once, [`try_send`](Self::try_send) drops all.
+    pub async fn ready(&self) {
+        if let VehicleWriter::Udp(socket) = self {
+            // A fault is reported by the next frame.
+            let _ = socket.writable().await;
+        }
+    }
+
+    /// Sends one frame or drops it, without waiting. One socket leads to several vehicles or ground stations: what is sent to
+    /// one that is not there must not hold up the others.
     ///
     /// # Errors
-    /// The system's; [`io::ErrorKind::WouldBlock`] where there is no room.
+    /// The system's; [`io::ErrorKind::WouldBlock`] where there is no room; [`io::ErrorKind::BrokenPipe`] where the task that
+    /// writes a serial port is gone, which is the end of the program.
     pub fn try_send(&self, bytes: &[u8], to: Peer) -> io::Result<()> {
         match (self, to) {
             (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
@@ -220,22 +230,13 @@ impl VehicleWriter {
         }
     }
 
-    /// Sends one frame.
+    /// Sends one frame, when there is room.
     ///
     /// # Errors
-    /// The system's; [`io::ErrorKind::BrokenPipe`] where the task that writes a serial port is gone, which is the end of
-    /// the program.
+    /// As [`try_send`](Self::try_send).
     pub async fn send(&self, bytes: &[u8], to: Peer) -> io::Result<()> {
-        match (self, to) {
-            (VehicleWriter::Udp(socket), Peer::Udp(to)) => {
-                socket.send_to(bytes, to).await.map(|_| ())
-            }
-            (VehicleWriter::Tcp(connections), Peer::Tcp(to)) => connections.push(bytes, to),
-            (VehicleWriter::Serial(queue), _) => queue.push(bytes),
-            (VehicleWriter::Udp(_) | VehicleWriter::Tcp(_), _) => {
-                Err(io::ErrorKind::AddrNotAvailable.into())
-            }
-        }
+        self.ready().await;
+        self.try_send(bytes, to)
     }
 }
 
@@ -456,12 +457,16 @@ fn udp(address: SocketAddr) -> io::Result<UdpSocket> {
     socket.set_nonblocking(true)?;
     // The system's default buffer works too, with more loss in bursts.
     let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
+    let _ = socket.set_send_buffer_size(SEND_BUFFER);
     socket.bind(&address.into())?;
     UdpSocket::from_std(socket.into())
 }
 
 /// Bursts of an upload wait here while a record is written. The system may grant less.
 const RECEIVE_BUFFER: usize = 1 << 20;
+/// More than ARP holds for one computer that is not there (`unres_qlen_bytes`, 212,992 bytes), so that what is sent to the others
+/// finds room. The system may grant less.
+const SEND_BUFFER: usize = 1 << 20;
 
 #[cfg(test)]
 mod tests {

@@ -6,6 +6,7 @@ mod bad_sockets;
 mod broken_tasks;
 mod config_mistakes;
 mod configuration;
+mod dead_neighbour;
 mod demo_attack;
 mod demo_curves;
 mod demo_payload;

@@ -432,6 +432,13 @@ impl Bridge {
         self.counters.count(name);
     }
 
+    /// The index of the station that has proved to be at this address.
+    #[must_use]
+    pub fn proven_at(&self, address: SocketAddr) -> Option<usize> {
+        (0..self.stations.len())
+            .find(|&index| self.paths.peer(index) == Some(address) && self.paths.is_proven(index))
+    }
+
     /// The next datagram for the DLI side.
     pub fn poll_dli(&mut self) -> Option<Datagram> {
         self.next_datagram()

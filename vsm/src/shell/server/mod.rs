@@ -8,6 +8,7 @@ mod files;
 mod forward;
 mod guard_thread;
 mod guards;
+mod inbox;
 mod open;
 mod pairing;
 mod read_ahead;

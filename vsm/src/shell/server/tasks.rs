@@ -16,6 +16,7 @@ use tokio::io::Interest;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::Notify;
 
+use super::inbox::Inbox;
 use super::shared::{Core, Shared, write_log};
 use crate::session::{Datagram, Destination, OutFrame, Peer, WebWay};
 use crate::shell::interfaces::listen_elsewhere;
@@ -34,35 +35,25 @@ pub(super) async fn receive_dli(
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
     let here = socket.local_addr();
+    let handle = |from: SocketAddr, bytes: &[u8]| {
+        shared.with(|core, now| {
+            if group
+                .as_ref()
+                .is_some_and(|group| !group.takes_from(from.ip()))
+            {
+                return core.bridge.count_dropped("not a source of the group");
+            }
+            if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
+                recording.received(now.wall, from, *here, bytes);
+            }
+            core.bridge.handle_dli(now, from, bytes, &mut core.store);
+        });
+    };
+    let mut inbox = Inbox::default();
     let mut turn = shared.clock.mono();
     loop {
-        match socket.try_recv_from(&mut bytes) {
-            Ok((length, from)) => {
-                // An IPv6 socket that also accepts IPv4 shows IPv4 addresses in mapped form; a station must have the same
-                // address on both.
-                let from = SocketAddr::new(from.ip().to_canonical(), from.port());
-                let now = shared.with(|core, now| {
-                    let bytes = bytes.get(..length).unwrap_or_default();
-                    if group
-                        .as_ref()
-                        .is_some_and(|group| !group.takes_from(from.ip()))
-                    {
-                        core.bridge.count_dropped("not a source of the group");
-                        return now.mono;
-                    }
-                    if let (Some(recording), Ok(here)) = (&mut core.dli_recording, &here) {
-                        recording.received(now.wall, from, *here, bytes);
-                    }
-                    core.bridge.handle_dli(now, from, bytes, &mut core.store);
-                    now.mono
-                });
-                // A socket that is never empty would occupy the thread. Vehicles, timers and queued datagrams get their
-                // turn in between.
-                if now.saturating_sub(turn) >= TURN {
-                    beat.during(tokio::task::yield_now()).await;
-                    turn = shared.clock.mono();
-                }
-            }
+        match receive_canonical(&socket, &mut bytes) {
+            Ok((length, from)) => handle(from, bytes.get(..length).unwrap_or_default()),
             Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
                 if let Err(cause) = beat.during(socket.readable()).await {
                     pause_after("the DLI socket", &cause).await;
@@ -71,7 +62,38 @@ pub(super) async fn receive_dli(
             }
             Err(cause) => pause_after("the DLI socket", &cause).await,
         }
+        // A socket that is never empty would occupy the thread: vehicles, timers and queued datagrams get their turn in between.
+        // What has arrived meanwhile is handled in the order of its senders' turns.
+        while shared.clock.mono().saturating_sub(turn) >= TURN {
+            beat.during(tokio::task::yield_now()).await;
+            for _ in 0..MAX_EMPTIED {
+                let Ok((length, from)) = receive_canonical(&socket, &mut bytes) else {
+                    break;
+                };
+                let bridge = &mut shared.core.borrow_mut().bridge;
+                let station = bridge.proven_at(from);
+                if !inbox.push(station, from, bytes.get(..length).unwrap_or_default()) {
+                    bridge.count_dropped("more than is handled in time");
+                }
+            }
+            turn = shared.clock.mono();
+            while let Some((from, bytes)) = inbox.pop() {
+                handle(from, &bytes);
+                if shared.clock.mono().saturating_sub(turn) >= TURN {
+                    break;
+                }
+            }
+        }
     }
+}
+
+/// An IPv6 socket that also accepts IPv4 shows IPv4 addresses in mapped form; a station must have the same address on both.
+fn receive_canonical(socket: &UdpSocket, bytes: &mut [u8]) -> io::Result<(usize, SocketAddr)> {
+    let (length, from) = socket.try_recv_from(bytes)?;
+    Ok((
+        length,
+        SocketAddr::new(from.ip().to_canonical(), from.port()),
+    ))
 }
 
 pub(super) async fn receive_vehicle(
@@ -82,6 +104,7 @@ pub(super) async fn receive_vehicle(
     close: Rc<Notify>,
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
+    let mut turn = shared.clock.mono();
     loop {
         let received = async {
             tokio::select! {
@@ -95,7 +118,7 @@ pub(super) async fn receive_vehicle(
         };
         match received {
             Ok(first) => {
-                let full = shared.with(|core, now| {
+                shared.with(|core, now| {
                     // Many vehicles on a link mean many datagrams: their effects (timers, frames, reports) are handled once
                     // for all of them. Not where keys are agreed on: exchange messages are handled one by one.
                     let at_once = if core.exchanges.is_empty() {
@@ -111,11 +134,12 @@ pub(super) async fn receive_vehicle(
                         let more = (taken < at_once).then(|| reader.try_receive(&mut bytes));
                         next = more.flatten();
                     }
-                    taken == AT_ONCE
                 });
                 // A socket that is never empty would occupy the thread.
-                if full {
+                let mono = shared.clock.mono();
+                if mono.saturating_sub(turn) >= TURN {
                     beat.during(tokio::task::yield_now()).await;
+                    turn = mono;
                 }
             }
             Err(cause) => pause_after("a vehicle's link", &cause).await,
@@ -199,14 +223,27 @@ pub(super) async fn send(
     };
     let mut guarded = [0; MAX_GUARDED];
     let mut batch = Batch::default();
+    // Before the runtime has polled a socket once, `try_send` on it always fails.
+    let _ = unicast.writable().await;
+    let writers: Vec<_> = shared.core.borrow().writers.clone();
+    for writer in writers {
+        writer.ready().await;
+    }
     loop {
-        beat.during(shared.outgoing.notified()).await;
-        // Taken one by one: the machine is not borrowed while the system is slow. Frames for vehicles go first, however
-        // much is queued for stations.
+        beat.during(async {
+            tokio::select! {
+                () = shared.outgoing.notified() => {}
+                () = batch.room(&unicast) => {}
+            }
+        })
+        .await;
+        // Frames for vehicles go first, however much is queued for stations. Nothing here waits for a socket: datagrams to a
+        // computer that is not on the network stay in the send buffer for three seconds, until ARP gives up, and anybody
+        // there can make the VSM answer an address that nobody has.
         loop {
             let sealed = shared.core.borrow_mut().poll_encrypted(shared.clock.mono());
             if let Some((writer, to, bytes)) = sealed {
-                if !write_bytes(&bytes, to, &writer).await {
+                if !write_bytes(&bytes, to, &writer) {
                     return;
                 }
                 continue;
@@ -216,10 +253,10 @@ pub(super) async fn send(
                 if tracing::enabled!(tracing::Level::DEBUG) {
                     write_log(&shared.core.borrow().bridge.trace_vehicle(index, &frame));
                 }
-                // A writer is a shared handle, so cloning is cheap; the borrow of the core ends before the await.
+                // A writer is a shared handle, so cloning is cheap.
                 let writer = shared.core.borrow().writers.get(index).cloned();
                 if let Some(writer) = writer
-                    && !send_frame(&shared, index, &frame, &writer).await
+                    && !send_frame(&shared, index, &frame, &writer)
                 {
                     return;
                 }
@@ -227,15 +264,19 @@ pub(super) async fn send(
             }
             let lift = shared.core.borrow_mut().bridge.poll_lift();
             if let Some((to, bytes)) = lift {
-                if let Err(cause) = beat.during(unicast.send_to(&bytes, reached(to))).await {
+                if let Err(cause) = unicast.try_send_to(&bytes, reached(to)) {
                     tracing::debug!("a datagram to a guard was not sent: {cause}");
                 }
                 continue;
             }
-            // Bound to a name, so that the borrow of the core ends here and not after the await below.
+            if batch.is_full() && !batch.send(&unicast, &shared) {
+                send_forwards(&shared);
+                break;
+            }
+            // Bound to a name so that the borrow of the core ends here.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else {
-                batch.send(&beat, &unicast).await;
+                batch.send(&unicast, &shared);
                 send_forwards(&shared);
                 break;
             };
@@ -269,12 +310,9 @@ pub(super) async fn send(
             let Some(bytes) = bytes else { continue };
             if let Destination::Unicast(_) = datagram.to {
                 batch.add(to, bytes);
-                if batch.is_full() {
-                    batch.send(&beat, &unicast).await;
-                }
                 continue;
             }
-            if let Err(cause) = beat.during(socket.send_to(bytes, to)).await {
+            if let Err(cause) = socket.try_send_to(bytes, to) {
                 tracing::debug!("a datagram to a CUCS was not sent: {cause}");
             }
         }
@@ -286,6 +324,8 @@ pub(super) async fn send(
 struct Batch {
     each: Vec<(SocketAddr, Range<usize>)>,
     bytes: Vec<u8>,
+    /// Since when the socket has had no room.
+    stuck: Option<Duration>,
 }
 
 impl Batch {
@@ -296,15 +336,30 @@ impl Batch {
     }
 
     fn is_full(&self) -> bool {
-        self.each.len() == MAX_BATCH
+        self.each.len() >= MAX_BATCH
     }
 
-    async fn send(&mut self, beat: &Beat, socket: &UdpSocket) {
+    /// Sends them. Returns false where the socket has no room: they stay for [`PATIENCE`], the time that a network takes for a
+    /// burst, and after it they are lost, as on any link, like all others until there is room again.
+    fn send(&mut self, socket: &UdpSocket, shared: &Shared) -> bool {
+        let mono = shared.clock.mono();
         let mut sent = 0;
         while let Some(rest) = self.each.get(sent..).filter(|rest| !rest.is_empty()) {
-            let send = || send_some(socket, &self.bytes, rest);
-            match beat.during(socket.async_io(Interest::WRITABLE, send)).await {
-                Ok(some) => sent += some,
+            match socket.try_io(Interest::WRITABLE, || send_some(socket, &self.bytes, rest)) {
+                Ok(some) => {
+                    sent += some;
+                    self.stuck = None;
+                }
+                Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
+                    let since = *self.stuck.get_or_insert(mono);
+                    if mono.saturating_sub(since) < PATIENCE {
+                        self.each.drain(..sent);
+                        return false;
+                    }
+                    let bridge = &mut shared.core.borrow_mut().bridge;
+                    rest.iter().for_each(|_| bridge.count_dropped(NO_ROOM));
+                    break;
+                }
                 Err(cause) => {
                     // The first of the rest failed; those behind it are still sent.
                     tracing::debug!("a datagram to a CUCS was not sent: {cause}");
@@ -314,6 +369,16 @@ impl Batch {
         }
         self.each.clear();
         self.bytes.clear();
+        true
+    }
+
+    /// Waits until what stays here can be sent, or is lost.
+    async fn room(&self, socket: &UdpSocket) {
+        if self.each.is_empty() {
+            return std::future::pending().await;
+        }
+        // A fault is reported by the next call.
+        let _ = tokio::time::timeout(PATIENCE, socket.writable()).await;
     }
 }
 
@@ -345,6 +410,9 @@ fn send_some(
 
 /// Datagrams in a call: more gain little, and delay frames for vehicles.
 const MAX_BATCH: usize = 16;
+const NO_ROOM: &str = "not sent: the socket has no room";
+/// How long a burst waits for room.
+const PATIENCE: Duration = Duration::from_millis(100);
 
 /// True if the datagram is for a web client: it was queued, or the client is not connected.
 fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
@@ -375,12 +443,7 @@ fn send_forwards(shared: &Shared) {
 }
 
 /// Sends a frame to a vehicle; false if the line is gone for good.
-async fn send_frame(
-    shared: &Shared,
-    index: usize,
-    frame: &OutFrame,
-    writer: &VehicleWriter,
-) -> bool {
+fn send_frame(shared: &Shared, index: usize, frame: &OutFrame, writer: &VehicleWriter) -> bool {
     {
         let mut core = shared.core.borrow_mut();
         if let (Some(recording), Ok(view)) = (
@@ -394,12 +457,12 @@ async fn send_frame(
             return true;
         }
     }
-    write_bytes(frame.bytes(), frame.to, writer).await
+    write_bytes(frame.bytes(), frame.to, writer)
 }
 
 /// False if the line is gone for good.
-async fn write_bytes(bytes: &[u8], to: Peer, writer: &VehicleWriter) -> bool {
-    match writer.send(bytes, to).await {
+fn write_bytes(bytes: &[u8], to: Peer, writer: &VehicleWriter) -> bool {
+    match writer.try_send(bytes, to) {
         // The task that writes the serial port has ended, so this one ends too.
         Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => return false,
         Err(cause) => tracing::debug!("a frame to the vehicle was not sent: {cause}"),
@@ -517,9 +580,11 @@ pub(super) async fn pause_after(what: &str, cause: &io::Error) {
 const LARGEST_DATAGRAM: usize = 65_536;
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
-/// Datagrams of a vehicle link that are handled before others get their turn: under a millisecond.
+/// Datagrams of a vehicle link that are handled before their effects: under a millisecond.
 const AT_ONCE: usize = 32;
-/// How long messages of stations are handled before others get their turn.
+/// Datagrams that are taken out of the DLI socket before the next is handled.
+const MAX_EMPTIED: usize = 1_024;
+/// How long the datagrams of a socket are handled before others get their turn.
 const TURN: Duration = Duration::from_millis(2);
 /// A station sends a heartbeat each second or two.
 const WATCH_FOR: Duration = Duration::from_secs(3);
