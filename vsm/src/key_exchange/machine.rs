@@ -522,16 +522,16 @@ impl KeyExchange {
         {
             self.follow(now, event, with);
         }
-        let (mode, stats) = match &self.machine {
-            Machine::Unpaired => ("on", None),
-            Machine::Paired(initiator) => ("on", Some(initiator.stats())),
-            Machine::Legacy(legacy) => ("legacy", Some(legacy.stats())),
+    }
+
+    /// How it stands.
+    pub(crate) fn status(&self) -> ExchangeStatus {
+        let (mode, stats, next) = match &self.machine {
+            Machine::Unpaired => ("on", None, None),
+            Machine::Paired(initiator) => ("on", Some(initiator.stats()), initiator.memory().next),
+            Machine::Legacy(legacy) => ("legacy", Some(legacy.stats()), None),
         };
-        let next = match &self.machine {
-            Machine::Paired(initiator) => initiator.memory().next,
-            _ => None,
-        };
-        let status = ExchangeStatus {
+        ExchangeStatus {
             mode,
             peer: self
                 .record
@@ -541,8 +541,7 @@ impl KeyExchange {
             next_key_id: next.map(|key| key.to_string()),
             taken: stats.map_or(0, |stats| stats.taken),
             ignored: stats.map_or(0, |stats| stats.by_reason().map(|(_, count)| count).sum()),
-        };
-        with.bridge.set_exchange_status(self.index, status);
+        }
     }
 
     fn follow(&mut self, now: Now, event: InitiatorEvent, with: &mut Surroundings<'_>) {

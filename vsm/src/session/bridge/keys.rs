@@ -15,7 +15,7 @@ use stanag_msgs::enums::SubsystemId;
 use super::Bridge;
 use crate::session::alerts::Cause;
 use crate::session::link::frame::Peer;
-use crate::session::link::key_agreement::{ExchangeNotice, ExchangeStatus};
+use crate::session::link::key_agreement::ExchangeNotice;
 use crate::session::link::key_recovery::KeyChange;
 
 impl Bridge {
@@ -92,13 +92,6 @@ impl Bridge {
         let mav = &self.aircraft.get(index)?.link;
         let live = mav.link.state() == LinkState::Live;
         mav.key.as_ref().map(KeyState::id).filter(|_| live)
-    }
-
-    /// What the exchange is doing, for the status.
-    pub fn set_exchange_status(&mut self, index: usize, status: ExchangeStatus) {
-        if let Some(aircraft) = self.aircraft.get_mut(index) {
-            aircraft.link.agreement.status = Some(status);
-        }
     }
 
     /// Notifies the stations, and the log.

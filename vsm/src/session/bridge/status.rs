@@ -411,7 +411,7 @@ impl Bridge {
                     round_trip_s: aircraft.clock().round_trip().map(|trip| trip.as_secs_f64()),
                     lost: link.lost(),
                     clock_known: aircraft.clock().offset().is_some(),
-                    exchange: link.agreement.status(),
+                    exchange: None,
                     encryption: None,
                     refused: link.refused_frames(now),
                     strangers: self

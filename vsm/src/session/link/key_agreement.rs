@@ -27,7 +27,6 @@ pub(crate) struct Agreement {
     pub(crate) wanted: bool,
     pub(crate) inbox: VecDeque<KeyExchangeFrame<Peer>>,
     pub(crate) next: Option<Box<NextKey>>,
-    pub(crate) status: Option<ExchangeStatus>,
 }
 
 /// A key that the vehicle may start to sign with at any moment.
@@ -73,10 +72,6 @@ impl Agreement {
         if self.inbox.len() < MAX_WAITING {
             self.inbox.push_back(frame);
         }
-    }
-
-    pub(crate) fn status(&self) -> Option<ExchangeStatus> {
-        self.status.clone()
     }
 
     /// Starts to look for this key in the vehicle's frames: the vehicle may start to sign with it at any moment.

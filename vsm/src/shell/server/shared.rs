@@ -222,6 +222,11 @@ impl Shared {
         let core = self.core.borrow();
         let now = self.clock.mono();
         let mut status = core.bridge.status(self.vsm.clone(), now);
+        for (index, one) in &core.exchanges {
+            if let Some(vehicle) = status.vehicles.get_mut(*index) {
+                vehicle.link.exchange = Some(one.status());
+            }
+        }
         for (index, one) in &core.encryptions {
             if let Some(vehicle) = status.vehicles.get_mut(*index) {
                 vehicle.link.encryption = Some(one.status(now));
