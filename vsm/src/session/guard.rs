@@ -66,6 +66,8 @@ pub struct GuardEnd {
     verified: u64,
     /// When a frame of a web client last verified.
     framed: Option<Duration>,
+    /// How far the clock has moved forward to that of the other end, until it is reported.
+    met: Option<Duration>,
     refused: Counters,
 }
 
@@ -189,6 +191,7 @@ impl GuardEnd {
             elsewhere: VecDeque::new(),
             verified: 0,
             framed: None,
+            met: None,
             refused: Counters::default(),
         };
         end.set_keys(keys, not_before, now, disk)?;

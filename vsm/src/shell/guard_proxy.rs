@@ -289,6 +289,9 @@ impl GuardProxy {
         let Some(guarded) = Guarded::parse(bytes) else {
             if let Some(about) = ClockDatagram::parse(bytes) {
                 let answer = self.end.take_clock(now, &about, out, &mut self.disk);
+                if let Some(moved) = self.end.take_met() {
+                    tracing::warn!("{moved}");
+                }
                 return answer.ok().flatten().map_or(Answer::None, Answer::ToVsm);
             }
             match ExchangeDatagram::parse(bytes) {

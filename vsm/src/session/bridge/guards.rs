@@ -13,6 +13,7 @@ use stanag_msgs::guard::{ClockDatagram, Direction, ExchangeDatagram, Guarded, MA
 use super::Bridge;
 use crate::session::findings::dli::Fault;
 use crate::session::guard::{GuardEnd, GuardKeyUntil, GuardStatus, OFFER_EVERY};
+use crate::session::log::{LogEntry, LogLevel};
 use crate::session::outbox::{Datagram, Destination};
 
 /// What a datagram is, before anything of it is read.
@@ -206,7 +207,11 @@ impl Bridge {
         let mut out = [0; MAX_GUARDED];
         match end.take_clock(now, about, &mut out, disk) {
             Ok(Some(length)) => self.lifts.push((from, out[..length].into())),
-            Ok(None) => {}
+            Ok(None) => self.log.extend(end.take_met().map(|text| LogEntry {
+                level: LogLevel::Warning,
+                about: sender,
+                text,
+            })),
             Err(why) => self.counters.count(why.name()),
         }
     }

@@ -69,6 +69,16 @@ impl GuardEnd {
         Ok(answer?.map(|answer| write(&answer, out)))
     }
 
+    /// How far the clock has moved forward to that of the other end, once after each time.
+    pub fn take_met(&mut self) -> Option<String> {
+        let ahead = self.met.take()?.as_secs_f64();
+        Some(format!(
+            "the clock of the guard key moved {ahead:.0} s ahead, to that of {}: one of the two computers started with a \
+             wrong clock",
+            self.peer
+        ))
+    }
+
     fn judge_clock(
         &mut self,
         now: Now,
@@ -95,7 +105,9 @@ impl GuardEnd {
             ClockStep::Answer => {
                 let answered = named.find(|one| one.waits_for(received, own, now.mono));
                 let keyed = answered.ok_or(GuardRefusal::Unasked)?;
-                keyed.meet(received, now, disk)?;
+                if let Some(ahead) = keyed.meet(received, now, disk)? {
+                    self.met = Some(ahead);
+                }
                 Ok(None)
             }
         }
@@ -127,19 +139,21 @@ impl Keyed {
         })
     }
 
-    /// Moves the clock forward to that of the other end, which has proved that it is there now.
+    /// Moves the clock forward to that of the other end, which has proved that it is there now. Returns how far.
     fn meet(
         &mut self,
         answer: &ClockDatagram,
         now: Now,
         disk: &mut dyn Disk,
-    ) -> Result<(), GuardRefusal> {
+    ) -> Result<Option<Duration>, GuardRefusal> {
         let stamp = stamp_of(answer.trailer.stamp_us).ok_or(GuardRefusal::Ahead)?;
         if !self.clock.may_meet(stamp) {
             return Err(GuardRefusal::Ahead);
         }
         // Otherwise the two have met already.
+        let mut ahead = None;
         if !self.clock.allows(stamp, now) {
+            let before = self.clock.reading(now);
             if self.clock.meet(stamp, now, disk).is_err() {
                 // The disk may have the ceiling in a moment.
                 self.asked.challenges.repeat(now.mono + LIFT_EVERY);
@@ -147,9 +161,10 @@ impl Keyed {
             }
             // What is held back from here on is late.
             self.window.take(now.mono, stamp);
+            ahead = Some(stamp.since(before));
         }
         self.asked.waiting = None;
-        Ok(())
+        Ok(ahead)
     }
 }
 

@@ -630,6 +630,12 @@ fn an_answer_counts_for_its_own_challenge_once_and_for_seconds() {
     // In time it counts, and once.
     assert_eq!(vsm.take_clock(later, &answer), Ok(None));
     assert!(vsm.floor() > floor);
+    let moved = vsm.end.take_met().expect("it is reported");
+    assert!(
+        moved.contains("moved 7200 s ahead") || moved.contains("moved 7199 s ahead"),
+        "{moved}"
+    );
+    assert_eq!(vsm.end.take_met(), None, "once");
     let floor = vsm.floor();
     assert_eq!(vsm.take_clock(later, &answer), unasked);
     assert_eq!(vsm.floor(), floor);
