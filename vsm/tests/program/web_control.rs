@@ -506,8 +506,10 @@ fn fifty_web_clients_do_not_delay_the_dli() {
         ..CucsAuthorisationRequest::default()
     };
     send(&socket, listen.into());
+    // On a computer with nothing else to do, the promise itself is checked: with optimised programs, over enough rounds.
+    let quiet = std::env::var_os("VSM_QUIET").is_some();
     let (mut without, mut with) = (Vec::new(), Vec::new());
-    for _ in 0..2 {
+    for _ in 0..if quiet { 10 } else { 2 } {
         without.extend(waits(&socket, 2));
         // Each gets its status; every fifth reads nothing of it.
         let clients = (0..CLIENTS).map(|number| {
@@ -550,8 +552,12 @@ fn fifty_web_clients_do_not_delay_the_dli() {
         p99(&with),
         p99(&with).as_secs_f64() / p99(&without).as_secs_f64()
     );
-    // Other programs share the machine: what holds is that no answer waits for the clients. The ratio is printed.
-    let bound = 2 * p99(&without) + Duration::from_millis(10);
+    // Elsewhere other programs share the computer: what holds is that no answer waits for the clients.
+    let bound = if quiet {
+        p99(&without) * 11 / 10
+    } else {
+        2 * p99(&without) + Duration::from_millis(10)
+    };
     assert!(
         p99(&with) < bound,
         "{:?}, expected under {bound:?}",
