@@ -23,6 +23,7 @@
 
 #![forbid(unsafe_code)]
 
+mod address;
 #[cfg(feature = "encrypted-link")]
 pub mod encrypted;
 #[cfg(feature = "key-exchange")]

@@ -11,6 +11,7 @@ use super::packet::{PACKET, TAG, tag_of};
 use super::record::EncryptedRecord;
 use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
+use crate::address::{ProvenAddress, Sender};
 use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Received, Suite, VERSION};
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
 use crate::store::{Disk, Store as _, StoreError};
@@ -79,6 +80,9 @@ pub enum EncryptedEvent {
     },
     /// Many packets in a short time do not verify; at most once in 10 s.
     UnderAttack,
+    /// Packets came from elsewhere before they came from the other end: somebody on the way copies them; at most once in
+    /// 10 s.
+    Copied,
     /// Keys could not be agreed on for a fault of this computer.
     Fault(String),
 }
@@ -90,16 +94,13 @@ pub struct EncryptedLink<A> {
     carrier: Carrier,
     linger: Duration,
     fixed: Option<A>,
-    /// Where something came from that the other end alone can have made, and where anything came from.
-    proven: Option<A>,
-    /// When anything new came from there, copied before or not.
-    proven_at: Duration,
-    /// Packets opened from elsewhere since then.
-    elsewhere: u32,
-    /// What was opened from elsewhere meanwhile, by its end: the same from `proven` shows that the other end is there still.
-    copied: VecDeque<([u8; TAG], Duration)>,
+    /// Where something came from that the other end alone can have made. A packet is recognised by its end.
+    proven: ProvenAddress<A, [u8; TAG]>,
+    /// When a copy from elsewhere was last reported.
+    copied_at: Option<Duration>,
     /// A packet was opened in what arrived last.
     opened: bool,
+    /// Where anything came from.
     received_from: Option<A>,
     current: Option<Session>,
     /// Of the keys before, until a packet under the current ones has verified.
@@ -172,10 +173,8 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             carrier,
             linger,
             fixed: at,
-            proven: None,
-            proven_at: Duration::ZERO,
-            elsewhere: 0,
-            copied: VecDeque::new(),
+            proven: ProvenAddress::new(None),
+            copied_at: None,
             opened: false,
             received_from: None,
             current: None,
@@ -364,31 +363,18 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         Err(why)
     }
 
-    /// Records that a packet that only the other end can have made came from `from`. Returns false if the other end is taken to be where
-    /// it was: new packets, or their seconds, still come from there, and somebody copies them faster.
-    fn prove(&mut self, now: Duration, from: A) -> bool {
-        let is_there = now.saturating_sub(self.proven_at) < STAYS_FOR;
-        if self.proven.is_some_and(|proven| proven != from) && is_there {
-            self.elsewhere += 1;
-            if self.elsewhere < MOVED_AFTER {
-                return false;
-            }
-        }
-        (self.proven, self.proven_at, self.elsewhere) = (Some(from), now, 0);
-        true
-    }
-
     /// A packet has come again.
     fn note_second(&mut self, now: Duration, from: A, packet: &[u8; PACKET]) {
-        let tag = tag_of(packet);
-        self.copied
-            .retain(|(_, at)| now.saturating_sub(*at) < STAYS_FOR);
-        if self.proven == Some(from)
-            && let Some(place) = self.copied.iter().position(|(copied, _)| *copied == tag)
+        if !self.proven.note_second(now, from, &tag_of(packet)) {
+            return;
+        }
+        self.stats.copied += 1;
+        if self
+            .copied_at
+            .is_none_or(|at| now.saturating_sub(at) >= ALARM_WITHIN)
         {
-            // Each counts once.
-            self.copied.remove(place);
-            (self.proven_at, self.elsewhere) = (now, 0);
+            self.copied_at = Some(now);
+            self.note(EncryptedEvent::Copied);
         }
     }
 
@@ -403,7 +389,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     #[must_use]
     pub fn sender(&self, from: A) -> A {
         if self.opened {
-            self.proven.unwrap_or(from)
+            self.proven.get().unwrap_or(from)
         } else {
             from
         }
@@ -412,14 +398,9 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     fn note_good(&mut self, now: Duration, from: A, packet: &[u8; PACKET], opened: Opened) {
         (self.good_at, self.quiet_since) = (Some(now), Some(now));
         self.opened = true;
-        if !self.prove(now, from) {
-            self.copied
-                .retain(|(_, at)| now.saturating_sub(*at) < STAYS_FOR);
-            // The oldest stay: theirs are the originals that come next.
-            if self.copied.len() < MAX_COPIED {
-                self.copied.push_back((tag_of(packet), now));
-            }
-        }
+        let _ = self
+            .proven
+            .prove(now, from, Sender::Main, Some(tag_of(packet)));
         self.silence = Silence::default();
         self.stats.opened += 1;
         self.stats.lost += u64::from(opened.missing);
@@ -471,7 +452,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 let working = self.is_good_within(now.mono, WORKING_FOR);
                 let message = (from, source, frame.payload());
                 if self.keying.handle(now, message, working, random, disk) {
-                    let _ = self.prove(now.mono, from);
+                    let _ = self.proven.prove(now.mono, from, Sender::Main, None);
                 }
             }
             None => return Err(Dropped::NotExchange),
@@ -485,8 +466,19 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         self.good_at.is_some_and(good)
     }
 
-    fn reach(&self) -> Option<A> {
-        self.fixed.or(self.proven).or(self.received_from)
+    /// Where the other end may be: where it was, and, while nothing of it is received, where anything came from last. It may
+    /// have started again with another port, and without keys it can prove nothing; but anybody can have sent that.
+    fn reach(&self, now: Duration) -> impl Iterator<Item = A> + use<A> {
+        let known = self.fixed.or(self.proven.get());
+        let received = self.is_good_within(now, SILENCE);
+        let last = self
+            .received_from
+            .filter(|last| self.fixed.is_none() && !received && Some(*last) != known);
+        known.into_iter().chain(last)
+    }
+
+    fn is_reachable(&self) -> bool {
+        self.fixed.is_some() || self.proven.get().is_some() || self.received_from.is_some()
     }
 
     /// Sends one MAVLink frame to the other end. Without keys it is dropped: the protocols above repeat what matters, and a
@@ -593,15 +585,18 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             self.flush();
         }
         self.adopt(now, false, disk);
-        if self.out.is_empty()
-            && let Some(reach) = self.reach()
-        {
-            if let Some((to, message)) = self.keying.poll_transmit(now, disk) {
-                self.queue_message(to.unwrap_or(reach), &message);
-            } else if self.needs_keys()
-                && let Some(hint) = self.keying.poll_hint(now)
-            {
-                self.queue_message(reach, &hint);
+        if self.out.is_empty() && self.is_reachable() {
+            let hint = |keying: &mut Keying<A>| keying.poll_hint(now).map(|hint| (None, hint));
+            let message = self.keying.poll_transmit(now, disk);
+            let needs_keys = self.needs_keys();
+            match message.or_else(|| needs_keys.then(|| hint(&mut self.keying)).flatten()) {
+                None => {}
+                Some((Some(to), message)) => self.queue_message(to, &message),
+                Some((None, message)) => {
+                    for to in self.reach(now) {
+                        self.queue_message(to, &message);
+                    }
+                }
             }
         }
         let next = self.out.pop_front()?;
@@ -614,7 +609,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     }
 
     fn step(&mut self, now: Now, random: &mut dyn Random, disk: &mut dyn Disk) {
-        if self.reach().is_none() {
+        if !self.is_reachable() {
             return;
         }
         // Each time, for it moves on what is due next.
@@ -681,9 +676,10 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     /// monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Duration> {
-        let keying = match self.reach() {
-            Some(_) => self.keying.poll_timeout(self.needs_keys()),
-            None => None,
+        let keying = if self.is_reachable() {
+            self.keying.poll_timeout(self.needs_keys())
+        } else {
+            None
         };
         let silent = match (self.quiet_since, &self.current) {
             (Some(since), Some(_)) => {
@@ -738,12 +734,6 @@ const ALARM_AT: u32 = 32;
 const ALARM_WITHIN: Duration = Duration::from_secs(10);
 /// Packets under one key before another is agreed on; its last counter is twice as far.
 const WORN: u32 = 1 << 31;
-/// How long the other end stays where it is after the last that came from there.
-const STAYS_FOR: Duration = Duration::from_millis(2_500);
-/// So many packets from elsewhere, and none from there: a copy that was once faster does not stay the other end.
-const MOVED_AFTER: u32 = 64;
-/// Packets that a copy from elsewhere has used up: those of a burst.
-const MAX_COPIED: usize = 256;
 const MAX_QUEUED: usize = 64;
 const MAX_RADIO: usize = 8;
 const MAX_EVENTS: usize = 16;

@@ -177,8 +177,8 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         }
     }
 
-    /// Takes a KEY_EXCHANGE of suite 1. True where only the peer, or a recording of it, can have sent it. `working`: the
-    /// link carries packets just now.
+    /// Takes a KEY_EXCHANGE of suite 1. True where it has agreed on keys: the peer has made it now, for this exchange. All
+    /// others may be recordings, whose requests are the same at each start. `working`: the link carries packets just now.
     pub(super) fn handle(
         &mut self,
         now: Now,
@@ -195,7 +195,11 @@ impl<A: Copy + Eq + Hash> Keying<A> {
             staged: &mut self.staged,
             confirmed: &mut self.confirmed,
         };
-        let mut stage = |agreed: &Agreed| staging.stage(agreed);
+        let mut agreed_now = false;
+        let mut stage = |agreed: &Agreed| {
+            agreed_now = staging.stage(agreed);
+            agreed_now
+        };
         let mut notes = Notes {
             disk: &mut *disk,
             vehicle: self.vehicle,
@@ -237,7 +241,7 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         if result == Err(Ignored::Limited) && !working && is_request(payload) {
             self.hasten(now.mono, true);
         }
-        matches!(result, Ok(()) | Err(Ignored::Limited | Ignored::Hint))
+        agreed_now
     }
 
     /// Begins an exchange, on the ground.

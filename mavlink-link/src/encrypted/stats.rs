@@ -64,6 +64,8 @@ pub struct EncryptedStats {
     pub opened: u64,
     /// Packets known to be lost: gaps in the counter.
     pub lost: u64,
+    /// Packets of the other end that somebody else delivered first, from another address.
+    pub copied: u64,
     /// KEY_EXCHANGE frames that passed in the clear, both directions.
     pub clear: u64,
     /// Frames of the radio at this end.
@@ -88,6 +90,7 @@ impl EncryptedStats {
             ("sealed", self.sealed),
             ("opened", self.opened),
             ("lost", self.lost),
+            ("copied", self.copied),
             ("clear", self.clear),
             ("radio", self.radio),
         ];

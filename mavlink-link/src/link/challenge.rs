@@ -140,18 +140,17 @@ impl Challenges {
         }
     }
 
-    /// When the one was made that this frame, which has verified, is the answer to.
+    /// The one that this frame, which has verified, is the answer to: its number, and when it was made.
     pub(super) fn answered(
         &self,
         frame: &FrameView<'_>,
         own_system: u8,
         mono: Duration,
-    ) -> Option<Duration> {
+    ) -> Option<(u64, Duration)> {
         let ping = Ping::of(frame).filter(|ping| ping.target_system == own_system)?;
-        let waiting = self.waiting.iter().flatten();
+        let mut waiting = self.waiting.iter().flatten().copied();
         waiting
-            .filter(|(_, at)| mono.saturating_sub(*at) <= ANSWER_WITHIN)
-            .find_map(|&(number, at)| (number == ping.number).then_some(at))
+            .find(|&(number, at)| number == ping.number && mono.saturating_sub(at) <= ANSWER_WITHIN)
     }
 
     /// The clocks have met: nothing is awaited any more.
@@ -163,7 +162,7 @@ impl Challenges {
 /// A PING of this protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Ping {
-    number: u64,
+    pub(super) number: u64,
     target_system: u8,
     target_component: u8,
 }
@@ -276,8 +275,9 @@ impl<A: Copy + Eq, T> Turns<A, T> {
 pub(crate) const PING_ID: u32 = 4;
 /// PING.seq of this protocol.
 const SEQ: u32 = u32::from_be_bytes(*b"CLK?");
-/// As many as can be on their way: for [`ANSWER_WITHIN`] one a second to each of two places on two links, and some more.
-const WAITING: usize = 24;
+/// As many as can be on their way: for [`ANSWER_WITHIN`] one a second to each of two places on two links, and some more
+/// for two addresses.
+const WAITING: usize = 32;
 /// How old an answer may be. A slow radio takes a second or two each way.
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 /// How often each place gets a challenge.

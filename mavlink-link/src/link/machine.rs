@@ -5,6 +5,7 @@ use core::time::Duration;
 use super::challenge::{Ping, Receipt, Turns};
 use super::config::{LinkConfig, Security};
 use super::freshness::HeartbeatLog;
+use super::path::PathProbe;
 use super::peer::{LinkState, PeerLock, Presence, Rising};
 use super::pin::LinkIdPin;
 use super::receiver::KeyState;
@@ -58,6 +59,7 @@ pub(super) struct Core<A> {
     /// Who is to be answered that we are here.
     pub(super) answer: Turns<A, Ping>,
     pub(super) receipt: Receipt,
+    pub(super) path: PathProbe<A>,
     pub(super) bad_signatures: Burst,
     pub(super) events: Events<A>,
     pub(super) stats: LinkStats,
@@ -107,6 +109,7 @@ impl<A: Copy + Eq> Link<A> {
                 challenge: Turns::new(),
                 answer: Turns::new(),
                 receipt: Receipt::default(),
+                path: PathProbe::new(),
                 bad_signatures: Burst::default(),
                 events: Events::new(),
                 stats: LinkStats::default(),

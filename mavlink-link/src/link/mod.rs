@@ -10,7 +10,7 @@
 //! back when it restarts; a verified frame of ours lifts them again.
 //!
 //! Order of the parts: `config`, `receiver` (which frames of a key are accepted), `peer` (who the peer is, and whether it
-//! is live), `challenge` (how clocks that are apart find together), `freshness` (how old a frame can be), `pin` (which link id the autopilot uses here), `report` (events and
+//! is live), `path` (which of two addresses leads to it), `challenge` (how clocks that are apart find together), `freshness` (how old a frame can be), `pin` (which link id the autopilot uses here), `report` (events and
 //! counters), `machine` (the state), `receive` and `send`.
 //!
 //! ```
@@ -62,6 +62,7 @@ pub(crate) mod challenge;
 mod config;
 mod freshness;
 mod machine;
+mod path;
 mod peer;
 mod pin;
 mod receive;

@@ -12,6 +12,7 @@ use super::machine::{Auth, Core, Link};
 use super::receiver::{AUTOPILOT, Expected, Refusal};
 use super::report::{Alert, Event, KeyExchangeFrame};
 use crate::Now;
+use crate::address::Sender;
 use crate::dialect::MavMessage;
 use crate::frame::Stamp;
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, Undecoded};
@@ -139,8 +140,9 @@ impl<A: Copy + Eq> Core<A> {
             // A challenge is answered whatever its timestamp: the end that sends it is behind, or was restarted.
             if matches!(judged, Ok(_) | Err(Refusal::Stale | Refusal::Future)) {
                 self.note_challenge(from, frame);
-                if let Some(sent) = key.answered(frame, self.config.own_system, now) {
+                if let Some((number, sent)) = key.answered(frame, self.config.own_system, now) {
                     self.receipt.by_answer(sent);
+                    self.path.answered(number);
                 }
             }
             if let Some(ahead) = key.take_met() {
@@ -192,7 +194,16 @@ impl<A: Copy + Eq> Core<A> {
         if header.component_id != AUTOPILOT {
             self.receipt.by_own_clock();
         }
-        if let Some((before, to)) = self.peer.confirm(from, now.mono) {
+        let by = if header.component_id == AUTOPILOT {
+            Sender::Main
+        } else {
+            Sender::Beside
+        };
+        let moved = self
+            .peer
+            .confirm(from, by, frame.signature(), now.mono)
+            .or_else(|| self.compare_paths(now.mono));
+        if let Some((before, to)) = moved {
             self.events.push(Event::PeerChanged { from: before, to });
         }
         if !age.is_late() || self.heartbeats.bounds_nothing(now.mono) {
@@ -203,8 +214,11 @@ impl<A: Copy + Eq> Core<A> {
         }
         if header.message_id == KEY_EXCHANGE_ID {
             self.stats.key_exchange += 1;
-            self.events
-                .push_exchange(KeyExchangeFrame::new(from, frame, Some(stamp)));
+            self.events.push_exchange(KeyExchangeFrame::new(
+                self.peer.peer().unwrap_or(from),
+                frame,
+                Some(stamp),
+            ));
             return;
         }
         if Ping::of(frame).is_some() {
@@ -214,6 +228,15 @@ impl<A: Copy + Eq> Core<A> {
         self.stats.delivered_verified += 1;
         self.stats.late += u64::from(age.is_late());
         self.deliver(frame, Some(stamp), age, deliver);
+    }
+
+    /// Frames come from a second address: finds out which of the two leads to the vehicle.
+    fn compare_paths(&mut self, mono: Duration) -> Option<(Option<A>, A)> {
+        let (known, other) = (self.peer.peer()?, self.peer.contender(mono)?);
+        let is_there = self.path.compare(known, other, mono);
+        is_there
+            .then(|| self.peer.answered_at(mono, other))
+            .flatten()
     }
 
     fn count_other(&mut self, system: u8) {
@@ -290,6 +313,12 @@ impl<A: Copy + Eq> Core<A> {
             Refusal::Raising => stats.ceiling_not_stored += 1,
             Refusal::Stale => {
                 stats.stale += 1;
+                if let Some(signature) = frame.signature()
+                    && self.peer.was_copied(from, &signature, now.mono)
+                {
+                    self.stats.copied += 1;
+                    self.events.alert(Alert::Copied, now.mono);
+                }
                 self.fallen_back(now.mono, from, frame);
             }
         }

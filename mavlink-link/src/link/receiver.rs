@@ -129,13 +129,13 @@ impl KeyState {
         Ok(self.challenges.make(&self.key, unique, now.mono))
     }
 
-    /// When the challenge was made that this frame, which has verified, is the answer to.
+    /// The challenge that this frame, which has verified, is the answer to: its number, and when it was made.
     pub(crate) fn answered(
         &self,
         frame: &FrameView<'_>,
         own_system: u8,
         now: Now,
-    ) -> Option<Duration> {
+    ) -> Option<(u64, Duration)> {
         self.challenges.answered(frame, own_system, now.mono)
     }
 

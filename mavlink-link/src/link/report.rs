@@ -58,6 +58,8 @@ pub enum Alert {
     StreamTableFull,
     /// The vehicle's frames are accepted, but it has received none of ours for 10 s.
     Unanswered,
+    /// Frames came from elsewhere before they came from the vehicle: somebody on the way copies them. The link stays.
+    Copied,
 }
 
 /// A KEY_EXCHANGE frame as received.
@@ -150,7 +152,7 @@ impl<A> Events<A> {
 
 const QUEUE: usize = 32;
 const EXCHANGES: usize = 4;
-const ALERTS: usize = Alert::Unanswered as usize + 1;
+const ALERTS: usize = Alert::Copied as usize + 1;
 const ALERT_EVERY: Duration = Duration::from_secs(10);
 
 /// Declares the counters once, and lists them by name.
@@ -208,6 +210,8 @@ counters! {
     future,
     /// Verified frames stamped at or below the last accepted: replays, reordered frames, or a vehicle that has restarted.
     stale,
+    /// Stale frames of the peer among them that somebody else had delivered first, from another address.
+    copied,
     /// Verified frames not accepted because the clock's ceiling could not be stored.
     ceiling_not_stored,
     /// Frames on an unsigned link from elsewhere than the peer.

@@ -154,14 +154,18 @@ impl<A: Copy + Eq> Core<A> {
             return sent.ok();
         }
         let challenged = self.challenge.take(CHALLENGE_EVERY, now.mono);
-        let to = match challenged {
-            Some((to, ())) => to,
-            None if core::mem::take(&mut self.receipt.due) => self.peer.peer()?,
-            None => return None,
+        let of_path = self.path.due();
+        let to = match (challenged, of_path) {
+            (Some((to, ())), _) | (None, Some(to)) => to,
+            (None, None) if core::mem::take(&mut self.receipt.due) => self.peer.peer()?,
+            (None, None) => return None,
         };
-        let ping = key.challenge(now, store).ok()?.message();
+        let ping = key.challenge(now, store).ok()?;
+        if challenged.is_none() && of_path.is_some() {
+            self.path.asked(to, ping.number);
+        }
         let auth = Auth::Signed { key, store };
-        let sent = self.send_to(to, now, auth, Content::Message(&ping), out);
+        let sent = self.send_to(to, now, auth, Content::Message(&ping.message()), out);
         let count = match challenged {
             Some(_) => &mut self.stats.clock_challenges,
             None => &mut self.stats.receipt_pings,
@@ -173,6 +177,7 @@ impl<A: Copy + Eq> Core<A> {
     fn has_due(&self) -> bool {
         self.heartbeat_due
             || self.receipt.due
+            || self.path.due().is_some()
             || self.lift.iter().any(Option::is_some)
             || self.answer.any()
             || self.challenge.any()

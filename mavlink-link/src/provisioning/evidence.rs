@@ -7,6 +7,7 @@ use core::time::Duration;
 
 use super::rollover::{Event, KeyRollover, KeySlot, NewKey, Outcome, State};
 use crate::Now;
+use crate::address::Sender;
 use crate::dialect::{MavAutopilot, MavMessage, MavModeFlag};
 use crate::frame::{FrameView, Stamp};
 use crate::link::challenge::{Ping, Turns};
@@ -41,7 +42,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         store: &mut dyn Disk,
         pass: &mut dyn FnMut(KeySlot, &FrameView<'_>),
     ) {
-        let is_peer = self.peer == Some(from);
+        let is_peer = self.peer() == Some(from);
         // Taken out while its frames are borrowed; it is a few hundred bytes.
         let mut parser = if is_peer {
             core::mem::take(&mut self.parser)
@@ -94,7 +95,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         let message = frame.message().ok();
         match self.prove(now, from, frame, store) {
             Proof::New => {
-                self.verified_from(now.mono, from);
+                self.verified_from(now.mono, from, frame);
                 self.seen.verified = Some(now.mono);
                 self.read(now.mono, message.as_ref());
                 self.commit(now);
@@ -102,11 +103,13 @@ impl<A: Copy + Eq> KeyRollover<A> {
             }
             Proof::Old(stamp) => {
                 match stamp {
-                    Some(_) => self.verified_from(now.mono, from),
+                    Some(_) => self.verified_from(now.mono, from, frame),
                     // It may be a replay: it does not move a known peer.
                     None => {
                         self.seen.future = self.seen.future.saturating_add(1);
-                        self.peer.get_or_insert(from);
+                        if self.peer().is_none() {
+                            self.peer.assume(from);
+                        }
                         self.seen.first.get_or_insert(now.mono);
                     }
                 }
@@ -125,9 +128,11 @@ impl<A: Copy + Eq> KeyRollover<A> {
             Proof::Stale(under) => {
                 // The vehicle has restarted, or it is a replay: a heartbeat is sent there, and nothing else.
                 self.seen.first.get_or_insert(now.mono);
-                let stamp = frame.signature().map(|signature| signature.stamp);
-                if stamp.is_some_and(|stamp| self.rising.counts(from, stamp, now.mono)) {
-                    self.lift = Some((under, from));
+                if let Some(signature) = frame.signature() {
+                    let _ = self.peer.note_second(now.mono, from, &signature);
+                    if self.rising.counts(from, signature.stamp, now.mono) {
+                        self.lift = Some((under, from));
+                    }
                 }
             }
             // It may be a replay: it is asked for a proof, and nothing else.
@@ -143,7 +148,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         let Some(signature) = frame.signature() else {
             return Proof::Unsigned;
         };
-        let (stamp, header, peer) = (signature.stamp, frame.header(), self.peer);
+        let (stamp, header, peer) = (signature.stamp, frame.header(), self.peer());
         let expected = Expected {
             own_system: self.config.link.own_system,
             system: self.config.link.vehicle_system,
@@ -205,7 +210,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// force that could verify, or it was confirmed from outside that the vehicle has lost its key.
     fn take_unsigned(&mut self, mono: Duration, from: A, message: Option<&MavMessage>) {
         let confirmed = self.old.is_none() || self.config.believe_unsigned;
-        match self.peer {
+        match self.peer() {
             Some(peer) if peer == from => {}
             None if confirmed => {}
             Some(_) if confirmed && self.nothing_is_sent() => {
@@ -226,7 +231,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         }
         let open = self.old.is_none() || self.vehicle_is_open(mono);
         if open && (!heartbeat || self.seen.unsigned > 0) {
-            self.peer = Some(from);
+            self.peer.assume(from);
             self.seen.first.get_or_insert(mono);
             self.seen.old = Some(mono);
             self.read(mono, message);
@@ -234,8 +239,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
     }
 
     /// An accepted frame came from there.
-    fn verified_from(&mut self, mono: Duration, from: A) {
-        self.peer = Some(from);
+    fn verified_from(&mut self, mono: Duration, from: A, frame: &FrameView<'_>) {
+        let _ = self.peer.prove(mono, from, Sender::Main, frame.signature());
         self.seen.accepted = Some(mono);
         self.seen.first.get_or_insert(mono);
     }

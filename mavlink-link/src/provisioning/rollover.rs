@@ -6,7 +6,8 @@ use std::collections::VecDeque;
 use thiserror::Error;
 
 use crate::Now;
-use crate::frame::{Parser, Stamp};
+use crate::address::ProvenAddress;
+use crate::frame::{Parser, Signature, Stamp};
 use crate::link::Rising;
 use crate::link::challenge::{Ping, Turns};
 use crate::link::receiver::KeyState;
@@ -107,7 +108,7 @@ pub struct KeyRollover<A> {
     pub(super) parser: Parser,
     /// For the datagrams of all other senders, each on its own: half a frame of theirs must not swallow the peer's next.
     pub(super) strange: Parser,
-    pub(super) peer: Option<A>,
+    pub(super) peer: ProvenAddress<A, Signature>,
     pub(super) seq: u8,
     pub(super) seen: Seen,
     pub(super) heartbeat_at: Duration,
@@ -216,7 +217,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             tries: 0,
             parser: Parser::new(),
             strange: Parser::new(),
-            peer,
+            peer: ProvenAddress::new(peer),
             seq: 0,
             seen: Seen::default(),
             heartbeat_at: now.mono,
@@ -263,14 +264,14 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// The vehicle's address, once it is known.
     #[must_use]
     pub fn peer(&self) -> Option<A> {
-        self.peer
+        self.peer.get()
     }
 
     /// The vehicle's address, as long as frames that cannot be recordings verify from it.
     #[must_use]
     pub fn proven_peer(&self, mono: Duration) -> Option<A> {
         let accepted = self.seen.accepted;
-        self.peer
+        self.peer()
             .filter(|_| accepted.is_some_and(|at| mono.saturating_sub(at) < RECENTLY))
     }
 
@@ -302,7 +303,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// Whether the new key is due to be sent, or is held back.
     #[must_use]
     pub fn key_is_due(&self) -> bool {
-        self.setup_due && self.peer.is_some()
+        self.setup_due && self.peer().is_some()
     }
 
     /// Whether any frame of the vehicle has been believed.
@@ -375,7 +376,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             State::RolledBack => self.entered.saturating_add(GIVE_UP),
             _ => Duration::MAX,
         };
-        let heartbeat = match self.peer {
+        let heartbeat = match self.peer() {
             Some(_) => self.heartbeat_at,
             None => Duration::MAX,
         };

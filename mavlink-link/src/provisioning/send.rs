@@ -44,7 +44,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
         store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
-        if let (true, Some(to)) = (self.setup_due && !self.held, self.peer) {
+        if let (true, Some(to)) = (self.setup_due && !self.held, self.peer()) {
             // If the disk fails there is no timestamp: the next call tries again.
             let len = self.setup_signing(now, store, out).ok()?;
             self.setup_due = false;
@@ -87,7 +87,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             self.lifted_at = Some(mono);
             return Some(lift);
         }
-        let to = self.peer?;
+        let to = self.peer()?;
         if mono < self.heartbeat_at {
             return None;
         }

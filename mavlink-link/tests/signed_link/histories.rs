@@ -271,8 +271,9 @@ proptest! {
         // The line is clean and the disk works from here on; what was in flight is gone.
         world.store.full = None;
         world.in_flight = [vec![], vec![]];
-        // As long as a failed store is not tried again.
-        world.now = world.now.after(Duration::from_secs(1));
+        // As long as a failed store is not tried again, and as somebody whose replay arrived before the vehicle's own frame is
+        // taken for it.
+        world.now = world.now.after(Duration::from_secs(3));
         for link in 0..2 {
             // The vehicle speaks, as it does all the time; that is all we need to know where it is.
             let hello = world.vehicles[link].heartbeat();

@@ -512,6 +512,8 @@ fn the_autopilots_link_id_moves_only_by_a_frame_that_it_can_only_have_made_now()
     assert_eq!(station.receive(at(600_060), VEHICLE, &frame).len(), 1);
     let frame = moved.heartbeat();
     assert!(station.receive(at(600_070), STRANGER, &frame).is_empty());
+    let frame = vehicle.heartbeat();
+    assert_eq!(station.receive(at(602_600), VEHICLE, &frame).len(), 1);
     assert_eq!(station.link.peer(), Some(VEHICLE));
 
     // A configured one never does.

@@ -5,6 +5,7 @@ mod allocations;
 mod c_library;
 mod captures;
 mod challenges;
+mod copies;
 mod every_clock_history;
 mod every_frame;
 mod histories;

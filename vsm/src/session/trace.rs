@@ -121,6 +121,7 @@ const PASSED: &[&str] = &[
     "clock_challenges",
     "receipt_pings",
     "clock_met",
+    "copied",
     "sent",
     "sent_bytes",
     "sent_heartbeats",

@@ -134,6 +134,11 @@ impl Encryption {
                         "encrypted link: many recent packets were modified, replayed or forged";
                     return Some((LogLevel::Warning, text.to_owned()));
                 }
+                EncryptedEvent::Copied => {
+                    let text = "encrypted link: somebody on the way copies the other end's packets and delivers them \
+                                first; nothing is sent there";
+                    return Some((LogLevel::Warning, text.to_owned()));
+                }
                 EncryptedEvent::Fault(cause) if self.faults.are_due(now) => {
                     let text =
                         format!("encrypted link: no session keys could be agreed on: {cause}");

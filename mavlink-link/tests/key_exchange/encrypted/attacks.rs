@@ -319,3 +319,75 @@ fn a_pairing_forgets_the_counter_of_the_peer_before_on_disk_too() {
     // The epoch stays: no nonce is used twice.
     assert!(text.starts_with("0 ") && text != "0 0\n", "{text}");
 }
+
+/// An address of somebody else.
+const ELSEWHERE: u8 = HONEST + 1;
+
+/// Two ends of which one learns where the other is, after some seconds.
+fn found(listening: usize) -> World {
+    let mut world = World::new(77, Carrier::Datagrams);
+    world.listening = Some(listening);
+    world.start(listening);
+    world.run(ms(8_000), ms(50));
+    for end in &world.ends {
+        assert_eq!(end.sender, Some(HONEST));
+    }
+    world
+}
+
+#[test]
+fn recorded_exchanges_from_elsewhere_do_not_move_an_end_that_works() {
+    for listening in [GROUND, AIR] {
+        let mut world = found(listening);
+        let exchanges: Vec<_> = (world.tape.iter())
+            .filter(|(_, bytes)| bytes[1] == 2)
+            .cloned()
+            .collect();
+        assert!(exchanges.len() >= 3, "{}", exchanges.len());
+        for round in 0..40 {
+            for (from, bytes) in &exchanges {
+                for _ in 0..100 {
+                    world.arrive_from(ELSEWHERE, 1 - from, bytes);
+                }
+            }
+            world.run(ms(100), ms(50));
+            for end in &world.ends {
+                assert_eq!(end.sender, Some(HONEST), "round {round}");
+            }
+        }
+        world.recovery(ms(200));
+    }
+}
+
+#[test]
+fn a_copy_that_is_always_first_moves_no_end_and_is_reported() {
+    let mut world = found(GROUND);
+    world.copier = Some(ELSEWHERE);
+    world.run(ms(20_000), ms(50));
+    for at in [GROUND, AIR] {
+        assert_eq!(world.ends[at].sender, Some(HONEST));
+        let copied = world.count(at, "copied");
+        assert!(copied >= 100, "{copied} at {at}");
+        let link = world.ends[at].link.as_mut().unwrap();
+        let events: Vec<_> = core::iter::from_fn(|| link.poll_event()).collect();
+        assert!(events.contains(&EncryptedEvent::Copied), "{events:?}");
+    }
+}
+
+#[test]
+fn an_end_that_has_moved_is_followed_and_so_is_one_that_has_started_again_elsewhere() {
+    for listening in [GROUND, AIR] {
+        let mut world = found(listening);
+        world.from = ELSEWHERE;
+        world.run(ms(3_500), ms(50));
+        for end in &world.ends {
+            assert_eq!(end.sender, Some(ELSEWHERE));
+        }
+        world.from = HONEST;
+        world.start(1 - listening);
+        world.run(ms(15_000), ms(50));
+        for end in &world.ends {
+            assert_eq!(end.sender, Some(HONEST));
+        }
+    }
+}

@@ -48,11 +48,19 @@ pub(crate) struct End {
     peer: Identity,
     /// The numbers of the frames received, in order.
     pub(crate) got: Vec<u32>,
+    /// Where the last packet that was opened is taken to come from.
+    pub(crate) sender: Option<u8>,
 }
 
 pub(crate) struct World {
     pub(crate) now: Duration,
     pub(crate) carrier: Carrier,
+    /// The end that does not know where the other one is.
+    pub(crate) listening: Option<usize>,
+    /// Where the datagrams of either end come from.
+    pub(crate) from: u8,
+    /// Where a copy of each comes from, before it.
+    pub(crate) copier: Option<u8>,
     pub(crate) radio: Radio,
     /// Ground and air.
     pub(crate) ends: [End; 2],
@@ -80,6 +88,7 @@ impl World {
             identity: Identity::new(own),
             peer: Identity::new(peer),
             got: Vec::new(),
+            sender: None,
         };
         let ends = [
             end(Role::Ground, ground, air, Dice::new(dice.roll())),
@@ -88,6 +97,9 @@ impl World {
         let mut world = World {
             now: Duration::from_secs(5),
             carrier,
+            listening: None,
+            from: HONEST,
+            copier: None,
             radio: GOOD,
             ends,
             tape: Vec::new(),
@@ -112,7 +124,7 @@ impl World {
             identity: end.identity.duplicate(),
             peer: Some(end.peer.public()),
             carrier,
-            at: Some(HONEST),
+            at: (self.listening != Some(at)).then_some(HONEST),
             linger: if at == AIR { ms(5) } else { Duration::ZERO },
         };
         end.link = Some(EncryptedLink::open(config, now, &end.disk).unwrap());
@@ -177,6 +189,10 @@ impl World {
 
     /// These bytes arrive now: what came out of them.
     pub(crate) fn arrive(&mut self, at: usize, bytes: &[u8]) -> Vec<u8> {
+        self.arrive_from(self.from, at, bytes)
+    }
+
+    pub(crate) fn arrive_from(&mut self, from: u8, at: usize, bytes: &[u8]) -> Vec<u8> {
         let now = self.clocks();
         let end = &mut self.ends[at];
         let Some(link) = &mut end.link else {
@@ -184,9 +200,12 @@ impl World {
         };
         let mut random = end.dice.fill();
         let inner = link
-            .handle(now, HONEST, bytes, &mut random, &mut end.disk)
+            .handle(now, from, bytes, &mut random, &mut end.disk)
             .to_vec();
         drop(random);
+        if !numbers(&inner).is_empty() {
+            end.sender = Some(link.sender(from));
+        }
         end.got.extend(numbers(&inner));
         self.transmit(at);
         inner
@@ -201,6 +220,9 @@ impl World {
                 && entry.key().0 <= self.now
             {
                 let (to, bytes) = entry.remove();
+                if let Some(copier) = self.copier {
+                    self.arrive_from(copier, to, &bytes);
+                }
                 self.arrive(to, &bytes);
             }
             for at in [GROUND, AIR] {
