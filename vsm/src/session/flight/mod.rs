@@ -247,6 +247,7 @@ impl Flight {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
+        // On every input, also during a termination: its durations must not restart when the termination ends.
         self.watched.note(context.vehicle, context.mono());
         self.held = context.termination.holds;
         if self.held {
@@ -321,6 +322,8 @@ impl Flight {
                         command::Event::Done {
                             outcome: Outcome::Answered { .. },
                             ..
+                        // An answer proves that the mode was not entered, so its set points can end at once. Without an
+                        // answer the vehicle may still enter it.
                         } => self.refused(context, origin, why, effects),
                         _ => self.fail(context, origin, why, effects),
                     }
@@ -450,6 +453,7 @@ impl Flight {
         sticks: &UaStickCommand,
         effects: &mut Effects<'_>,
     ) {
+        // No message of the vehicle confirms MANUAL_CONTROL: storing the sticks is all that can be answered.
         match self.sticks.take(context.mono(), sticks) {
             Ok(()) => effects.acknowledge(&origin, AckType::CarriedOut),
             Err(why) => effects.refuse(Some(origin), why),
@@ -508,6 +512,7 @@ impl Flight {
             return effects.refuse(origin, SILENT);
         }
         if let Some(by) = origin
+            // Before all other checks: it also records the mode, so that a repetition of a refused command is recognised.
             && let Some(why) = self.is_undecided(context, by, command, just_loaded)
         {
             return effects.refuse(origin, why);
@@ -611,6 +616,8 @@ impl Flight {
     ) {
         if origin.is_some_and(|origin| origin.held.is_none()) {
             self.contingencies.operator_loads();
+            // The upload takes seconds, and a contingency may begin meanwhile: what counts is whether its operator knew of
+            // it when the command was sent.
             self.load_commanded = Some(context.mono());
         }
         effects.request(Request::LoadAndFly {
@@ -627,6 +634,7 @@ impl Flight {
         effects: &mut Effects<'_>,
     ) -> Result<(), String> {
         if altimeter != self.altimeter {
+            // Stored first: if that fails, the setting in use is still the one on disk.
             settings::store_altimeter(altimeter, effects)?;
             self.altimeter = altimeter;
             effects.request(Request::Configured {

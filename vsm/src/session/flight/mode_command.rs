@@ -210,6 +210,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
                 steps.push(Step::SetCurrent(0..=uploaded.compiled.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
             }
+            // Uploaded on the ground: a route that the vehicle refuses is then known before the take-off.
             _ => return Ok(Task::Load(RouteType::Launch)),
         }
     }

@@ -54,6 +54,8 @@ impl Flight {
             Some(before) == mode && now.saturating_sub(at) < REPEATED_WITHIN
         });
         let stands = self.contingencies.stands();
+        // A new mode that is refused as too early is not recorded: the same command, sent again after the alert, is the
+        // decision that `TOO_EARLY` requests, not a repetition.
         if let Some(mode) = mode.filter(|_| repeats || !stands) {
             self.mode_commanded = Some((mode, now));
         }

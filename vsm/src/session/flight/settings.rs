@@ -86,6 +86,8 @@ pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Resul
             let length = loiter.loiter_length.map(|length| length.si());
             let half_m = length.filter(above_zero).map(|length_m| length_m / 2.0);
             if let (Some(half_m), Some(radius_m)) = (half_m, radius_m)
+                // PX4 would enlarge the figure instead: it keeps the major axis at least twice the minor one
+                // (FigureEight.cpp).
                 && half_m < 2.0 * radius_m
             {
                 return Err(format!(

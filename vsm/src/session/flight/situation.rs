@@ -288,6 +288,7 @@ pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> R
 /// Whether the vehicle reports the loaded route as its mission, since another station may have changed it. `None` if it has
 /// not reported that yet: for a second after a silence, and longer on a bad link, its mission is unknown.
 pub(super) fn holds(vehicle: &Telemetry, uploaded: &UploadedMission) -> Option<bool> {
+    // The vehicle has no mission ids (ArduPilot), so there is nothing to compare.
     if uploaded.mission_id == 0 {
         return Some(true);
     }

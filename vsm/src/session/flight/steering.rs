@@ -71,6 +71,7 @@ pub(crate) fn direction(
         .unwrap_or(HeadingCommandType::None);
     let absolute = !matches!(
         kind,
+        // A turn rate has no reference direction, so a full presence vector may carry any Heading Reference with it.
         HeadingCommandType::None | HeadingCommandType::TurnRate
     );
     match command.heading_reference {
@@ -187,6 +188,7 @@ impl Steering {
             Some(flown) => flown,
             None => present(now, vehicle)?,
         };
+        // A new order wants the mode after all: its set points must not end with those of the earlier one.
         flown.given_up = None;
         flown.speed_m_s = order.speed_m_s.unwrap_or(flown.speed_m_s);
         flown.vertical = order.vertical.unwrap_or(flown.vertical);

@@ -75,6 +75,7 @@ impl Sticks {
         });
         if !overtaken {
             self.latest = Some((now, sticks.clone()));
+            // A new stick does not wait for the next repetition, only for the minimum spacing.
             self.due = self.due.min(self.sent + self.apart);
         }
         Ok(())
