@@ -33,12 +33,12 @@ pub(crate) enum Confirmation {
 }
 
 impl Confirmation {
-    /// Whether the vehicle shows it by now: a mode, and whether it is armed, in a message made after the last command.
+    /// Whether the vehicle shows it. A mode and the arming state count only in a message made after the last command.
     pub(super) fn is_seen(&self, vehicle: &VehicleState) -> bool {
         let telemetry = &vehicle.telemetry;
         match self {
             Confirmation::Mode(modes) => {
-                // A report made before the command proves nothing, even where it shows the right mode.
+                // A report from before the command proves nothing, even if it shows the right mode.
                 vehicle.state_is_newer_than_command()
                     && telemetry.mode.is_some_and(|mode| modes.contains(&mode))
             }
@@ -59,6 +59,7 @@ impl Confirmation {
                 .groundspeed
                 .is_some_and(|flown| (flown - wanted).abs() < speed_slack(*wanted)),
             Confirmation::Course(wanted) => course(telemetry).is_some_and(|flown| {
+                // By sine and cosine, so that north (0 and 2 pi) needs no special case.
                 (flown - wanted).sin().abs() < COURSE_SLACK.sin() && (flown - wanted).cos() > 0.0
             }),
             Confirmation::Hovers(wanted) => !telemetry.transits() && telemetry.hovers() == *wanted,
@@ -79,7 +80,7 @@ impl Confirmation {
     /// What has not been seen, for the operator.
     pub(super) fn awaited(&self, vehicle: &VehicleState) -> String {
         match self {
-            // By an older report it is in it: "not AUTO.LOITER, it is in AUTO.LOITER" would explain nothing.
+            // An older report may already show this mode: "not AUTO.LOITER, it is in AUTO.LOITER" would explain nothing.
             Confirmation::Mode(modes) if !vehicle.state_is_newer_than_command() => {
                 let wanted = modes.first().map_or("", |mode| mode.name());
                 format!("{wanted}: it has not reported its mode since the command")
@@ -112,23 +113,23 @@ impl Confirmation {
     }
 }
 
-/// Course over ground, rad; `None` for a vehicle that does not move.
+/// Course over ground, rad; `None` for a vehicle that hardly moves.
 fn course(telemetry: &Telemetry) -> Option<f64> {
     let [north, east, _] = telemetry.velocity_ned?;
     (north.hypot(east) > SLOWEST_M_S).then(|| east.atan2(north))
 }
 
-/// How far a flown speed may be from the one commanded: on a circle PX4 lags behind its set point, by a sixth at 5 m/s on
-/// 30 m, and wind makes it waver.
+/// Tolerance of a flown speed. On a circle PX4 lags behind its set point, by a sixth at 5 m/s on 30 m, and wind makes it
+/// fluctuate.
 fn speed_slack(speed_m_s: f64) -> f64 {
     (0.25 * speed_m_s).max(0.5)
 }
 
-/// How near the radius of a circle must be to the one commanded, m.
+/// Tolerance of the radius of a circle, m.
 const RADIUS_SLACK_M: f64 = 0.5;
-/// How near a course over ground must be to the one commanded, rad: gusts turn a small wing by more than a degree.
+/// Tolerance of a course over ground, rad: gusts turn a small wing by more than a degree.
 const COURSE_SLACK: f64 = 0.1;
-/// Slower, a course means nothing.
+/// Below this speed a course means nothing, m/s.
 const SLOWEST_M_S: f64 = 2.0;
-/// How near a set point must be to the one commanded, m.
+/// Tolerance of a set point, m.
 const TARGET_SLACK_M: f64 = 2.0;

@@ -1,10 +1,10 @@
 //! A mode command (2016) while it is carried out: steps, each confirmed by what the vehicle shows.
 //!
-//! An accepted COMMAND_ACK proves nothing: PX4 accepts modes that it does not enter. A maneuver is done when the
-//! vehicle's own messages, made after the command was sent, show it; else it is refused with the vehicle's reason.
+//! An accepted COMMAND_ACK proves nothing: PX4 accepts modes that it does not enter. A maneuver is done when messages of
+//! the vehicle, made after the command was sent, show it. Otherwise it is refused with the vehicle's reason.
 //!
-//! Between two steps may lie a transition or a whole climb. Where the vehicle leaves meanwhile the mode that a maneuver has
-//! found or led to, a pilot or a failsafe has taken it, and nothing more is commanded.
+//! A transition or a whole climb may lie between two steps. If the vehicle meanwhile leaves the mode that the maneuver
+//! found or led to, a pilot or a failsafe has taken it, and the maneuver commands nothing more.
 
 mod confirmation;
 mod step;
@@ -28,7 +28,7 @@ use mavlink_link::service::mission;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 
-/// What became of a maneuver.
+/// The progress of a maneuver.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Progress {
     Going,
@@ -42,12 +42,12 @@ pub(crate) struct Maneuver {
     steps: VecDeque<Step>,
     waiting: Waiting,
     basis: Basis,
-    /// What 3002 reports as commanded, once it is done.
+    /// What 3002 reports as commanded once the maneuver is done.
     pub(crate) commanded: Commanded,
     /// Sent when the maneuver fails: a launch that fails leaves no running motors.
     undo: Option<Command>,
     armed_by_us: bool,
-    /// The command that had no answer, and whose effect the vehicle may show all the same; its name and attempts.
+    /// The command that had no answer although the vehicle may show its effect; its name and attempts.
     unanswered: Option<(&'static str, u8)>,
 }
 
@@ -56,21 +56,23 @@ pub(crate) struct Maneuver {
 enum Basis {
     /// The vehicle has not shown it yet.
     Unknown,
-    /// It was in this one when the maneuver began.
+    /// The vehicle was in this one when the maneuver began.
     Found(Px4Mode),
-    /// Another one is commanded, and not confirmed yet.
+    /// Another one is commanded and not confirmed yet.
     Entering,
     /// The maneuver has led to one of these.
     Entered(&'static [Px4Mode]),
-    /// Somebody else has led the vehicle to this one.
+    /// Somebody else has put the vehicle in this one.
     Lost(Px4Mode),
 }
 
 impl Basis {
-    /// As it is once the vehicle shows this mode.
+    /// The basis after the vehicle has reported this mode.
     fn after(self, mode: Px4Mode) -> Basis {
         let stays = match &self {
             Basis::Unknown => return Basis::Found(mode),
+            // While a mode is being entered, reports still show the earlier one. A vehicle that somebody has taken stays
+            // theirs.
             Basis::Entering | Basis::Lost(_) => return self,
             Basis::Found(before) => is_from(std::slice::from_ref(before), mode),
             Basis::Entered(modes) => is_from(modes, mode),
@@ -79,7 +81,7 @@ impl Basis {
     }
 }
 
-/// Whether a vehicle in one of these modes comes to `mode` by itself: PX4 ends a take-off and a mission in a hold.
+/// Whether PX4 itself leads from one of these modes to `mode`: it ends a take-off and a mission in a hold.
 fn is_from(modes: &[Px4Mode], mode: Px4Mode) -> bool {
     const END_IN_A_HOLD: [Px4Mode; 3] = [Px4Mode::TAKEOFF, Px4Mode::VTOL_TAKEOFF, Px4Mode::MISSION];
     let ends = |one: &Px4Mode| END_IN_A_HOLD.contains(one);
@@ -120,7 +122,7 @@ impl Maneuver {
         }
     }
 
-    /// Whether a mode is still to be entered by it, or the ground to be left.
+    /// Whether it still has to enter a mode, or to leave the ground.
     pub(crate) fn enters_a_mode(&self) -> bool {
         let mut left = self.steps.iter();
         left.any(|step| {
@@ -134,7 +136,7 @@ impl Maneuver {
         })
     }
 
-    /// Whether this mode is still to be entered by it.
+    /// Whether it still has to enter this mode.
     pub(crate) fn enters(&self, mode: Px4Mode) -> bool {
         let mut left = self.steps.iter();
         left.any(|step| match step {
@@ -146,7 +148,7 @@ impl Maneuver {
         })
     }
 
-    /// The mission item that the vehicle is still to be sent to.
+    /// The mission item that it still has to send the vehicle to.
     pub(crate) fn sends_to(&self) -> Option<u16> {
         let mut left = self.steps.iter();
         left.find_map(|step| match step {
@@ -155,12 +157,12 @@ impl Maneuver {
         })
     }
 
-    /// Whether a VTOL is still to turn to its wings, or to a hover.
+    /// Whether it still has to transition a VTOL, to its wings or to a hover.
     pub(crate) fn turns(&self) -> bool {
         self.awaits(|confirmation| matches!(confirmation, Confirmation::Hovers(_)))
     }
 
-    /// Whether the motors are still to stop.
+    /// Whether it still has to stop the motors.
     pub(crate) fn disarms(&self) -> bool {
         self.awaits(|confirmation| *confirmation == Confirmation::Disarmed)
     }
@@ -170,13 +172,13 @@ impl Maneuver {
         left.any(|step| matches!(step, Step::Confirm { confirmation, .. } if so(confirmation)))
     }
 
-    /// A command sent when the maneuver fails after its arming step.
+    /// The command that is sent if the maneuver fails after its arming step.
     pub(crate) fn undone_by(mut self, command: Command) -> Maneuver {
         self.undo = Some(command);
         self
     }
 
-    /// The end of a command of this maneuver, or of another.
+    /// A command has ended: of this maneuver, or another one.
     pub(crate) fn handle_command(
         &mut self,
         now: Duration,
@@ -207,13 +209,13 @@ impl Maneuver {
                 result: MavResult::MAV_RESULT_ACCEPTED,
                 ..
             } => {
-                // Noted before the state confirms it: a launch that fails in between must be undone, too.
+                // Noted before the state confirms it: a launch that fails in between must be undone too.
                 self.armed_by_us |= command.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
                 self.next();
                 Progress::Going
             }
-            // PX4 rejects arming so for some seconds after its start, and a mode whose stream it has not seen yet: the
-            // same command is accepted a little later.
+            // PX4 rejects arming like this for some seconds after its start, and a mode whose stream it has not seen yet:
+            // the same command is accepted a little later.
             Outcome::Answered {
                 result: MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
                 ..
@@ -225,15 +227,15 @@ impl Maneuver {
                 Progress::Going
             }
             Outcome::Answered { result, .. } => {
-                // PX4 sends the reason by STATUSTEXT, beside the result.
+                // PX4 sends the reason separately, by STATUSTEXT.
                 let why = vehicle.latest_complaint(now).unwrap_or_default();
                 Progress::Refused(format!(
                     "{what}: the vehicle answered: {}{why}",
                     name(result)
                 ))
             }
-            // Where the way back loses every COMMAND_ACK the command may have been carried out all the same, and an
-            // operator who reads that it was refused would be misled: what the vehicle shows since decides.
+            // If the link loses every COMMAND_ACK, the command may have been carried out all the same, and an operator who
+            // reads that it was refused would be misled. What the vehicle has shown since decides.
             Outcome::NoAnswer { tries } if self.shows_the_command(vehicle) => {
                 self.armed_by_us |= command.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
                 self.unanswered = Some((what, tries));
@@ -256,7 +258,8 @@ impl Maneuver {
                 self.next();
                 Progress::Going
             }
-            // PX4 rejects MISSION_SET_CURRENT by a STATUSTEXT alone, so that this is mostly a time-out.
+            // PX4 rejects MISSION_SET_CURRENT only by a STATUSTEXT ("WPM: WP CURR CMD: Not in list"), so this is mostly a
+            // timeout.
             mission::Event::Failed {
                 operation: mission::Operation::SetCurrent,
                 ..
@@ -268,13 +271,14 @@ impl Maneuver {
         }
     }
 
-    /// Begins what can begin, looks at what is awaited.
+    /// Begins the steps that can begin, and checks what is awaited.
     pub(crate) fn advance(
         &mut self,
         now: Duration,
         vehicle: &VehicleState,
         services: &mut Services,
     ) -> Progress {
+        // Only by a report newer than the last command: an older one may show the mode that this maneuver has just left.
         if let Some(mode) = vehicle.settled_mode() {
             self.basis = self.basis.after(mode);
         }
@@ -283,7 +287,7 @@ impl Maneuver {
                 return Progress::Done;
             };
             if let (Basis::Lost(mode), true) = (self.basis, self.commands_more()) {
-                // Nor are the motors stopped under a pilot who has taken the vehicle over on the ground.
+                // The motors must not stop under a pilot who has taken the vehicle over on the ground.
                 self.undo = None;
                 return Progress::Refused(format!(
                     "the vehicle is in {} now, by its pilot or a failsafe",
@@ -300,7 +304,9 @@ impl Maneuver {
                     },
                 ) => {
                     let patient_until = now + *patience;
+                    // The steps since the unanswered command have been confirmed, so it no longer explains a failure.
                     self.unanswered = None;
+                    // The vehicle may leave its present mode from here on, and that is not a pilot's doing.
                     let enters = self.steps.get(1).is_some_and(Step::confirms_a_mode);
                     match submit(services, now, *command, what, patient_until) {
                         Ok(waiting) => self.waiting = waiting,
@@ -359,7 +365,7 @@ impl Maneuver {
                             patience: Duration::ZERO,
                         };
                         self.next();
-                        // Another mode may be a pilot's or a failsafe's, and is not contested.
+                        // Any other mode may be a pilot's or a failsafe's: it is not contested.
                         if vehicle.settled_mode() == Some(Px4Mode::LOITER) {
                             self.steps.push_front(again);
                         }
@@ -394,12 +400,12 @@ impl Maneuver {
             Waiting::Pause { until } => Some(until),
             Waiting::Confirmation { deadline } => Some(deadline),
             Waiting::Nothing => Some(Duration::ZERO),
-            // The services report the end of these by an event, a time-out too.
+            // The services report the end of these, timeouts included, by an event.
             Waiting::Answer { .. } | Waiting::Current => None,
         }
     }
 
-    /// Ends it before its end: withdraws what waits, and undoes what must not stay.
+    /// Ends it early: withdraws what waits, and undoes what must not stay.
     pub(crate) fn abandon(
         &mut self,
         now: Duration,
@@ -407,7 +413,7 @@ impl Maneuver {
         services: &mut Services,
     ) {
         if let Waiting::Answer { ticket, .. } = self.waiting {
-            // Unanswered commands are repeated for seconds: this one could be received after that of a later maneuver.
+            // Unanswered commands are repeated for seconds: PX4 could receive this one after that of a later maneuver.
             services.commands.withdraw(now, ticket);
         }
         if matches!(self.waiting, Waiting::Current) {
@@ -417,13 +423,13 @@ impl Maneuver {
         let on_ground =
             vehicle.telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
         if let (true, true, Some(undo)) = (self.armed_by_us, on_ground, self.undo) {
-            // Full means that the vehicle does not answer; it disarms by itself on the ground.
+            // A full queue means that the vehicle does not answer; PX4 disarms by itself on the ground (COM_DISARM_PRFLT).
             let _ = services.commands.submit(now, undo);
         }
     }
 
-    /// Whether the vehicle shows by now what the step behind the command in front waits for, and the steps up to the next
-    /// command prove it. The mode of a circle or an eight proves nothing: the vehicle may have been in it before.
+    /// Whether the vehicle shows what the step after the command in front waits for, and the steps up to the next command
+    /// prove it. The mode of a circle or an eight proves nothing: the vehicle may have been in it before.
     fn shows_the_command(&self, vehicle: &VehicleState) -> bool {
         let Some(Step::Command { command, .. }) = self.steps.front() else {
             return false;
@@ -437,13 +443,13 @@ impl Maneuver {
             | Confirmation::Orbit { .. }
             | Confirmation::Hovers(_)
             | Confirmation::Target { .. } => true,
-            // They are compared roughly, and may have been so before.
+            // Their tolerance is wide, so the vehicle may have shown them before the command.
             Confirmation::Speed(_) | Confirmation::Course(_) => false,
         };
         behind().any(proves) && behind().next().is_some_and(|first| first.is_seen(vehicle))
     }
 
-    /// Whether a step is left that commands something, and has not begun.
+    /// Whether a step that commands something has not begun yet.
     fn commands_more(&self) -> bool {
         let begun = usize::from(!matches!(
             self.waiting,
@@ -453,7 +459,7 @@ impl Maneuver {
         left.any(|step| matches!(step, Step::Command { .. } | Step::SetCurrent(_)))
     }
 
-    /// The vehicle shows what the step in front waits for, and what is in its place.
+    /// The step in front is confirmed; a confirmed mode is the new basis.
     fn confirmed(&mut self) {
         if let Some(Step::Insist { confirmation, .. } | Step::Confirm { confirmation, .. }) =
             self.steps.front()
@@ -470,7 +476,7 @@ impl Maneuver {
     }
 }
 
-/// Sends a command; until then it is tried again where it is rejected for now.
+/// Sends a command. If it is rejected for now, it is retried until `patient_until`.
 fn submit(
     services: &mut Services,
     now: Duration,
@@ -505,5 +511,5 @@ fn name(result: MavResult) -> &'static str {
     }
 }
 
-/// Between two tries after a temporary rejection.
+/// Time between two attempts after a temporary rejection.
 const PAUSE: Duration = Duration::from_millis(400);

@@ -1,4 +1,4 @@
-//! The steps that make up what is asked of PX4: a mode, a launch, a place, a circle, a speed.
+//! The steps of a command to PX4: a mode, a launch, a place, a circle, a speed.
 
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use super::Confirmation;
 /// One step of a maneuver.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Step {
-    /// Sends a command; a temporary rejection is tried again for so long.
+    /// Sends a command; a temporary rejection is retried for this long.
     Command {
         command: Command,
         what: &'static str,
@@ -20,9 +20,9 @@ pub(crate) enum Step {
     },
     /// Makes the first of these mission items the current one; the vehicle may continue to the last of them at once.
     SetCurrent(RangeInclusive<u16>),
-    /// Lets the vehicle take notice of what is sent beside.
+    /// Gives PX4 time to notice a stream that is sent at the same time.
     Pause(Duration),
-    /// Looks for it so long; a vehicle that holds instead is sent the command once more.
+    /// Waits for it this long; a vehicle that holds instead is sent the command once more.
     Insist {
         confirmation: Confirmation,
         command: Command,
@@ -37,7 +37,7 @@ pub(crate) enum Step {
 }
 
 impl Step {
-    /// What it waits for, where it only waits.
+    /// What it waits for, if it only waits.
     pub(super) fn confirmation(&self) -> Option<&Confirmation> {
         match self {
             Step::Insist { confirmation, .. } | Step::Confirm { confirmation, .. } => {
@@ -47,7 +47,7 @@ impl Step {
         }
     }
 
-    /// Whether it waits for a mode: the command before it is one that enters that.
+    /// Whether it waits for a mode, so that the command before it enters that mode.
     pub(super) fn confirms_a_mode(&self) -> bool {
         matches!(
             self,
@@ -69,10 +69,10 @@ pub(crate) fn set_mode(mode: Px4Mode) -> [f32; 7] {
     [CUSTOM_MODE_ENABLED, main, sub, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// MAV_CMD_DO_SET_MODE to a mode of PX4, and the confirmation of it.
+/// MAV_CMD_DO_SET_MODE to a mode of PX4, and its confirmation.
 ///
-/// A take-off that ends in that very moment puts PX4 into AUTO.LOITER, whatever it has just accepted: then, and in no
-/// other mode, which might be a pilot's, it is commanded again.
+/// A take-off that ends at that very moment puts PX4 into AUTO.LOITER, whatever mode it has just accepted. Then the mode is
+/// commanded again; not in any other mode, which might be a pilot's.
 pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
     let mode = modes.first().copied().unwrap_or(Px4Mode::LOITER);
     let command = long(MavCmd::MAV_CMD_DO_SET_MODE, set_mode(mode));
@@ -90,13 +90,13 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
         },
         Step::Confirm {
             confirmation: Confirmation::Mode(modes),
-            // Both waits together are as long as for any other state.
+            // Both waits together are as long as the wait for any other state.
             within: STATE_WITHIN.saturating_sub(INSIST_AFTER),
         },
     ]
 }
 
-/// The mode of PX4 that the steps leave a vehicle in that is in the mode `now`; none where it may be one of several.
+/// The mode in which the steps leave a vehicle that is in the mode `now`; `None` if it may be one of several.
 pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode> {
     let mut modes = steps.iter().rev().filter_map(|step| match step {
         Step::Confirm {
@@ -123,8 +123,8 @@ pub(crate) fn launch(amsl_m: f64) -> Vec<Step> {
     rising(command, TAKEN_OFF, LIFT_OFF_WITHIN)
 }
 
-/// Arms, and takes a wing off to an altitude above mean sea level, where it loiters; about `place`, where one is given. PX4
-/// leaves the ground as the vehicle is set: from a runway, by hand or from a catapult.
+/// Arms a fixed wing, and takes off to an altitude above mean sea level, where it loiters; around `place` if there is one.
+/// PX4 takes off as the vehicle is configured: from a runway, by hand or from a catapult.
 pub(crate) fn launch_wing(amsl_m: f64, place: Option<(f64, f64)>) -> Vec<Step> {
     const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::TAKEOFF, Px4Mode::LOITER];
     let params = [0.0, 0.0, 0.0, f32::NAN];
@@ -132,8 +132,8 @@ pub(crate) fn launch_wing(amsl_m: f64, place: Option<(f64, f64)>) -> Vec<Step> {
     rising(command, TAKEN_OFF, ROLL_WITHIN)
 }
 
-/// Arms, and takes a VTOL off: it hovers up to an altitude above mean sea level, transitions towards `place`, and loiters
-/// there.
+/// Arms a VTOL, and takes off: it climbs in hover to an altitude above mean sea level, transitions towards `place`, and
+/// loiters there.
 pub(crate) fn launch_vtol(amsl_m: f64, place: (f64, f64)) -> Vec<Step> {
     const TAKEN_OFF: &[Px4Mode] = &[Px4Mode::VTOL_TAKEOFF, Px4Mode::LOITER];
     let params = [0.0, 0.0, 0.0, f32::NAN];
@@ -169,7 +169,7 @@ fn rising(take_off: Command, taken_off: &'static [Px4Mode], within: Duration) ->
             within: STATE_WITHIN,
         },
         Step::Confirm {
-            // The mode alone does not show a take-off: AUTO.LOITER was entered before arming.
+            // The mode alone does not prove a take-off: AUTO.LOITER was entered before arming.
             confirmation: Confirmation::OffTheGround,
             within,
         },
@@ -177,7 +177,7 @@ fn rising(take_off: Command, taken_off: &'static [Px4Mode], within: Duration) ->
     steps
 }
 
-/// The end of a wing's take-off: PX4 loiters then by itself.
+/// The end of a fixed wing's take-off: PX4 then loiters by itself.
 pub(crate) fn climbed() -> Step {
     Step::Confirm {
         confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
@@ -208,7 +208,8 @@ pub(crate) fn transition(to_hover: bool) -> [Step; 2] {
     ]
 }
 
-/// MAV_CMD_GUIDED_CHANGE_HEADING to a course over ground, rad, and the flight along it. PX4 takes it in GUIDED_COURSE only.
+/// MAV_CMD_GUIDED_CHANGE_HEADING to a course over ground, rad, and the flight along it. PX4 accepts it only in
+/// GUIDED_COURSE.
 pub(crate) fn course(course_rad: f64) -> [Step; 2] {
     const COURSE_OVER_GROUND: f32 = 0.0;
     let degrees = course_rad.to_degrees().rem_euclid(360.0) as f32;
@@ -228,7 +229,7 @@ pub(crate) fn course(course_rad: f64) -> [Step; 2] {
     ]
 }
 
-/// MAV_CMD_DO_CHANGE_ALTITUDE: PX4 takes it in AUTO.LOITER and GUIDED_COURSE, and keeps circle and course.
+/// MAV_CMD_DO_CHANGE_ALTITUDE: PX4 accepts it in AUTO.LOITER and GUIDED_COURSE, and keeps circle and course.
 pub(crate) fn change_altitude(amsl_m: f64) -> [Step; 2] {
     const FRAME_GLOBAL: f32 = 0.0;
     [
@@ -250,11 +251,13 @@ pub(crate) fn change_altitude(amsl_m: f64) -> [Step; 2] {
     ]
 }
 
-/// MAV_CMD_DO_GO_AROUND: PX4 climbs out of a landing, and loiters above the touch-down.
+/// MAV_CMD_DO_GO_AROUND: PX4 climbs out of a landing, and loiters above the touch-down point.
 pub(crate) fn go_around() -> [Step; 2] {
     [
         Step::Command {
             command: long(MavCmd::MAV_CMD_DO_GO_AROUND, [0.0; 7]),
+            // PX4's navigator accepts it in any state (navigator_main.cpp): only the mode that follows shows that it took
+            // effect.
             what: "go-around",
             patience: Duration::ZERO,
         },
@@ -265,8 +268,8 @@ pub(crate) fn go_around() -> [Step; 2] {
     ]
 }
 
-/// MAV_CMD_DO_FIGURE_EIGHT of a fixed wing about a place: half its length and the radius of its ends, m, and the direction of
-/// its long axis, rad from true north; what is none is PX4's own.
+/// MAV_CMD_DO_FIGURE_EIGHT of a fixed wing around a place: half its length and the radius of its ends, m, and the direction
+/// of its long axis, rad from true north; PX4's own value for each `None`.
 pub(crate) fn figure_eight(
     place: (f64, f64),
     amsl_m: f64,
@@ -288,7 +291,7 @@ pub(crate) fn figure_eight(
     ]
 }
 
-/// A COMMAND_INT at a place and altitude; INT32_MAX is no place.
+/// A COMMAND_INT at a place and altitude; INT32_MAX means no place.
 fn at_place(command: MavCmd, params: [f32; 4], place: Option<(f64, f64)>, amsl_m: f64) -> Command {
     let (x, y) = place.map_or((i32::MAX, i32::MAX), |(latitude, longitude)| {
         (e7(latitude), e7(longitude))
@@ -306,7 +309,7 @@ fn at_place(command: MavCmd, params: [f32; 4], place: Option<(f64, f64)>, amsl_m
     }
 }
 
-/// Disarms, and waits until that is seen.
+/// Disarms, and waits until the vehicle reports it.
 pub(crate) fn disarm() -> [Step; 2] {
     [
         Step::Command {
@@ -329,10 +332,10 @@ pub(crate) fn arm(armed: bool) -> Command {
     )
 }
 
-/// MAV_CMD_DO_CHANGE_SPEED. No message of PX4 shows the commanded speed: the acknowledgement must do.
+/// MAV_CMD_DO_CHANGE_SPEED. No message of PX4 shows the commanded speed, so the acknowledgement has to be enough.
 ///
-/// PX4 applies a speed to the present leg of a multicopter only when it is called a ground speed, and to what a wing flies at
-/// the moment only when it is called an air speed.
+/// PX4 applies a speed to the present leg of a multicopter only as a ground speed, and to the present flight of a fixed
+/// wing only as an air speed.
 pub(crate) fn change_speed(speed_m_s: f64, hovers: bool) -> Step {
     let kind = if hovers { 1.0 } else { 0.0 };
     Step::Command {
@@ -345,7 +348,7 @@ pub(crate) fn change_speed(speed_m_s: f64, hovers: bool) -> Step {
     }
 }
 
-/// MAV_CMD_DO_REPOSITION: to a place, or to another altitude where it is. Enters AUTO.LOITER.
+/// MAV_CMD_DO_REPOSITION: to a place, or to another altitude at the present place. Enters AUTO.LOITER.
 pub(crate) fn reposition(
     place: Option<(f64, f64)>,
     amsl_m: f64,
@@ -438,24 +441,24 @@ fn e7(degrees: f64) -> i32 {
 const CUSTOM_MODE_ENABLED: f32 = 1.0;
 /// HEARTBEAT comes at 1 Hz, and some of them are lost.
 const STATE_WITHIN: Duration = Duration::from_secs(6);
-/// A vehicle that shows another mode after this long is commanded again, if it holds.
+/// A vehicle that still holds after this long is sent the command again.
 const INSIST_AFTER: Duration = Duration::from_millis(2_500);
 /// PX4 spins its motors up before it lifts.
 const LIFT_OFF_WITHIN: Duration = Duration::from_secs(12);
-/// After its start PX4 refuses to arm for some seconds.
+/// PX4 refuses to arm for some seconds after its start.
 const ARM_PATIENCE: Duration = Duration::from_secs(8);
-/// For some tenths of a second after an upload PX4 refuses to fly it.
+/// PX4 refuses to fly a mission for some tenths of a second after its upload.
 const MODE_PATIENCE: Duration = Duration::from_secs(2);
-/// A wing rolls on its runway first.
+/// A fixed wing rolls on its runway first.
 const ROLL_WITHIN: Duration = Duration::from_secs(60);
-/// Until it loiters: at 3 m/s to 500 m.
+/// Enough for a climb at 3 m/s to 500 m.
 const CLIMB_WITHIN: Duration = Duration::from_secs(200);
-/// VT_TRANS_TIMEOUT is 15 s as PX4 comes; a transition back slows down first.
+/// VT_TRANS_TIMEOUT is 15 s by default; a transition back slows down first.
 const TRANSITION_WITHIN: Duration = Duration::from_secs(30);
-/// Half a circle of 200 m at 15 m/s.
+/// Enough for half a circle of 200 m radius at 15 m/s.
 const TURN_WITHIN: Duration = Duration::from_secs(60);
 /// MAV_VTOL_STATE of DO_VTOL_TRANSITION.
 const VTOL_STATE_MC: f32 = 3.0;
 const VTOL_STATE_FW: f32 = 4.0;
-/// To another speed on a circle.
+/// Time to reach another speed on a circle.
 const SPEED_WITHIN: Duration = Duration::from_secs(15);
