@@ -1,4 +1,4 @@
-//! The parts of the machine. What one part alone does is in its own file; what needs several is in the files above.
+//! The parts of the machine. What a single part does is in its own file; what needs several parts is in the files above.
 
 use std::time::Duration;
 
@@ -19,30 +19,30 @@ use crate::config::AgentContingency;
 use crate::relay_policy::RelayPolicy;
 use crate::session::Peer;
 
-/// What an agent is configured with.
+/// The configuration of an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// The vehicle's system id: PX4's, and the agent's own towards the ground.
     pub vehicle_system: u8,
-    /// The agent's own system id towards PX4, which must be another than the vehicle's.
+    /// The agent's own system id towards PX4, which must differ from the vehicle's.
     pub own_system: u8,
     /// The agent's component id on both sides.
     pub own_component: u8,
     /// The agent's link id on both sides.
     pub own_link_id: u8,
-    /// Who may speak to PX4, the VSM first; at most [`AllowedStreams::MAX`](mavlink_link::receiver::AllowedStreams::MAX).
+    /// Who may send to PX4, the VSM first; at most [`AllowedStreams::MAX`](mavlink_link::receiver::AllowedStreams::MAX).
     pub talkers: Vec<Stream>,
-    /// What they may ask of PX4.
+    /// What they may send to PX4.
     pub policy: RelayPolicy,
-    /// Where the ground is, where that is known.
+    /// The address of the ground, if it is known.
     pub radio: Endpoint<Peer>,
-    /// Where PX4 is, where that is known.
+    /// The address of PX4, if it is known.
     pub px4: Endpoint<Peer>,
-    /// Whether PX4 is given the same key with a new stamp after each of its starts.
+    /// Whether PX4 is sent the same key with a new stamp after each of its starts.
     pub restamp: bool,
-    /// What it flies by itself while nothing is received of the ground.
+    /// What the agent flies by itself while nothing is received from the ground.
     pub contingency: Option<AgentContingency>,
-    /// Whether a zeroize gives PX4 a key that nobody keeps.
+    /// Whether a zeroize installs a key on PX4 that nobody keeps.
     pub replace_px4_key: bool,
     /// A date that cannot be in the future.
     pub not_before: Stamp,
@@ -51,7 +51,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Both ends of an exchange with the VSM, which is the first that may speak.
+    /// Both ends of an exchange with the VSM, the first of the talkers.
     #[must_use]
     pub fn parties(&self) -> Parties {
         let ground = self.talkers.first();
@@ -79,7 +79,7 @@ pub struct Agent {
     pub(super) radio: Link<Peer>,
     pub(super) px4: Link<Peer>,
     pub(super) phase: Phase,
-    /// The agent's own static key, as people compare it.
+    /// The fingerprint of the agent's own static key, for people to compare.
     pub(super) identity: Fingerprint,
     pub(super) exchange: Exchange,
     pub(super) fallback: Fallback,
@@ -88,8 +88,8 @@ pub struct Agent {
     pub(super) reports: Reports,
     /// An order to zeroize.
     pub(super) zeroize: Stage,
-    /// What it flies by itself.
+    /// What the agent flies by itself.
     pub(super) alone: Alone,
-    /// A key that is due to PX4 waits for the shell.
+    /// A key that is due to be sent to PX4 waits for the shell.
     pub(super) key_held: bool,
 }

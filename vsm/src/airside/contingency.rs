@@ -1,4 +1,4 @@
-//! What the agent flies by itself while nothing is received of the ground: the machine of
+//! What the agent flies by itself while nothing is received from the ground: the machine of
 //! [`session::contingency`](crate::session::contingency), which the bridge runs too, on what PX4 reports here.
 //!
 //! ```text
@@ -7,8 +7,9 @@
 //!         +---- a verified frame: what was done is sent to it --+   and from then on it decides
 //! ```
 //!
-//! Promised: nothing is commanded while the ground is there, over a pilot, or over a failsafe of PX4
-//! ([`other`](crate::session::other)); each action is confirmed by the mode that the vehicle shows. Off unless it is configured.
+//! It promises: nothing is commanded while the ground is there, over a pilot, or over a failsafe of PX4
+//! ([`other`](crate::session::other)); each action is confirmed by the mode that the vehicle reports. It is off unless
+//! configured.
 
 use std::time::Duration;
 
@@ -35,14 +36,14 @@ use crate::session::contingency::{
 use crate::session::maneuver::set_mode;
 use crate::session::other::{Holding, Other};
 
-/// The causes, what PX4 reports of them, and whether the ground is there.
+/// The causes, what PX4 reports about them, and whether the ground is there.
 #[derive(Debug)]
 pub(super) struct Alone {
     settings: Option<Settings>,
     vehicle: Id,
     machine: Contingencies,
     telemetry: Telemetry,
-    /// When PX4 last reported its mode, and by HEARTBEAT whether it is armed.
+    /// When PX4 last reported its mode, and when its last HEARTBEAT, which reports whether it is armed.
     mode_at: Option<Duration>,
     beat_at: Option<Duration>,
     commanded_at: Option<Duration>,
@@ -53,11 +54,11 @@ pub(super) struct Alone {
     lost_since: Option<Duration>,
     looks: u32,
     look_at: Duration,
-    /// To be sent.
+    /// The command to send.
     command: Option<Px4Mode>,
-    /// Alerts that stand.
+    /// Active alerts.
     standing: Vec<(Cause, String)>,
-    /// What was done, sent to the ground once more then.
+    /// A summary of what was done, and when to send it to the ground once more.
     again: Option<(Duration, Vec<String>)>,
     last: Vec<String>,
 }
@@ -69,25 +70,26 @@ struct Settings {
     areas: Vec<Area>,
 }
 
-/// How it stands, for the status.
+/// Its state, for the status.
 #[derive(Debug, Clone, Serialize)]
 pub struct AloneStatus {
-    /// Since when nothing is received of the ground, s; none while it is there.
+    /// How long nothing has been received from the ground, s; `None` while it is there.
     pub ground_lost_s: Option<f64>,
-    /// What stands.
+    /// Active alerts.
     pub standing: Vec<String>,
-    /// What was done when the ground was lost the last time.
+    /// What was done the last time that the ground was lost.
     pub last: Vec<String>,
 }
 
-/// What the loop around it knows.
+/// What the caller knows.
 pub(super) struct Surroundings<'a> {
     pub(super) now: Now,
-    /// When the agent was started, and when the ground was last there: by a frame that was not held back, however well it verified.
-    /// Else whoever jams the radio and lets one old frame through at a time would keep the vehicle from coming home.
+    /// When the agent was started, and when the ground was last there: by a frame that was not held back, even if it
+    /// verified. Otherwise, whoever jams the radio and lets one old frame through at a time would keep the vehicle from
+    /// returning.
     pub(super) started: Duration,
     pub(super) ground: Option<Duration>,
-    /// PX4 can be commanded now.
+    /// Whether PX4 can be commanded now.
     pub(super) reaches_px4: bool,
     pub(super) disk: &'a mut dyn Disk,
     pub(super) reports: &'a mut Reports,
@@ -127,7 +129,7 @@ impl Alone {
         }
     }
 
-    /// What an earlier process has done for causes that may last.
+    /// Restores what an earlier process has done about causes that may persist.
     ///
     /// # Errors
     /// It cannot be read.
@@ -168,13 +170,13 @@ impl Alone {
         self.telemetry.update(&message);
     }
 
-    /// PX4 has restarted: what it has reported is another boot's.
+    /// PX4 has restarted: its earlier reports no longer hold.
     pub(super) fn px4_restarted(&mut self) {
         self.telemetry = Telemetry::default();
         (self.mode_at, self.beat_at, self.entered) = (None, None, None);
     }
 
-    /// Looks whether the ground is there, and where it is not at what PX4 reports.
+    /// Checks whether the ground is there, and if not, what PX4 reports.
     pub(super) fn step(&mut self, with: &mut Surroundings<'_>) {
         let now = with.now.mono;
         let Some(settings) = &self.settings else {
@@ -184,7 +186,7 @@ impl Alone {
         let lost = now.saturating_sub(received) >= settings.lost_after;
         match (lost, self.lost_since) {
             (false, None) => {
-                // Of an earlier run, that the ground's return has ended.
+                // The contingency of an earlier process; the ground's return has ended it.
                 if with.ground.is_some() && self.machine.has_handled() {
                     self.stand_down(with);
                 }
@@ -233,13 +235,13 @@ impl Alone {
         let telemetry = &self.telemetry;
         let fresh = |at: Option<Duration>, life| at.is_some_and(|at| now.saturating_sub(at) < life);
         let live = fresh(self.mode_at, SILENCE) && fresh(self.beat_at, NO_HEARTBEAT);
-        // What was on its way when a command was sent shows the mode of before it.
+        // A report that was in transit when a command was sent shows the earlier mode.
         let settled = self.commanded_at.is_none_or(|at| {
             let newer = at.saturating_add(ON_ITS_WAY);
             self.mode_at.is_some_and(|mode_at| mode_at >= newer)
         });
         let mode = telemetry.mode.filter(|_| settled);
-        // A report of just after it may still show the mode of before it.
+        // A report from just after the command may still show the earlier mode.
         let awaited = fresh(self.commanded_at, SHOWN_WITHIN);
         if settled {
             let stays = |entered: &Px4Mode| awaited || mode == Some(*entered);
@@ -248,7 +250,7 @@ impl Alone {
         }
         let other = mode.and_then(|_| Other::of(telemetry));
         let stays = |other: &Other| other.may_stay() && self.holding.leads_nowhere(now);
-        // A return or a landing that was entered from here is nobody else's.
+        // A return or landing that this agent commanded belongs to nobody else.
         let own =
             |other: &Other| matches!(other, Other::Ending(mode) if self.entered == Some(*mode));
         let (config, areas) = match &self.settings {
@@ -285,7 +287,7 @@ impl Alone {
         }
     }
 
-    /// From now on the ground decides: it must know what was done.
+    /// From now on the ground decides, so it must know what was done.
     fn ground_is_back(&mut self, since: Duration, with: &mut Surroundings<'_>) {
         let lost_s = with.now.mono.saturating_sub(since).as_secs_f64();
         let config = self
@@ -324,7 +326,7 @@ impl Alone {
             .stand_down("the ground is received again, and decides", &mut agents);
     }
 
-    /// A radio loses texts as all else, and what was done is to be known.
+    /// A radio can lose texts, so the summary is sent twice.
     fn report_again(&mut self, with: &mut Surroundings<'_>) {
         let due = |(at, _): &mut (Duration, Vec<String>)| with.now.mono >= *at;
         if let Some((_, texts)) = self.again.take_if(due) {
@@ -332,7 +334,7 @@ impl Alone {
         }
     }
 
-    /// The command that is to be sent to PX4.
+    /// The command to send to PX4.
     pub(super) fn poll_command(&mut self, system: u8) -> Option<MavMessage> {
         let mode = self.command.take()?;
         let to = Node::new(system, AUTOPILOT);
@@ -368,8 +370,8 @@ impl Alone {
     }
 }
 
-/// PX4 puts a wing down wherever it is in AUTO.LAND: it returns, and lands by the approach that PX4 has. Without a position nothing
-/// but a landing can be.
+/// In AUTO.LAND, PX4 puts a fixed wing down wherever it is. Instead it returns, and lands by PX4's own approach. Without a
+/// position only a landing is possible.
 fn for_airframe(provision: Provision, telemetry: &Telemetry) -> Provision {
     let located = telemetry.evidence.located.is_none_or(|one| one.value);
     if telemetry.vehicle_type.is_none() || telemetry.hovers() || !located {
@@ -388,7 +390,7 @@ fn for_airframe(provision: Provision, telemetry: &Telemetry) -> Provision {
     }
 }
 
-/// Whether a wing may fly to its touch-down: the last item of its mission.
+/// Whether a fixed wing may be flying to its touch-down: the last item of its mission.
 fn is_on_final(telemetry: &Telemetry) -> bool {
     let last = |total: u16, seq: u16| seq.saturating_add(1) >= total;
     telemetry.mode == Some(Px4Mode::MISSION)
@@ -405,7 +407,8 @@ fn send(texts: &[String], reports: &mut Reports) {
     }
 }
 
-/// What the machine has: the agent's disk, its log, and texts for the ground, which may still receive what it is not received by.
+/// The machine's outlet: the agent's disk, its log, and texts for the ground, which may still receive although nothing is
+/// received from it.
 struct Agents<'a> {
     now: Duration,
     vehicle: Id,
@@ -465,13 +468,13 @@ impl Outlet for Agents<'_> {
     }
 }
 
-/// Three looks in a row are needed for the link, as three reports for the others.
+/// The link needs three checks in a row, as the other causes need three reports.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
-/// HEARTBEAT comes at 1 Hz, and a mode that was commanded takes a moment.
+/// HEARTBEAT comes at 1 Hz, and a commanded mode takes a moment.
 const SHOWN_WITHIN: Duration = Duration::from_millis(2_500);
-/// PX4 is beside this computer.
+/// The line to PX4 is short: a report in transit arrives within this time.
 const ON_ITS_WAY: Duration = Duration::from_millis(200);
-/// As the bridge has it.
+/// As for the bridge.
 const SILENCE: Duration = crate::session::SILENCE;
 const NO_HEARTBEAT: Duration = Duration::from_secs(10);
 const SAY_AGAIN: Duration = Duration::from_secs(5);

@@ -1,6 +1,6 @@
-//! The agent's end of the key exchange: what comes of it goes to PX4, and what PX4 does with it is reported.
+//! The agent's end of the key exchange: agreed keys go to PX4, and what PX4 does with them is reported to the ground.
 //!
-//! A pairing window is opened by a person at this computer, never from the radio.
+//! Only a person at this computer can open a pairing window, never the radio.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -19,13 +19,13 @@ use super::output::{Side, Transmit};
 use super::phase::Phase;
 use crate::session::Peer;
 
-/// Why an agreement came to nothing, in step 4's reason.
+/// Why an agreement failed: the reason in step 4.
 const SEVERAL_AUTOPILOTS: u8 = 1;
 
-/// What the person at the pairing window learns.
+/// News for the person at the pairing window.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PairingNews {
-    /// The ground has proved to know the code: its static key is pinned.
+    /// The ground has proved that it knows the code: its static key is pinned.
     Paired(PublicKey),
     /// Somebody did not know the code.
     WrongCode,
@@ -33,7 +33,7 @@ pub enum PairingNews {
     Closed,
 }
 
-/// The responder, and what people at its window are to learn.
+/// The responder, and the news for people at its window.
 #[derive(Debug)]
 pub(super) struct Exchange {
     pub(super) responder: Responder<Peer>,
@@ -83,13 +83,13 @@ impl Exchange {
             verified: frame.verified.is_some(),
             payload: frame.payload(),
         };
-        // What it passes over it counts itself.
+        // The responder itself counts what it ignores.
         let _ = self
             .responder
             .handle(now.mono, inbound, random, keys.for_exchange());
     }
 
-    /// The next thing that follows for the key and the log; what concerns the window is kept for it.
+    /// The next event for the key and the log; events about the window are kept for `poll_news` too.
     pub(super) fn poll_event(&mut self) -> Option<ResponderEvent> {
         let event = self.responder.poll_event()?;
         let news = match &event {
@@ -98,20 +98,20 @@ impl Exchange {
             ResponderEvent::WrongCode => PairingNews::WrongCode,
             _ => return Some(event),
         };
-        // Strangers cause these at will, and perhaps nobody is at the window.
+        // Strangers can cause these at will, and perhaps nobody reads them.
         if self.news.len() < MAX_NEWS {
             self.news.push_back(news);
         }
         Some(event)
     }
 
-    /// What the ground is answered, when it asks, about its key.
+    /// Sets what the ground is answered when it asks about its key.
     pub(super) fn report_state(&mut self, state: State) {
         match state {
             State::Staged | State::WaitDisarm => self.responder.report(Status::WaitDisarm, 0),
             State::Sent => self.responder.key_sent(),
             State::Unknown => self.responder.report(Status::Silent, 0),
-            // A key not taken is sent again; how the other two end is reported when the key rollover ends.
+            // A key that was not taken is sent again; the other two are reported when the key rollover ends.
             State::Committed | State::NotTaken | State::RolledBack => {}
         }
     }

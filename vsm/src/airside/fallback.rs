@@ -1,8 +1,8 @@
-//! Whether PX4 has fallen back to the key before, as when a power cut brings its old key file back.
+//! Detects that PX4 has fallen back to the previous key, for example when a power cut brings its old key file back.
 //!
-//! A frame that verifies under that key may be a recording. It counts only with a stamp above all that was ever sent or
-//! accepted under it; where it is below, a heartbeat under that key goes out, which lifts the stamps of a PX4 that has
-//! the key, and of nothing else.
+//! A frame that verifies under that key may be a recording. It counts only with a stamp above all stamps that were ever
+//! sent or accepted under it. If its stamp is lower, a heartbeat under that key is sent: it raises the stamps of a PX4 that
+//! has the key, and of nothing else.
 
 use mavlink_link::Now;
 use mavlink_link::frame::MAX_FRAME;
@@ -16,7 +16,7 @@ use super::output::{Side, Transmit};
 use super::phase::Phase;
 use crate::session::Peer;
 
-/// A second receiver on PX4's link, for the key before, as long as there is one to look for.
+/// A second receiver on PX4's link, for the previous key, as long as there is one to look for.
 #[derive(Debug, Default)]
 pub(super) struct Fallback(Option<Receiver>);
 
@@ -27,7 +27,7 @@ struct Receiver {
 }
 
 impl Fallback {
-    /// The heartbeat that is due under the key before, if any.
+    /// The heartbeat that is due under the previous key, if any.
     pub(super) fn poll_transmit(
         &mut self,
         now: Now,
@@ -45,10 +45,10 @@ impl Fallback {
         Some(Transmit::new(Side::Px4, sent.to, sent.len))
     }
 
-    /// Whether these bytes show that the autopilot signs with the key before now. `px4` is how its link is configured.
+    /// Whether these bytes prove that the autopilot now signs with the previous key. `px4`: the configuration of its link.
     ///
     /// # Errors
-    /// The clock of the key before cannot be read.
+    /// The clock of the previous key cannot be read.
     pub(super) fn is_under_previous(
         &mut self,
         now: Now,
@@ -61,7 +61,7 @@ impl Fallback {
             self.0 = None;
             return Ok(false);
         };
-        // After another rotation the key before is a different one, with a clock of its own.
+        // After another rotation the previous key is a different one, with a clock of its own.
         let held = self.0.take().filter(|held| held.key.id() == previous.id());
         let receiver = match held {
             Some(held) => held,
@@ -77,10 +77,10 @@ impl Fallback {
         };
         let mut proven = false;
         link.handle_datagram(now, from, bytes, auth, &mut |delivery| {
-            // PX4 forwards frames of other components with their own signature: they show nothing of PX4's key.
+            // PX4 forwards frames of other components with their own signatures: they prove nothing about PX4's key.
             proven |= delivery.verified && delivery.header.component_id == AUTOPILOT;
         });
-        // PX4's link under the key in force sees the same bytes, and shows it.
+        // The link under the key in force gets the same bytes and reports its own events: these would be duplicates.
         while link.poll_event().is_some() {}
         if proven {
             self.0 = None;

@@ -1,4 +1,4 @@
-//! A key on its way to PX4: begun by an agreement or by PX4 having lost it, ended by what its frames prove.
+//! Installs a key on PX4: begun by an agreement or because PX4 has lost its key, ended by what PX4's frames prove.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use super::relay::FrameForwarder;
 use crate::session::{LogLevel, Peer};
 
 impl Agent {
-    /// Begins the handover of a key that is on disk.
+    /// Begins to install a key that is on disk.
     pub(super) fn hand_over(
         &mut self,
         old: Option<KeyState>,
@@ -29,7 +29,7 @@ impl Agent {
         keys: &mut dyn Keys,
     ) -> Result<(), StartError> {
         let mut link = *self.px4.config();
-        // One that has proved to be PX4 is spoken to at once.
+        // A peer that has proved to be PX4 is used at once; the rollover need not wait for its first frame.
         if let Some(peer) = self.px4_peer(now.mono) {
             link.endpoint = Endpoint::Fixed(peer);
         }
@@ -37,7 +37,7 @@ impl Agent {
             link,
             not_before: self.settings.not_before,
             may_send_key: true,
-            // The line to PX4 is its own and the agent's.
+            // Nobody else is on the line between PX4 and the agent, so its unsigned frames can be believed.
             believe_unsigned: true,
         };
         let handover = KeyRollover::start(config, old, new, now, keys.disk())?;
@@ -50,7 +50,7 @@ impl Agent {
         Ok(())
     }
 
-    /// Does what follows from the exchange: a key that is agreed goes to PX4, the rest to the log.
+    /// Processes the events of the exchange: an agreed key goes to PX4, the rest to the log.
     pub(super) fn follow_exchange(&mut self, now: Now, keys: &mut dyn Keys) {
         while let Some(event) = self.exchange.poll_event() {
             match event {
@@ -83,7 +83,7 @@ impl Agent {
                              no key can be agreed on, update the older end"
                         ),
                     );
-                    // Anybody can send it unverified, and an operator is not to be alarmed by anybody.
+                    // Anybody can send this unverified, and not everybody may alert an operator.
                     if verified {
                         let text = "Agent: other key exchange version, update";
                         self.reports
@@ -101,7 +101,7 @@ impl Agent {
         }
     }
 
-    /// A key of an exchange is on disk: PX4 is to have it.
+    /// A key of an exchange is on disk: installs it on PX4.
     fn hand_over_staged(&mut self, now: Now, keys: &mut dyn Keys) {
         let next = match keys.next() {
             Ok(Some(next)) => next,
@@ -114,25 +114,25 @@ impl Agent {
                 return;
             }
         };
-        // The old key stays at hand until PX4 signs with the new one: SETUP_SIGNING is signed with it.
+        // The old key is kept until PX4 signs with the new one: SETUP_SIGNING is signed with it.
         let old = match std::mem::replace(&mut self.phase, Phase::Keyless) {
             Phase::Relaying(relaying) => Some(relaying.key),
             Phase::HandingOver(on) => on.handover.into_old(),
             Phase::Keyless | Phase::CannotSign { .. } => None,
         };
         if let Err(fault) = self.hand_over(old, next, Cause::NewKey, now, keys) {
-            // The key stays on disk, and a restart of the agent continues with it.
+            // The key stays on disk, and a restart of the agent resumes its installation.
             self.reports.note(
                 LogLevel::Error,
                 format!("the agreed key cannot be installed: {fault}"),
             );
             return;
         }
-        // The check for a second autopilot counts as this state: the ground has no status of its own for it.
+        // The check for a second autopilot is reported as this state: the exchange has no status of its own for it.
         self.exchange.responder.report(Status::WaitDisarm, 0);
     }
 
-    /// The staged key must not be sent any more: PX4 keeps the one that it has.
+    /// The staged key must no longer be sent: PX4 keeps the one that it has.
     fn give_up_staged(&mut self) {
         self.reports
             .note(LogLevel::Info, "the agreed key is dropped for another");
@@ -147,7 +147,7 @@ impl Agent {
         };
     }
 
-    /// PX4 sends unsigned, or signs with the key before: the one in force is handed over again.
+    /// PX4 sends unsigned, or signs with the previous key: the one in force is installed again.
     pub(super) fn key_lost(&mut self, unsigned: bool, now: Now, keys: &mut dyn Keys) {
         let Phase::Relaying(relaying) = std::mem::replace(&mut self.phase, Phase::Keyless) else {
             return;
@@ -179,13 +179,14 @@ impl Agent {
         let begun = old
             .map_err(StartError::from)
             .and_then(|old| self.hand_over(old, key.key().duplicate(), Cause::LostKey, now, keys));
-        // Its time since boot starts again, and that alone does not show that it kept the key.
+        // Its time since boot starts again, which alone does not prove that it kept the key.
         self.watch.forget_boot();
         if let (Ok(()), Phase::HandingOver(on)) = (&begun, &mut self.phase) {
             on.previous = previous.as_ref().map(SigningKey::duplicate);
         }
         if let Err(fault) = begun {
-            // The clock cannot be read: nothing passes under a key that PX4 does not have, and it is tried again.
+            // The clock cannot be read. Nothing passes under a key that PX4 does not have, and the next unsigned frame
+            // tries again.
             self.reports.note(
                 LogLevel::Error,
                 format!("the key cannot be sent again: {fault}"),
@@ -194,7 +195,7 @@ impl Agent {
         }
     }
 
-    /// Perhaps it has another firmware by now.
+    /// Offers the key again: PX4 may have newer firmware now.
     pub(super) fn try_again_to_sign(&mut self, now: Now, keys: &mut dyn Keys) {
         let Phase::CannotSign { key, again_at } = &mut self.phase else {
             return;
@@ -233,9 +234,9 @@ impl Agent {
             .handle_and_pass(now, from, bytes, keys.disk(), &mut |under, frame| {
                 let delivered = match cause {
                     Cause::NewKey => true,
-                    // Under the key before PX4 has fallen back: that is not delivered.
+                    // A frame under the previous key means that PX4 has fallen back: not delivered.
                     Cause::LostKey => under == KeySlot::New,
-                    // Nobody but this process has the other key.
+                    // Only this process has the new key, so the ground cannot verify frames under it.
                     Cause::Discarded => under == KeySlot::Old,
                 };
                 if delivered {
@@ -245,18 +246,19 @@ impl Agent {
         self.follow_handover(now, keys);
         let undecided = matches!(&self.phase, Phase::HandingOver(on) if on.commit_at.is_some());
         if undecided {
-            // What verified under a key that is not in force on disk yet is not delivered.
+            // Frames verified under a key that is not in force on disk yet are not delivered: after a crash now, the agent
+            // would not know that key as the one in force.
             self.relay.undo(mark);
         }
     }
 
-    /// Does and reports what the rollover requires.
+    /// Carries out and reports what the rollover requires.
     pub(super) fn follow_handover(&mut self, now: Now, keys: &mut dyn Keys) {
         let Phase::HandingOver(on) = &mut self.phase else {
             return;
         };
         if on.cause == Cause::Discarded {
-            // Its files are the zeroize's: nothing is committed, and it stays so until the agent ends.
+            // A zeroize erases the files, so nothing is committed, and this state lasts until the agent ends.
             while on.handover.poll_event().is_some() {}
             return self.follow_zeroize(now.mono);
         }
@@ -309,7 +311,7 @@ impl Agent {
             previous,
             ..
         } = *on;
-        // A start before this proves nothing of the key that is in force now.
+        // A restart before this proves nothing about the key that is in force now.
         self.watch.take_restart();
         let id = handover.new_id();
         let (text, level) = match (outcome, cause) {

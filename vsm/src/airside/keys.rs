@@ -1,4 +1,4 @@
-//! What the agent needs of a disk: the ceilings of its signing clocks, and the keys with their order.
+//! What the agent needs on a disk: the ceilings of its signing clocks, and the keys in their order.
 
 use mavlink_link::Now;
 use mavlink_link::clock::Origin;
@@ -7,23 +7,22 @@ use mavlink_link::receiver::KeyState;
 use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::{Disk, StoreError};
 
-/// The key files beside the clocks and what the exchange keeps. Each call returns only when a power cut could not undo
-/// it, or [`Keys::is_stored`] reports when.
+/// The key files, the clocks, and what the exchange keeps. Each call returns only when a power cut could not undo it, or
+/// [`Keys::is_stored`] reports when.
 pub trait Keys {
-    /// Where the ceilings of the signing clocks are.
+    /// The disk with the ceilings of the signing clocks.
     fn disk(&mut self) -> &mut dyn Disk;
 
-    /// The same disk as the exchange sees it.
+    /// The same disk, as the exchange uses it.
     fn for_exchange(&mut self) -> &mut dyn ResponderStore;
 
-    /// Whether all that was written is durable. Until then neither the exchange nor a key is sent anything of; frames are
-    /// relayed.
+    /// Whether everything written is durable. Until then no message of the exchange and no key is sent; frames are relayed.
     fn is_stored(&self) -> bool;
 
-    /// The key that is going to be handed over.
+    /// The key that will be installed next.
     ///
     /// # Errors
-    /// It is there and cannot be used.
+    /// It exists and cannot be used.
     fn next(&mut self) -> Result<Option<SigningKey>, StoreError>;
 
     /// The next key becomes the current one, and the current the previous.
@@ -45,16 +44,16 @@ pub trait Keys {
     fn drop_previous(&mut self) -> Result<(), StoreError>;
 }
 
-/// The keys as they lie on disk at the start.
+/// The keys on disk at the start.
 #[derive(Debug, Default)]
 pub struct Held {
     /// In force.
     pub current: Option<SigningKey>,
-    /// PX4 may have been sent it.
+    /// It may have been sent to PX4.
     pub next: Option<SigningKey>,
-    /// The one before.
+    /// The one before the current key.
     pub previous: Option<SigningKey>,
-    /// The ground that was paired with.
+    /// The paired ground.
     pub peer: Option<PinnedPeer>,
     /// The highest epoch ever stored.
     pub epoch: u32,

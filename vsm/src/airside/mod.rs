@@ -1,27 +1,28 @@
 //! The air-side agent: a verifying relay beside PX4, and the only one that gives PX4 its keys.
 //!
-//! A sans-I/O machine between two links. Promised:
+//! A sans-I/O machine between two links. It promises:
 //!
-//! - From the radio only frames pass that verify under the key in force, of a listed (system, component, link), with a
-//!   stamp never accepted before, over restarts too. Bytes pass unaltered. SETUP_SIGNING never passes, KEY_EXCHANGE goes
-//!   to the exchange alone, and whatever carries the vehicle's own system id is dropped.
-//! - To the radio only PX4's frames pass that verify under the key in force: none unsigned, none under the key before.
-//! - A key for PX4 comes from this machine's own disk, never from the radio, and goes out by the states of
-//!   [`mavlink_link::provisioning`]: disarmed, at most three times, believed only where frames verify.
-//! - An unsigned PX4, or one that has fallen back to the key before, is given its key again at once; until it signs no
+//! - From the radio, a frame passes only if it verifies under the key in force, comes from a listed (system, component,
+//!   link), and has a stamp that was never accepted before, also over restarts. Its bytes pass unaltered. SETUP_SIGNING
+//!   never passes, KEY_EXCHANGE goes only to the exchange, and a frame with the vehicle's own system id is dropped.
+//! - To the radio, a frame of PX4 passes only if it verifies under the key in force: no unsigned frame, none under the
+//!   previous key.
+//! - A key for PX4 comes from this machine's own disk, never from the radio. It is sent by the states of
+//!   [`mavlink_link::provisioning`]: only while disarmed, at most three times, and taken as installed only if frames
+//!   verify.
+//! - A PX4 that is unsigned, or has fallen back to the previous key, is sent its key again at once. Until it signs, no
 //!   command reaches it.
+//! - What the ground may command is limited by a list of the agent's own ([`RelayPolicy`]), so that a captured ground
+//!   station does not own the vehicle's shell, files and failsafes.
+//! - An order to zeroize, from the paired ground or from an operator here, is stored before it is acknowledged, and refused
+//!   unless PX4 is known to be disarmed (`zeroize`).
 //!
-//! What the promise against replays after PX4's restart is worth hangs on PX4 having no other radio.
+//! The promise against replays after a restart of PX4 holds only if PX4 has no other radio.
 //!
-//! - What the ground may ask of PX4 is a list of the agent's own ([`RelayPolicy`]), so that a captured ground station does not own
-//!   the vehicle's shell, files and failsafes.
-//! - An order to zeroize of the paired ground, or of an operator here, is stored before it is acknowledged, and refused while PX4
-//!   is not known to be disarmed (`zeroize`).
-//!
-//! What the ground may ask is `crate::relay_policy`. From the bottom up: `phase` how it stands with PX4's key, `keys` its disk, `output` what it gives out. The parts
-//! `watch`, `relay`, `fallback`, `contingency` and `exchange` know no sibling; `agent` is the struct that has them all. Above it,
-//! `key_install` takes a key to PX4, `transmit` chooses the next frame, `start` begins, `trace` puts into words what became of a datagram; this file is the
-//! router.
+//! The files, from the bottom up: `phase` is the state of PX4's key, `keys` the agent's disk, `output` what it sends and
+//! logs. `watch`, `relay`, `fallback`, `contingency` and `exchange` know no sibling; `agent` is the struct that holds them
+//! all. Above it, `key_install` installs a key on PX4, `transmit` chooses the next frame, `start` begins, `trace` describes
+//! what happened to a datagram. This file is the router.
 
 mod agent;
 mod contingency;
@@ -84,7 +85,7 @@ impl Agent {
         Ok(())
     }
 
-    /// Closes the window: nobody waits at it any more.
+    /// Closes the window: the operator has stopped waiting.
     pub fn close_window(&mut self) {
         self.exchange.responder.close_window();
     }
@@ -94,7 +95,7 @@ impl Agent {
         self.exchange.poll_news()
     }
 
-    /// Takes what came from the ground. `random` is for the exchange.
+    /// Takes bytes received from the ground. `random` is for the exchange.
     pub fn handle_radio(
         &mut self,
         now: Now,
@@ -128,7 +129,7 @@ impl Agent {
         }
     }
 
-    /// Where PX4 is: while a key is on its way to it the rollover takes its frames, and knows where they come from.
+    /// The address of PX4. While a key is being installed, the rollover receives PX4's frames and knows their source.
     fn px4_peer(&self, mono: Duration) -> Option<Peer> {
         match &self.phase {
             Phase::HandingOver(on) if on.handover.peer().is_some() => on.handover.proven_peer(mono),
@@ -136,10 +137,10 @@ impl Agent {
         }
     }
 
-    /// Takes what came from PX4.
+    /// Takes bytes received from PX4.
     pub fn handle_px4(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) {
         match &self.phase {
-            // Nothing of PX4 could be verified now, and what does not verify is not relayed.
+            // Without a key no frame of PX4 can be verified, and unverified frames are not relayed.
             Phase::Keyless | Phase::CannotSign { .. } => {}
             Phase::HandingOver(_) => self.take_while_handing_over(now, from, bytes, keys),
             Phase::Relaying(_) => self.take_and_relay(now, from, bytes, keys),
@@ -189,7 +190,7 @@ impl Agent {
                 Event::PeerChanged { .. } | Event::KeyExchange(_) => {}
             }
         }
-        // The second check costs another hash a frame: only a frame that failed under the key in force is worth it.
+        // The second check costs another hash per frame: only a frame that failed under the key in force is worth it.
         let fell_back =
             self.px4.stats().bad_signature > bad_before && self.fell_back(now, from, bytes, keys);
         if unsigned || fell_back {
@@ -199,7 +200,7 @@ impl Agent {
         }
     }
 
-    /// It signs with the current key after a start: the one before has come to its end.
+    /// It signs with the current key after a restart, so the previous key is no longer needed.
     fn px4_restarted(&mut self, keys: &mut dyn Keys) {
         self.reports
             .note(LogLevel::Info, "PX4 has restarted and signs");
@@ -211,7 +212,7 @@ impl Agent {
             match keys.drop_previous() {
                 Ok(()) => {
                     relaying.previous = None;
-                    // It would continue to stamp under a key whose clock is deleted.
+                    // The fallback receiver would continue to use stamps of a key whose clock is deleted.
                     self.fallback = Fallback::default();
                 }
                 Err(fault) => self.reports.note(
@@ -222,7 +223,7 @@ impl Agent {
         }
     }
 
-    /// Whether PX4 signs with the key before.
+    /// Whether PX4 signs with the previous key.
     fn fell_back(&mut self, now: Now, from: Peer, bytes: &[u8], keys: &mut dyn Keys) -> bool {
         let previous = match &self.phase {
             Phase::Relaying(relaying) => relaying.previous.as_ref(),
@@ -246,6 +247,7 @@ impl Agent {
         random: &mut dyn Random,
         keys: &mut dyn Keys,
     ) {
+        // An order to zeroize is taken in every phase; everything else may have to wait.
         let orders = || {
             let message = Message::parse(frame.payload());
             matches!(message, Ok(Received::Exchange(message)) if message.step == Step::Order)
@@ -258,7 +260,7 @@ impl Agent {
         }
         if matches!(&self.phase, Phase::HandingOver(on) if on.cause == Cause::LostKey) && !orders()
         {
-            // Seconds, as a rule: until then it is not known under which key PX4 is to be given another.
+            // This usually takes seconds. Until then it is not known which key PX4 has, and so how to give it another.
             self.relay
                 .held_back
                 .count("KEY_EXCHANGE while PX4 is given its key again");
@@ -272,7 +274,7 @@ impl Agent {
         self.follow_exchange(now, keys);
     }
 
-    /// When [`handle_timeout`](Self::handle_timeout) wants to be called, in monotonic time.
+    /// When [`handle_timeout`](Self::handle_timeout) is next needed, in monotonic time.
     #[must_use]
     pub fn poll_timeout(&self) -> Duration {
         let px4 = match &self.phase {
@@ -295,7 +297,7 @@ impl Agent {
             )
     }
 
-    /// Does what is due by now. Calling it early or late does no harm.
+    /// Does what is due now. Calling it early or late does no harm.
     pub fn handle_timeout(&mut self, now: Now, keys: &mut dyn Keys) {
         self.radio.handle_timeout(now);
         self.exchange.responder.handle_timeout(now.mono);
@@ -328,13 +330,13 @@ impl Agent {
         }
     }
 
-    /// Whether PX4 has just reported, signed, that it is disarmed.
+    /// Whether PX4 has recently reported, in a signed frame, that it is disarmed.
     #[must_use]
     pub fn is_disarmed(&self, mono: Duration) -> bool {
         self.watch.is_disarmed(mono)
     }
 
-    /// Whether PX4 is due to be sent a key.
+    /// Whether a key is due to be sent to PX4.
     #[must_use]
     pub fn key_is_due(&self, mono: Duration) -> bool {
         match &self.phase {
@@ -344,7 +346,8 @@ impl Agent {
         }
     }
 
-    /// Holds keys for PX4 back, or no longer: while the shell finds out who would receive them. All else continues.
+    /// Holds back keys for PX4, or releases them: the shell uses this while it checks who would receive them. Everything
+    /// else continues.
     pub fn hold_key(&mut self, hold: bool) {
         self.key_held = hold;
     }
@@ -359,7 +362,7 @@ impl Agent {
         self.reports.poll_note()
     }
 
-    /// How it stands.
+    /// The agent's status.
     #[must_use]
     pub fn status(&self, vehicle: String, mono: Duration) -> AirsideStatus {
         AirsideStatus {

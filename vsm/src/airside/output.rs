@@ -1,4 +1,4 @@
-//! What the agent gives out: frames for its two links, lines for the log, and texts for the ground.
+//! The agent's output: frames for its two links, lines for the log, and texts for the ground.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -17,12 +17,12 @@ pub enum Side {
     Px4,
 }
 
-/// A frame that stands ready in the caller's buffer.
+/// A frame in the caller's buffer, ready to be sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transmit {
-    /// Which link it goes out on.
+    /// The link to send it on.
     pub side: Side,
-    /// Where it must go.
+    /// Its destination.
     pub to: Peer,
     /// Its bytes in the buffer.
     pub len: usize,
@@ -33,7 +33,7 @@ pub struct Transmit {
 /// A line for the log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
-    /// How much it matters.
+    /// Its severity.
     pub level: LogLevel,
     /// What happened.
     pub text: String,
@@ -50,7 +50,7 @@ impl Transmit {
     }
 }
 
-/// What people are to know. Whoever is on a link can cause entries at will: what finds no room is dropped.
+/// News for people. Anybody on a link can cause entries at will: those that find no room are dropped.
 #[derive(Debug, Default)]
 pub(super) struct Reports {
     notes: VecDeque<Note>,
@@ -87,11 +87,11 @@ impl Reports {
         self.note(LogLevel::Warning, text);
     }
 
-    /// A text for the ground, which alerts its operators: 50 bytes of it, the most that STATUSTEXT holds in one.
+    /// A text for the ground, which alerts its operators. It is cut to the 50 bytes that one STATUSTEXT holds.
     pub(super) fn alert_ground(&mut self, severity: MavSeverity, text: impl Into<String>) {
         if self.texts.len() < MAX_TEXTS {
             let mut text: String = text.into();
-            // Each character is a byte then.
+            // Then each character is one byte, so truncating cannot split one.
             text.retain(|character| character.is_ascii());
             text.truncate(MAX_TEXT_BYTES);
             self.texts.push_back((severity, text));

@@ -1,4 +1,4 @@
-//! How the agent stands with PX4's key, and with an order to zeroize.
+//! The state of PX4's key, and of an order to zeroize.
 
 use std::time::Duration;
 
@@ -11,23 +11,23 @@ use mavlink_link::signing::{KeyId, SigningKey};
 use super::keys::Keys;
 use crate::session::Peer;
 
-/// The phases of an agent's life; each decides what is relayed.
+/// The phases of an agent. Each decides what is relayed.
 #[derive(Debug)]
 pub(super) enum Phase {
-    /// There is no key: only the exchange is received.
+    /// There is no key: only the key exchange is processed.
     Keyless,
-    /// One key in force: what verifies under it passes.
+    /// One key is in force: frames that verify under it pass.
     Relaying(Box<Relaying>),
-    /// A key is on its way to PX4.
+    /// A key is being installed on PX4.
     HandingOver(Box<HandingOver>),
-    /// PX4 takes no key: it is older than v1.18. Nothing passes, and it is asked again now and then.
+    /// PX4 accepts no key, because it is older than v1.18. Nothing passes; the key is offered again from time to time.
     CannotSign { key: SigningKey, again_at: Duration },
 }
 
 #[derive(Debug)]
 pub(super) struct Relaying {
     pub(super) key: KeyState,
-    /// Kept until PX4 has restarted and still signs with the current one.
+    /// Kept until PX4 has restarted and still signs with the current key.
     pub(super) previous: Option<SigningKey>,
 }
 
@@ -35,28 +35,28 @@ pub(super) struct Relaying {
 pub(super) struct HandingOver {
     pub(super) handover: KeyRollover<Peer>,
     pub(super) cause: Cause,
-    /// The key before the one in force, where that is handed over again.
+    /// The key before the one in force, if the latter is being sent again.
     pub(super) previous: Option<SigningKey>,
-    /// PX4 has the key, and the files do not have it yet: tried again then.
+    /// PX4 has the key, but the files do not yet: when to retry that.
     pub(super) commit_at: Option<Duration>,
 }
 
-/// Why a key is handed over.
+/// Why a key is installed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cause {
-    /// It is a new one: until PX4 has it the link continues under the old one.
+    /// A new key: the link uses the old one until PX4 has it.
     NewKey,
-    /// A zeroize: it is to have one that nobody keeps, and no file ever has it.
+    /// A zeroize: PX4 gets a key that nobody keeps and no file ever holds.
     Discarded,
-    /// PX4 has lost it, or fallen back to the one before: nothing passes until it has it again.
+    /// PX4 has lost its key, or fallen back to the previous one: nothing passes until it has it again.
     LostKey,
 }
 
 impl Cause {
-    /// The key that the ground uses meanwhile.
+    /// The key that the ground uses in the meantime.
     fn of_ground(self) -> KeySlot {
         match self {
-            // The ground switches at PX4's first frame under the new key, which it can only see after the agent.
+            // The ground switches at PX4's first frame under the new key, which reaches it only through the agent.
             Cause::NewKey | Cause::Discarded => KeySlot::Old,
             Cause::LostKey => KeySlot::New,
         }
@@ -68,7 +68,7 @@ impl Phase {
         Phase::Relaying(Box::new(Relaying { key, previous }))
     }
 
-    /// What frames of the ground are verified by.
+    /// The key that verifies frames of the ground.
     pub(super) fn ground_auth<'a>(&'a mut self, keys: &'a mut dyn Keys) -> Auth<'a> {
         let key = match self {
             Phase::Keyless | Phase::CannotSign { .. } => None,
@@ -81,12 +81,12 @@ impl Phase {
         })
     }
 
-    /// What a command of the agent itself is signed with: the key that PX4 has, where that is known.
+    /// The key that signs a command of the agent itself: the one that PX4 has, if that is known.
     pub(super) fn px4_auth<'a>(&'a mut self, keys: &'a mut dyn Keys) -> Auth<'a> {
         let key = match self {
             Phase::Keyless | Phase::CannotSign { .. } => None,
             Phase::Relaying(relaying) => Some(&mut relaying.key),
-            // In flight a new key waits: the vehicle flies under the old one.
+            // PX4 accepts a key only while disarmed, so in flight it still uses the old one.
             Phase::HandingOver(on) if on.cause == Cause::NewKey => {
                 on.handover.key_mut(KeySlot::Old)
             }
@@ -98,7 +98,7 @@ impl Phase {
         })
     }
 
-    /// Whether PX4 can be commanded by the agent itself.
+    /// Whether the agent itself can command PX4.
     pub(super) fn reaches_px4(&self) -> bool {
         match self {
             Phase::Keyless | Phase::CannotSign { .. } => false,
@@ -107,8 +107,8 @@ impl Phase {
         }
     }
 
-    /// Whether a command must not reach PX4: one that has lost its key would carry out anybody's. `accepted` is when a
-    /// frame of PX4 has verified last.
+    /// Whether no command may reach PX4: one that has lost its key would carry out anybody's. `accepted`: when a frame of
+    /// PX4 last verified.
     pub(super) fn is_closed(&self, mono: Duration, accepted: Option<Duration>) -> bool {
         match self {
             Phase::Keyless | Phase::CannotSign { .. } => true,
@@ -138,7 +138,7 @@ impl Phase {
         }
     }
 
-    /// The key in force, where it is known.
+    /// The key in force, if it is known.
     pub(super) fn key_id(&self) -> Option<KeyId> {
         match self {
             Phase::Relaying(relaying) => Some(relaying.key.id()),
@@ -146,7 +146,7 @@ impl Phase {
         }
     }
 
-    /// The key that PX4 is to be given, or may have been.
+    /// The key that is to be sent to PX4, or may have been sent.
     pub(super) fn next_id(&self) -> Option<KeyId> {
         match self {
             Phase::HandingOver(on) => Some(on.handover.new_id()),
@@ -156,20 +156,21 @@ impl Phase {
     }
 }
 
-/// How long PX4 counts as signed after a frame that verified; it sends something each second, and takes longer to start.
+/// How long PX4 counts as signed after a verified frame. It sends at least one frame a second, and a restart takes longer
+/// than this.
 const SIGNED_LATELY: Duration = Duration::from_millis(1_800);
 
-/// How far a zeroize has gone.
+/// The progress of a zeroize.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum Stage {
     #[default]
     Safe,
-    /// Of the ground, or of an operator of this computer.
+    /// An order has arrived, from the ground or from an operator of this computer.
     ToStore { ground: bool },
-    /// A start has found it, and PX4 has not shown yet that it can be given another key.
+    /// A restart has found a stored order, and PX4 has not shown yet that it can be given another key.
     Waiting { until: Duration },
     /// PX4 is being given another key.
     Replacing { until: Duration },
-    /// What it came to is sent to whoever asks; then the agent ends.
+    /// Its result is sent to whoever asks; then the agent ends.
     Over { key: AutopilotKey, since: Duration },
 }

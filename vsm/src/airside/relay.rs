@@ -1,7 +1,7 @@
-//! What passes from the one link to the other, byte for byte, and why the rest is held back.
+//! Passes frames from one link to the other, byte for byte, and counts why others are held back.
 //!
-//! Frames wait in one growing buffer of which each is a slice ([`Bytes`]). The buffer is used again once they are sent,
-//! so a relay that keeps up allocates nothing for a frame.
+//! Frames wait in one growing buffer, each as a slice of it ([`Bytes`]). The buffer is reused once they are sent, so a
+//! relay that keeps up allocates nothing per frame.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -16,7 +16,7 @@ use super::watch::Watch;
 use crate::relay_policy::{Denied, Px4Now, RelayPolicy};
 use crate::session::{ByType, Counters, Peer};
 
-/// A frame on its way through, as it came.
+/// A frame on its way through, unaltered.
 #[derive(Debug)]
 struct Relayed {
     side: Side,
@@ -24,13 +24,13 @@ struct Relayed {
     bytes: Bytes,
 }
 
-/// The frames on their way through, and the count of all.
+/// The frames on their way through, and the counters.
 #[derive(Debug)]
 pub(super) struct Relay {
     queue: VecDeque<Relayed>,
     buffer: BytesMut,
     pub(super) held_back: Counters,
-    /// Of those that the policy keeps from PX4: messages and commands by their numbers.
+    /// Those that the policy keeps from PX4: messages and commands by number.
     pub(super) denied_messages: ByType,
     pub(super) denied_commands: ByType,
     policy: RelayPolicy,
@@ -53,7 +53,7 @@ impl Relay {
     }
 }
 
-/// How much the relay had taken at some time.
+/// How much the relay had taken at one moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mark {
     queued: usize,
@@ -61,7 +61,7 @@ pub(super) struct Mark {
 }
 
 impl Relay {
-    /// A frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command.
+    /// Takes a frame of the ground. `closed`: PX4 does not sign, and would carry out anybody's command.
     pub(super) fn pass_to_px4(
         &mut self,
         delivery: &Delivery<'_>,
@@ -71,7 +71,7 @@ impl Relay {
     ) {
         let why = match px4 {
             _ if !delivery.verified => "unsigned",
-            // Even if validly signed: PX4 takes a key from any link and checks no target, so only the agent sends one.
+            // Even if validly signed: PX4 accepts a key on any link and checks no target, so only the agent sends one.
             _ if delivery.header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from the ground",
             _ if closed => "PX4 is not heard, signed",
             None => "PX4 has not been heard",
@@ -96,7 +96,7 @@ impl Relay {
         self.held_back.count(why);
     }
 
-    /// False where the queue is full.
+    /// Returns false if the queue is full.
     fn enqueue(&mut self, side: Side, to: Peer, frame: &[u8]) -> bool {
         if self.queue.len() >= MAX_RELAYED {
             return false;
@@ -107,7 +107,7 @@ impl Relay {
         true
     }
 
-    /// Where the relay stands, to go back to with [`Relay::undo`].
+    /// The present position, for [`Relay::undo`].
     pub(super) fn mark(&self) -> Mark {
         Mark {
             queued: self.queue.len(),
@@ -115,7 +115,7 @@ impl Relay {
         }
     }
 
-    /// Forgets the frames of PX4 that were taken since.
+    /// Drops the frames of PX4 that were taken since.
     pub(super) fn undo(&mut self, since: Mark) {
         // Only frames to the ground are queued between mark and undo, so `to_px4` needs no correction.
         self.queue.truncate(since.queued);
@@ -131,7 +131,7 @@ impl Relay {
     }
 }
 
-/// What a frame of PX4 goes through on its way to the ground.
+/// The parts that a frame of PX4 passes on its way to the ground.
 pub(super) struct FrameForwarder<'a> {
     pub(super) mono: Duration,
     pub(super) own_component: u8,
@@ -142,13 +142,14 @@ pub(super) struct FrameForwarder<'a> {
 }
 
 impl FrameForwarder<'_> {
-    /// A frame that has verified under the key in force.
+    /// Takes a frame that has verified under the key in force.
     pub(super) fn pass(&mut self, frame: &FrameView<'_>) {
         self.watch.take(self.mono, frame);
         self.alone.take(self.mono, frame);
         let header = frame.header();
         let why = match self.ground {
-            // It would carry a key over the radio in the clear.
+            // It would carry a key over the radio in the clear. PX4 v1.18 never forwards one (mavlink_main.cpp); the agent
+            // does not rely on that.
             _ if header.message_id == SETUP_SIGNING_ID => "SETUP_SIGNING from PX4",
             // Towards the ground the agent has the vehicle's system id: this frame would pass for one of the agent's.
             _ if header.component_id == self.own_component => "our own frame, reflected",
@@ -165,7 +166,7 @@ impl FrameForwarder<'_> {
     }
 }
 
-/// Frames of one datagram, many times over: more than this is a flood.
+/// Many times the frames of one datagram: more than this is a flood.
 const MAX_RELAYED: usize = 1_024;
 const BUFFER_BYTES: usize = 64 * 1024;
 

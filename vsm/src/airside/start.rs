@@ -1,4 +1,4 @@
-//! How an agent starts: afresh, or where an earlier process was ended, with a rollover that continues.
+//! How an agent starts: for the first time, or where an earlier process ended, with a rollover that continues.
 
 use mavlink_link::Now;
 use mavlink_link::clock::Ceiling;
@@ -30,10 +30,10 @@ pub enum AgentError {
     /// The list of talkers.
     #[error("{0} talkers, expected 1 to 8")]
     AllowedStreams(usize),
-    /// A handover that is not finished.
+    /// An unfinished rollover.
     #[error(transparent)]
     KeyRollover(#[from] provisioning::StartError),
-    /// What it has flown by itself.
+    /// The record of what it has flown by itself.
     #[error("what was flown for contingencies cannot be read: {0}")]
     Contingencies(StoreError),
     /// A clock.
@@ -42,7 +42,7 @@ pub enum AgentError {
 }
 
 impl Agent {
-    /// Begins, or continues where an earlier process was ended.
+    /// Begins, or continues where an earlier process ended.
     ///
     /// # Errors
     /// The list of talkers is empty or too long, or a clock cannot be read.
@@ -61,7 +61,7 @@ impl Agent {
             .first()
             .ok_or(AgentError::AllowedStreams(0))?;
         let mut radio = LinkConfig::new(first.system, Security::Signed, settings.radio);
-        // Towards the ground the agent is a component of the vehicle: the link refuses what comes in under that id.
+        // Towards the ground the agent is a component of the vehicle: the link refuses received frames with that system id.
         radio.own_system = settings.vehicle_system;
         radio.only = only;
         let mut px4 = LinkConfig::new(settings.vehicle_system, Security::Signed, settings.px4);
@@ -70,7 +70,7 @@ impl Agent {
             link.own_component = settings.own_component;
             link.link_id = settings.own_link_id;
             link.role = Role::OnboardComputer;
-            // RADIO_STATUS (109), accepted unsigned by default, is of no use: the relay passes verified frames only.
+            // RADIO_STATUS (109) is accepted unsigned by default, but the relay passes verified frames only.
             link.accept_unsigned = &[];
         }
         let fingerprint = identity.public().fingerprint();
@@ -133,7 +133,7 @@ impl Agent {
                     next.id()
                 ),
             );
-            // PX4 may have it or not: the rollover verifies under both keys until a frame decides.
+            // PX4 may or may not have it: the rollover verifies under both keys until a frame decides.
             return Ok(self.hand_over(current, next, Cause::NewKey, now, keys)?);
         }
         if let Some(key) = current {

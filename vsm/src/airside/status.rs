@@ -1,4 +1,4 @@
-//! What the agent is doing, for `vsm airside status`. Keys are named by their ids only.
+//! What the agent is doing, for `vsm airside status`. Keys are named only by their ids.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -16,22 +16,22 @@ pub struct AirsideStatus {
     pub vehicle: String,
     /// Since the start, s.
     pub uptime_s: f64,
-    /// How it stands with PX4's key: "relaying", "no key", "staged", "waits for disarmed", "key sent", "asks which key
-    /// PX4 has", "rolled back", "PX4 cannot sign".
+    /// The state of PX4's key: "relaying", "no key", "staged", "waits for disarmed", "key sent", "asks which key PX4 has",
+    /// "rolled back", "PX4 cannot sign".
     pub state: &'static str,
     /// The id of the key in force.
     pub key_id: Option<String>,
-    /// The id of a key that PX4 is to be given, or may have been.
+    /// The id of a key that is to be sent to PX4, or may have been sent.
     pub next_key_id: Option<String>,
     /// Frames of the ground passed on to PX4.
     pub to_px4: u64,
     /// Frames of PX4 passed on to the ground.
     pub to_ground: u64,
-    /// Verified frames not passed on all the same, by the reason.
+    /// Verified frames that were not passed on, by reason.
     pub held_back: Counters,
     /// Messages that the ground may not send to PX4, by their ids.
     pub denied_messages: ByType,
-    /// Commands that it may not give, by their numbers.
+    /// Commands that it may not send, by their numbers.
     pub denied_commands: ByType,
     /// The fingerprint of the agent's own static key.
     pub identity: String,
@@ -39,11 +39,11 @@ pub struct AirsideStatus {
     pub ground: Option<String>,
     /// How long the pairing window is still open, s.
     pub window_s: Option<u64>,
-    /// KEY_EXCHANGE by what became of it.
+    /// KEY_EXCHANGE messages by result.
     pub exchange: BTreeMap<&'static str, u64>,
-    /// How the encrypted link stands, where the ground's is one.
+    /// The state of the encrypted link, if the ground's link is one.
     pub encryption: Option<EncryptionStatus>,
-    /// What it flies while nothing is received of the ground, where that is configured.
+    /// What it flies while nothing is received from the ground, if that is configured.
     pub contingency: Option<AloneStatus>,
     /// The ground's side.
     pub radio: SideStatus,
@@ -54,14 +54,14 @@ pub struct AirsideStatus {
 /// One side.
 #[derive(Debug, Clone, Serialize)]
 pub struct SideStatus {
-    /// Where the other end is.
+    /// The address of the other end.
     pub peer: Option<String>,
-    /// How it stands: "waiting", "live", "unanswered", "behind" or "ahead", as the bridge's link.
+    /// Its state: "waiting", "live", "unanswered", "behind" or "ahead", as for the bridge's link.
     pub state: &'static str,
-    /// How old the newest frame of ours is that a verified frame from there has answered, or the first where none has
-    /// been, s.
+    /// The age of the newest frame of ours that a verified frame from there has answered, or of the first one if none has
+    /// been answered, s.
     pub unanswered_s: Option<f64>,
-    /// Frames by what became of them.
+    /// Frames by result.
     pub frames: BTreeMap<&'static str, u64>,
 }
 

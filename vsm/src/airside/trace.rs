@@ -1,14 +1,14 @@
-//! What becomes of each datagram at the agent, in words, for a log that is detailed enough (`RUST_LOG=debug`).
+//! Describes what happens to each datagram at the agent, for a detailed log (`RUST_LOG=debug`).
 //!
-//! As for the bridge ([`session::trace`](crate::session)): made of what was counted between two looks, apart from the machine,
-//! and messages are named and never shown, so that no key can get into a log.
+//! As for the bridge ([`session::trace`](crate::session)), this is derived from the counters before and after a datagram,
+//! outside the machine. Messages are named and never shown, so that no key can get into a log.
 
 use super::agent::Agent;
 use super::output::Side;
 use crate::session::trace::{LinkTrace, sent};
 use crate::session::{Counters, Peer};
 
-/// What had been counted before a datagram was taken.
+/// The counters before a datagram is taken.
 #[derive(Debug)]
 pub struct Trace {
     side: Side,
@@ -18,7 +18,7 @@ pub struct Trace {
 }
 
 impl Agent {
-    /// Counts before a datagram of this side is taken.
+    /// Notes the counters before a datagram of this side is taken.
     #[must_use]
     pub fn begin_trace(&self, side: Side) -> Trace {
         Trace {
@@ -29,7 +29,7 @@ impl Agent {
         }
     }
 
-    /// What became of it.
+    /// Describes what happened to it.
     #[must_use]
     pub fn end_trace(&self, before: Trace, from: Peer, bytes: &[u8]) -> String {
         let Trace {
@@ -53,7 +53,7 @@ impl Agent {
             }
         }
         if !read {
-            // Without a key nothing of it can be verified.
+            // Without a key none of its frames can be verified.
             text += &format!("; not read ({})", self.phase.name());
         }
         text
@@ -74,7 +74,7 @@ impl Agent {
     }
 }
 
-/// A frame that goes out.
+/// Describes a frame that is sent.
 #[must_use]
 pub fn sent_text(side: Side, to: Peer, bytes: &[u8]) -> String {
     format!("{}: {}", name(side), sent(to, bytes))

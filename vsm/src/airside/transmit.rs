@@ -1,4 +1,4 @@
-//! What goes out next, and on which link: first what passes through, then what the agent itself has to send.
+//! Chooses the next frame and its link: first frames that pass through, then those of the agent itself.
 
 use mavlink_link::Now;
 use mavlink_link::dialect::{MavMessage, STATUSTEXT_DATA};
@@ -14,7 +14,7 @@ use super::phase::Phase;
 use crate::session::LogLevel;
 
 impl Agent {
-    /// Writes the next frame that is due into `out`. Call it until it gives `None`, after each of the others.
+    /// Writes the next due frame into `out`. Call it until it returns `None`, after each of the other methods.
     pub fn poll_transmit(
         &mut self,
         now: Now,
@@ -35,7 +35,7 @@ impl Agent {
             .or_else(|| self.radio_transmit(now, keys, out))
     }
 
-    /// What the agent commands by itself.
+    /// A command of the agent itself.
     fn command_transmit(
         &mut self,
         now: Now,
@@ -47,7 +47,7 @@ impl Agent {
             return None;
         }
         let message = self.alone.poll_command(self.settings.vehicle_system)?;
-        // One that cannot leave is tried again, as one that is lost.
+        // If it cannot be sent, it is retried like one that is lost.
         let sent = self.px4.send(now, auth, &message, out).ok()?;
         Some(Transmit::new(Side::Px4, sent.to, sent.len))
     }
@@ -61,7 +61,8 @@ impl Agent {
         let (to, len, secret) = match &mut self.phase {
             Phase::Keyless | Phase::CannotSign { .. } => return None,
             Phase::HandingOver(on) => {
-                // A key that a power cut could take from this disk is not given to PX4.
+                // A key that a power cut could take from this disk must not be sent: PX4 would then have a key that nobody
+                // knows.
                 on.handover.hold_key(self.key_held || !keys.is_stored());
                 let sent = on.handover.poll_transmit(now, keys.disk(), out)?;
                 (sent.to, sent.len, sent.secret)
@@ -73,7 +74,8 @@ impl Agent {
             {
                 self.watch.restamped();
                 let key = &mut relaying.key;
-                // The same key with a stamp above all: what was recorded before PX4's start dies with it.
+                // The same key with a stamp above all others: PX4 loses its stream table in a restart, and this
+                // makes it refuse everything that was recorded before.
                 let initial = key.take_stamp(now, keys.disk()).ok()?;
                 let mut payload = Zeroizing::new([0; 42]);
                 // SETUP_SIGNING on the wire: initial_timestamp u64, target_system, target_component, secret_key[32].

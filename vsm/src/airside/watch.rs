@@ -1,4 +1,4 @@
-//! What PX4 reports of itself in frames that have verified: disarmed or not, and whether it has restarted.
+//! What PX4 reports about itself in verified frames: whether it is disarmed, and whether it has restarted.
 
 use std::time::Duration;
 
@@ -6,15 +6,15 @@ use mavlink_link::dialect::{MavMessage, MavModeFlag};
 use mavlink_link::frame::FrameView;
 use mavlink_link::receiver::AUTOPILOT;
 
-/// The last word of the autopilot.
+/// The latest reports of the autopilot.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     /// Whether it last reported that it is armed, and when.
     armed: Option<(bool, Duration)>,
     boot_ms: Option<u32>,
-    /// It has started, and no new stamp has been given to it since.
+    /// It has started, and has not been sent a new stamp since.
     restamp_due: bool,
-    /// It has restarted while this was watching.
+    /// It has restarted, and this process saw it.
     restarted: bool,
 }
 
@@ -39,7 +39,7 @@ impl Watch {
             _ => return,
         };
         match self.boot_ms {
-            // Frames of one link may overtake each other a little.
+            // Frames of one link may overtake each other slightly.
             Some(before) if boot_ms.saturating_add(BOOT_SLACK_MS) < before => {
                 (self.restarted, self.restamp_due) = (true, true);
             }
@@ -50,13 +50,13 @@ impl Watch {
         self.boot_ms = Some(boot_ms);
     }
 
-    /// Whether its word that it is disarmed still holds.
+    /// Whether it has recently reported that it is disarmed.
     pub(super) fn is_disarmed(&self, mono: Duration) -> bool {
         self.armed
             .is_some_and(|(armed, at)| !armed && mono.saturating_sub(at) < DISARMED_LIFE)
     }
 
-    /// Whether its last word was that it is armed.
+    /// Whether it last reported that it is armed.
     pub(super) fn is_armed(&self) -> bool {
         self.armed.is_some_and(|(armed, _)| armed)
     }
@@ -66,12 +66,12 @@ impl Watch {
         std::mem::take(&mut self.restarted)
     }
 
-    /// Its time since boot is learned again.
+    /// Forgets its time since boot.
     pub(super) fn forget_boot(&mut self) {
         (self.boot_ms, self.restarted) = (None, false);
     }
 
-    /// Whether a new stamp is to be given now.
+    /// Whether a new stamp is due to be sent.
     pub(super) fn restamp_is_due(&self, mono: Duration) -> bool {
         self.restamp_due && self.is_disarmed(mono)
     }
@@ -84,9 +84,9 @@ impl Watch {
 
 /// HEARTBEAT, SYSTEM_TIME, ATTITUDE, GLOBAL_POSITION_INT.
 const WATCHED: [u32; 4] = [0, 2, 30, 33];
-/// How long the vehicle's word that it is disarmed holds.
-// PX4 sends HEARTBEAT at 1 Hz: one may be late, none may be missing, for PX4 refuses a key while armed.
+/// How long a report of the vehicle that it is disarmed holds.
+// PX4 sends HEARTBEAT at 1 Hz. One may be late, but none may be missing: PX4 refuses a key while armed.
 const DISARMED_LIFE: Duration = Duration::from_millis(1_500);
 const BOOT_SLACK_MS: u32 = 2_000;
-/// An agent that receives a younger PX4 first has been switched on with it.
+/// If PX4 is younger than this when the agent first receives it, both were switched on together.
 const JUST_STARTED_MS: u32 = 120_000;

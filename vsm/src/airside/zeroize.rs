@@ -1,4 +1,4 @@
-//! An order to zeroize: of the paired ground over the radio, or of an operator of this computer.
+//! An order to zeroize, from the paired ground over the radio or from an operator of this computer.
 //!
 //! ```text
 //! safe -> to store -> (stored) PX4 is given a key that nobody keeps, 20 s at most -> over: the shell ends, and erases
@@ -6,16 +6,17 @@
 //!             +-> (not stored) safe
 //! ```
 //!
-//! A start that finds an order whose process has ended before PX4 had another key begins at `waiting`, the radio closed: it waits
-//! for PX4 to be there and disarmed, 30 s at most, and continues as above ([`Agent::resume_zeroize`]).
+//! A start that finds an order of an earlier process, which ended before PX4 had another key, begins in `waiting` with the
+//! radio closed. It waits for PX4 to be there and disarmed, 30 s at most, and continues as above
+//! ([`Agent::resume_zeroize`]).
 //!
-//! The order is on the disk before it is acknowledged and before PX4's key is touched: from then on it is carried out whatever
-//! happens. The machine erases nothing itself: it is asked whether an order is to be stored ([`Agent::zeroize_to_store`]) and
-//! whether it is over ([`Agent::is_zeroized`]). While PX4 is not known to be disarmed an order is refused, unless it says
-//! otherwise.
+//! The order is on disk before it is acknowledged and before PX4's key is touched: from then on it is carried out whatever
+//! happens. The machine itself erases nothing. Its caller asks whether an order has to be stored
+//! ([`Agent::zeroize_to_store`]) and whether it is over ([`Agent::is_zeroized`]). While PX4 is not known to be disarmed an
+//! order is refused, unless it says otherwise.
 //!
-//! PX4's key is replaced, not deleted: with a blank one PX4 v1.18 switches signing off, and obeys everybody in range. The other
-//! key is random, in no file, and gone with this process.
+//! PX4's key is replaced, not deleted: with a blank key PX4 v1.18 switches signing off, and obeys everybody in range. The
+//! new key is random, in no file, and lost with this process.
 
 use std::time::Duration;
 
@@ -32,7 +33,7 @@ use super::phase::{Cause, Phase, Stage};
 use crate::session::LogLevel;
 
 impl Agent {
-    /// The paired ground orders it.
+    /// Takes an order of the paired ground.
     pub(super) fn zeroize_ordered(&mut self, now: Now, in_flight: bool) {
         let report = match self.zeroize {
             Stage::Safe if !in_flight && !self.watch.is_disarmed(now.mono) => {
@@ -46,7 +47,7 @@ impl Agent {
                 self.zeroize = Stage::ToStore { ground: true };
                 return;
             }
-            // Answered once it is stored.
+            // It is answered once the order is stored.
             Stage::ToStore { .. } => return,
             Stage::Waiting { .. } | Stage::Replacing { .. } => {
                 ZeroizeReport::Stored(AutopilotKey::Pending)
@@ -56,7 +57,7 @@ impl Agent {
         self.exchange.responder.report_zeroize(report);
     }
 
-    /// An operator of this computer orders it.
+    /// Takes an order of an operator of this computer.
     ///
     /// # Errors
     /// Why it is refused.
@@ -71,14 +72,14 @@ impl Agent {
         Ok(())
     }
 
-    /// Whether an order is to be stored now.
+    /// Whether an order has to be stored now.
     #[must_use]
     pub fn zeroize_to_store(&self) -> bool {
         matches!(self.zeroize, Stage::ToStore { .. })
     }
 
-    /// The order is on the disk, perhaps with a doubt; or it could not be stored, and nothing is erased. `random` is for PX4's
-    /// other key.
+    /// The order is on disk, perhaps with a doubt; or it could not be stored, and nothing is erased. `random` is for PX4's
+    /// new key.
     pub fn zeroize_stored(
         &mut self,
         now: Now,
@@ -122,8 +123,8 @@ impl Agent {
         }
     }
 
-    /// A start has found an order, and the radio stays closed: gives PX4 another key, as soon as it is there and disarmed. To be
-    /// called after everything that is handled, until [`zeroized_key`](Self::zeroized_key) has an answer.
+    /// A start has found an order, and the radio stays closed: gives PX4 another key as soon as it is there and disarmed.
+    /// Call this after everything that is handled, until [`zeroized_key`](Self::zeroized_key) has an answer.
     pub fn resume_zeroize(&mut self, now: Now, random: &mut dyn Random, keys: &mut dyn Keys) {
         let until = match self.zeroize {
             Stage::Safe => now.mono.saturating_add(WAIT_WITHIN),
@@ -133,13 +134,13 @@ impl Agent {
         self.zeroize = Stage::Waiting { until };
         match self.replace_px4_key(now, random, keys) {
             Ok(()) => self.zeroize = replacing(now),
-            // It starts with this computer, and may be landed and disarmed in a moment.
+            // PX4 starts together with this computer, or may be landed and disarmed in a moment.
             Err(AutopilotKey::NotReached | AutopilotKey::Armed) if now.mono < until => {}
             Err(key) => self.conclude_zeroize(now.mono, key),
         }
     }
 
-    /// What has become of PX4's key, once that is known.
+    /// What happened to PX4's key, once that is known.
     #[must_use]
     pub fn zeroized_key(&self) -> Option<AutopilotKey> {
         match self.zeroize {
@@ -148,13 +149,13 @@ impl Agent {
         }
     }
 
-    /// Whether the agent is to end now, and to erase what it has.
+    /// Whether the agent has to end now, and to erase what it has.
     #[must_use]
     pub fn is_zeroized(&self, mono: Duration) -> bool {
         matches!(self.zeroize, Stage::Over { since, .. } if mono.saturating_sub(since) >= LAST_WORDS)
     }
 
-    /// Begins to give PX4 a key that nobody keeps; why that cannot be.
+    /// Begins to give PX4 a key that nobody keeps; the error is why that is impossible.
     fn replace_px4_key(
         &mut self,
         now: Now,
@@ -190,7 +191,7 @@ impl Agent {
         })
     }
 
-    /// What is due, and what PX4 has shown since.
+    /// Concludes the zeroize by what PX4 has shown since, or by its timeout.
     pub(super) fn follow_zeroize(&mut self, mono: Duration) {
         let Stage::Replacing { until } = self.zeroize else {
             return;
@@ -237,9 +238,9 @@ fn replacing(now: Now) -> Stage {
 
 const FLIES: &str = "PX4 is not known to be disarmed, and would lose its link to the ground: land and disarm it, or add \
                      --in-flight";
-/// 10 s of them to see that only one autopilot is on the link, then three tries.
+/// Of these, 10 s are to check that only one autopilot is on the link; then three attempts follow.
 const REPLACE_WITHIN: Duration = Duration::from_secs(20);
-/// PX4 starts with this computer after a power cut, in ten seconds or so.
+/// PX4 starts together with this computer after a power cut, in about ten seconds.
 const WAIT_WITHIN: Duration = Duration::from_secs(30);
-/// The ground asks every half a second: it may have lost the answer before.
+/// The ground asks every half second: earlier answers may have been lost.
 const LAST_WORDS: Duration = Duration::from_millis(2_500);
