@@ -7,10 +7,10 @@ use stanag_msgs::Id;
 
 use super::record::{ExchangeRecord, Pending};
 
-/// The keys of one vehicle as they lie on disk. Every change is durable when it returns, or as soon as the records are
-/// that are written with it; one that fails leaves keys that can be used.
+/// The keys of one vehicle on disk. A change is durable when the call returns, or as soon as the records are that are
+/// written with it. A change that fails leaves usable keys.
 pub trait Keyring {
-    /// The key in force; `None` where there is none yet.
+    /// The key in force; `None` if there is none yet.
     ///
     /// # Errors
     /// It is there and cannot be used.
@@ -22,16 +22,16 @@ pub trait Keyring {
     /// It is there and cannot be used.
     fn next(&self) -> Result<Option<SigningKey>, store::StoreError>;
 
-    /// Stores a key as the next one in place of any other: one that the vehicle cannot be sent any more.
+    /// Stores a key as the next one. It replaces one that can no longer be sent to the vehicle.
     ///
     /// # Errors
-    /// It could not be made durable; what was there before still is.
+    /// It could not be made durable; the earlier one is still there.
     fn restage(&self, key: &SigningKey) -> Result<(), store::StoreError>;
 
     /// The vehicle has the next key: it becomes the current one.
     ///
     /// # Errors
-    /// A step could not be made durable: both keys are still here.
+    /// A step could not be made durable: both keys are still there.
     fn commit(&self) -> Result<(), store::StoreError>;
 
     /// The vehicle keeps the current key: the next one is deleted.
@@ -43,11 +43,11 @@ pub trait Keyring {
     /// Deletes the signing clocks of keys that none of these files holds any more.
     ///
     /// # Errors
-    /// It was not done: done at the next call, or the next start.
+    /// They are deleted at the next call, or the next start.
     fn bury(&self, disk: &mut dyn Disk) -> Result<(), store::StoreError>;
 }
 
-/// What the machine must know of the stored keys.
+/// What the machine must know about the stored keys.
 pub(crate) fn memory(record: &ExchangeRecord, keys: &dyn Keyring) -> InitiatorMemory {
     let id = |key: SigningKey| key.id();
     InitiatorMemory {
@@ -58,7 +58,7 @@ pub(crate) fn memory(record: &ExchangeRecord, keys: &dyn Keyring) -> InitiatorMe
     }
 }
 
-/// Where the exchange keeps what it must know.
+/// The disk of the exchange's records.
 pub(crate) fn records<'a>(
     store: &'a mut dyn Disk,
     records: &'a mut Option<&mut dyn Disk>,
@@ -79,7 +79,7 @@ pub(crate) struct GroundKeys<'a, 'b> {
 }
 
 impl GroundKeys<'_, '_> {
-    /// Changes the record on disk, and then here.
+    /// Changes the record on disk, and then in memory.
     fn change(&mut self, change: impl FnOnce(&mut ExchangeRecord)) -> Result<(), StoreError> {
         let mut record = self.record.clone();
         change(&mut record);
@@ -89,7 +89,7 @@ impl GroundKeys<'_, '_> {
         Ok(())
     }
 
-    /// What it leaves behind does no harm, and is deleted at the next start.
+    /// A failure is ignored: the remaining clocks do no harm and are deleted at the next start.
     fn bury(&mut self) {
         let _ = self.keys.bury(self.store);
     }
@@ -111,7 +111,7 @@ impl InitiatorStore for GroundKeys<'_, '_> {
         let (peer, key) = (*agreed.peer.bytes(), *agreed.key.id().bytes());
         self.change(|record| {
             record.epoch = agreed.epoch;
-            // An agent that is pinned already needs no proof.
+            // An agent that is already pinned needs no proof.
             record.pending = (record.peer != Some(peer)).then_some(Pending {
                 peer: Some(peer),
                 key: Some(key),
@@ -129,7 +129,7 @@ impl InitiatorStore for GroundKeys<'_, '_> {
     }
 
     fn pin(&mut self, peer: &PublicKey) -> Result<(), StoreError> {
-        // The agent is pinned by its proof that it has the key.
+        // The agent has proved that it has the key.
         let agreed = self.keys.next().map_err(reason)?;
         self.change(|record| {
             (record.peer, record.pending) = (Some(*peer.bytes()), None);

@@ -1,4 +1,4 @@
-//! The initiator of one vehicle's exchange beside the bridge that carries its messages, and what operators see of it.
+//! The initiator of one vehicle's exchange, beside the bridge that carries its messages, and what operators see of it.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -28,22 +28,23 @@ pub struct KeyExchange {
     parties: Parties,
     machine: Machine,
     record: ExchangeRecord,
-    /// Where a message of the agent came from last: the vehicle's link may not have a peer yet.
+    /// Where the latest message of the agent came from: the vehicle's link may not have a peer yet.
     agent_at: Option<Peer>,
-    /// What could not leave, as where the ceiling of the clock is on its way to the disk, and until when it is worth it.
+    /// A message that could not be sent, for example because the ceiling of the clock is still being written, and until
+    /// when to retry it.
     unsent: Option<(Vec<u8>, Duration)>,
     check_at: Duration,
-    /// The agent has the key that waits for the vehicle: until then no other is agreed on.
+    /// The agent has the key that waits for the vehicle: until this time no other key is agreed on.
     keep_until: Option<Duration>,
-    /// When an exchange that was rolled back may be tried again.
+    /// When an exchange that was rolled back may be retried.
     again_at: Duration,
     state: String,
-    /// The key in force has been seen in use, in this run or by what the store has.
+    /// The key in force has been seen in use, in this run or, by the stored record, in an earlier one.
     settled: bool,
-    /// When the key in force came into use, where that was in this run: monotonic, since the wall clock may step.
+    /// When the key in force came into use, if that was in this run: monotonic, since the wall clock may jump.
     adopted_at: Option<Duration>,
     log: VecDeque<LogEntry>,
-    /// What has become of an order to the agent to zeroize.
+    /// The result of an order to the agent to zeroize.
     zeroize: Option<String>,
 }
 
@@ -55,13 +56,13 @@ enum Machine {
     Legacy(Box<Legacy>),
 }
 
-/// What an exchange works with for one call.
+/// What an exchange needs for one call.
 pub struct Surroundings<'a> {
     /// The bridge.
     pub bridge: &'a mut Bridge,
     /// The clocks of keys, and what the bridge keeps.
     pub store: &'a mut dyn Disk,
-    /// What the exchange keeps, which is to be in order with the key files; `None`: in `store` too.
+    /// The exchange's records, whose writes must stay in order with the key files; `None`: in `store` too.
     pub records: Option<&'a mut dyn Disk>,
     /// The key files.
     pub keys: &'a dyn Keyring,
@@ -76,7 +77,7 @@ impl Surroundings<'_> {
         records(self.store, &mut self.records)
     }
 
-    /// Whether all that the exchange has written is durable.
+    /// Whether everything that the exchange has written is durable.
     fn is_stored(&mut self) -> bool {
         let disk = self.records();
         let (after, until) = (0, disk.queued());
@@ -85,12 +86,12 @@ impl Surroundings<'_> {
 }
 
 impl KeyExchange {
-    /// The vehicle of this index has another one: one before it was removed.
+    /// The vehicle has another index, because one before it was removed.
     pub fn set_index(&mut self, index: usize) {
         self.index = index;
     }
 
-    /// The exchange of a vehicle, where its configuration wants one.
+    /// The exchange of a vehicle, if its configuration has one.
     ///
     /// # Errors
     /// A record cannot be read.
@@ -151,21 +152,21 @@ impl KeyExchange {
         };
         let memory = memory(&self.record, with.keys);
         let mut initiator = Initiator::new(config, memory, now.mono);
-        // A first key is the current one before the vehicle has it.
+        // A first key is already the current one before the vehicle has it.
         let first = memory.current.filter(|_| !self.settled);
         let waits = memory.next.or(first).map(|key| *key.bytes());
         if waits.is_some() && waits == self.record.agreed {
-            // The agent has it and gives it to the vehicle: a new exchange would make it throw the key away.
+            // The agent has it and will give it to the vehicle: a new exchange would make the agent throw the key away.
             self.keep_until = Some(now.mono.saturating_add(self.min_key_age()));
         } else if memory.next.is_some() {
-            // Nobody knows what became of it: the agent does.
+            // Only the agent knows what happened to that key.
             initiator.want();
         }
         self.machine = Machine::Paired(Box::new(initiator));
         Ok(())
     }
 
-    /// Does what is due, and what has come in. Called after everything that the bridge does.
+    /// Processes received messages and what is due. Called after everything that the bridge does.
     pub fn handle(&mut self, now: Now, with: &mut Surroundings<'_>) {
         self.settled |= with.bridge.proven_key(self.index).is_some();
         if let Some((payload, until)) = self.unsent.take()
@@ -179,7 +180,7 @@ impl KeyExchange {
                 system: header.system_id,
                 component: header.component_id,
             };
-            // Only what the agent alone can have made shows where it is: a recording of that, at the worst.
+            // Only a message that only the agent can have made shows where it is: at worst it is a recording of one.
             if self.take(now, source, &frame, with) && source == self.parties.responder {
                 self.agent_at = Some(frame.from);
             }
@@ -199,7 +200,7 @@ impl KeyExchange {
             Machine::Unpaired => {}
             Machine::Legacy(legacy) => {
                 let due = legacy.poll_transmit(now.mono);
-                // A peer that received this run's public key would leave the key in force.
+                // A peer that receives this run's public key would switch away from the key in force.
                 if let Some(payload) = due.filter(|_| !self.settled) {
                     let until = now.mono.saturating_add(WORTH_SENDING);
                     self.send(now, payload.to_vec(), until, with);
@@ -209,7 +210,7 @@ impl KeyExchange {
                 initiator.handle_timeout(now, with.random, &mut disk);
             }
         }
-        // Persist, then send: what it has written may be on its way to a slow disk, and nobody waits for it.
+        // Persist, then send: its writes may be on their way to a slow disk, and nothing waits for them here.
         while with.is_stored()
             && let Machine::Paired(initiator) = &mut self.machine
             && let Some(message) = initiator.poll_transmit()
@@ -254,10 +255,10 @@ impl KeyExchange {
                 };
                 initiator.set_key_in_force(in_force);
                 let taken = initiator.handle(now, inbound, &mut disk);
-                // A request that comes too early, or is not verified, has been authenticated all the same.
+                // A request that comes too early, or is not verified, has been authenticated nevertheless.
                 matches!(taken, Ok(()) | Err(Ignored::Limited | Ignored::Hint))
             }
-            // Anyone can have sent it: it brings a first key, and replaces none that the vehicle signs with.
+            // Anyone can have sent this: it can bring a first key, but never replace one that the vehicle signs with.
             Machine::Legacy(_) if self.settled => false,
             Machine::Legacy(legacy) => {
                 let Ok(key) = legacy.handle(source, frame.payload()) else {
@@ -283,13 +284,13 @@ impl KeyExchange {
         MIN_KEY_AGE.min(self.life())
     }
 
-    /// How long a key is in use before another is agreed on.
+    /// How long a key is used before another is agreed on.
     fn life(&self) -> Duration {
         Duration::from_secs_f64(self.settings.rotate_days * 86_400.0)
     }
 
-    /// Since when the key in force is in use. In the run in which it came into use the wall clock does not count:
-    /// whoever can make that jump could otherwise cause one exchange after another.
+    /// How long the key in force has been in use. In the run in which it came into use, the wall clock does not count:
+    /// whoever can make that clock jump could otherwise cause one exchange after another.
     fn key_age(&self, now: Now) -> Duration {
         match self.adopted_at {
             Some(at) => now.mono.saturating_sub(at),
@@ -309,7 +310,7 @@ impl KeyExchange {
         }
     }
 
-    /// What the passing of time makes due.
+    /// Checks what has become due with time.
     fn check_age(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let wall_s = now.wall.as_secs();
         if let Some(proven) = with.bridge.proven_key(self.index) {
@@ -317,7 +318,7 @@ impl KeyExchange {
             if self.record.note_key(proven, wall_s) {
                 self.adopted_at = Some(now.mono);
             } else if self.record.is_ahead_of(wall_s) {
-                // It was noted under a wall clock that was ahead: by that date the key would never grow old.
+                // It was noted by a wall clock that was ahead: by that date the key would never grow old.
                 self.record.since = wall_s;
             } else {
                 return self.replace_old(now, with);
@@ -332,7 +333,7 @@ impl KeyExchange {
         self.replace_old(now, with);
     }
 
-    /// Agrees on another key where the one in force is old.
+    /// Agrees on another key if the one in force is old.
     fn replace_old(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let in_force = self.key_in_force(now);
         let (age, life) = (self.key_age(now), self.life());
@@ -344,7 +345,7 @@ impl KeyExchange {
         initiator.set_key_in_force(in_force);
         let kept = self.keep_until.take_if(|until| now.mono >= *until);
         if kept.is_some() && initiator.memory().next.is_some() && !initiator.is_busy() {
-            // The vehicle has not come to it, or the agent has dropped it: the agent knows.
+            // The vehicle has not switched to it, or the agent has dropped it: only the agent knows.
             initiator.want();
         }
         if old
@@ -367,7 +368,7 @@ impl KeyExchange {
         let Some(pending) = pending.filter(|pending| pending.key == Some(*proven.bytes())) else {
             return;
         };
-        // On disk first: a pairing that a restart would forget must not be used.
+        // Stored first: a pairing that a restart would forget must not be used.
         let mut record = self.record.clone();
         (record.peer, record.pending) = (pending.peer, None);
         if let Err(fault) = record.save(with.records(), self.vehicle) {
@@ -400,7 +401,7 @@ impl KeyExchange {
             };
             // A paired initiator has nothing to store here.
             let _ = initiator.key_in_use(&mut disk);
-            // What the agent reported last, such as that it waits for the vehicle, is over.
+            // The agent's last report, such as that it waits for the vehicle, no longer holds.
             "idle".clone_into(&mut self.state);
         }
         if let Ok(Some(key)) = with.keys.current() {
@@ -416,11 +417,11 @@ impl KeyExchange {
             self.notify(now, ExchangeNotice::Over("the new key is in use"), with);
         }
         self.adopted_at = Some(now.mono);
-        // The age of the new key is recorded at once, not at the next look.
+        // Record the age of the new key now, not at the next check.
         self.check_at = now.mono;
     }
 
-    /// The next key on disk is looked for in the vehicle's frames.
+    /// Has the bridge look for the next key on disk in the vehicle's frames.
     fn offer(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let offered = match with.keys.next() {
             Ok(Some(next)) => {
@@ -462,7 +463,7 @@ impl KeyExchange {
         machine.unwrap_or(Duration::MAX).min(self.check_at)
     }
 
-    /// Orders the paired agent to zeroize. [`KeyExchange::zeroized`] gives what comes of it.
+    /// Orders the paired agent to zeroize. [`KeyExchange::zeroized`] returns the result.
     pub fn order_zeroize(&mut self, now: Now, in_flight: bool, with: &mut Surroundings<'_>) {
         let ordered = match &mut self.machine {
             Machine::Paired(one) => one.order_zeroize(now.mono, in_flight, with.random),
@@ -476,28 +477,28 @@ impl KeyExchange {
         self.handle(now, with);
     }
 
-    /// What has become of the order to zeroize, once nothing more follows; `None` before.
+    /// The result of the order to zeroize; `None` while more may follow.
     #[must_use]
     pub fn zeroized(&self) -> Option<&str> {
         let waits = matches!(&self.machine, Machine::Paired(one) if one.is_ordering());
         self.zeroize.as_deref().filter(|_| !waits)
     }
 
-    /// Which vehicle it is of.
+    /// The vehicle.
     #[must_use]
     pub fn vehicle(&self) -> Id {
         self.vehicle
     }
 
-    /// Takes up a key that an earlier process agreed about and that is not known to be in use.
+    /// Resumes with a key that an earlier process agreed on and that is not known to be in use.
     pub fn take_up_next(&mut self, now: Now, with: &mut Surroundings<'_>) {
         self.offer(now, with);
     }
 }
 
-/// What operators and the status are shown.
+/// What operators see, and the status.
 impl KeyExchange {
-    /// What stands from the start: that there is no agent, or that anyone may listen.
+    /// Alerts that are active from the start: no agent is paired, or anyone may listen.
     fn announce(&mut self, now: Now, with: &mut Surroundings<'_>) {
         let text = match &self.machine {
             Machine::Unpaired => {
@@ -515,7 +516,7 @@ impl KeyExchange {
         );
     }
 
-    /// Follows what the machine reports, and puts the status right.
+    /// Processes the machine's events, and updates the status.
     fn report(&mut self, now: Now, with: &mut Surroundings<'_>) {
         while let Machine::Paired(initiator) = &mut self.machine
             && let Some(event) = initiator.poll_event()
@@ -551,7 +552,7 @@ impl KeyExchange {
                 "agreeing on a key".clone_into(&mut self.state);
             }
             E::NextStored { key } => {
-                // Offered before the confirmation, which can be lost: PX4 may be given the key all the same.
+                // Offered before the confirmation, which can be lost although PX4 is sent the key.
                 self.offer(now, with);
                 self.state = format!("key {key} is stored, waiting for the agent's confirmation");
             }
@@ -560,7 +561,7 @@ impl KeyExchange {
                 self.record.agreed = Some(*key.bytes());
                 self.keep_until = Some(now.mono.saturating_add(self.min_key_age()));
                 if let Err(fault) = self.record.save(with.records(), self.vehicle) {
-                    // After a restart it is agreed on again, which does no harm.
+                    // After a restart another key is agreed on, which does no harm.
                     self.note(LogLevel::Warning, fault.to_string());
                 }
                 let peer = peer.fingerprint();
@@ -593,7 +594,7 @@ impl KeyExchange {
                 "the agent seems to speak another version of the exchange: update the older end"
                     .clone_into(&mut self.state);
             }
-            // Anyone can send these, and as many as they like: counted, and neither alerted nor logged.
+            // Anyone can send these in any number: they are counted, but neither alerted nor logged.
             E::Rejected { .. } => {}
             E::NotStored(cause) => {
                 let text = format!("the key exchange cannot be stored: {cause}");
@@ -650,7 +651,7 @@ impl KeyExchange {
     }
 }
 
-/// Both ends' ids, as they go into the exchange.
+/// The ids of both ends, as used in the exchange.
 #[must_use]
 pub fn parties(config: &Config, vehicle: &Vehicle, settings: Exchange) -> Parties {
     let ground = Node {
@@ -668,20 +669,20 @@ fn fresh_identity(random: &mut dyn Random) -> Result<Identity, StoreError> {
     Identity::generate(random).map_err(|fault| StoreError::new("legacy", fault))
 }
 
-/// What operators are sent of an agent that has not answered an order to zeroize.
+/// The text for operators about an agent that has not answered an order to zeroize.
 pub(crate) const NOT_REACHED: &str = "the agent was NOT reached, and may erase nothing: run `vsm zeroize` with its airside.toml \
                                       on the vehicle's computer";
-/// What keys are agreed for.
+/// The purposes for which keys are agreed on.
 pub(crate) const WANTED: Wanted = Wanted {
     signing: true,
     confidential: false,
 };
 const MAX_LOGGED: usize = 64;
-/// How long a message that could not leave is tried again; then the protocol repeats it.
+/// How long a message that could not be sent is retried; after that the protocol repeats it.
 const WORTH_SENDING: Duration = Duration::from_secs(2);
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// A key that was agreed on less than so long ago is not replaced, whoever requests it; one that is to live shorter by
-/// configuration is replaced at the end of its life.
+/// A key that was agreed on less than this long ago is not replaced, whoever requests it. A key with a shorter configured
+/// life is replaced at the end of that.
 const MIN_KEY_AGE: Duration = Duration::from_secs(3_600);
-/// After a key that the vehicle did not take.
+/// Pause after a key that the vehicle did not accept.
 const AGAIN_AFTER: Duration = Duration::from_secs(600);

@@ -1,10 +1,10 @@
-//! The ground side of the key exchange: agrees about a signing key with a vehicle's air-side agent while the bridge flies.
+//! The ground side of the key exchange: agrees on a signing key with a vehicle's air-side agent while the bridge flies.
 //!
-//! A sans-I/O machine: time, randomness, the disk and the keys are handed in. The bridge keeps its current key whatever
-//! happens here; a key that is agreed waits as `next` until the vehicle signs with it.
+//! A sans-I/O machine: time, randomness, the disk and the keys are passed in. Whatever happens here, the bridge keeps its
+//! current key; an agreed key waits as `next` until the vehicle signs with it.
 //!
-//! In this order: `record` is what must survive a restart, `ground` how the initiator writes it and the keys, `machine`
-//! the exchange of one vehicle: `handle`, `poll_timeout`, `poll_log`.
+//! In this order: `record` is what must survive a restart, `ground` how the initiator writes it and the keys, `machine` the
+//! exchange of one vehicle: `handle`, `poll_timeout`, `poll_log`.
 
 mod ground;
 mod machine;

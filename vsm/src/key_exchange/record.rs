@@ -1,5 +1,5 @@
-//! What the ground side of the key exchange keeps in the store: its static key, and for each vehicle the paired agent,
-//! counter and epoch.
+//! The stored state of the ground side of the key exchange: its static key, and for each vehicle the paired agent, counter
+//! and epoch.
 
 use data_encoding::HEXLOWER;
 use mavlink_link::exchange::{Identity, PublicKey, Random};
@@ -21,19 +21,19 @@ pub struct ExchangeRecord {
     /// An agent whose pairing is not proven, and the key that would prove it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pending: Option<Pending>,
-    /// The last key that the agent has confirmed to have.
+    /// The last key that the agent has confirmed.
     #[serde(default, with = "hex", skip_serializing_if = "Option::is_none")]
     pub agreed: Option<[u8; 8]>,
     /// The counter of the last attempt.
     #[serde(default)]
     pub counter: u64,
-    /// The highest epoch agreed about.
+    /// The highest agreed epoch.
     #[serde(default)]
     pub epoch: u32,
     /// The key that `since` is about.
     #[serde(default, with = "hex", skip_serializing_if = "Option::is_none")]
     pub key: Option<[u8; 8]>,
-    /// When that key was first in use, s since 1970.
+    /// When that key was first used, s since 1970.
     #[serde(default)]
     pub since: u64,
 }
@@ -42,7 +42,7 @@ pub struct ExchangeRecord {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pending {
-    /// The agent's static key, as it claims.
+    /// The static key that the agent claims.
     #[serde(with = "hex")]
     pub peer: Option<[u8; 32]>,
     /// A frame of the vehicle under this key proves it.
@@ -51,7 +51,7 @@ pub struct Pending {
 }
 
 impl ExchangeRecord {
-    /// The record of a vehicle; an empty one where there is none.
+    /// The record of a vehicle; empty if there is none.
     ///
     /// # Errors
     /// It is there and cannot be read.
@@ -59,7 +59,7 @@ impl ExchangeRecord {
         Ok(store.load(&vehicle)?.unwrap_or_default())
     }
 
-    /// Keeps it.
+    /// Stores it.
     ///
     /// # Errors
     /// It is not durable.
@@ -73,7 +73,7 @@ impl ExchangeRecord {
         self.peer.map(PublicKey::new)
     }
 
-    /// Notes which key is in use at this time, s since 1970; true where it is another than before.
+    /// Notes the key that is in use at this time, s since 1970. Returns true if it differs from the one before.
     pub fn note_key(&mut self, key: KeyId, wall_s: u64) -> bool {
         let changed = self.key != Some(*key.bytes());
         if changed {
@@ -82,8 +82,8 @@ impl ExchangeRecord {
         changed
     }
 
-    /// Whether the key was noted under a wall clock that was ahead of this one, s since 1970, by more than a clock that
-    /// is set right now and then.
+    /// Whether the key was noted by a wall clock that was ahead of this one, s since 1970, by more than a clock that is
+    /// corrected now and then.
     #[must_use]
     pub fn is_ahead_of(&self, wall_s: u64) -> bool {
         self.since > wall_s.saturating_add(A_DAY_S)
@@ -94,7 +94,7 @@ const A_DAY_S: u64 = 86_400;
 
 vehicle_record!(ExchangeRecord, "exchange", Power);
 
-/// The static key of this VSM; made, and kept, where there is none yet.
+/// The static key of this VSM; generated and stored if there is none yet.
 ///
 /// # Errors
 /// It cannot be read or made durable, or there are no random bytes.
@@ -102,7 +102,8 @@ pub fn identity(disk: &mut dyn Disk, random: &mut dyn Random) -> Result<Identity
     identity_in(IDENTITY, disk, random)
 }
 
-/// As [`identity`], of the exchanges with the guards of CUCSs, where this VSM answers: another role has another key.
+/// As [`identity`], for the exchanges with the guards of CUCSs, where this VSM is the responder: another role has another
+/// key.
 ///
 /// # Errors
 /// As [`identity`].
@@ -148,7 +149,7 @@ mod hex {
     use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
     use serde::{Deserialize as _, Deserializer, Serializer, de};
 
-    /// Whether the text was exactly so many bytes.
+    /// Whether the text held exactly this many bytes.
     pub(super) fn fill(text: &str, out: &mut [u8]) -> bool {
         let digits = text.as_bytes();
         digits.len() == out.len() * 2 && HEXLOWER_PERMISSIVE.decode_mut(digits, out).is_ok()
