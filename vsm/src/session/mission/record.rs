@@ -226,7 +226,7 @@ pub(super) fn store_log<'l>(
         if let Message::MissionTransferCommand(_) = message {
             received.begin_load(cucs);
             received.load_failed(vehicle);
-            // It was only begun where nothing that was dropped before spoke against it.
+            // `admit_load` let it begin, so nothing that was dropped before forbids it.
             received.dropped = None;
         } else {
             received.store(&message, cucs, vehicle).map_err(fault)?;
@@ -322,7 +322,7 @@ impl LegRecord {
 mod as_bits {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    /// An f32, or some.
+    /// An f32, or an array of them.
     pub(super) trait Floats: Sized {
         type Bits: Serialize + for<'de> Deserialize<'de>;
         fn bits(&self) -> Self::Bits;
@@ -363,7 +363,7 @@ mod as_bits {
     }
 }
 
-/// The bytes of the record of what was uploaded.
+/// The bytes of an uploaded mission's record.
 pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8> {
     let compiled = &uploaded.compiled;
     to_json(&UploadedRecord {
@@ -378,7 +378,7 @@ pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8
     })
 }
 
-/// What a record has as uploaded.
+/// The uploaded mission of a record.
 pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMission, RecordError> {
     let record: UploadedRecord = from_json(bytes).map_err(RecordError)?;
     let order: Option<Vec<Leg>> = record.legs.iter().map(LegRecord::leg).collect();
