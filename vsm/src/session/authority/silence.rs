@@ -39,7 +39,7 @@ impl AuthorityMachine {
                 );
             }
         }
-        // Nor does a slow or hanging disk.
+        // A slow or hanging disk must not delay the loss action either.
         let overdue = |one: &Unstored| {
             let waited = context.mono().saturating_sub(one.since);
             waited > DISK_WITHIN && one.of.cannot_wait()
