@@ -148,12 +148,12 @@ impl Configuration {
         names.filter_map(|name| Name::new(name).ok()).collect()
     }
 
-    /// This many of them were requested.
+    /// This many parameters were requested.
     pub(super) fn begin_reading(&mut self, requested: usize) {
         self.reading = Reading::Left(requested);
     }
 
-    /// This many of them were received or failed. Waiting requests are answered once all are done.
+    /// This many parameters were received or failed. Waiting requests are answered once all are done.
     pub(super) fn count_read(
         &mut self,
         context: &Context<'_>,
@@ -365,7 +365,7 @@ impl Configuration {
         self.bounded_as(context.vehicle.telemetry.hovers(), context)
     }
 
-    /// The same of a VTOL in this state.
+    /// The same for a VTOL in this state.
     fn bounded_as(&self, hovers: bool, context: &Context<'_>) -> Vec<Message> {
         let subject = Subject {
             hovers,

@@ -1,4 +1,4 @@
-//! The link to the vehicle as stations see it: 28001 to 32400 on request, and 28000, which asks for it.
+//! The link to the vehicle as stations see it: 28001 to 32400 on request, and 28000, which requests control of the link.
 
 use mapping::data_link::{self, DataLink, LostLinkTimer};
 use stanag_msgs::Message;
@@ -9,7 +9,7 @@ use super::health::edition_2;
 use crate::session::context::{Context, FlightView, Origin};
 use crate::session::effects::Effects;
 
-/// One of the reports; `None` of another message.
+/// One of the reports; `None` for any other message.
 pub(super) fn report(
     context: &Context<'_>,
     flight: &FlightView<'_>,

@@ -146,6 +146,7 @@ impl EventAlerts {
         let known = self.catalogue.as_ref().and_then(|all| all.describe(event));
         match (known, &mut self.report) {
             (Some(known), _) if known.group == Group::Other => {}
+            // The beginning of its report was lost; the next report is complete.
             (Some(known), None) if known.group == Group::Check => {}
             (Some(known), _) if known.group == Group::Default => {
                 let twin =

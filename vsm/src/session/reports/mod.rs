@@ -489,7 +489,7 @@ impl Reports {
         }
     }
 
-    /// 3001 and 3002 on change, beside their period.
+    /// 3001 and 3002 on change, in addition to their schedule.
     fn report_state(&self, context: &Context<'_>, effects: &mut Effects<'_>) {
         for message in [3001, 3002] {
             let stamp = effects.stamp();
@@ -523,6 +523,7 @@ impl Reports {
         self.parameters.read_controls(common, names, effects);
         if !self.configuration.controls().is_reading() {
             let (mission, answers) = (&context.mission, &mut self.answers);
+            // Nothing has to be read, so no answer of the vehicle would release the requests that wait for the controls.
             (self.configuration).answer_waiting(common, mission, answers, effects);
         }
     }
@@ -531,7 +532,7 @@ impl Reports {
         let names = hardening::SETTINGS.iter().map(|setting| setting.name);
         self.settings
             .begin(names.filter_map(|name| param::Name::new(name).ok()));
-        // Each of them would wait for its retries.
+        // A silent vehicle would cost each of them its retries.
         if !context.vehicle.live() {
             self.settings.give_up();
         }
@@ -641,8 +642,8 @@ impl Reports {
         self.configuration.controls().controls().metadata()
     }
 
-    /// Keeps a value. If it has changed, sends it to all stations that follow the parameter, except `asker`, which follows
-    /// it from here on. Returns the previous value.
+    /// Stores a value. If it has changed, sends it to all stations that follow the parameter, except `asker`, which follows
+    /// it from now on. Returns the previous value.
     fn learn_parameter(
         &mut self,
         context: &Context<'_>,

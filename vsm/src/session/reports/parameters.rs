@@ -95,6 +95,7 @@ impl ParameterRequests {
     pub(super) fn drop_configuration(&mut self) {
         self.own
             .retain(|(purpose, _)| !matches!(purpose, Purpose::Configuration));
+        // The vehicle will still answer this one: the answer must not be counted for the next reading.
         if let Some((purpose @ Purpose::Configuration, _)) = &mut self.active {
             *purpose = Purpose::Nobody;
         }
@@ -230,6 +231,7 @@ impl ParameterRequests {
             let Some((purpose, wanted)) = next else {
                 return;
             };
+            // Checked again when it is sent: control may have passed to another CUCS while the write waited.
             if let (Purpose::Station(origin), Wanted::Set(..)) = (purpose, wanted)
                 && context.asker(origin.station).map(|asker| asker.id) != context.controller
             {
@@ -273,7 +275,7 @@ impl ParameterRequests {
 
 /// Reported parameters, and the stations that follow them.
 impl ParameterRequests {
-    /// Keeps a reported value, and adds the station as a follower. Returns the previous value, if known.
+    /// Stores a reported value, and adds the station as a follower. Returns the previous value, if known.
     pub(super) fn learn(
         &mut self,
         name: Name,
@@ -364,14 +366,14 @@ fn why(reason: &Refusal) -> String {
 const CONTROLS: usize = usize::MAX;
 /// A bound on memory: PX4 has some 950.
 const MAX_KNOWN: usize = 4_096;
-/// Requests of one station that wait.
+/// Maximum number of waiting requests of one station.
 pub(super) const MAX_PLACES: usize = 16;
-/// Single parameters of one station: each of a vehicle's, one after the other, and then 100 a second.
+/// Rate limit of single parameters per station: the burst covers all parameters of a vehicle, then 100 a second follow.
 const SINGLE: Rate = Rate {
     cost: Duration::from_millis(10),
     burst: Duration::from_secs(10),
 };
-/// All of them, which takes the vehicle some seconds.
+/// Rate limit of complete lists per station: each takes the vehicle some seconds.
 const LISTS: Rate = Rate {
     cost: Duration::from_secs(5),
     burst: Duration::from_secs(20),

@@ -50,6 +50,7 @@ impl Push {
         let Push { due, scheduled } = self;
         let own = (station, PAYLOAD.0);
         if !payload && !scheduled.contains_key(&own) {
+            // An entry that is never sent would stay in the past, and `poll_timeout` would wake the timer in a busy loop.
             due.remove(&own);
         }
         // What a station has scheduled replaces the default of that message, for that station alone.

@@ -168,7 +168,7 @@ fn answer_ping(
     effects.acknowledge(origin, AckType::CarriedOut);
 }
 
-/// PING to everybody: PX4 returns it to its sender.
+/// PING to system 0: PX4 returns it to its sender.
 #[allow(
     deprecated,
     reason = "PX4 answers PING; TIMESYNC, which replaces it, sets its clock"
@@ -192,8 +192,8 @@ fn request_message(id: u16) -> Command {
 
 const AUTOPILOT_VERSION: u16 = 148;
 const VERSION: &str = env!("CARGO_PKG_VERSION");
-/// A radio's round trip, and a loss.
+/// Enough for the round trip of a slow radio and one lost frame.
 const PING_WITHIN: Duration = Duration::from_secs(3);
 const SOFTWARE_WITHIN: Duration = Duration::from_secs(3);
-/// Of one station.
+/// Maximum number of outstanding pings of one station.
 const MAX_PINGS: usize = 16;

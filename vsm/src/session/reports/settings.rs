@@ -26,7 +26,7 @@ pub struct VehicleSettings {
 }
 
 impl VehicleSettings {
-    /// Keeps the result of reading a parameter; without an answer it stays unknown.
+    /// Notes the result of reading a parameter; without an answer it stays unknown.
     pub fn note(&mut self, event: &Event) {
         match event {
             Event::Read { name, value } => {
@@ -50,7 +50,7 @@ impl VehicleSettings {
         }
     }
 
-    /// What is known of a parameter.
+    /// The result for one parameter.
     #[must_use]
     pub fn reading_of(&self, name: &str) -> Reading {
         match self.values.get(name) {
@@ -71,7 +71,7 @@ pub(super) struct SettingsReading {
 }
 
 impl SettingsReading {
-    /// Begins again, unless a reading is under way.
+    /// Begins a new reading, unless one is in progress.
     pub(super) fn begin(&mut self, names: impl Iterator<Item = Name>) {
         if !self.is_reading() {
             self.left = names.collect();
