@@ -1,7 +1,7 @@
-//! What gimbals and cameras are, and what cameras do: requested of them, since they send little of it by themselves.
+//! Requests what gimbals and cameras can do, and the state of cameras, since they send little of it by themselves.
 //!
-//! Nothing is requested before a device has reported by itself: a vehicle without payload is sent nothing, and its radio carries
-//! nothing of this.
+//! Nothing is requested before a device has reported by itself: a vehicle without payload is sent no requests, and its
+//! radio carries none.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -20,20 +20,21 @@ use crate::session::effects::Effects;
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct Discovery {
-    /// By component and what is requested of it: the next time, and how often it was refused.
+    /// By component and requested message: the next time, and how often it was refused.
     next: BTreeMap<(u8, u16), (Duration, u32)>,
-    /// The same before this turn.
+    /// The same, before this call of `advance`.
     before: BTreeMap<(u8, u16), (Duration, u32)>,
-    /// The requests that run: component, ticket, message.
+    /// Outstanding requests: component, ticket, message.
     running: Vec<(u8, Ticket, u16)>,
-    /// Which status message a camera is asked for next.
+    /// The next status message to request of a camera.
     turn: BTreeMap<u8, usize>,
 }
 
 impl Discovery {
     /// Requests what is due.
     pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        // Only what is wanted now has a time: what is known, or cannot be asked, must wake nobody.
+        // Only messages that are wanted now keep a time: one that is known, or cannot be requested, must not wake the
+        // timer.
         let before = std::mem::take(&mut self.next);
         if !context.vehicle.live() {
             return;
@@ -47,7 +48,7 @@ impl Discovery {
                 self.request(manager, GIMBAL_MANAGER_INFORMATION, AGAIN, context, effects);
             }
             if manager == autopilot {
-                // PX4 sends it every 2 s: too seldom to confirm a change of control.
+                // PX4 sends it every 2 s, which is too seldom to confirm a change of control.
                 effects.vehicle.request_rate(GIMBAL_MANAGER_STATUS, 2.0);
             }
         }
@@ -64,7 +65,8 @@ impl Discovery {
                 (known.can).contains(CameraCapFlags::CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM);
             let asks = has_streams && camera.streams.is_empty() && turn / STATUS.len() % 2 == 1;
             let due = match STATUS[turn % STATUS.len()] {
-                // Until it is known, every other time: a clock of its own would meet the camera busy with these again and again.
+                // Until the streams are known, every other time: with a timer of its own this request would often find the
+                // camera busy.
                 STORAGE_INFORMATION if asks => VIDEO_STREAM_INFORMATION,
                 due => due,
             };
@@ -97,7 +99,7 @@ impl Discovery {
         let refused = !matches!(outcome, Outcome::Answered { result, .. } if *result == accepted);
         if let Some((next, refusals)) = self.next.get_mut(&(component, key(message))) {
             *refusals = if refused { *refusals + 1 } else { 0 };
-            // What is refused again and again is not there; it may come with the next restart.
+            // A message that is refused repeatedly does not exist there; it may after the next restart.
             if *refusals >= MAX_REFUSALS && message != CAMERA_SETTINGS {
                 *next = now + SELDOM;
             }
@@ -105,7 +107,7 @@ impl Discovery {
         true
     }
 
-    /// Requests a message where that is due, and nothing else runs there; true where it was sent.
+    /// Requests a message if it is due and nothing else is outstanding there; returns true if it was sent.
     fn request(
         &mut self,
         component: u8,
@@ -133,7 +135,7 @@ impl Discovery {
     }
 }
 
-/// Status messages of a camera have one clock together.
+/// All status messages of a camera share one timer.
 fn key(message: u16) -> u16 {
     if STATUS.contains(&message) || message == VIDEO_STREAM_INFORMATION {
         CAMERA_SETTINGS
@@ -142,7 +144,7 @@ fn key(message: u16) -> u16 {
     }
 }
 
-/// What a camera does, in turn; what moves most often comes most often.
+/// Status messages of a camera, in turn; those that change most often come most often.
 const STATUS: [u16; 6] = [
     CAMERA_SETTINGS,
     CAMERA_CAPTURE_STATUS,

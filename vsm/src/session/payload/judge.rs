@@ -1,7 +1,7 @@
-//! What a 19001 or 19100 asks of a station: its steps, or the reason of the refusal. Pure.
+//! Converts a 19001 or 19100 to steps, or gives the reason of the refusal. Pure.
 //!
-//! The pointing mode of 19100 decides which fields of 19001 count (0201.10): angles in mode 1, rates in 2 and 3, the place in 4. A
-//! station may send all fields all the time, and so a value of another mode commands nothing.
+//! The pointing mode of 19100 decides which fields of 19001 count (0201.10): angles in mode 1, rates in 2 and 3, the place
+//! in 4. A station may send all fields every time, so a value of another mode commands nothing.
 
 use mapping::altitude::Datum;
 use mapping::payload::Direction;
@@ -26,16 +26,16 @@ pub(super) struct Situation<'a> {
     pub(super) ground: Option<Ground<'a>>,
     /// How the altitude of a place is read.
     pub(super) datum: Datum<'a>,
-    /// The pointing mode that was commanded last, and the one that has been shown.
+    /// The last commanded pointing mode, and the one that the gimbal has shown.
     pub(super) mode: Pointing,
     pub(super) shown: Pointing,
-    /// It was commanded to zoom, and not yet to stop.
+    /// A zoom was commanded, but no stop yet.
     pub(super) zooming: bool,
-    /// Its focus was set by hand.
+    /// Its focus was set manually.
     pub(super) by_hand: bool,
 }
 
-/// What is to be done.
+/// The decision.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Judged {
     pub(super) steps: Vec<Step>,
@@ -96,7 +96,7 @@ fn angles(
     let wanted = match (azimuth, elevation) {
         (None, None) => return Ok(None),
         (Some(azimuth), Some(elevation)) => Direction { azimuth, elevation },
-        // One alone turns about one axis: the other stays as it is now.
+        // A single angle turns about one axis; the other axis stays as it is now.
         (azimuth, elevation) => {
             let now = looking(at)?;
             Direction {
@@ -167,7 +167,7 @@ fn field_of_view(
     command: &PayloadSteeringCommand,
     at: &Situation<'_>,
 ) -> Result<Option<Zoom>, String> {
-    // 0 is no field of view: a station that sends every field fills its place so.
+    // 0 means no field of view: a station that sends every field fills unused ones with 0.
     let horizontal = command
         .set_horizontal_field_of_view
         .map(|angle| angle.radians().rem_euclid(std::f64::consts::TAU));
@@ -197,7 +197,7 @@ fn focus(command: &PayloadSteeringCommand, at: &Situation<'_>) -> Result<Option<
     let wanted = match (command.set_focus, command.focus_type) {
         (Some(SetFocus::FocusCloser), _) => Focus::Closer,
         (Some(SetFocus::FocusFarther), _) => Focus::Farther,
-        // A camera begins with it: nothing is to be done before its focus was set by hand.
+        // Cameras start in auto focus: nothing has to be sent before the focus was set manually.
         (None | Some(SetFocus::NoChange), Some(FocusType::Auto)) if at.by_hand => Focus::Auto,
         (None | Some(SetFocus::NoChange), _) => return Ok(None),
         (Some(other), _) => return Err(format!("Set Focus {}, expected 0 to 2", other.raw())),
@@ -241,7 +241,7 @@ pub(super) fn sensor(
     if let Some(system) = system {
         steps.extend(system_mode(system, at)?);
     }
-    // 0 is no mode: a station that sends every field fills its place so.
+    // 0 means no mode: a station that sends every field fills unused ones with 0.
     let mode = (command.set_eo_ir_pointing_mode).filter(|mode| *mode != Pointing::NoValue);
     if let Some(mode) = mode {
         let points = pointing_mode(mode, at)?;
@@ -397,7 +397,7 @@ fn in_mode(
 
 fn has_room(camera: &Camera) -> Result<(), String> {
     let Some(storage) = camera.storage else {
-        // A camera without storage of its own may record elsewhere: it answers for itself.
+        // A camera that reports no storage may record elsewhere: it answers for itself.
         return Ok(());
     };
     match storage.status {
@@ -420,7 +420,7 @@ fn pointing_mode(mode: Pointing, at: &Situation<'_>) -> Result<Vec<Step>, String
         return Ok(Vec::new());
     }
     let step = match mode {
-        // It stays where it looks until 19001 names angles.
+        // The gimbal keeps its direction until a 19001 names angles.
         Pointing::AngleToUa => {
             gimbal(at)?;
             Step::Point(looking(at)?)
@@ -429,7 +429,7 @@ fn pointing_mode(mode: Pointing, at: &Situation<'_>) -> Result<Vec<Step>, String
             inertial: mode == Pointing::SlewRateInertial,
             ..Slew::STILL
         }),
-        // It locks on the centre of the view (4.1.3.2 of Edition 2.5).
+        // The gimbal locks on the centre of the view (4.1.3.2 of Edition 2.5).
         Pointing::LatLongSlaved => {
             gimbal(at)?;
             let ground = at
@@ -454,7 +454,7 @@ fn pointing_mode(mode: Pointing, at: &Situation<'_>) -> Result<Vec<Step>, String
     Ok(vec![Step::Control, step])
 }
 
-/// Where it looks now.
+/// The present direction of the gimbal.
 fn looking(at: &Situation<'_>) -> Result<Direction, String> {
     let sight = at.station.sight(at.telemetry);
     sight
@@ -463,7 +463,7 @@ fn looking(at: &Situation<'_>) -> Result<Direction, String> {
         .ok_or_else(|| "where the gimbal looks is not known".to_owned())
 }
 
-/// Its gimbal answers.
+/// Checks that the station's gimbal reports and has a manager.
 fn gimbal(at: &Situation<'_>) -> Result<(), String> {
     let number = at.station.equipment.number;
     if at.station.equipment.gimbal.is_none() {
@@ -484,7 +484,7 @@ fn gimbal(at: &Situation<'_>) -> Result<(), String> {
     Ok(())
 }
 
-/// Its camera, where it can do this.
+/// The station's camera, if it can do this.
 fn camera<'a>(
     at: &Situation<'a>,
     can: CameraCapFlags,

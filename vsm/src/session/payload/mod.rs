@@ -44,13 +44,13 @@ pub(crate) struct Payload {
     states: BTreeMap<u8, State>,
     tasks: Vec<Task>,
     discovery: Discovery,
-    /// The stations that listeners were sent last.
+    /// The stations last sent to listeners.
     announced: Vec<Equipment>,
-    /// The same of the video streams: of which station, and which.
+    /// The same for the video streams, by station and stream number.
     announced_streams: BTreeMap<(u8, u8), StreamInformation>,
 }
 
-/// What was commanded of one station.
+/// The commanded state of one station.
 #[derive(Debug)]
 struct State {
     /// The pointing mode that was commanded last, and the one that has been shown.
@@ -79,14 +79,14 @@ impl Default for State {
     }
 }
 
-/// A motion that continues.
+/// A motion that must be kept alive by repeated messages.
 #[derive(Debug, Clone, Copy)]
 struct Moving {
     motion: Motion,
     next: Duration,
 }
 
-/// A command that is carried out.
+/// A command in progress.
 #[derive(Debug)]
 struct Task {
     origin: Origin,
@@ -121,7 +121,7 @@ pub(crate) struct Context<'a> {
 
 context::deref_to_common!(Context);
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
     /// 19001 or 19100 of a CUCS that holds LOI 3 of a station.
@@ -131,13 +131,13 @@ pub(crate) enum Input<'a> {
     },
     /// A command to this component ended.
     CommandEnded { component: u8, event: &'a Event },
-    /// The station has begun, or ceased, to hold LOI 2.
+    /// The station has gained or lost LOI 2.
     ListenerChanged { station: usize },
     /// A device has reported something, or time has passed, or rights have changed.
     Poll,
 }
 
-/// What the other machines may know of it.
+/// The state that other machines may read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PayloadView<'a> {
     states: &'a BTreeMap<u8, State>,
@@ -158,7 +158,7 @@ impl PayloadView<'_> {
 }
 
 impl Payload {
-    /// For the other machines.
+    /// The state for other machines.
     pub(crate) fn view<'a>(&'a self, rights: &'a Authority) -> PayloadView<'a> {
         PayloadView {
             states: &self.states,
@@ -201,7 +201,7 @@ impl Payload {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let tasks = self.tasks.iter().filter_map(|task| {
             let running = task.running.as_ref()?;
-            // A command that is not answered yet ends by the client's own time.
+            // The command client times out unanswered commands by itself.
             running
                 .ticket
                 .is_none()
@@ -298,7 +298,7 @@ impl Payload {
                 None => state.zooming,
                 _ => false,
             };
-            // It would end the newer one.
+            // The stop of an earlier zoom would end the newer one.
             state.stops_zoom &= m.set_zoom.is_none();
             state.by_hand = match (m.set_focus, m.focus_type) {
                 (Some(SetFocus::FocusCloser | SetFocus::FocusFarther), _) => true,
@@ -310,7 +310,7 @@ impl Payload {
             state.commanded = mode;
         }
         if (steps.iter()).any(|step| step.drive() == Some(Drive::Gimbal)) {
-            // What it turned by before ends with the new command.
+            // The earlier motion ends with the new command.
             state.moving = None;
         }
         if steps.is_empty() {
@@ -319,7 +319,7 @@ impl Payload {
         let replaced = self.replace(equipment.number, &steps, effects);
         let state = self.states.entry(equipment.number).or_default();
         let mode = match replaced.filter(|mode| *mode == state.commanded) {
-            // What steers in a mode that is not shown yet shows it in its stead.
+            // A 19001 in a mode that the gimbal has not shown yet will confirm that mode in place of the replaced command.
             Some(before) if steers => Some(before),
             Some(_) if mode.is_none() => {
                 state.commanded = state.shown;
@@ -433,7 +433,7 @@ impl Payload {
         let governs = task.mode == Some(state.commanded);
         match end {
             Ok(()) => {
-                // Also of one that has lost another step: its mode is what the gimbal shows.
+                // Also if another step of it was replaced: the gimbal shows this mode.
                 if governs {
                     state.shown = state.commanded;
                 }
@@ -582,7 +582,7 @@ impl Payload {
         }
     }
 
-    /// 21000 to all who listen, where the stations are others than before.
+    /// Sends 21000 to all listeners if the stations have changed.
     fn watch_stations(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let all = context.equipment();
         if all != self.announced {
@@ -610,7 +610,7 @@ impl Payload {
 }
 
 impl Task {
-    /// Carries out what can be done of it now. At its end: whether it failed, and why.
+    /// Carries out the steps that are possible now. Returns the result once the command has ended.
     fn advance(
         &mut self,
         context: &Context<'_>,
@@ -620,7 +620,7 @@ impl Task {
     ) -> Option<Result<(), String>> {
         let now = context.mono();
         let own = effects.vehicle.own();
-        // A right that was lost commands nothing more.
+        // Without the right nothing more is commanded.
         if !context.rights.holds_station(self.by, self.station) {
             if let Some((component, ticket)) = self.running.take().and_then(|sent| sent.ticket) {
                 effects.vehicle.commands_to(component).withdraw(now, ticket);
@@ -651,7 +651,8 @@ impl Task {
             let telemetry = &context.vehicle.telemetry;
             if step.is_shown(station, telemetry, own, &running.before, running.since) {
                 if let Some(motion) = step.motion() {
-                    // Now, not at the command's end: a zoom after it may outlast what PX4 turns by one message.
+                    // Now, not at the end of the command: a zoom that follows may take longer than the 2 s that one message
+                    // keeps PX4 turning.
                     let next = running.ask_at;
                     state.moving = Some(Moving { motion, next });
                 }
@@ -695,7 +696,7 @@ fn station_of<'a>(context: &Context<'a>, number: u8) -> Option<Station<'a>> {
     Some(Station::of(equipment, payloads, context.mono()))
 }
 
-/// Stops a zoom; false where the camera's queue has no room for that.
+/// Stops a zoom; returns false if the camera's queue has no room for that.
 fn stop_zoom(station: &Station<'_>, now: Duration, effects: &mut Effects<'_>) -> bool {
     let own = effects.vehicle.own();
     match Step::Zoom(Zoom::Stop).order(station, own) {
@@ -747,13 +748,13 @@ fn start(
 /// Requests a message of a component once; the result of the request is ignored.
 fn ask(component: u8, message: u16, now: Duration, effects: &mut Effects<'_>) {
     let client = effects.vehicle.commands_to(component);
-    // One at a time: a camera that is slow to answer must not have a queue of them.
+    // One at a time, so that a camera that is slow to answer does not get a queue of them.
     if client.pending() == 0 {
         let _ = client.submit(now, request(message));
     }
 }
 
-/// The ground that sensors look at: of elevation files where there are some, else flat at home's height.
+/// The ground that sensors look at: from elevation files if there are some, otherwise flat at home's height.
 pub(crate) fn ground<'a>(bounds: &'a Bounds, telemetry: &Telemetry) -> Option<Ground<'a>> {
     match &bounds.terrain {
         Some(terrain) => Some(Ground::Terrain(terrain)),
@@ -764,7 +765,7 @@ pub(crate) fn ground<'a>(bounds: &'a Bounds, telemetry: &Telemetry) -> Option<Gr
     }
 }
 
-/// The video streams of all stations: of which station and which, and what it is.
+/// The video streams of all stations, each with its station and stream number.
 fn streams<'a>(context: &Context<'a>) -> Vec<((u8, u8), &'a StreamInformation)> {
     let payloads = &context.common.vehicle.payloads;
     let cameras = context.equipment().into_iter().filter(|one| one.bit() != 0);
@@ -776,7 +777,7 @@ fn streams<'a>(context: &Context<'a>) -> Vec<((u8, u8), &'a StreamInformation)> 
     each.collect()
 }
 
-/// 50025 of a stream to these CUCSs.
+/// Sends 50025 for a stream to these CUCSs.
 fn announce_stream(
     to: &[usize],
     ((station, number), stream): &((u8, u8), &StreamInformation),
@@ -789,7 +790,7 @@ fn announce_stream(
     }
 }
 
-/// 21000 of every station to these CUCSs.
+/// Sends 21000 for every station to these CUCSs.
 fn announce(context: &Context<'_>, to: &[usize], all: &[Equipment], effects: &mut Effects<'_>) {
     for listener in to {
         if context.provisional(*listener) == Provisional::Off {
@@ -799,7 +800,8 @@ fn announce(context: &Context<'_>, to: &[usize], all: &[Equipment], effects: &mu
             let station = Station::of(*one, &context.vehicle.payloads, context.mono());
             let stamp = effects.stamp();
             let message = report::configuration(&station, all, context.vsm, stamp);
-            // Not as a report, which an address that is not proven yet may miss: it is sent once.
+            // Sent directly, not as a report: reports may be withheld from an address that is not proven yet, and this is
+            // sent only once.
             effects.send(*listener, &message.into());
         }
     }

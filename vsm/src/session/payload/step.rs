@@ -1,7 +1,7 @@
 //! One step of a payload command: the message to send, and the reported state that confirms it.
 //!
-//! An accepted COMMAND_ACK proves little here too: PX4's gimbal manager acknowledges a retraction that it does not carry out. So a
-//! step ends when the gimbal or the camera reports what it was to bring about, in a message that came after the answer.
+//! An accepted COMMAND_ACK proves little here too: PX4's gimbal manager acknowledges a retraction that it does not carry
+//! out. So a step ends only when the gimbal or the camera reports the result in a message that arrived after the answer.
 
 use std::time::Duration;
 
@@ -21,9 +21,9 @@ use mavlink_link::service::command::{Command, Payload, Repetition};
 /// A step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Step {
-    /// Primary control of the gimbal: PX4 refuses who does not have it.
+    /// Primary control of the gimbal: PX4 refuses commands of anybody else.
     Control,
-    /// Look there, relative to the vehicle.
+    /// Look in this direction, relative to the vehicle.
     Point(Direction),
     /// Turn: rates up and right, rad/s; relative to the horizon and north, or to the vehicle.
     Slew(Slew),
@@ -36,7 +36,7 @@ pub(super) enum Step {
     Mode(CameraMode),
     Record(bool),
     Photograph,
-    /// Show the thermal sensor, or the other.
+    /// Show the thermal sensor, or the other one.
     Source {
         thermal: bool,
     },
@@ -50,16 +50,17 @@ pub(super) struct Slew {
     pub(super) inertial: bool,
 }
 
-/// What a gimbal is sent again and again, so that it continues.
+/// A message that a gimbal is sent repeatedly, so that it continues.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Motion {
     Rates(Slew),
-    /// It keeps looking at a place. Steered from here: PX4's navigator takes DO_SET_ROI_LOCATION too, and with MIS_MNT_YAW_CTL 0
-    /// turns a rotary wing towards the place, in a mission of whoever flies it; LOI 3 must not turn the vehicle.
+    /// The gimbal keeps looking at a place. The bridge steers it: PX4's navigator takes DO_SET_ROI_LOCATION too, but with
+    /// MIS_MNT_YAW_CTL 0 it turns a multicopter towards the place, also during somebody else's mission. LOI 3 must not turn
+    /// the vehicle.
     Stare(Place),
 }
 
-/// What a step moves: a newer command replaces what an older one still wants of the same.
+/// What a step moves: a newer command replaces the older one's steps for the same drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Drive {
     Gimbal,
@@ -86,22 +87,22 @@ pub(super) enum Focus {
     Auto,
 }
 
-/// What is sent for a step.
+/// The message to send for a step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Order {
-    /// To this component, which answers.
+    /// A command to this component, which answers it.
     Command(u8, Command),
-    /// What nothing answers.
+    /// A message without an answer.
     Post(Motion),
 }
 
-/// What was so before the step, where the step is a change.
+/// The state before the step, for steps that are a change.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Before {
     zoom: Option<f64>,
     focus: Option<f64>,
     images: Option<i32>,
-    /// The latest zoom report since, to see that it stands.
+    /// The latest zoom report since then, to detect that the zoom has stopped.
     pub(super) last_zoom: Option<(Duration, f64)>,
 }
 
@@ -123,7 +124,7 @@ impl Before {
 }
 
 impl Step {
-    /// What it moves, where that is one thing that goes one way at a time.
+    /// What it moves, if that can only move one way at a time.
     pub(super) fn drive(self) -> Option<Drive> {
         match self {
             Step::Control
@@ -138,7 +139,7 @@ impl Step {
         }
     }
 
-    /// What continues after it.
+    /// The motion that continues after it.
     pub(super) fn motion(self) -> Option<Motion> {
         match self {
             Step::Slew(slew) if !slew.is_still() => Some(Motion::Rates(slew)),
@@ -147,7 +148,7 @@ impl Step {
         }
     }
 
-    /// Whether there is nothing to send: it is so already.
+    /// Whether nothing has to be sent, because the state is already reached.
     pub(super) fn is_so(self, station: &Station<'_>, own: Node) -> bool {
         let camera = station.camera;
         match self {
@@ -159,7 +160,7 @@ impl Step {
         }
     }
 
-    /// What is sent for it; `None` where the station lacks the device.
+    /// The message for it; `None` if the station lacks the device.
     pub(super) fn order(self, station: &Station<'_>, own: Node) -> Option<Order> {
         let camera = || station.equipment.camera;
         let to_camera = |command, params, repetition| {
@@ -200,7 +201,7 @@ impl Step {
                 [
                     f32::from(own.system),
                     f32::from(own.component),
-                    // Who has secondary control stays.
+                    // -1 leaves secondary control unchanged.
                     -1.0,
                     -1.0,
                     0.0,
@@ -247,7 +248,7 @@ impl Step {
             ),
             Step::Record(true) => to_camera(
                 MavCmd::MAV_CMD_VIDEO_START_CAPTURE,
-                // All streams; CAMERA_CAPTURE_STATUS is requested by itself.
+                // Stream 0 means all streams; status frequency 0, since CAMERA_CAPTURE_STATUS is requested separately.
                 [0.0; 7],
                 Repetition::Safe,
             ),
@@ -258,7 +259,7 @@ impl Step {
             ),
             Step::Photograph => to_camera(
                 MavCmd::MAV_CMD_IMAGE_START_CAPTURE,
-                // One image. A repeat would take another.
+                // One image. A repeated command would take another one.
                 [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
                 Repetition::Never,
             ),
@@ -277,7 +278,7 @@ impl Step {
         }
     }
 
-    /// Whether the station shows it, by what has been reported after `since`.
+    /// Whether the station shows it, by reports from after `since`.
     pub(super) fn is_shown(
         self,
         station: &Station<'_>,
@@ -329,7 +330,7 @@ impl Step {
                         .is_some_and(|(then, zoom)| then < at && (zoom - shown).abs() < 0.5),
                     _ => false,
                 }),
-            // The protocol has no report of it: its acknowledgement is all that there is.
+            // The protocol has no report of it: the acknowledgement has to be enough.
             Step::Focus(Focus::Auto) => true,
             Step::Focus(focus) => settings
                 .and_then(|(_, settings)| settings.focus)
@@ -353,7 +354,7 @@ impl Step {
         }
     }
 
-    /// The message of the camera that shows it, which is requested until it does.
+    /// The message of the camera that shows it; it is requested until it does.
     pub(super) fn evidence(self) -> Option<u16> {
         match self {
             Step::Zoom(Zoom::Field { .. }) => Some(CAMERA_FOV_STATUS),
@@ -364,10 +365,10 @@ impl Step {
         }
     }
 
-    /// How long it may take.
+    /// How long the step may take.
     pub(super) fn limit(self) -> Duration {
         match self {
-            // A turn of 180 degrees by a slow drive.
+            // Enough for a slow drive to turn by 180 degrees.
             Step::Point(_) | Step::StareAt(_) | Step::Neutral | Step::Retract => {
                 Duration::from_secs(20)
             }
@@ -409,7 +410,7 @@ impl Slew {
         self.up == 0.0 && self.right == 0.0
     }
 
-    /// A drive may be slower than commanded, and still turns the right way.
+    /// A drive may be slower than commanded: what counts is that it turns the right way.
     fn is_shown(self, gimbal: &GimbalAttitude) -> bool {
         let Some([up, right]) = gimbal.rates else {
             return false;
@@ -427,8 +428,8 @@ impl Slew {
 }
 
 impl Motion {
-    /// When it is due again: PX4 ends rates 2 s after they were set; a place moves past with the vehicle, whose position comes at
-    /// 5 Hz.
+    /// The repetition period: PX4 stops rates 2 s after they were set; a place moves relative to the vehicle, whose
+    /// position arrives at 5 Hz.
     pub(super) fn again(self) -> Duration {
         match self {
             Motion::Rates(_) => Duration::from_secs(1),
@@ -436,8 +437,9 @@ impl Motion {
         }
     }
 
-    /// By GIMBAL_MANAGER_SET_ATTITUDE: PX4 makes 0 of angles that DO_GIMBAL_MANAGER_PITCHYAW leaves out, so that rates alone
-    /// have no effect by it. `None` before the gimbal has a manager, and for a place before the vehicle's position is known.
+    /// Uses GIMBAL_MANAGER_SET_ATTITUDE: PX4 treats angles that DO_GIMBAL_MANAGER_PITCHYAW leaves out as 0, so that command
+    /// cannot set rates alone. `None` before the gimbal has a manager, and for a place before the vehicle's position is
+    /// known.
     pub(super) fn message(
         self,
         station: &Station<'_>,
@@ -476,7 +478,7 @@ impl Motion {
 
 /// REQUEST_MESSAGE.
 pub(super) fn request(message: u16) -> Command {
-    // Of storages all, and what all streams are; what the first one does.
+    // 0 means all storages and all streams; for the status, the first stream.
     let which = if message == VIDEO_STREAM_STATUS {
         1.0
     } else {
@@ -489,8 +491,8 @@ pub(super) fn request(message: u16) -> Command {
     }
 }
 
-/// The component that takes the commands of a gimbal; none before it has reported: an autopilot without a gimbal module answers none
-/// of them.
+/// The component that takes the commands of a gimbal; `None` before it has reported: an autopilot without a gimbal module
+/// answers none of them.
 fn manager(station: &Station<'_>) -> Option<u8> {
     station.gimbal?.manager
 }
@@ -499,13 +501,13 @@ fn controls(station: &Station<'_>, own: Node) -> bool {
     holder(station) == Some([own.system, own.component])
 }
 
-/// System and component in primary control of the gimbal, 0 and 0 where nobody is, as reported lately.
+/// System and component in primary control of the gimbal, 0 and 0 for nobody, as recently reported.
 pub(super) fn holder(station: &Station<'_>) -> Option<[u8; 2]> {
     station.fresh(station.gimbal?.control)
 }
 
-/// Whether a gimbal looks there. As it reports it too: one that leaves out the locks, and stabilises all the same, reports pitch
-/// from the horizon.
+/// Whether a gimbal looks in this direction. Its own angles are compared too: a gimbal that omits the lock flags but
+/// stabilises reports pitch from the horizon.
 fn looks(gimbal: &GimbalAttitude, at: Direction, telemetry: &Telemetry) -> bool {
     let Some(vehicle) = telemetry.attitude else {
         return false;
@@ -531,7 +533,7 @@ const FORWARD: Direction = Direction {
     azimuth: 0.0,
     elevation: 0.0,
 };
-/// 3 degrees: a drive under wind and vibration.
+/// 3 degrees: the accuracy of a drive under wind and vibration.
 const CLOSE: f64 = 0.0524;
 const STILL_RAD_S: f64 = 0.02;
 pub(super) const CAMERA_INFORMATION: u16 = 259;
