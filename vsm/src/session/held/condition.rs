@@ -138,7 +138,7 @@ impl Condition {
         }
     }
 
-    /// As 50022 reports it.
+    /// The condition as reported by 50022.
     pub(super) fn reported(&self) -> HoldCondition {
         match self {
             Condition::Time { .. } => HoldCondition::Time,

@@ -89,6 +89,8 @@ impl Held {
         let Some(record) = effects.disk().load::<Record>(&vehicle)? else {
             return Ok(false);
         };
+        // Expiry and Condition Time are kept by the wall clock: if that was set back, a command could run long after its
+        // expiry.
         let behind = wall_ms(now.wall) + CLOCK_SLACK_MS < record.written_ms;
         (self.entries, self.serial) = (record.entries, record.serial);
         let mut launched = false;
@@ -235,6 +237,8 @@ impl Held {
             .ok_or("Held Message Data is missing")?;
         let bytes = HEXLOWER_PERMISSIVE.decode(data.as_str().as_bytes());
         let bytes = bytes.map_err(|_| "Held Message Data is not hexadecimal")?;
+        // Decoded now, by the readings of its sender: a fault is then an answer to the 50020, not a surprise when it is
+        // due.
         let message = station.profile.readings.decode(message_type, &bytes);
         let message = message.map_err(|fault| format!("Held Message Data: {fault}"))?;
         self.check_right(context, owner, &message)?;
@@ -772,7 +776,7 @@ fn undisturbed(context: &Context<'_>, message: &Message, for_loss: bool) -> Resu
     flown_from_here(context, message, for_loss)
 }
 
-/// The same without the loss action: a command for the loss of the CUCS may start together with it.
+/// As [`undisturbed`], but without the loss action: a command for the loss of the CUCS may start together with it.
 fn flown_from_here(context: &Context<'_>, message: &Message, for_loss: bool) -> Result<(), String> {
     let telemetry = &context.vehicle.telemetry;
     let armed = telemetry.armed == Some(true);

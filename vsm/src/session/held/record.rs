@@ -38,7 +38,7 @@ pub(super) struct Entry {
     pub(super) ack_requested: bool,
 }
 
-/// As 50022 reports it.
+/// The state as reported by 50022.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum State {
     Waiting,
