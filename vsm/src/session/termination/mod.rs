@@ -50,28 +50,28 @@ pub(crate) struct Termination {
     armed: Option<Origin>,
     /// The entry that the command waits for, and until when at the latest.
     audit: Option<(Option<Changes>, Duration)>,
-    /// When the command is sent next.
+    /// When the command is next sent.
     send_at: Option<Duration>,
-    /// When it was sent last; nothing before the first of an order.
+    /// When it was last sent; `None` before the first time of an order.
     sent_at: Option<Duration>,
-    /// How often it was sent since the vehicle has reported its mode.
+    /// How often it was sent since the vehicle last reported its mode.
     unseen: u32,
-    /// When 3005 is sent next.
+    /// When 3005 is next sent.
     report_at: Option<Duration>,
-    /// What 3005 has reported last to all who listen; nothing after a start.
+    /// What 3005 last reported to all listeners; `None` after a start.
     published: Option<FtState>,
 }
 
-/// What happens to it.
+/// An input.
 #[derive(Debug)]
 pub(crate) enum Input<'a> {
-    /// 2005 of a CUCS that holds the right. `handover`: its holder hands control over to another CUCS.
+    /// 2005 of a CUCS that holds the right. `handover`: that CUCS is handing control over to another one.
     Command {
         origin: Origin,
         command: &'a FlightTerminationCommand,
         handover: bool,
     },
-    /// The entry of the audit log is written, up to this change of the disk, or cannot be.
+    /// The entry of the audit log is written with this change of the disk, or cannot be written.
     Audited(Result<Changes, String>),
     /// Control has passed to another CUCS, or to nobody.
     ControlChanged,
@@ -84,8 +84,9 @@ pub(crate) enum Input<'a> {
 }
 
 impl Termination {
-    /// What the other machines may know.
+    /// The state that other machines may read.
     pub(crate) fn view(&self, live: bool) -> TerminationView {
+        // A silent vehicle may have been terminated by somebody else: "reset" must not be reported for it.
         let known = live || self.rules.stage() != Stage::Safe;
         TerminationView {
             reported: known.then(|| self.rules.reported()),
@@ -201,7 +202,7 @@ impl Termination {
         }
     }
 
-    /// The entry of the audit log is queued for the disk, or stored.
+    /// The entry of the audit log is queued for the disk, stored, or failed.
     fn audited(
         &mut self,
         context: &Context<'_>,
@@ -247,14 +248,14 @@ impl Termination {
 impl Termination {
     fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.send_when_audited(context, effects);
-        // First what has been shown since the command was sent last: then it is not sent again.
+        // First check what the vehicle has shown since the last command: if it shows the termination, nothing more is sent.
         let shown = self.shows(context);
         let outcome = self.rules.watch(context.mono(), shown);
         self.conclude(context, outcome, effects);
         self.send(context, effects);
         self.release_where_no_reset_can_come(context, effects);
         let due = self.report_at.is_some_and(|at| at <= context.mono());
-        // After a restart, who was armed before it must learn that nothing is.
+        // After a restart, a CUCS that had armed it before must learn that nothing is armed.
         let reported = self.view(context.vehicle.live()).reported;
         let news = context.config.termination.is_some() && reported != self.published;
         if due || news {
@@ -274,8 +275,8 @@ impl Termination {
         if self.has_reported_since(context) {
             self.unseen = 0;
         }
-        // The pilot that takes it over meanwhile is not seen, and each of these would take the vehicle from them again. Once
-        // it reports its mode again it is known what it does, and it continues.
+        // A pilot who takes the vehicle over meanwhile cannot be detected, and each of these commands would take it from
+        // them again. It continues once the vehicle reports its mode, which shows what it does.
         if action != Action::Terminate && self.unseen >= UNSEEN {
             return;
         }
@@ -287,22 +288,23 @@ impl Termination {
         self.sent_at = Some(context.mono());
     }
 
-    /// Whether the vehicle has reported its mode since the command was sent last, where it was.
+    /// Whether the vehicle has reported its mode since the last command, if there was one.
     fn has_reported_since(&self, context: &Context<'_>) -> bool {
         self.sent_at
             .is_none_or(|sent| context.vehicle.mode_at().is_some_and(|at| at > sent))
     }
 
-    /// What the vehicle shows; what it did before it was sent the command is no answer to it.
+    /// What the vehicle shows. What it did before the command is no answer to it.
     fn shows(&self, context: &Context<'_>) -> Shows {
         let telemetry = &context.vehicle.telemetry;
         if !context.vehicle.live() || !self.has_reported_since(context) {
             return Shows::Nothing;
         }
         match (telemetry.mode, telemetry.armed) {
-            // Also disarmed: PX4 stays in it. The mode, not HEARTBEAT.system_status: that shows MAV_STATE_FLIGHT_TERMINATION
-            // for the kill switch and before a throw launch, too, which a pilot undoes.
+            // Also if disarmed: PX4 stays in this mode. HEARTBEAT.system_status is not used: it shows
+            // MAV_STATE_FLIGHT_TERMINATION for the kill switch and before a throw launch too, which a pilot can undo.
             (Some(Px4Mode::TERMINATION), _) => Shows::Terminated,
+            // Before landing and returning: PX4 may stay in these modes after it has landed and disarmed.
             (_, Some(false)) => Shows::Disarmed,
             (Some(Px4Mode::LAND), _) => Shows::Landing,
             (Some(Px4Mode::RTL), _) => Shows::Returning,
@@ -366,7 +368,7 @@ impl Termination {
                 };
                 match outcome {
                     Outcome::Confirmed(..) => effects.acknowledge(&origin, AckType::CarriedOut),
-                    // A vehicle that falls by itself neither lands nor returns as it was ordered to.
+                    // A vehicle that terminates by itself does not land or return as ordered.
                     Outcome::ByItself if action == Action::Terminate => {
                         effects.acknowledge(&origin, AckType::CarriedOut);
                     }
@@ -396,7 +398,7 @@ impl Termination {
         effects.raise(Cause::Termination, priority, SUBSYSTEM, words);
     }
 
-    /// 3005 to all who listen, and again in half a second while there is anything to report.
+    /// Sends 3005 to all listeners, and again in half a second while there is anything to report.
     fn publish(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let standing = self.rules.stage() != Stage::Safe;
         self.report_at = standing.then(|| context.mono() + REPORT_EVERY);
@@ -412,7 +414,7 @@ impl Termination {
     }
 }
 
-/// What a 2005 orders.
+/// The order of a 2005.
 fn order(command: &FlightTerminationCommand) -> Result<Order, String> {
     if let Some(mode) = command.flight_termination_mode
         && mode != FtMode::NotSpecified
@@ -467,7 +469,7 @@ fn armed_s(context: &Context<'_>) -> f64 {
     planned.map_or(0.0, |planned| planned.armed_s)
 }
 
-/// The command, whatever else waits for an answer of the vehicle.
+/// The command as a message, sent regardless of other commands that wait for an answer.
 fn command_of(action: Action, system: u8) -> MavMessage {
     let to = Node::new(system, AUTOPILOT);
     let enter = |mode| command::long(to, MavCmd::MAV_CMD_DO_SET_MODE, set_mode(mode));
@@ -478,13 +480,13 @@ fn command_of(action: Action, system: u8) -> MavMessage {
     }
 }
 
-/// Between two commands, until the vehicle shows it.
+/// Time between two commands, until the vehicle shows it.
 const AGAIN: Duration = Duration::from_secs(1);
-/// How often a landing or a return is commanded without a report of the vehicle's mode.
+/// Maximum number of commands to land or return without a report of the vehicle's mode.
 const UNSEEN: u32 = 5;
 /// How long the command waits for its entry of the audit log.
 const AUDITED_WITHIN: Duration = Duration::from_secs(1);
-/// 3005, while anything is armed, commanded or done.
+/// Period of 3005 while anything is armed, commanded or executed.
 const REPORT_EVERY: Duration = Duration::from_millis(500);
 const SUBSYSTEM: SubsystemId = SubsystemId::RecoverySystem;
 /// MAV_COMP_ID_AUTOPILOT1.

@@ -1,6 +1,6 @@
 //! The rules of a flight termination: a machine without messages, clock, disk or vehicle.
 //!
-//! Promised, and checked by `every_state` over every state that can be reached:
+//! It promises, checked by `every_state` over every state that can be reached:
 //! - It is commanded only by two orders, to arm and then to execute, the second later than the first by the station's own
 //!   stamps, of one CUCS that holds LOI 5 in control at an address that it has proven, each fresh, with no handover in
 //!   progress, within [`Plan::armed`] of each other.
@@ -28,58 +28,59 @@ pub(crate) enum Stage {
     Safe,
     /// A CUCS has armed it.
     Armed {
-        /// Which.
+        /// The CUCS.
         by: Id,
         /// What will be done.
         action: Action,
-        /// Until it is disarmed.
+        /// When it is disarmed again.
         until: Duration,
     },
     /// It is commanded, but not confirmed by the vehicle.
     Commanded {
-        /// By whom.
+        /// The CUCS.
         by: Id,
         /// What is commanded.
         action: Action,
-        /// Until it is given up.
+        /// When it is given up.
         until: Duration,
-        /// The vehicle has been sent it.
+        /// The command was sent to the vehicle.
         sent: bool,
     },
     /// The vehicle shows it.
     Executing {
-        /// By whose command; `None`: by the vehicle itself, its pilot or another station.
+        /// The commanding CUCS; `None`: the vehicle itself, its pilot or another station.
         by: Option<Id>,
         /// What it does.
         action: Action,
-        /// Since when it has shown something else: a report of its mode may be newer than that of its motors.
+        /// Since when it has shown something else. It is not left at once: a report of its mode may be newer than that of
+        /// its motors.
         left: Option<Duration>,
     },
 }
 
-/// What the configuration plans.
+/// The configured plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Plan {
     pub(crate) action: Action,
     /// How long it stays armed.
     pub(crate) armed: Duration,
-    /// How long it is commanded until the vehicle shows it.
+    /// How long the command is repeated until the vehicle shows it.
     pub(crate) confirm: Duration,
 }
 
-/// What is known when an order comes.
+/// The state in which an order is decided.
 pub(crate) type Circumstances = two_steps::Circumstances<Plan, Shows>;
 
 /// What the vehicle shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Shows {
-    /// Nothing: no data of it.
+    /// No data from the vehicle.
     Nothing,
     /// Motors disarmed.
     Disarmed,
     /// Motors armed, in another mode than those below.
     Flying,
-    /// TERMINATION, which PX4 does not leave but by a restart.
+    /// TERMINATION, which PX4 leaves only by a restart.
     Terminated,
     /// AUTO.LAND.
     Landing,
@@ -88,7 +89,7 @@ pub(crate) enum Shows {
 }
 
 impl Shows {
-    /// Whether it does this.
+    /// Whether this is what the action leads to.
     pub(crate) fn does(self, action: Action) -> bool {
         matches!(
             (self, action),
@@ -121,11 +122,11 @@ impl From<two_steps::Refusal> for Refusal {
 pub(crate) enum Outcome {
     Armed(Id, Action),
     Commanded(Id, Action),
-    /// Reset before it was commanded, or where nothing was armed (`false`).
+    /// Reset before it was commanded, or although nothing was armed (`false`).
     Reset(Id, bool),
     /// Reset while it was commanded: the vehicle may have received it.
     Withdrawn(Id, Action),
-    /// Reset while the vehicle lands or returns: other commands are taken again.
+    /// Reset while the vehicle lands or returns: other commands are accepted again.
     Released(Id, Action),
     ArmedTooLong(Id),
     ControlPassed(Id),
@@ -134,11 +135,11 @@ pub(crate) enum Outcome {
     /// The vehicle reports it without a command of this VSM.
     ByItself,
     Unconfirmed(Id, Action),
-    /// The vehicle was disarmed before it showed it.
+    /// The vehicle was disarmed before it showed the action.
     DisarmedFirst(Id, Action),
     /// It landed, or returned, and is disarmed.
     Done(Action),
-    /// The CUCS in control cannot send the order to reset: other commands are taken again.
+    /// The CUCS in control cannot send the order to reset: other commands are accepted again.
     ReleasedTo(Id, Action),
     /// It has left the commanded state.
     Left(Action),
@@ -150,7 +151,7 @@ pub(crate) enum Outcome {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Rules {
     stage: Stage,
-    /// The latest order to arm or to execute that was taken: whose, and its Time Stamp.
+    /// The latest accepted order to arm or to execute: its CUCS and its Time Stamp.
     ordered: Latest,
 }
 
@@ -170,7 +171,7 @@ impl Rules {
         }
     }
 
-    /// Whether nothing else is flown: it is commanded, or the vehicle does what it was commanded.
+    /// Whether nothing else may be flown: it is commanded, or the vehicle does what was commanded.
     pub(crate) fn holds(&self) -> bool {
         matches!(
             self.stage,
@@ -251,14 +252,15 @@ impl Rules {
         Ok((stage, Outcome::Commanded(by, action)))
     }
 
-    /// The vehicle is sent the command.
+    /// The command was sent to the vehicle.
     pub(crate) fn sent(&mut self) {
         if let Stage::Commanded { sent, .. } = &mut self.stage {
             *sent = true;
         }
     }
 
-    /// Control has passed to `controller`, or to nobody. What was commanded continues: it was lawful when it was.
+    /// Control has passed to `controller`, or to nobody. A commanded termination continues: it was lawful when it was
+    /// commanded.
     pub(crate) fn control_passed(&mut self, controller: Option<Id>) -> Option<Outcome> {
         match self.stage {
             Stage::Armed { by, .. } if controller != Some(by) => {
@@ -269,8 +271,8 @@ impl Rules {
         }
     }
 
-    /// The CUCS in control has no layout of 2005: it could neither reset a landing or a return nor command anything else, and
-    /// the vehicle would obey nobody until it has landed. What is not shown yet continues: that ends by itself.
+    /// The CUCS in control has no layout of 2005. It could neither reset a landing or return nor command anything else, and
+    /// the vehicle would obey nobody until it has landed. A command that is not shown yet continues: it ends by itself.
     pub(crate) fn controlled_without_layout(&mut self, controller: Id) -> Option<Outcome> {
         match self.stage {
             Stage::Executing {
@@ -324,7 +326,7 @@ impl Rules {
             (Stage::Armed { by, until, .. }, _) if now >= until => {
                 (Stage::Safe, Outcome::ArmedTooLong(by))
             }
-            // If it were still sent, it would end the next flight as soon as the vehicle is armed again.
+            // If it were sent any longer, it would end the next flight as soon as the vehicle is armed again.
             (Stage::Commanded { by, action, .. }, Shows::Disarmed) => {
                 (Stage::Safe, Outcome::DisarmedFirst(by, action))
             }
@@ -334,8 +336,8 @@ impl Rules {
                 },
                 _,
             ) if now >= until => (Stage::Safe, Outcome::Unconfirmed(by, action)),
-            // How long it has shown something else is counted again with what it shows next: the time would be past for as long
-            // as nothing is received.
+            // The time for which it has shown something else starts again: otherwise it would run out while nothing is
+            // received.
             (Stage::Executing { by, action, .. }, Shows::Nothing) => {
                 let left = None;
                 self.stage = Stage::Executing { by, action, left };

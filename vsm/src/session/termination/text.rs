@@ -1,4 +1,4 @@
-//! What operators, the log and the audit log are sent of a termination.
+//! The texts about a termination for operators, the log and the audit log.
 
 use stanag_msgs::Id;
 
@@ -6,7 +6,7 @@ use super::rules::{Outcome, Refusal};
 use crate::config::TerminationAction as Action;
 use crate::session::two_steps;
 
-/// What the vehicle is commanded, in words.
+/// The commanded action, in words.
 pub(super) fn action(action: Action) -> &'static str {
     match action {
         Action::Terminate => "end the flight (MAV_CMD_DO_FLIGHTTERMINATION)",
@@ -36,7 +36,7 @@ pub(super) fn refusal(refusal: Refusal, armed_s: f64) -> String {
     }
 }
 
-/// How a record of it is named in the audit log, and by whom it came about.
+/// The name of an outcome in the audit log, and the CUCS that caused it.
 pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
     match outcome {
         Outcome::Armed(by, _) => ("termination armed", Some(by)),
@@ -56,7 +56,7 @@ pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
     }
 }
 
-/// What has become of it.
+/// The outcome, in words.
 pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String {
     match outcome {
         Outcome::Armed(by, what) => format!(
