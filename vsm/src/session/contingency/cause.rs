@@ -1,19 +1,19 @@
-//! Whether a cause of a contingency stands, by reports that confirm each other.
+//! Whether a cause of a contingency is active, by reports that confirm each other.
 //!
-//! One bad report must not send an aircraft home, and one good one must not end what stands: [`CONFIRMED`] reports in a row
-//! are needed for either, over [`LASTS`] or [`CLEAR_AFTER`]. A value between two thresholds is no reason for a change
-//! ([`Seen::Between`]): a battery recovers a little each time that its load goes down.
+//! One bad report must not send an aircraft home, and one good report must not end a contingency: [`CONFIRMED`] reports in
+//! a row are needed for either, over [`LASTS`] or [`CLEAR_AFTER`]. A value between two thresholds is no reason for a change
+//! ([`What::Between`]): a battery recovers a little whenever its load decreases.
 
 use std::time::Duration;
 
 /// One cause.
 #[derive(Debug, Default)]
 pub(crate) struct Watch {
-    /// It stands.
+    /// Whether it is active.
     pub(crate) stands: bool,
-    /// The report that was looked at last.
+    /// The number of the last report.
     number: Option<u32>,
-    /// What the latest reports agree in.
+    /// The latest reports that agree.
     run: Option<Run>,
 }
 
@@ -24,10 +24,10 @@ struct Run {
     reports: u32,
 }
 
-/// What a report shows.
+/// The content of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Seen {
-    /// Of which report.
+    /// The number of the report.
     pub(crate) number: u32,
     pub(crate) what: What,
 }
@@ -40,7 +40,7 @@ pub(crate) enum What {
 }
 
 impl Watch {
-    /// Takes in the latest report. True where the cause is gone for long enough.
+    /// Takes the latest report. Returns true if the cause has been gone for long enough.
     pub(crate) fn look(&mut self, now: Duration, seen: Seen) -> bool {
         if self.number == Some(seen.number) {
             return false;
@@ -76,11 +76,11 @@ impl Watch {
     }
 }
 
-/// How many reports in a row.
+/// Number of agreeing reports in a row.
 const CONFIRMED: u32 = 3;
 /// How long a cause must last.
 const LASTS: Duration = Duration::from_millis(1_500);
-/// How long it must be gone before it counts again.
+/// How long it must be gone before it is cleared.
 const CLEAR_AFTER: Duration = Duration::from_secs(10);
 
 #[cfg(test)]

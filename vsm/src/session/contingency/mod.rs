@@ -1,6 +1,6 @@
-//! Contingencies: what is flown while the battery is low, the position is lost, the fence is left or a motor has failed, by the
-//! VSM (`vehicle.contingency`, or 50023), or, without a link to the ground, by the air-side agent (`contingency` of `airside.toml`).
-//! One machine for both, which writes by an [`Outlet`].
+//! Contingencies: what is flown while the battery is low, the position is lost, the fence is left or a motor has failed.
+//! The VSM flies them (`vehicle.contingency`, or 50023); without a link to the ground the air-side agent does
+//! (`contingency` of `airside.toml`). One machine for both, which writes through an [`Outlet`].
 //!
 //! PX4 has its own failsafes for each of these, which take precedence, as does a pilot. A contingency adds what PX4's
 //! parameters cannot do: a route home instead of a straight line, or an action before PX4's own thresholds. The controlling
@@ -15,11 +15,12 @@
 //! ```
 //!
 //! A completed contingency route is not flown again: the vehicle holds at its end for the controlling CUCS, or returns if
-//! nobody is in control. Handled causes are stored on disk: a restart neither flies an action again nor forgets one that has
-//! not been flown. A PX4 failsafe does not end a contingency: the action waits for the end of the failsafe, but only for a
-//! limited time if that merely holds. Which goes first, this or the loss action, is decided in `priority`; `cause`: whether
-//! one stands; `reported`: what a vehicle reports of each; `setting`: what CUCSs have set; `outlet`: what the machine needs
-//! of whoever runs it; `provision`: what is to be flown for each cause; `record`: what is kept over a restart.
+//! nobody is in control. Handled causes are stored on disk: a restart neither flies an action again nor forgets one that
+//! has not been flown. A PX4 failsafe does not end a contingency: the action waits for the end of the failsafe, but only
+//! for a limited time if that merely holds. The parts: `priority` decides whether this or the loss action is flown;
+//! `cause`: whether a cause is active; `reported`: what a vehicle reports about each cause; `setting`: what CUCSs have set;
+//! `outlet`: what the machine needs from its host; `provision`: the action for each cause; `record`: what is kept over a
+//! restart.
 
 mod cause;
 mod outlet;
@@ -56,14 +57,14 @@ use crate::session::trigger::Trigger;
 pub(crate) struct Contingencies {
     watches: [Watch; Trigger::ALL.len()],
     handled: Vec<Handled>,
-    /// What CUCSs have set (50023), over the configuration.
+    /// Settings of CUCSs (50023), which override the configuration.
     set: Vec<Setting>,
     trying: Option<Trying>,
-    /// When the first alert about each was raised, since it stands.
+    /// When the first alert about each active cause was raised.
     alerted: [Option<Duration>; Trigger::ALL.len()],
     /// When to retry writing the record; `None` if it is stored.
     unsaved: Option<Duration>,
-    /// Data is received from the vehicle since then.
+    /// Since when data is received from the vehicle.
     live_since: Option<Duration>,
 }
 
@@ -82,7 +83,7 @@ struct Trying {
     action: Action,
     tries: u32,
     next_at: Duration,
-    /// The CUCS in control has commanded something since that waits for its route: it ends this once it is flown.
+    /// The CUCS in control has since sent a command that waits for its route: that ends this action once it is flown.
     yields: bool,
 }
 
@@ -99,25 +100,25 @@ pub(crate) struct ContingencyContext {
     /// By a report that is newer than the last command.
     pub(crate) mode: Option<Px4Mode>,
     pub(crate) other: Option<Other>,
-    /// What the vehicle reports of each cause, in the order of [`Trigger::ALL`]; none where it does not.
+    /// What the vehicle reports about each cause, in the order of [`Trigger::ALL`]; `None` if it does not report it.
     pub(crate) seen: [Option<Seen>; Trigger::ALL.len()],
     /// The route that the vehicle carries.
     pub(crate) carries: Option<RouteType>,
-    /// The route that it flies, where it names the mission that was read back from it.
+    /// The route that it flies, if it names the mission that was read back from it.
     pub(crate) flies: Option<RouteType>,
-    /// The route that it has flown to its end, where it holds now.
+    /// The route that it has flown to its end, if it holds there now.
     pub(crate) completed: Option<RouteType>,
     /// A CUCS holds LOI 4 or 5.
     pub(crate) controlled: bool,
-    /// In a mission it flies its landing.
+    /// It flies the landing of a mission.
     pub(crate) lands: bool,
     /// An action that the VSM has started is not completed yet.
     pub(crate) busy: bool,
     /// A command of a CUCS waits for its route.
     pub(crate) operator_waits: bool,
-    /// A wing flies to its touch-down, or may do so.
+    /// A fixed wing flies to its touch-down, or may do so.
     pub(crate) on_final: bool,
-    /// Routes A and B of contingency are stored.
+    /// Whether contingency routes A and B are stored.
     pub(crate) stored: [bool; 2],
     /// A route can be uploaded now.
     pub(crate) may_change_mission: bool,
@@ -157,7 +158,7 @@ impl Trigger {
         }
     }
 
-    /// What is not reported where it cannot be seen.
+    /// The missing value if the vehicle does not report the cause.
     fn unreported(self) -> &'static str {
         match self {
             Trigger::Engine => "engine (SYS_STATUS does not watch the motors)",
@@ -184,7 +185,7 @@ impl Contingencies {
         Ok(())
     }
 
-    /// What has become of a cause.
+    /// The state of a cause.
     pub(crate) fn standing(&self, trigger: Trigger) -> Standing {
         match self.end_of(trigger) {
             _ if !self.is_present(trigger) => Standing::Absent,
@@ -200,7 +201,7 @@ impl Contingencies {
             .map(|trying| Urgency::of_contingency(trying.action))
     }
 
-    /// The urgency of what the vehicle flies, if it is the action of a contingency whose cause persists.
+    /// The urgency of what the vehicle flies, if that is the action of a contingency whose cause persists.
     pub(crate) fn flown(
         &self,
         mode: Option<Px4Mode>,
@@ -217,7 +218,7 @@ impl Contingencies {
         flown.max()
     }
 
-    /// What was done for each cause, in few words.
+    /// What was done about each cause, in a few words.
     pub(crate) fn summary(&self, config: &Provision) -> Vec<String> {
         let each = Trigger::ALL.into_iter().filter_map(|one| {
             let trying = self.trying.filter(|trying| trying.trigger == one);
@@ -246,7 +247,8 @@ impl Contingencies {
         self.trying.is_some() || self.handled.iter().any(flown)
     }
 
-    /// What is tried until it is shown, once the configured action is not: without a position nothing but a landing can be.
+    /// The action that is tried until it is shown, after the configured one has failed: without a position only a landing
+    /// is possible.
     fn last(&self) -> Action {
         match self.is_present(Trigger::Position) {
             true => Action::Land,
@@ -265,7 +267,7 @@ impl Contingencies {
         found.map(|one| one.end)
     }
 
-    /// Whether who has commanded something `at` this time may have decided against what is flown: the alerts about all of it
+    /// Whether the sender of a command `at` this time may have decided against what is flown: the alerts about all of it
     /// were raised some seconds before.
     pub(crate) fn knew_of(&self, at: Duration) -> bool {
         let concerns = |one: &Trigger| {
@@ -274,7 +276,8 @@ impl Contingencies {
         };
         Trigger::ALL.into_iter().filter(concerns).all(|one| {
             let alerted = self.alerted.get(one.index()).copied().flatten();
-            // None: after a restart of a cause that was flown before it. That is known, and must not refuse for ever.
+            // `None` after a restart, for a cause whose action was flown before it. That is known, and must not refuse
+            // commands forever.
             alerted.is_none_or(|alerted| alerted + READ_WITHIN <= at)
         })
     }
@@ -284,7 +287,7 @@ impl Contingencies {
         let standing = Trigger::ALL
             .into_iter()
             .filter(|one| self.is_present(*one) && one.action(config).is_some())
-            // Of another it does not know yet.
+            // The CUCS does not know about the others yet.
             .filter(|one| self.alerted.get(one.index()).is_some_and(Option::is_some));
         let standing: Vec<Trigger> = standing
             .filter(|one| self.end_of(*one) != Some(End::Operator))
@@ -306,7 +309,7 @@ impl Contingencies {
         }
     }
 
-    /// A command of the CUCS in control waits for its route: should that be refused, the action is tried again.
+    /// A command of the CUCS in control waits for its route: if that is refused, the action is tried again.
     pub(crate) fn operator_loads(&mut self) {
         if let Some(trying) = &mut self.trying {
             trying.yields = true;
@@ -316,7 +319,8 @@ impl Contingencies {
     /// The CUCS in control is lost: an operator who decided otherwise can no longer see the vehicle.
     pub(crate) fn controller_lost(&mut self, effects: &mut dyn Outlet) {
         let before = self.handled.len();
-        // What the vehicle still shows is handled again at once. A route that is flown is not flown again from its start.
+        // An action that the vehicle still shows is handled again at once. A completed route is not flown again from its
+        // start.
         let stays = |end| matches!(end, End::Pilot | End::Completed(_));
         self.handled.retain(|one| stays(one.end));
         if self.handled.len() != before {
@@ -333,7 +337,7 @@ impl Contingencies {
         }
     }
 
-    /// A flight termination is commanded: what has not been shown begins again after it, should it be reset in the air.
+    /// A flight termination is commanded: actions that were not shown begin again after it, if it is reset in the air.
     pub(crate) fn yield_to_termination(&mut self, effects: &mut dyn Outlet) {
         if let Some(trying) = self.trying.take() {
             effects.clear(
@@ -364,7 +368,8 @@ impl Contingencies {
             self.save(effects);
         }
         if !context.live {
-            // Much may have happened when it is received again: a landing, another battery. What stands is confirmed again.
+            // Before it is received again much may happen: a landing, another battery. Active causes must be confirmed
+            // again.
             self.live_since = None;
             self.trying = None;
             self.watches = Default::default();
@@ -386,8 +391,8 @@ impl Contingencies {
         self.finish(context, effects);
     }
 
-    /// A contingency route is flown to its end, and what it was for lasts. Who controls the vehicle decides what follows; where nobody
-    /// does, nothing would end the hold there: it returns, or lands.
+    /// A contingency route is flown to its end, and its cause persists. The controlling CUCS decides what follows. If
+    /// nobody is in control, nothing would end the hold there: the vehicle returns or lands.
     fn complete(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let of = |action| match action {
             Action::ContingencyA => Some(RouteType::ContingencyA),
@@ -416,7 +421,7 @@ impl Contingencies {
         }
     }
 
-    /// Another CUCS has taken control: it must know what the one before has ended, or a pilot, and that it lasts.
+    /// Another CUCS has taken control: it must know which persisting causes its predecessor or a pilot has ended.
     pub(crate) fn taken_over(&self, config: &Provision, effects: &mut dyn Outlet) {
         for trigger in Trigger::ALL.into_iter().filter(|one| self.is_present(*one)) {
             let ended = match self.end_of(trigger) {
@@ -445,7 +450,7 @@ impl Contingencies {
         };
         let before = watch.stands;
         let gone = seen.is_some_and(|seen| watch.look(context.now, seen));
-        // It was removed from the configuration.
+        // Also if it was removed from the configuration.
         let gone = gone || trigger.action(&context.config).is_none();
         if let (false, true, Some(end)) = (before, watch.stands, self.end_of(trigger)) {
             let how = match end {
@@ -466,13 +471,13 @@ impl Contingencies {
         }
     }
 
-    /// The most urgent of those that stand and are not handled.
+    /// Selects the most urgent of the active causes that are not handled.
     fn select(&mut self, context: &ContingencyContext) {
         let open = Trigger::ALL
             .into_iter()
             .filter(|one| self.is_present(*one) && self.end_of(*one).is_none());
         let open = open.filter_map(|one| Some((one, one.action(&context.config)?)));
-        // The first of those that are alike.
+        // `max_by_key` returns the last of equal ones: reversed, the first in the order of `Trigger::ALL`.
         let most = open
             .rev()
             .max_by_key(|(_, action)| Urgency::of_contingency(*action));
@@ -488,7 +493,7 @@ impl Contingencies {
         }
     }
 
-    /// Ends what the vehicle shows, and what a pilot has taken.
+    /// Ends an action that the vehicle shows, or that a pilot has taken over.
     fn finish(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
         let Some(trying) = self.trying else {
             return;
@@ -511,13 +516,13 @@ impl Contingencies {
             _ => return,
         };
         self.trying = None;
-        // On disk before it is reported: a restart does not fly it again.
+        // Stored before it is reported: a restart must not fly it again.
         self.set(trigger, end);
         self.save(effects);
         self.raise(trigger, AlertPriority::Emergency, text, effects);
     }
 
-    /// The action to fly now, where it is its turn and time to try one.
+    /// The action to fly now, if it is this machine's turn and time for an attempt.
     pub(crate) fn poll(
         &mut self,
         context: &ContingencyContext,
@@ -528,7 +533,7 @@ impl Contingencies {
             return None;
         }
         let next_at = context.now + RETRY_INTERVAL;
-        // What it has commanded itself is under way; what others have begun gives way to it.
+        // Its own command in progress is waited for; a command of others gives way to it.
         let waits = !context.airborne
             || context.mode.is_none()
             || context.operator_waits && before.yields
@@ -564,7 +569,7 @@ impl Contingencies {
             Action::ContingencyB => Some((RouteType::ContingencyB, b)),
             _ => None,
         };
-        // Nothing that needs an upload that cannot begin, or a position that is not known.
+        // An action is skipped if it needs an upload that cannot begin, or a position that is not known.
         let flies = route_type.is_none_or(|(route, stored)| {
             stored && (context.carries == Some(route) || context.may_change_mission)
         });
@@ -581,7 +586,7 @@ impl Contingencies {
         Some(action)
     }
 
-    /// What was commanded, once it is.
+    /// Reports what was commanded.
     pub(crate) fn announce(&mut self, config: &Provision, effects: &mut dyn Outlet) {
         let Some(trying) = self.trying else {
             return;
@@ -601,22 +606,22 @@ impl Contingencies {
         self.raise(trying.trigger, AlertPriority::Emergency, text, effects);
     }
 
-    /// When it is polled next, where it is its turn.
+    /// When it is next polled, if it is its turn.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)
     }
 
-    /// When it is polled next in any case.
+    /// When it is next polled in any case.
     pub(crate) fn save_timeout(&self) -> Option<Duration> {
         self.unsaved
     }
 
-    /// The vehicle is on the ground: whatever stands begins again in the next flight.
+    /// The vehicle is on the ground: active causes begin again in the next flight.
     fn land(&mut self, effects: &mut dyn Outlet) {
         self.begin_afresh("the vehicle is on the ground", effects);
     }
 
-    /// Somebody else decides from now on, who knows what was flown: what stands begins again once that is over.
+    /// Somebody else, who knows what was flown, decides from now on: active causes begin again once that is over.
     pub(crate) fn stand_down(&mut self, why: &str, effects: &mut dyn Outlet) {
         self.live_since = None;
         self.begin_afresh(why, effects);
@@ -730,7 +735,7 @@ impl Trying {
     }
 }
 
-/// The modes of PX4 that are an action, but for a route.
+/// The PX4 modes of an action, except for routes.
 pub(crate) fn modes(action: Action) -> &'static [Px4Mode] {
     match action {
         Action::Hold => &[Px4Mode::LOITER],

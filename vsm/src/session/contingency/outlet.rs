@@ -14,19 +14,19 @@ pub(crate) trait Outlet {
     /// Monotonic time.
     fn now(&self) -> Duration;
 
-    /// What an earlier process has kept.
+    /// The record of an earlier process.
     ///
     /// # Errors
     /// It exists but cannot be read.
     fn load(&mut self) -> Result<Option<Record>, StoreError>;
 
-    /// Keeps it, before anything is reported of it.
+    /// Stores it, before anything about it is reported.
     ///
     /// # Errors
     /// It is not durable.
     fn save(&mut self, record: &Record) -> Result<(), StoreError>;
 
-    /// An alert that stands, in place of an earlier one for that cause.
+    /// Raises an alert, in place of an earlier one for that cause.
     fn raise(
         &mut self,
         cause: Cause,
@@ -35,13 +35,13 @@ pub(crate) trait Outlet {
         text: String,
     );
 
-    /// It is no longer active.
+    /// Clears an alert.
     fn clear(&mut self, cause: Cause, text: &str);
 
-    /// A warning that stands.
+    /// Raises a warning.
     fn warn(&mut self, cause: Cause, text: String);
 
-    /// What happened once.
+    /// Reports a single event.
     fn notify(&mut self, priority: AlertPriority, subsystem: SubsystemId, text: String);
 }
 

@@ -1,17 +1,17 @@
 //! The priority of the VSM's own actions: the one place that decides which of them is flown.
 //!
-//! Above all of them stand, in this order: a flight termination (`Flight::handle`), a pilot and PX4's own failsafes
-//! ([`Other`](crate::session::other::Other)), and a command of the CUCS in control. Among themselves the more urgent action is
-//! flown: hold, a contingency route, return, landing. Of two that are alike that of the contingency is, which knows what is
-//! wrong. What was flown is not ended by one that is less urgent, for as long as its cause lasts and the vehicle shows it: a
-//! vehicle on its way home with an empty battery is not put on hold because its CUCS is lost, too.
+//! Above all of them are, in this order: a flight termination (`Flight::handle`), a pilot and PX4's own failsafes
+//! ([`Other`](crate::session::other::Other)), and a command of the CUCS in control. Among themselves the more urgent action
+//! is flown: hold, a contingency route, return, landing. Of two equally urgent ones the contingency's is flown, since it
+//! knows what is wrong. A less urgent action does not end what is flown as long as its cause persists and the vehicle shows
+//! it: a vehicle on its way home with an empty battery is not put on hold because its CUCS is lost too.
 
 use mapping::mode::Px4Mode;
 use stanag_msgs::enums::RouteType;
 
 use crate::config::ContingencyAction;
 
-/// How urgent an action is, the least first.
+/// The urgency of an action, the least urgent first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Urgency {
     Hold,
@@ -39,7 +39,7 @@ impl Urgency {
     }
 }
 
-/// Which flies: what the loss action tries, and the most urgent contingency.
+/// Decides which machine flies, by the urgency of the loss action and of the most urgent contingency.
 pub(crate) fn turn(termination: bool, loss: Option<Urgency>, contingency: Option<Urgency>) -> Turn {
     match (termination, loss, contingency) {
         (true, ..) | (_, None, None) => Turn::Nobody,
@@ -49,8 +49,8 @@ pub(crate) fn turn(termination: bool, loss: Option<Urgency>, contingency: Option
     }
 }
 
-/// Whether a vehicle in this mode, with this route aboard, flies the action, or one that is more urgent. `lands`: in a
-/// mission it flies its landing.
+/// Whether a vehicle in this mode, with this route aboard, flies the action or a more urgent one. `lands`: it flies the
+/// landing of a mission.
 pub(crate) fn is_shown(
     action: ContingencyAction,
     mode: Px4Mode,

@@ -1,8 +1,8 @@
-//! What is to be flown for each cause.
+//! The action for each cause.
 
 use crate::config::{self, ContingencyAction as Action};
 
-/// What is flown for each cause.
+/// The action for each cause.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Provision {
     pub(crate) battery: Option<Action>,
@@ -10,7 +10,7 @@ pub(crate) struct Provision {
     pub(crate) position: Option<Action>,
     pub(crate) fence: Option<Action>,
     pub(crate) engine: Option<Action>,
-    /// Of an agent: no frame of the ground.
+    /// Only for an agent: no frame of the ground is received.
     pub(crate) link: Option<Action>,
 }
 

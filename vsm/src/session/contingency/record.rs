@@ -1,4 +1,4 @@
-//! What is known of contingencies over a restart: which causes were handled, and what CUCSs have set.
+//! The stored state of contingencies: which causes were handled, and what CUCSs have set.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::config::ContingencyAction as Action;
 use crate::session::store::vehicle_record;
 use crate::session::trigger::Trigger;
 
-/// What is kept over a restart.
+/// The stored state.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Record {
     pub(super) handled: Vec<Handled>,
@@ -16,7 +16,7 @@ pub(crate) struct Record {
 
 vehicle_record!(Record, "contingencies", Power);
 
-/// What ended the action of a cause that may last.
+/// What ended the action of a cause that may persist.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Handled {
     pub(super) trigger: Trigger,
@@ -25,18 +25,18 @@ pub(super) struct Handled {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum End {
-    /// The vehicle has shown this.
+    /// The vehicle has shown this action.
     Shown(Action),
-    /// It has flown the route of this to its end, and holds there.
+    /// It has flown the route of this action to its end, and holds there.
     Completed(Action),
     /// A pilot has the vehicle.
     Pilot,
-    /// The CUCS in control has commanded otherwise.
+    /// The CUCS in control has sent another command.
     Operator,
 }
 
 impl End {
-    /// What the vehicle was brought to.
+    /// The action that was flown.
     pub(super) fn flown(self) -> Option<Action> {
         match self {
             End::Shown(action) | End::Completed(action) => Some(action),
@@ -45,11 +45,11 @@ impl End {
     }
 }
 
-/// What a CUCS has set for a cause.
+/// A CUCS's setting for a cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Setting {
     pub(crate) trigger: Trigger,
     pub(crate) action: Action,
-    /// Of the battery; none as the configuration has it.
+    /// The battery level; `None` for the configured one.
     pub(crate) percent: Option<u8>,
 }

@@ -1,12 +1,12 @@
-//! What a vehicle reports of each cause, by the evidence that its telemetry keeps.
+//! What a vehicle reports about each cause, by the evidence that its telemetry keeps.
 
 use mapping::telemetry::Telemetry;
 
 use super::cause::{Seen, What};
 use super::provision::Provision;
 
-/// Of engine, position, fence and battery. `outside`: whether a place (latitude, longitude) is outside of the fence, where there
-/// is one.
+/// Reports about engine, position, fence and battery. `outside`: whether a place (latitude, longitude) is outside the
+/// fence, if there is one.
 pub(crate) fn reported(
     telemetry: &Telemetry,
     config: &Provision,
@@ -20,7 +20,7 @@ pub(crate) fn reported(
     let position = located.map(|one| seen(one.number, bad(!one.value)));
     let place = evidence.place.filter(|_| config.fence.is_some());
     let fence = place.zip(outside).map(|(one, outside)| {
-        // Where a vehicle believes itself to be that has no position is no breach.
+        // Without a valid position, the reported place proves no breach.
         let what = match located.is_some_and(|located| !located.value) {
             true => What::Between,
             false => bad(outside(one.value)),

@@ -1,4 +1,4 @@
-//! What CUCSs have set by 50023, beside the configuration: never less than that promises.
+//! Settings of CUCSs by 50023, in addition to the configuration: never less than that promises.
 
 use mavlink_link::store::StoreError;
 
@@ -8,8 +8,8 @@ use crate::config::{Contingency, ContingencyAction as Action};
 use crate::session::trigger::Trigger;
 
 impl Contingencies {
-    /// The configuration, with what CUCSs have set where that is not less: it may have been set before the configuration was
-    /// changed.
+    /// The configuration with the settings of CUCSs, as far as these are not less: they may be older than a change of the
+    /// configuration.
     pub(crate) fn config(&self, configured: &Contingency) -> Provision {
         let configured = &Provision::from(*configured);
         let mut config = *configured;
@@ -20,7 +20,7 @@ impl Contingencies {
                 *action = Some(one.action);
             }
             if let Some(percent) = one.percent {
-                // Where nothing is configured its level promises nothing.
+                // If no action is configured, the configured level promises nothing.
                 let least = least.map_or(0, |_| configured.battery_percent);
                 config.battery_percent = percent.max(least);
             }
@@ -28,7 +28,7 @@ impl Contingencies {
         config
     }
 
-    /// The configuration promises more than a CUCS wants to set: what that is.
+    /// What the configuration promises, if that is more than a CUCS wants to set.
     pub(crate) fn promised_more(setting: &Setting, configured: &Contingency) -> Option<String> {
         let configured = &Provision::from(*configured);
         let least = setting.trigger.action(configured)?;
@@ -51,10 +51,10 @@ impl Contingencies {
         })
     }
 
-    /// Sets what is flown for a cause, or forgets what was set.
+    /// Sets the action for a cause, or removes the setting.
     ///
     /// # Errors
-    /// It cannot be stored: what was set before stays.
+    /// It cannot be stored: the earlier setting stays.
     pub(crate) fn provision(
         &mut self,
         trigger: Trigger,
@@ -69,7 +69,7 @@ impl Contingencies {
 }
 
 impl Trigger {
-    /// Its key in `vehicle.contingency`, and what is set there.
+    /// Its key in `vehicle.contingency`, and the action there.
     fn key(self, config: &mut Provision) -> (&'static str, &mut Option<Action>) {
         match self {
             Trigger::Engine => ("engine", &mut config.engine),
