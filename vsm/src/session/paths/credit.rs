@@ -1,5 +1,5 @@
-//! How much may be sent to a station: three times what came from an address that has not proved itself, and a rate for
-//! every other; and what waits until it may go.
+//! How much may be sent to a station: three times the bytes that came from an unproven address, and a rate for every other;
+//! and the messages that wait until they may be sent.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use super::rate::{Kind, Limits};
 use super::{Path, Paths, Station};
 use crate::session::outbox::{Datagram, Destination};
 
-/// What becomes of a datagram.
+/// The decision about a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
     Send,
@@ -19,24 +19,24 @@ pub(crate) enum Verdict {
 }
 
 impl Paths {
-    /// What the configuration allows has changed.
+    /// The configured limits have changed.
     pub(crate) fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
     }
 
-    /// How many bytes a datagram has once it leaves, as far as that is known before.
+    /// The size of a datagram when it is sent, as far as that is known before.
     pub(crate) fn bytes_of(&self, index: usize, datagram: &Datagram) -> usize {
         let station = self.stations.get(index);
         station.map_or(datagram.bytes().len(), |one| one.bytes_of(datagram))
     }
 
-    /// How many bytes a question was charged as.
+    /// The charged size of a challenge.
     pub(crate) fn question_bytes(&self, index: usize) -> usize {
         let station = self.stations.get(index);
         question_bytes(station.is_some_and(|one| one.ed25))
     }
 
-    /// What was charged as so many bytes has become so many: false where the address may not be sent them.
+    /// Corrects a charge to the actual size. Returns false if that must not be sent to the address.
     pub(crate) fn settle(
         &mut self,
         index: usize,
@@ -65,19 +65,19 @@ impl Paths {
             Destination::Multicast => &mut path.group_credit,
         };
         let available = *credit + charged;
-        // What may not go has cost nothing.
+        // A datagram that is not sent costs nothing.
         *credit = available.checked_sub(bytes).unwrap_or(available);
         station.missed |= available < bytes;
         available >= bytes
     }
 
-    /// Whether the station has missed something since this was last asked.
+    /// Whether the station has missed something since the last call.
     pub(crate) fn take_missed(&mut self, index: usize) -> bool {
         let station = self.stations.get_mut(index);
         station.is_some_and(|station| std::mem::take(&mut station.missed))
     }
 
-    /// What becomes of a datagram of `bytes` to a station.
+    /// Decides about a datagram of `bytes` to a station.
     pub(crate) fn admit(
         &mut self,
         now: Duration,
@@ -86,7 +86,7 @@ impl Paths {
         kind: Kind,
     ) -> Verdict {
         let limits = self.limits;
-        // A station that is not kept here is none of the configuration: tests of one machine.
+        // A station that is unknown here is not configured: this happens only in tests of a single machine.
         let Some(station) = self.stations.get_mut(index) else {
             return Verdict::Send;
         };
@@ -97,8 +97,8 @@ impl Paths {
         verdict
     }
 
-    /// Whether a copy to the group is within the rate of its station, and within three times what has come from it where
-    /// that has not proved itself: whoever writes its id makes the VSM send to all who listen.
+    /// Whether a copy to the group is within the rate of its station. For an unproven station it must also be within three
+    /// times the bytes that came from it: whoever uses its id makes the VSM send to all listeners.
     pub(crate) fn admit_to_group(
         &mut self,
         now: Duration,
@@ -133,7 +133,7 @@ impl Paths {
         }
     }
 
-    /// What waits for the station was written as it does not read any more.
+    /// Drops waiting messages of the station: they are in an edition that it no longer uses.
     pub(crate) fn drop_waiting(&mut self, index: usize) {
         if let Some(station) = self.stations.get_mut(index) {
             station.missed |= !station.waiting.is_empty();
@@ -141,7 +141,7 @@ impl Paths {
         }
     }
 
-    /// The next answer that has waited and may go now.
+    /// The next waiting answer that may be sent now.
     pub(crate) fn next_waiting(&mut self, now: Duration, index: usize) -> Option<Datagram> {
         let limits = self.limits;
         let station = self.stations.get_mut(index)?;
@@ -168,7 +168,7 @@ impl Paths {
 }
 
 impl Station {
-    /// The bytes of the acknowledgement that waits first.
+    /// The size of the first waiting message, if that is an acknowledgement.
     pub(super) fn next_answer(&self) -> Option<usize> {
         let (_, datagram) = self.waiting.front()?;
         (Kind::of_answer(datagram) == Kind::Acknowledgement).then(|| self.bytes_of(datagram))
@@ -177,7 +177,7 @@ impl Station {
     fn bytes_of(&self, datagram: &Datagram) -> usize {
         let bytes = datagram.bytes();
         if self.ed25 && !ed25::is_ed25(bytes) {
-            // No message has grown by more; `settle` knows.
+            // The largest growth of any message; `settle` corrects it.
             bytes.len() * 9 / 5
         } else {
             bytes.len()
@@ -202,7 +202,7 @@ impl Station {
             return self.group.take(now, bytes, kind, limits);
         };
         if let Kind::Report(_) = kind {
-            // Status and alerts of who listens: a station that proves nothing, as one that only sends, needs them, too.
+            // Status and alerts for listeners: a station that proves nothing, such as one that only sends, needs them too.
             let slow = Limits {
                 bytes_s: limits.bytes_s.min(UNPROVEN_GROUP_BYTES_S),
                 ..*limits
@@ -235,15 +235,16 @@ impl Station {
             };
         }
         if let Kind::Report(report) = kind {
-            // One after the other: the short ones would leave no credit for the position.
+            // In turn: otherwise the short ones would leave no credit for the position.
             let turn = TURNS[self.turn % TURNS.len()];
             let other = !TURNS.contains(&report);
             if report != turn && !(turn == OTHER && other) || !self.waiting.is_empty() {
                 return Verdict::Drop("unproven address");
             }
         }
-        // What is sent leaves enough to ask again: who sends nothing more, and lost the question, would never be served. Of
-        // who does not answer questions the commands are acknowledged first, in whatever handovers and alerts of others.
+        // Keep enough credit for another challenge: a station that sends nothing more, and whose challenge was lost, would
+        // otherwise never be served. For a station that does not answer challenges, acknowledgements of its commands go
+        // first, before handovers and alerts of others.
         let overdue = kind == Kind::Acknowledgement && current.ask_at <= now;
         let asked = current.is_asked() && !overdue;
         let kept = match kind {
@@ -277,15 +278,16 @@ impl Path {
     }
 }
 
-/// 17000 with its wrapper: a command is acknowledged as received, and as carried out.
+/// A 17000 with its wrapper: a command is acknowledged as received, and as carried out.
 const ACKNOWLEDGEMENT_BYTES: usize = 34;
-/// Answers that wait for credit, and for how long.
+/// Maximum number of answers that wait for credit, and for how long.
 const MAX_WAITING: usize = 256;
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
-/// What a CUCS without proof can save up, bytes.
+/// Maximum credit of an unproven CUCS, bytes.
 const MAX_CREDIT: usize = 32_768;
-/// Status and alerts in the group for a station that has proved nothing: some vehicles at their usual rates, and no flood.
+/// Rate of status and alerts to the group for an unproven station: enough for some vehicles at their usual rates, but no
+/// flood.
 const UNPROVEN_GROUP_BYTES_S: u32 = 8_192;
-/// Reports to an address without proof, in this order: position and state most often. `OTHER`: what 17001 has scheduled.
+/// Reports to an unproven address, in this order: position and state most often. `OTHER`: those scheduled by 17001.
 const TURNS: [u16; 6] = [4000, 3001, 4000, 3002, 4001, OTHER];
 const OTHER: u16 = 0;

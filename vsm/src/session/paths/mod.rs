@@ -1,25 +1,25 @@
-//! Where each CUCS is, and what may be sent there before it has proved that it is there. This file is the table of addresses:
-//! where a station is sent to, where it claims to be too, and when it moves; `proof` asks an address whether the station is
-//! there; `credit` says how much may be sent, by a `rate` where it has.
+//! The address of each CUCS, and what may be sent there before it has proved that it receives there. This file is the table
+//! of addresses: where a station is sent to, where else it claims to be, and when it moves. `proof` challenges an address;
+//! `credit` decides how much may be sent, by a `rate` for proven addresses.
 //!
-//! Anyone can write any source address into a datagram. Without proof the VSM would be a reflector (23 bytes of 40000
-//! are answered by 21 kB), and one datagram in the controller's name would take its status, and its aircraft, elsewhere.
-//! The rules are those of RFC 9000, section 8, without its tokens, which the DLI does not have:
+//! Anyone can write any source address into a datagram. Without proof the VSM would be a reflector (23 bytes of 40000 are
+//! answered by 21 kB), and one datagram in the controller's name would send its status, and its aircraft, elsewhere. The
+//! rules are those of RFC 9000, section 8, without its tokens, which the DLI does not have:
 //!
-//! - **Proof.** A heartbeat (16002) of the VSM that requests an acknowledgement, with a stamp that nobody can know who has
-//!   not received it: 11 bits of a keyed hash of station, address and time. Its 17000 names the stamp. `ROUNDS` of
-//!   them in a row prove an address; of wrong ones `MAX_WRONG` are forgiven, so that who guesses is right once in 10^8
-//!   times. A CUCS needs nothing but the acknowledgements that the standard asks of it.
-//! - **Three times.** An address that has not proved itself is sent at most three times the bytes that came from it,
-//!   answers before status. What there is no credit for waits a little for the proof, then it is dropped. What counts is
-//!   what leaves: a station of Edition 2.5 is sent longer messages than those that the machines write ([`Paths::settle`]).
-//! - **One address.** A CUCS is sent to, and obeyed, at one address. From another one it must prove itself first; what it
-//!   sends meanwhile is held back, and taken once it has. A CUCS that never answers moves when its old address has been quiet.
-//! - **Lease.** An address from which nothing comes is sent nothing after a while. It is asked in time: a CUCS that only
-//!   listens, and acknowledges, keeps its status.
-//! - **Rate.** A proven address has a rate too, in bytes and messages a second.
-//! - **Group.** The group is that of the configuration, never one that a datagram names. It has a rate for each station, a
-//!   lower one while that has proved nothing, and answers to it are at most three times what came from it, there too.
+//! - **Proof.** A heartbeat (16002) of the VSM requests an acknowledgement, with a stamp that only its receiver can know:
+//!   11 bits of a keyed hash of station, address and time. Its 17000 names the stamp. `ROUNDS` correct answers in a row
+//!   prove an address; `MAX_WRONG` wrong ones are forgiven, so that a guess succeeds once in 10^8 attempts. A CUCS needs
+//!   nothing but the acknowledgements that the standard requires.
+//! - **Three times.** An unproven address is sent at most three times the bytes that came from it, answers before status. A
+//!   message without credit waits a short time for the proof and is then dropped. The bytes that are actually sent count: a
+//!   station of Edition 2.5 is sent longer messages than those that the machines compose ([`Paths::settle`]).
+//! - **One address.** A CUCS is sent to, and obeyed, at one address. Another address must first be proven; messages from it
+//!   are held back until then. A CUCS that never answers moves when its old address has been quiet.
+//! - **Lease.** An address from which nothing comes is sent nothing after a while. It is challenged before that: a CUCS
+//!   that only listens and acknowledges keeps its status.
+//! - **Rate.** A proven address is limited too, in bytes and messages a second.
+//! - **Group.** The group is the configured one, never one that a datagram names. It has a rate for each station, a lower
+//!   one while that station is unproven, and answers to the group are at most three times the bytes that came from it.
 //!
 //! The `address` of a `[[cucs]]` counts as proof: the operator vouches for it.
 
@@ -47,7 +47,7 @@ type Held = (Box<[u8]>, Option<KeyId>);
 /// The paths of all stations, by their index.
 #[derive(Debug, Default)]
 pub(crate) struct Paths {
-    /// Without it a stamp could be predicted.
+    /// The key of the challenges: without it a stamp could be predicted.
     secret: [u8; 32],
     limits: Limits,
     stations: Vec<Station>,
@@ -56,23 +56,23 @@ pub(crate) struct Paths {
 /// One station.
 #[derive(Debug)]
 struct Station {
-    /// From the configuration: every port of it is believed.
+    /// The configured address: every port of it is trusted.
     trusted: Option<IpAddr>,
-    /// Where it is sent to.
+    /// The address that it is sent to.
     current: Option<Path>,
-    /// Where it claims to be too.
+    /// Other addresses that it claims.
     candidates: Vec<Path>,
-    /// It has proved an address: it can, so in control it must.
+    /// It has once proved an address: it is able to, so it must while it is in control.
     answers: bool,
     /// It is sent messages of Edition 2.5.
     ed25: bool,
-    /// Something that it should have was dropped since it was last there for certain.
+    /// A message for it was dropped since its address was last certain.
     missed: bool,
     unicast: Rate,
     group: Rate,
-    /// Answers without credit, and until when they wait.
+    /// Answers that wait for credit, and until when.
     waiting: VecDeque<(Duration, Datagram)>,
-    /// The report that is next in turn for an address without proof.
+    /// The next report in turn for an unproven address.
     turn: usize,
 }
 
@@ -83,32 +83,32 @@ struct Path {
     trusted: bool,
     /// Bytes that may still be sent without proof.
     credit: usize,
-    /// The same of answers to the group.
+    /// The same for answers to the group.
     group_credit: usize,
-    /// When it last proved itself.
+    /// When the station last proved this address.
     proven: Option<Duration>,
-    /// Answers in a row, to the challenge that runs.
+    /// Correct answers in a row to the present challenge.
     rounds: u8,
     wrong: u8,
-    /// When something came from it first, and last.
+    /// When the first and the last message came from it.
     first: Duration,
     seen: Duration,
-    /// When it is next asked, at the earliest.
+    /// The earliest time of the next challenge.
     ask_at: Duration,
-    /// Until then, once it has not answered.
+    /// The time to the next challenge if it does not answer.
     pause: Duration,
-    /// What came from it and waits for the proof.
+    /// Messages from it that wait for the proof.
     held: Vec<Held>,
 }
 
-/// What an arriving message is to its station.
+/// What an arriving message means for its station.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Arrival {
-    /// From where the station is.
+    /// From the station's address.
     Current,
     /// The station had no address, or none that counts: it is here now.
     Moved,
-    /// From elsewhere: not to be taken before the address is proven.
+    /// From another address: it must not be processed before that is proven.
     Unproven,
 }
 
@@ -121,13 +121,13 @@ impl Paths {
         }
     }
 
-    /// The address that the configuration vouches for, of a station or of the one after the last.
+    /// Sets the configured address of a station, or adds a station after the last one.
     pub(crate) fn set_trusted(&mut self, now: Duration, index: usize, trusted: Option<IpAddr>) {
         match self.stations.get_mut(index) {
             // From any other address it must prove itself again.
             Some(station) if station.trusted != trusted => {
-                // Where nobody vouches any more it stays where it is and is asked. Without an address the first datagram
-                // in its name would take it elsewhere, a controller too.
+                // If no address is configured any more, the station keeps its address and is challenged there. Without an
+                // address, the first datagram in its name would move it elsewhere, even a controller.
                 let kept = station.current.take().filter(|_| trusted.is_none());
                 *station = Station::new(trusted);
                 station.current = kept.map(|path| Path {
@@ -143,19 +143,19 @@ impl Paths {
         }
     }
 
-    /// Where the station is sent to.
+    /// The address that the station is sent to.
     pub(crate) fn peer(&self, index: usize) -> Option<SocketAddr> {
         Some(self.stations.get(index)?.current.as_ref()?.address)
     }
 
-    /// Whether nothing has come of late from where the station is.
+    /// Whether nothing has recently come from the station's address.
     pub(crate) fn is_quiet(&self, now: Duration, index: usize) -> bool {
         let station = self.stations.get(index);
         let current = station.and_then(|one| one.current.as_ref());
         current.is_none_or(|path| path.seen + QUIET <= now)
     }
 
-    /// Whether the station has proved to be there, or the operator vouches for it.
+    /// Whether the station has proved its address, or the operator vouches for it.
     pub(crate) fn is_proven(&self, index: usize) -> bool {
         let current = self
             .stations
@@ -164,7 +164,8 @@ impl Paths {
         current.is_some_and(|path| path.trusted || path.proven.is_some())
     }
 
-    /// From where a station has sent for a while, and still does, without a proof; and where it is sent to, if elsewhere.
+    /// An address from which a station has been sending for a while without a proof; and the one that it is sent to, if
+    /// different.
     pub(crate) fn unproven(
         &self,
         now: Duration,
@@ -186,19 +187,20 @@ impl Paths {
             .or_else(|| current.filter(stays).map(of_current))
     }
 
-    /// Whether the last that came in a station's name was of Edition 2.5: where that came from is asked in it.
+    /// Whether the last message in a station's name was of Edition 2.5: then its address is challenged in that edition.
     pub(crate) fn asks_in_ed25(&self, index: usize) -> bool {
         self.stations.get(index).is_some_and(|one| one.ed25)
     }
 
-    /// The edition in which a station is sent to.
+    /// Sets the edition in which a station is sent messages.
     pub(crate) fn set_edition(&mut self, index: usize, ed25: bool) {
         if let Some(station) = self.stations.get_mut(index) {
             station.ed25 = ed25;
         }
     }
 
-    /// A restart: the station was there before, and had proved it. One that had not starts again with its next message.
+    /// After a restart: the station's address from before, if it was proven. One that was not starts again with its next
+    /// message.
     pub(crate) fn restore(&mut self, now: Duration, index: usize, peer: SocketAddr, proven: bool) {
         let lease = self.limits.lease;
         let Some(station) = self.stations.get_mut(index) else {
@@ -214,7 +216,8 @@ impl Paths {
         station.current = Some(path);
     }
 
-    /// A station is at the other end of a connection: a challenge was answered there, so that it is proven as long as that lasts.
+    /// A station is at the other end of a connection. It has answered a challenge there, so it is proven as long as the
+    /// connection lasts.
     pub(crate) fn connect(&mut self, now: Duration, index: usize, peer: SocketAddr) {
         if let Some(station) = self.stations.get_mut(index) {
             let path = station.path(now, peer);
@@ -227,7 +230,7 @@ impl Paths {
         }
     }
 
-    /// Its connection has ended: it is nowhere.
+    /// Its connection has ended: it has no address.
     pub(crate) fn disconnect(&mut self, index: usize) {
         if let Some(station) = self.stations.get_mut(index) {
             station.current = None;
@@ -250,7 +253,7 @@ impl Paths {
         };
         if let Some(current) = station.current.as_mut().filter(|path| path.address == from) {
             if current.has_lapsed(now, lease) {
-                // Who has the address today may be another.
+                // Somebody else may have this address by now.
                 current.proven = None;
                 current.ask_at = now;
                 current.pause = FIRST_PAUSE;
@@ -269,7 +272,7 @@ impl Paths {
             Some(current) if current.has_lapsed(now, lease) => true,
             Some(current) => !current.trusted && current.proven.is_none() && !controls,
         };
-        // A CUCS that can prove its address is held to it while it commands an aircraft.
+        // A CUCS that is able to prove its address must do so while it commands an aircraft.
         let must_prove = controls && station.answers && !vouched;
         match place {
             Some(place) if free && !must_prove => {
@@ -278,7 +281,7 @@ impl Paths {
             }
             _ => {
                 if vouched && let Some(current) = &mut station.current {
-                    // Two ports of a believed address: the old one is asked whether it is still there.
+                    // Two ports of a trusted address: challenge the old one, whether the station is still there.
                     current.ask_at = current.ask_at.min(now + FIRST_PAUSE);
                 }
                 Arrival::Unproven
@@ -286,7 +289,7 @@ impl Paths {
         }
     }
 
-    /// A station whose edition has no heartbeat listens for as long as it likes, where the operator vouches for its address.
+    /// A station whose edition has no heartbeat keeps listening, if the operator vouches for its address.
     pub(crate) fn keep(&mut self, now: Duration, index: usize) {
         let station = self.stations.get_mut(index);
         let current = station.and_then(|one| one.current.as_mut());
@@ -295,7 +298,7 @@ impl Paths {
         }
     }
 
-    /// Keeps a message back until its address is proven; false where there is no room.
+    /// Holds a message back until its address is proven; returns false if there is no room.
     pub(crate) fn hold(
         &mut self,
         index: usize,
@@ -315,14 +318,14 @@ impl Paths {
         room
     }
 
-    /// Forgets what came from elsewhere than where the station is: whoever has sent it is judged by another key from now on.
+    /// Forgets messages from other addresses: from now on their sender is judged by another key.
     pub(crate) fn forget_candidates(&mut self, index: usize) {
         if let Some(station) = self.stations.get_mut(index) {
             station.candidates.clear();
         }
     }
 
-    /// What was held back from where the station is now.
+    /// Messages that were held back from the station's present address.
     pub(crate) fn take_held(&mut self, index: usize) -> Vec<Held> {
         let current = self
             .stations
@@ -333,8 +336,8 @@ impl Paths {
             .unwrap_or_default()
     }
 
-    /// A proof that was not given again in time no longer counts, and a station that never proves anything moves once its
-    /// old address is quiet. True where it has moved.
+    /// Expires proofs that were not renewed in time, and moves a station that never proves anything once its old address is
+    /// quiet. Returns true if it has moved.
     pub(crate) fn handle_timeout(&mut self, now: Duration, index: usize) -> bool {
         let lease = self.limits.lease;
         let Some(station) = self.stations.get_mut(index) else {
@@ -414,7 +417,7 @@ impl Station {
         all.into_iter().find(|path| path.address == address)
     }
 
-    /// The place of a candidate, where there is one or room for it.
+    /// The index of a candidate, if it exists or there is room for it.
     fn candidate(&mut self, now: Duration, address: SocketAddr) -> Option<usize> {
         let known = self
             .candidates
@@ -432,8 +435,8 @@ impl Station {
         Some(self.candidates.len() - 1)
     }
 
-    /// Of a full table the candidate goes that has answered `rounds` at most, and was seen longest ago: who has answered
-    /// once has received something, and is not driven out by invented addresses.
+    /// Makes room in a full table: removes the candidate that has answered at most `rounds` and was seen longest ago. A
+    /// station that has answered once has received something, and invented addresses must not displace it.
     fn make_room(&mut self, rounds: u8) {
         if self.candidates.len() < MAX_CANDIDATES {
             return;
@@ -449,23 +452,25 @@ impl Station {
         }
     }
 
-    /// The station is where this candidate is. The old address becomes one: it may be the right one after all.
+    /// The station moves to this candidate. The old address becomes a candidate: it may be the right one after all.
     fn adopt(&mut self, place: usize) {
         let new = self.candidates.swap_remove(place);
         if let Some(mut old) = self.current.replace(new) {
             (old.proven, old.rounds) = (None, 0);
-            // It is asked with the next message from there. The time of a proven address is half a lease away, and until
-            // then a station that returns, or a second program with its id, would be held back unasked.
+            // It is challenged with the next message from there. The next challenge of a proven address is half a lease
+            // away; until then a station that returns, or a second program with its id, would be held back without a
+            // challenge.
             (old.ask_at, old.pause) = (Duration::ZERO, FIRST_PAUSE);
             self.candidates.push(old);
-            // What went to the old address may have reached nobody.
+            // Messages to the old address may have reached nobody.
             self.missed = true;
         }
-        // What waits was meant for there: here it could be more than three times what came from here.
+        // Waiting messages were for the old address: here they could be more than three times the bytes that came from
+        // here.
         self.waiting.clear();
     }
 
-    /// What was of another place, or on its way there.
+    /// Forgets everything about other addresses, and waiting messages for them.
     fn forget_rest(&mut self) {
         self.candidates.clear();
         self.waiting.clear();
@@ -483,7 +488,7 @@ impl Station {
     fn moves_at(&self) -> Option<Duration> {
         let quiet = self.current.as_ref()?.seen + QUIET;
         let first = self.movable().map(|(_, path)| path.first).min()?;
-        // One that answers, and sends nothing of itself, is asked first whether it is still there.
+        // A station that answers challenges but sends nothing by itself is first challenged again.
         Some(if self.answers {
             quiet.max(first + QUIET)
         } else {
@@ -498,15 +503,15 @@ impl Path {
     }
 }
 
-/// Of a station that never proves anything the old address must have been silent for this long before it moves.
+/// The old address of a station that never proves anything must have been silent for this long before the station moves.
 const QUIET: Duration = Duration::from_secs(3);
-/// Who has not proved an address for so long is missing something that others send.
+/// A station that has not proved an address for this long is missing messages that others receive.
 const UNPROVEN_FOR: Duration = Duration::from_secs(5);
-/// Between two questions to an address, at first.
+/// Time between the first two challenges of an address.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
-/// Addresses beside the current one, and messages held back of each.
+/// Maximum number of other addresses, and of messages held back for each.
 const MAX_CANDIDATES: usize = 8;
 const MAX_HELD: usize = 16;
-/// How long a candidate is remembered: what is held back is no older than this when it is taken.
+/// How long a candidate is remembered; so no message that was held back is older than this.
 const FORGET_AFTER: Duration = Duration::from_secs(5);
 const FLUSH_EVERY: Duration = Duration::from_millis(20);

@@ -10,12 +10,12 @@ use stanag_msgs::TimeStamp;
 use super::rate::Limits;
 use super::{FIRST_PAUSE, Path, Paths, Station};
 
-/// What a 17000 of a heartbeat of ours is.
+/// The result of a 17000 for a heartbeat of ours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Proof {
     /// No proof, or an expired one.
     None,
-    /// One of several: ask again.
+    /// One of several: challenge again.
     Round,
     /// The last. `moved`: the station is there from now on.
     Proven { moved: bool },
@@ -26,8 +26,8 @@ impl Paths {
         self.secret = secret;
     }
 
-    /// The stamp of the heartbeat that asks this address for a proof, where it is time to ask and there is credit for it.
-    /// `again`: an answer has just come, so the next is asked for at once.
+    /// The stamp of the heartbeat that challenges this address, if a challenge is due and there is credit for it. `again`:
+    /// an answer has just come, so the next challenge follows at once.
     pub(crate) fn ask(
         &mut self,
         now: Now,
@@ -48,8 +48,8 @@ impl Paths {
                 }
                 if path.proven.is_none() && !path.trusted {
                     let left = path.credit.checked_sub(question)?;
-                    // One question may take the place of the answer for a moment. A CUCS that never acknowledges would get
-                    // nothing else.
+                    // A challenge may take the place of the answer for a moment. A CUCS that never acknowledges would
+                    // receive nothing else.
                     if !again
                         && answer.is_some_and(|bytes| (left + 1..=path.credit).contains(&bytes))
                     {
@@ -63,7 +63,8 @@ impl Paths {
                 }
                 path.rounds
             }
-            // The table is full of others: it is asked without being remembered. What came was longer than what goes.
+            // The table is full: challenge it without remembering it. This cannot amplify, since its message was longer
+            // than a challenge.
             None => 0,
         };
         let slot = slot(now.wall).saturating_sub(1);
@@ -72,7 +73,7 @@ impl Paths {
         ))
     }
 
-    /// A 17000 of a heartbeat of ours names this stamp.
+    /// A 17000 for a heartbeat of ours names this stamp.
     pub(crate) fn answered(
         &mut self,
         now: Now,
@@ -91,14 +92,14 @@ impl Paths {
         let recent = (1..=MAX_AGE).any(|age| made + age == today);
         let is_of = |round| recent && stamp.0 & MASK == self.cookie(index, from, round, made);
         let right = is_of(round);
-        // A network that duplicates does not guess.
+        // An answer to an earlier round is a duplicate by the network, not a guess.
         if !right && (0..ROUNDS).any(is_of) {
             return Proof::None;
         }
         let lease = self.limits.lease;
         let station = &mut self.stations[index];
         if right && station.find(from).is_none() {
-            // It has received what was sent there: it may take the place of one of which that is not known.
+            // It has received the challenge, so it may displace a candidate that has not shown this.
             station.make_room(1);
             station.candidate(now.mono, from);
         }
@@ -135,7 +136,7 @@ impl Paths {
         }
     }
 
-    /// The address that a timer must ask for its proof again.
+    /// The address that a timer has to challenge again.
     pub(crate) fn due_to_ask(&self, now: Duration, index: usize) -> Option<SocketAddr> {
         let station = self.stations.get(index)?;
         let at = station.asks_at(&self.limits, now)?;
@@ -159,8 +160,8 @@ impl Paths {
 }
 
 impl Station {
-    /// When a timer asks: who has answered before, until the lease is over; else only as long as an answer may have been
-    /// lost, of what is left of the credit.
+    /// When a timer challenges the address: one that has answered before, until its lease ends; any other one only as long
+    /// as its answer may have been lost, from the rest of its credit.
     pub(super) fn asks_at(&self, limits: &Limits, now: Duration) -> Option<Duration> {
         let current = self.current.as_ref()?;
         let asks = if current.trusted {
@@ -174,19 +175,19 @@ impl Station {
 }
 
 impl Path {
-    /// Whether it may still answer: it has answered a round, or was not asked twice in vain yet.
+    /// Whether it may still answer: it has answered a round, or was not challenged twice in vain yet.
     pub(super) fn is_asked(&self) -> bool {
         self.rounds > 0 || self.pause <= 2 * FIRST_PAUSE
     }
 
-    /// Whether a timer asks it: so often that five losses in a row are needed for a station that sends nothing more to be
-    /// left without an answer. Of what is left of its credit: after the second question answers go first.
+    /// Whether a timer challenges it. It does so often enough that only five losses in a row leave a station that sends
+    /// nothing more without an answer. This uses the rest of its credit: after the second challenge answers go first.
     pub(super) fn may_be_asked(&self) -> bool {
         self.rounds > 0 || self.pause <= 16 * FIRST_PAUSE
     }
 }
 
-/// The bytes of a question, by the edition of its station.
+/// The size of a challenge, by the edition of its station.
 pub(crate) fn question_bytes(ed25: bool) -> usize {
     if ed25 {
         QUESTION_ED25_BYTES
@@ -195,24 +196,24 @@ pub(crate) fn question_bytes(ed25: bool) -> usize {
     }
 }
 
-/// The part of a stamp that lies above what is unpredictable, ms since 2000.
+/// The part of a stamp above its unpredictable bits, ms since 2000.
 fn slot(wall: Duration) -> u64 {
     let ms = u64::try_from(wall.as_millis()).unwrap_or(u64::MAX);
     TimeStamp::from_unix_ms(ms).0 >> BITS
 }
 
-/// Unpredictable bits of a stamp: it lies up to 4.1 s back, which a clock may be wrong by.
+/// Unpredictable bits of a stamp: they put it up to 4.1 s into the past, an error that any clock may have.
 const BITS: u32 = 11;
 const MASK: u64 = (1 << BITS) - 1;
-/// An answer may take this many times 2 s.
+/// Maximum age of an answer, in slots of 2 s.
 const MAX_AGE: u64 = 4;
-/// Answers in a row that prove an address, each a round trip.
+/// Number of answers in a row that prove an address, each a round trip.
 const ROUNDS: u8 = 3;
 /// Wrong answers before the rounds start again.
 const MAX_WRONG: u8 = 8;
-/// A heartbeat with its wrapper, summed or not.
+/// A heartbeat with its wrapper, with or without checksum.
 const QUESTION_BYTES: usize = 26;
-/// The same of Edition 2.5: #1401, and #1403, which that makes subject to an acknowledgement.
+/// The same for Edition 2.5: #1401, and #1403, which #1401 makes the station acknowledge.
 const QUESTION_ED25_BYTES: usize = 128;
-/// A CUCS that never answers is asked as seldom as this.
+/// Time between challenges of a CUCS that never answers.
 const LONGEST_PAUSE: Duration = Duration::from_secs(64);

@@ -1,4 +1,4 @@
-//! A rate of bytes and messages, and what is sent at it: what the configuration allows, and how much each kind matters.
+//! The rate limit of bytes and messages, as configured, and the kinds of messages that it distinguishes.
 
 use std::time::Duration;
 
@@ -7,10 +7,10 @@ use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
 use crate::config::Dli;
 use crate::session::outbox::Datagram;
 
-/// What the configuration allows.
+/// The configured limits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
-    /// How long status goes to an address from which nothing comes.
+    /// How long status is sent to an address from which nothing comes.
     pub(crate) lease: Duration,
     /// Bytes a second to one station.
     pub(crate) bytes_s: u32,
@@ -19,7 +19,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// What a configuration sets.
+    /// The limits of a configuration.
     pub(crate) fn of(dli: &Dli) -> Limits {
         Limits {
             lease: Duration::from_secs_f64(dli.lease_s),
@@ -39,19 +39,19 @@ impl Default for Limits {
     }
 }
 
-/// What is sent, and how much it matters.
+/// The kind of a message, by importance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// 17000 and 2: what a command or a request was sent for. Others' alerts leave credit for it.
+    /// 17000 and 2: the answers to commands and requests. Alerts about others leave credit for these.
     Acknowledgement,
-    /// Another answer, or an alert: waits where it has no credit.
+    /// Another answer, or an alert: it waits if it has no credit.
     Answer,
     /// A report of this type: the next one replaces it.
     Report(u16),
 }
 
 impl Kind {
-    /// Of a datagram that is no report.
+    /// The kind of a datagram that is not a report.
     pub(crate) fn of_answer(datagram: &Datagram) -> Kind {
         match datagram.message_type() {
             MessageAcknowledgement::ID | VsmAuthorisationResponse::ID => Kind::Acknowledgement,
@@ -68,7 +68,7 @@ pub(super) struct Rate {
 }
 
 impl Rate {
-    /// Whether it may be sent now. Reports leave the last of the burst to answers.
+    /// Whether it may be sent now. Reports leave the last part of the burst to answers.
     pub(super) fn take(
         &mut self,
         now: Duration,
@@ -92,7 +92,7 @@ impl Rate {
         true
     }
 
-    /// What was taken as so many bytes has become so many.
+    /// Corrects a charge: the datagram that was charged as `taken` bytes has `bytes`.
     pub(super) fn settle(&mut self, taken: usize, bytes: usize, limits: &Limits) {
         let a_second = u64::from(limits.bytes_s.max(1));
         let nanos = |bytes: usize| Duration::from_nanos(bytes as u64 * 1_000_000_000 / a_second);
@@ -100,5 +100,5 @@ impl Rate {
     }
 }
 
-/// What may be sent at once, in seconds of the rate.
+/// The burst, in seconds of the rate.
 const BURST: Duration = Duration::from_secs(4);
