@@ -1,24 +1,24 @@
-//! What the parts of the border share: refusals, and messages made of records.
+//! Shared by the parts of the translator: refusals, and messages made from records.
 
 use mapping::support::{In25, in_edition_25};
 use stanag_msgs::ed25::{self, Fault, Record, Version};
 use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::{Id, Message, TimeStamp};
 
-/// What the bridge knows of the sender of a message.
+/// What the bridge knows about the sender of a message.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Standing<'a> {
     /// The identification number of this VSM.
     pub(crate) vsm: Id,
-    /// In whose name the vehicle that it is for answers: its own, or its logical id.
+    /// The id under which the addressed vehicle answers: its own, or its logical id.
     pub(crate) named: Id,
     /// The stamp of an answer.
     pub(crate) stamp: TimeStamp,
-    /// Where the status page is.
+    /// The address of the status page.
     pub(crate) web_page: Option<&'a str>,
 }
 
-/// A message of Edition 2.5 that goes no further.
+/// A message of Edition 2.5 that is not passed on.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Refusal {
     /// The counter.
@@ -40,7 +40,7 @@ impl From<Fault> for Refusal {
     }
 }
 
-/// A message of which each field has a place in Edition 4, or none.
+/// A message whose fields each have a place in Edition 4, or none.
 pub(super) fn generic(record: &Record) -> Result<Message, Refusal> {
     let info = ed25::message(record.id().into(), Version::Ed25);
     let Some(target) = info.and_then(|info| info.ed4_messages.first()) else {
@@ -57,8 +57,8 @@ pub(super) fn generic(record: &Record) -> Result<Message, Refusal> {
     to(record, *target)
 }
 
-/// Takes away what a loiter of this type does not have: all fields are always sent, and those are filled with their ends.
-/// `radius`: its field, which length and bearing follow in #41 and #803 alike.
+/// Clears fields that a loiter of this type does not have: all fields are always sent, and unused ones hold the ends of
+/// their ranges. `radius`: its field, which length and bearing follow in #41 and #803 alike.
 pub(super) fn clear_unused_of_loiter(record: &mut Record, of_type: u8, radius: u8) {
     match record.whole(of_type) {
         CIRCULAR => {}
@@ -72,12 +72,12 @@ pub(super) fn clear_unused_of_loiter(record: &mut Record, of_type: u8, radius: u
 const CIRCULAR: u32 = 1;
 const HOVER: u32 = 4;
 
-/// A record as the message of Edition 4 with this number.
+/// Converts a record to the message of Edition 4 with this number.
 pub(super) fn to(record: &Record, target: u16) -> Result<Message, Refusal> {
     Ok(record.become_ed4(target)?)
 }
 
-/// An empty message of Edition 2.5; the number is one of this border's own.
+/// An empty message of Edition 2.5; the number is one that the translator itself sends.
 pub(super) fn new(number: u16) -> Record {
     Record::ed25(number).unwrap_or_else(|| Record::new(&Heartbeat::INFO))
 }

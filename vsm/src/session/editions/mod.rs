@@ -1,11 +1,11 @@
-//! Stations of Edition 2.5 at the border of the codec: what they send becomes messages of Edition 4, and what they are
-//! sent becomes messages of Edition 2.5. Sessions, authority and mapping know one edition.
+//! Translates for stations of Edition 2.5, between codec and session: their messages become messages of Edition 4, and
+//! messages for them become messages of Edition 2.5. Sessions, authority and mapping know only one edition.
 //!
-//! Each station has a [`Translator`]. It has no clock and decides nothing about rights: what it makes of a datagram goes
-//! the way of every message, through the rules of addresses, time stamps, duplicates and levels of interoperability.
+//! Each station has a [`Translator`]. It has no clock and decides nothing about rights: its messages are subject to the
+//! same rules of addresses, time stamps, duplicates and levels of interoperability as all others.
 //!
-//! Most messages go over field by field, by the places that the table of Edition 2.5 names for Edition 4 ([`Record`]). By
-//! hand is what has another form there:
+//! Most messages are converted field by field, by the places that the table of Edition 2.5 names for Edition 4
+//! ([`Record`]). Written by hand are those whose form differs:
 //!
 //! - [`steering`]: the mode (#42), the demands (#43), the loiter (#41) and which of them rules (#48) become one 2016.
 //! - [`plans`]: the contingency waypoints of #802 are contingency routes in Edition 4.
@@ -13,9 +13,9 @@
 //! - [`requests`]: #1401 and #1400, which name a message by its instance; messages and fields that are named by their
 //!   numbers (#1200, #1402, #1403, and the answers #1300 to #1303).
 //!
-//! All fields of Edition 2.5 are always sent. So that nothing is commanded by a value that only fills its place, the text
-//! decides which fields count; what an aircraft has not reported keeps its last value, and a message that would state
-//! what is not known is not sent before it is ([`ESSENTIAL`]).
+//! All fields of Edition 2.5 are always sent. So that a filler value commands nothing, the text of the standard decides
+//! which fields count. In reports, a value that the aircraft has not reported again keeps its last value, and a message
+//! that would have to state something unknown is not sent until it is known ([`ESSENTIAL`]).
 
 mod form;
 pub(crate) mod plans;
@@ -43,10 +43,10 @@ use self::recorder::Recorders;
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
 
-/// What one station of Edition 2.5 has said and was sent, as far as later messages depend on it.
+/// The state of one station of Edition 2.5, as far as later messages depend on it.
 #[derive(Debug, Default)]
 pub(crate) struct Translator {
-    /// The version by which it calls the edition.
+    /// The version number that it uses for the edition.
     version: Option<Version>,
     /// The identification number of this VSM, for messages that name it where Edition 4 does not.
     vsm: Option<Id>,
@@ -54,39 +54,38 @@ pub(crate) struct Translator {
     recorders: Recorders,
     steering: BTreeMap<Id, Steering>,
     plans: BTreeMap<Id, Plans>,
-    /// What each report said last: by vehicle, message and engine.
+    /// The last values of each report, by vehicle, message and engine.
     reports: BTreeMap<(Id, u16, u32), Record>,
-    /// The datagram that was translated last, and what it became: one for a station goes to the group as well.
+    /// The last translated datagram and its result: one for a station is sent to the group as well.
     last: Option<(Vec<u8>, Vec<Vec<u8>>)>,
-    /// Of the cautions that are this border's own.
+    /// Number of cautions that the translator itself has sent.
     cautions: u32,
-    /// The Message Instance ID that was used last, where one was.
+    /// The last used Message Instance ID, if any.
     instance: Option<u32>,
-    /// About now, ms since 1970: in which period of their count the stamps of Edition 4 are.
+    /// The approximate present time, ms since 1970: it resolves the period of Edition 4 stamps.
     about_ms: u64,
-    /// Alerts whose text took several messages: how many of each.
+    /// Alerts whose text took several messages, with the number of messages.
     parts: BTreeMap<(Id, u32), u8>,
 }
 
-/// What a message of Edition 2.5 is in Edition 4.
+/// The translation of a message of Edition 2.5.
 #[derive(Debug, Default)]
 pub(crate) struct Inbound {
     /// Messages, in order, each with its envelope.
     pub(crate) messages: Vec<(Envelope, Message)>,
-    /// Answers of this border itself, as datagrams.
+    /// Answers of the translator itself, as datagrams.
     pub(crate) replies: Vec<Vec<u8>>,
-    /// What of it was not applied, for the operator.
+    /// What was ignored, for the operator.
     pub(crate) notices: Vec<String>,
-    /// What it changes here once the last of the messages is accepted.
+    /// The change of the translator's state once the last of the messages is accepted.
     pub(crate) latch: Option<(Id, Latch)>,
-    /// A waypoint of a plan, whose contingencies are known from here on where it is stored.
+    /// A waypoint of a plan, whose contingencies are known once it is stored.
     pub(crate) waypoint: Option<Contingencies>,
-    /// It asks for a download.
+    /// It requests a download.
     pub(crate) downloads: bool,
 }
 
-/// The stamp of a heartbeat of ours that a #1400 answers: a station that returns it has received our message at this
-/// address.
+/// The stamp of our heartbeat that a #1400 answers: a station that returns it has received our message at this address.
 pub(crate) fn proof(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
     let info = ed25::message(frame.header.message_type, frame.header.version)
         .filter(|info| info.id == ACKNOWLEDGEMENT)?;
@@ -94,24 +93,24 @@ pub(crate) fn proof(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
     (answer.whole(8) == u32::from(REQUEST)).then(|| answer.number(6).and_then(stamp_of))?
 }
 
-/// The Time Stamp of a message, also of one that is not taken.
+/// The Time Stamp of a message, also of one that is refused.
 pub(crate) fn stamp(frame: &ed25::Frame<'_>) -> Option<TimeStamp> {
     let bytes = frame.data.first_chunk()?;
     stamp_of(f64::from_be_bytes(*bytes))
 }
 
 impl Translator {
-    /// The version by which the station calls the edition.
+    /// The version number that the station uses for the edition.
     pub(crate) fn version(&self) -> Version {
         self.version.unwrap_or(Version::Ed25)
     }
 
-    /// It called the edition so before a restart.
+    /// Restores that version number after a restart.
     pub(crate) fn call_it(&mut self, version: Version) {
         self.version = Some(version);
     }
 
-    /// What is translated from here on is of about this time, ms since 1970.
+    /// Sets the approximate present time, ms since 1970.
     pub(crate) fn keep_time(&mut self, about_ms: u64) {
         self.about_ms = about_ms;
     }
@@ -119,7 +118,7 @@ impl Translator {
     /// Takes a message of the station.
     ///
     /// # Errors
-    /// It is not taken: under which name it is counted, and why.
+    /// It is refused: the name of its counter, and why.
     pub(crate) fn inbound(
         &mut self,
         frame: &ed25::Frame<'_>,
@@ -162,7 +161,7 @@ impl Translator {
         self.take(&record, at, standing, upload, &mut taken)?;
         let acknowledged = self.requests.acknowledges(info.id);
         let Some((last, message)) = taken.messages.last_mut() else {
-            // Nothing of it goes further: what is taken here is acknowledged here.
+            // Nothing is passed on, so no machine will acknowledge it: it is acknowledged here.
             if acknowledged {
                 let answer = requests::acknowledgement(&record, instance, standing);
                 taken
@@ -242,7 +241,7 @@ impl Translator {
                     None
                 }
             },
-            // Units and windows of remote displays, of which this VSM has none but its status page.
+            // Units and windows of remote displays: this VSM has no display but its status page.
             1201 => None,
             1202 => {
                 let services = requests::services(standing);
@@ -252,7 +251,7 @@ impl Translator {
                 None
             }
             600 => {
-                // A moment or a duration (4.1.4.2.1 does not say): Edition 4 has the moment.
+                // 4.1.4.2.1 does not say whether this is a point in time or a duration: Edition 4 has the point in time.
                 let mut record = record.clone();
                 if !record.number(12).is_some_and(is_moment) {
                     record.clear(12);
@@ -267,7 +266,7 @@ impl Translator {
         Ok(())
     }
 
-    /// The messages made of the last one were taken: what it says counts from here on, where its sender has these levels.
+    /// The messages made from the last one were accepted: its content applies from now on, if its sender has these levels.
     /// `refused`: for what it commands.
     pub(crate) fn accept(
         &mut self,
@@ -280,7 +279,7 @@ impl Translator {
         controls && steering.accept(latch, refused)
     }
 
-    /// The plan of a vehicle holds this waypoint. What is to be written of it.
+    /// The plan of a vehicle holds this waypoint. Returns what has to be written about it.
     pub(crate) fn stored(
         &mut self,
         vehicle: Id,
@@ -293,12 +292,12 @@ impl Translator {
             .stored(waypoint, holds)
     }
 
-    /// What an earlier run has written of the contingencies of a vehicle's waypoints.
+    /// Restores what an earlier process has written about the contingencies of a vehicle's waypoints.
     pub(crate) fn restore(&mut self, vehicle: Id, text: &str) {
         self.plans.entry(vehicle).or_default().restore(text);
     }
 
-    /// Whether anything of a vehicle's plan came since the start.
+    /// Whether any message of a vehicle's plan has been received since the start.
     pub(crate) fn has_plan(&self, vehicle: Id) -> bool {
         self.plans.contains_key(&vehicle)
     }
@@ -308,13 +307,13 @@ impl Translator {
         self.plans.entry(vehicle).or_default().begin_download();
     }
 
-    /// The mode that a vehicle is in now. What is sent may be late, or was dropped on the way out.
+    /// The present mode of a vehicle. The report that is sent may be late, or dropped.
     pub(crate) fn shows(&mut self, vehicle: Id, mode: FlightPathControlMode) {
         let steering = self.steering.entry(vehicle).or_default();
         steering.shows(Some(mode.raw()));
     }
 
-    /// #109 of a vehicle in this name, as a datagram.
+    /// #109 of a vehicle, under the id `named`, as a datagram.
     pub(crate) fn preference_report(
         &mut self,
         vehicle: Id,
@@ -336,8 +335,8 @@ impl Translator {
         report
     }
 
-    /// What a datagram of Edition 4 for this station is in Edition 2.5: none, one or several. `of`: the vehicle that speaks,
-    /// perhaps in the name of a logical id.
+    /// Translates a message for this station: to no datagram, one or several. `of`: the vehicle that sends it, perhaps
+    /// under a logical id.
     pub(crate) fn outbound(
         &mut self,
         envelope: &Envelope,
@@ -364,8 +363,8 @@ impl Translator {
         let mut before = Vec::new();
         self.note(of, message, &mut before);
         match message {
-            // The group copies of others and pushed heartbeats say nothing here; one that asks for an acknowledgement
-            // asks whether the station is at this address.
+            // Group copies of others and pushed heartbeats have no counterpart; one that requests an acknowledgement
+            // challenges the station's address.
             Message::Heartbeat(_) if envelope.ack_requested => {
                 return vec![self.question(&record, vehicle, cucs)];
             }
@@ -422,8 +421,8 @@ impl Translator {
         self.datagrams(&before, vehicle, cucs)
     }
 
-    /// #1100. Edition 2.5 cannot append to a text: each part of a long one is an alert with a number of its own, and all
-    /// of them end with the first.
+    /// #1100. Edition 2.5 cannot append to a text: each part of a long one is an alert with a number of its own, and all of
+    /// them are cleared with the first.
     fn alert(&mut self, ed4: &Record, vehicle: Id) -> Vec<Record> {
         let mut record = new(1100);
         record.take_from(ed4);
@@ -447,7 +446,7 @@ impl Translator {
         vec![numbered(record, part)]
     }
 
-    /// Keeps what later messages are judged by.
+    /// Notes what the decision about later messages depends on.
     fn note(&mut self, vehicle: Id, message: &Message, out: &mut Vec<Record>) {
         match message {
             Message::VsmAuthorisationResponse(response) => {
@@ -483,7 +482,7 @@ impl Translator {
         }
     }
 
-    /// A report by its row; `None` while what it must state is not known.
+    /// A report by its row; `None` while a required value is not known.
     fn report(&mut self, number: u16, ed4: &Record, vehicle: Id) -> Option<Record> {
         let empty = Record::ed25(number)?;
         let engine = if number == ENGINE { ed4.whole(2) } else { 0 };
@@ -496,7 +495,7 @@ impl Translator {
         for (_, field) in RESET.iter().filter(|(of, _)| *of == number) {
             record.set(*field, 0);
         }
-        // What is essential must be known now: an old position with a new stamp would be a false one.
+        // Required values must be known now: an old position with a new stamp would be false.
         for (_, fields) in ESSENTIAL.iter().filter(|(of, _)| *of == number) {
             for field in *fields {
                 record.clear(*field);
@@ -509,14 +508,15 @@ impl Translator {
         let mut essential = ESSENTIAL.iter().filter(|(of, _)| *of == number);
         let known =
             essential.all(|(_, fields)| fields.iter().all(|field| record.number(*field).is_some()));
-        // A sensor that is stowed looks nowhere; of any other the angles would be false ones.
+        // A stowed sensor has no direction; for any other one, missing angles would be false ones.
         let aims = number != SENSOR_STATE
             || record.number(6) == Some(f64::from(EoirSystemMode::Stow.raw()))
             || [10, 12].iter().all(|field| record.number(*field).is_some());
         (known && aims).then_some(record)
     }
 
-    /// What asks an address for a proof: a request that the station acknowledges, since it was just configured to.
+    /// The challenge of an address: a request that the station acknowledges, since the #1401 before it has just configured
+    /// that.
     fn question(&mut self, heartbeat: &Record, vsm: Id, cucs: Id) -> Vec<u8> {
         let mut both = Vec::new();
         for (number, field, value) in [(1401, 6, REQUEST), (REQUEST, 7, RESOURCES)] {
@@ -530,7 +530,7 @@ impl Translator {
         both
     }
 
-    /// #1100 of this border itself: what a station is not sent, because its edition cannot name it.
+    /// A #1100 of the translator itself: what a station is not sent because its edition cannot express it.
     fn caution(&mut self, of: &Record, text: &str) -> Record {
         self.cautions += 1;
         let mut alert = new(1100);
@@ -541,7 +541,7 @@ impl Translator {
         for (field, value) in [(4, 2.0), (5, -1.0), (6, 9.0), (7, 3.0), (10, 30.0)] {
             alert.set(field, value);
         }
-        // Negative in the first instance, and apart from the numbers of the bridge's own alerts.
+        // Negative means the first instance; the range is apart from the numbers of the bridge's own alerts.
         alert.set(8, -f64::from(CAUTIONS + self.cautions % CAUTIONS));
         alert.set_text(9, text);
         alert
@@ -553,7 +553,7 @@ impl Translator {
             .collect()
     }
 
-    /// A message with its wrapper, in a datagram of its own.
+    /// One message with its wrapper, as a datagram.
     fn datagram(&mut self, record: &Record, vehicle: Id, cucs: Id) -> Vec<u8> {
         let version = self.version();
         let mut record = record.clone();
@@ -571,15 +571,15 @@ impl Translator {
         let Some(info) = ed25::message(number, version) else {
             return Vec::new();
         };
-        // What it returns of the station's own stays as it came.
+        // Only our own stamp is converted: values that return something of the station stay as received.
         if let Some(stamp) = record.stamp() {
             record.set_stamp_near(stamp, self.about_ms);
         }
         let data = record.data(info);
-        // Stamps of ours rise strictly, so their low bits tell the messages of a mission apart, after a restart too.
+        // Our stamps rise strictly, so their low bits distinguish the messages of a mission, also after a restart.
         let stamp = record.stamp().map_or(0, |stamp| stamp.0 as u32);
-        // Several messages may be made of one; the difference is taken modulo 2^32.
-        // The first is its stamp whatever that is: counted from 0, half of all clocks would begin at 1, as every other station's does.
+        // Several messages may be made from one. The difference is taken modulo 2^32. The first instance is its stamp: if
+        // it were counted from 0, half of all clocks would begin at 1, like every other station's.
         let rises = |last: u32| stamp.wrapping_sub(last).wrapping_sub(1) < u32::MAX / 2;
         let instance = match self.instance {
             Some(last) if !rises(last) => last.wrapping_add(1),
@@ -596,7 +596,7 @@ impl Translator {
         out.get(..length).unwrap_or_default().to_vec()
     }
 
-    /// #21 that shows who holds a vehicle, as every station may listen to it (4.1.1.3): in field 3 is the holder.
+    /// #21 that shows the holder of a vehicle, since every station may listen to it (4.1.1.3): field 3 has the holder.
     pub(crate) fn holder(
         &mut self,
         vsm: Id,
@@ -606,7 +606,7 @@ impl Translator {
         stamp: TimeStamp,
     ) -> Vec<u8> {
         let mut record = new(21);
-        // As in every #21 of this vehicle: of a type of its own it would be another vehicle.
+        // As in every #21 of this vehicle: with another type it would be another vehicle.
         record.set(10, vehicle_type);
         record.set_stamp(stamp);
         record.set(4, vsm.0);
@@ -618,7 +618,7 @@ impl Translator {
     }
 }
 
-/// #1: of a broadcast the mode is always 0 (4.1.1.1), so it releases nothing.
+/// #1: in a broadcast the mode is always 0 (4.1.1.1), so it releases nothing.
 fn authorisation(record: &Record, at: &Parties) -> Result<Message, Refusal> {
     let mut record = record.clone();
     if at.vehicle == Id::BROADCAST {
@@ -633,21 +633,21 @@ fn authorisation(record: &Record, at: &Parties) -> Result<Message, Refusal> {
     to(&record, CucsAuthorisationRequest::ID)
 }
 
-/// Messages that this border composes or answers itself.
+/// Messages that the translator composes or answers itself.
 const ACKNOWLEDGEMENT: u16 = 1400;
 const REQUEST: u16 = 1403;
-/// #43, whose values are of the mode that a #42 has commanded.
+/// #43, whose values belong to the mode that a #42 has commanded.
 pub(crate) const DEMAND: u16 = 43;
 const RESOURCES: u16 = 1202;
 const ENGINE: u16 = 105;
 const SENSOR_STATE: u16 = 302;
-/// Names this VSM, as 44003 does not.
+/// It names this VSM, unlike 44003.
 const AVAILABILITY: u16 = 1303;
 const MODE_PREFERENCE_REPORT: u32 = 109;
-/// Cautions of this border are numbered from here.
+/// First number of the translator's cautions.
 const CAUTIONS: u32 = 1_000_000_000;
 
-/// Fields by which a report says that others hold nothing: they are not kept. Message and field.
+/// Fields that mark other fields of a report as unused: their last value is not kept. Message and field.
 const RESET: &[(u16, u8)] = &[
     (104, 19),
     (104, 20),
@@ -657,15 +657,15 @@ const RESET: &[(u16, u8)] = &[
     (110, 22),
 ];
 
-/// What must be known before a report is sent: Edition 2.5 has no way to leave it out. Position and altitude; the altitude that
-/// is commanded, or flown where none ever was; energy, of which an unknown one would be an empty one; what a sensor does, which
-/// unknown would be stowed.
+/// Values that must be known before a report is sent, since Edition 2.5 cannot leave them out: position and altitude; the
+/// commanded altitude, or the present one if none was ever commanded; energy, since an unknown value would read as empty;
+/// the mode of a sensor, which would read as stowed.
 pub(crate) const ESSENTIAL: &[(u16, &[u8])] = &[(101, &[4, 5, 6]), (104, &[4, 16]), (302, &[6])];
 
-/// Subsystem state of an alert that has ended.
+/// Subsystem state of a cleared alert.
 const CLEARED: u32 = 0;
-/// The numbers of the parts of one alert are so far apart.
+/// Distance between the numbers of an alert's parts.
 const PART_NUMBERS: f64 = 1e7;
 const MAX_PARTS: u8 = 90;
-/// Alerts in several parts that are known at once.
+/// Maximum number of alerts in several parts.
 const MAX_ALERTS: usize = 256;

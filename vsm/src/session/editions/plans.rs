@@ -1,14 +1,15 @@
-//! Missions: #800 to #806 and #900. Waypoints go over field by field; contingencies do not.
+//! Missions: #800 to #806 and #900. Waypoints are converted field by field; contingencies are not.
 //!
 //! In Edition 2.5 each waypoint names where to go from it on contingency A and B; Edition 4 has a route of each kind. A
-//! waypoint that names one makes that route, which begins there. One vehicle flies one route of a kind, so all waypoints of
-//! a flight route must name the same, or none: a load of others is refused. A mission that names none has none: its load
-//! deletes the route that an earlier one has made. On a download each waypoint names the contingency routes.
+//! waypoint that names a contingency creates that route, which begins at the named waypoint. A vehicle flies one route of a
+//! kind, so all waypoints of a flight route must name the same one, or none: otherwise the load is refused. A mission that
+//! names no contingency has none: its load deletes the route that an earlier mission has created. In a download each
+//! waypoint names the contingency routes.
 //!
-//! What has been sent is asked of the bridge ([`Upload`]), so that a repeated datagram and a restart change nothing here.
-//! Kept is only what the plan has no place for: which contingencies a waypoint names. The bridge writes that to disk, a line
-//! for each waypoint ([`Contingencies::line`]). Of a waypoint whose line is lost it is not known; where a contingency is
-//! named at all, that waypoint must be sent again before a load.
+//! The bridge knows what has been sent ([`Upload`]), so a repeated datagram or a restart changes nothing here. Only what
+//! the plan has no place for is kept: which contingencies a waypoint names. The bridge writes that to disk, one line per
+//! waypoint ([`Contingencies::line`]). A waypoint whose line is lost has unknown contingencies; if any contingency is
+//! named, that waypoint must be sent again before a load.
 
 use std::collections::BTreeMap;
 
@@ -22,28 +23,28 @@ use stanag_msgs::{Message, TimeStamp};
 
 use super::form::{Refusal, clear_unused_of_loiter, generic, new, to};
 
-/// What of a plan Edition 4 has no place for.
+/// The part of a plan that Edition 4 has no place for.
 #[derive(Debug, Default)]
 pub(crate) struct Plans {
     /// The waypoints that the plan has stored.
     waypoints: BTreeMap<u16, Contingencies>,
-    /// Lines of the file that has them.
+    /// Number of lines in their file.
     lines: usize,
-    /// Where the contingency routes of a download begin.
+    /// The first waypoints of the contingency routes of a download.
     sent: [u16; 2],
 }
 
-/// Where a waypoint leads on contingency A and B, 0 where it names none.
+/// Where a waypoint leads on contingency A and B; 0 if it names none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Contingencies {
     pub(crate) number: u16,
-    /// Of its #802: a waypoint of another stamp is another one.
+    /// The stamp of its #802: a waypoint with another stamp is another one.
     pub(crate) stamp: TimeStamp,
     links: [u16; 2],
 }
 
 impl Contingencies {
-    /// Those of a #802.
+    /// The contingencies of a #802.
     pub(super) fn of(record: &Record) -> Option<Contingencies> {
         let stamp = record.stamp().filter(|_| record.id() == 802)?;
         Some(Contingencies {
@@ -53,7 +54,7 @@ impl Contingencies {
         })
     }
 
-    /// Number, stamp, A and B: a line of the file.
+    /// The line of the file: number, stamp, A and B.
     fn line(&self) -> String {
         let [a, b] = self.links;
         format!("{} {} {a} {b}\n", self.number, self.stamp.0)
@@ -70,27 +71,27 @@ impl Contingencies {
     }
 }
 
-/// What is to be written of the contingencies.
+/// A change of the file of contingencies.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Kept {
-    /// Behind the others.
+    /// Append a line.
     Line(String),
-    /// In place of all.
+    /// Replace all lines.
     All(String),
 }
 
-/// What the bridge holds of a plan, for the station that sends to it. It is the truth about an upload: it survives a restart,
-/// and knows neither what was refused nor what came twice.
+/// The bridge's plan for the station that sends to it. It is the truth about an upload: it survives a restart, and contains
+/// neither refused messages nor duplicates.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Upload<'a> {
-    /// What a load takes.
+    /// The plan that a load would take.
     pub(crate) plan: &'a Plan,
-    /// What of that the station has sent since its last load.
+    /// The part of it that the station has sent since its last load.
     pub(crate) sent: Option<&'a Plan>,
 }
 
 impl Upload<'_> {
-    /// Whether a flight has been sent, so that this is a mission of its own.
+    /// Whether a flight route has been sent, so that this is a complete mission.
     fn is_of_a_flight(&self) -> bool {
         let routes = self.sent.map(|sent| sent.routes()).unwrap_or_default();
         routes.iter().any(is_flight)
@@ -106,7 +107,7 @@ fn is_flight(route: &UaRoute) -> bool {
     u32::from(route_type(route).raw()) < CONTINGENCY_A
 }
 
-/// The contingency route of a kind that is flown; a station may have sent it under a name of its own.
+/// The contingency route of a kind that would be flown; a station may have sent it under a name of its own.
 fn route_of(plan: &Plan, kind: usize) -> Option<&UaRoute> {
     plan.route_of_type(KINDS[kind.min(1)])
 }
@@ -115,18 +116,18 @@ fn begins(plan: &Plan, kind: usize) -> Option<u16> {
     route_of(plan, kind)?.initial_waypoint_number
 }
 
-/// Whether a plan has the contingency route that this border makes.
+/// Whether a plan has the contingency route that the translator creates.
 fn has_made(plan: &Plan, kind: usize) -> bool {
     plan.route_named(ROUTES[kind.min(1)]).is_some()
 }
 
-/// Whether a #800 asks for a download.
+/// Whether a #800 requests a download.
 pub(super) fn downloads(record: &Record) -> bool {
     record.id() == 800 && record.whole(5) == DOWNLOAD
 }
 
 impl Plans {
-    /// #800 to #806: what they are, in order.
+    /// #800 to #806: their messages of Edition 4, in order.
     pub(super) fn received(
         &self,
         record: &Record,
@@ -135,7 +136,7 @@ impl Plans {
         match record.id() {
             800 => self.command(record, upload),
             801 => {
-                // A route that is deleted begins nowhere, which must be said.
+                // 0 means that the route is deleted: the value must be present.
                 let mut route = record.clone();
                 route.set(4, record.whole(4));
                 Ok(vec![to(&route, UaRoute::ID)?])
@@ -146,8 +147,8 @@ impl Plans {
         }
     }
 
-    /// The plan holds this waypoint. What is to be written of it, where it is not written yet. `holds`: whether a plan has a
-    /// waypoint of this number; what no plan has is dropped where all is written again.
+    /// The plan holds this waypoint. Returns what has to be written about it, if it is not written yet. `holds`: whether a
+    /// plan has a waypoint of this number; others are dropped when the file is rewritten.
     pub(super) fn stored(
         &mut self,
         waypoint: Contingencies,
@@ -167,13 +168,13 @@ impl Plans {
         Some(Kept::All(lines.collect()))
     }
 
-    /// What an earlier run has written. A line that it could not finish is none.
+    /// Restores what an earlier process has written. An incomplete last line is ignored.
     pub(super) fn restore(&mut self, text: &str) {
         let whole = text.rsplit_once('\n').map_or("", |(whole, _)| whole);
         for waypoint in whole.lines().filter_map(Contingencies::of_line) {
             self.waypoints.insert(waypoint.number, waypoint);
         }
-        // A line that was cut off: the next would follow it.
+        // After an incomplete line another one could not be appended, so the next change rewrites the file.
         self.lines = if whole.len() + 1 < text.len() {
             usize::MAX
         } else {
@@ -202,15 +203,16 @@ impl Plans {
         Ok(messages)
     }
 
-    /// The contingencies of a waypoint of the plan, where they are known.
+    /// The contingencies of a waypoint of the plan, if they are known.
     fn of(&self, plan: &Plan, number: u16) -> Option<[u16; 2]> {
         let known = self.waypoints.get(&number)?;
         let waypoint = plan.waypoint(number)?;
         (waypoint.time_stamp == Some(known.stamp)).then_some(known.links)
     }
 
-    /// What deletes the contingency routes of an earlier mission that the one which is loaded does not name. In Edition 4 a
-    /// route stays until it is deleted: a loss of the CUCS would lead along a route that nobody has sent.
+    /// The messages that delete contingency routes of an earlier mission that the loaded one does not name. In Edition 4 a
+    /// route stays until it is deleted: after a loss of the CUCS, the vehicle would fly a route that nobody has sent for
+    /// this mission.
     fn stale(&self, load: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusal> {
         let (Some(sent), true) = (upload.sent, upload.is_of_a_flight()) else {
             return Ok(Vec::new());
@@ -226,7 +228,7 @@ impl Plans {
         stale.map(|kind| contingency(load, kind, 0)).collect()
     }
 
-    /// Whether all waypoints of a flight route name one contingency of each kind, or none.
+    /// Checks that all waypoints of a flight route name the same contingency of each kind, or none.
     fn check(&self, upload: &Upload<'_>) -> Result<(), Refusal> {
         let plan = upload.plan;
         let sends = |kind| {
@@ -275,7 +277,7 @@ impl Plans {
     /// A part of a plan for the station; `Ok(None)` if there is nothing to send.
     ///
     /// # Errors
-    /// What of it Edition 2.5 cannot say.
+    /// What of it Edition 2.5 cannot express.
     pub(super) fn sent(&mut self, message: &Message) -> Result<Option<Record>, String> {
         let mut record = ed25::plan_record(message)?;
         match (message, &mut record) {
@@ -302,7 +304,7 @@ impl Plans {
 /// #802.
 fn waypoint(record: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusal> {
     let mut waypoint = record.clone();
-    // A speed of 0 fills its place, and an arrival time counts with speed type 3 alone.
+    // A speed of 0 means none, and an arrival time counts only with speed type 3.
     let by_time = record.whole(11) == ARRIVAL_TIME;
     if record.number(10).is_none_or(|speed| speed == 0.0) || by_time {
         waypoint.clear(10);
@@ -310,7 +312,7 @@ fn waypoint(record: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusa
     if !by_time {
         waypoint.clear(15);
     }
-    // 0 ends the series: it is a value here.
+    // 0 is a value here: it ends the series.
     waypoint.set(12, record.whole(12));
     let message = to(&waypoint, UaPositionWaypoint::ID)?;
     let mut messages = Vec::new();
@@ -347,7 +349,7 @@ fn loiter(record: &Record) -> Result<Vec<Message>, Refusal> {
     clear_unused_of_loiter(&mut kept, 6, 7);
     let mut message = to(&kept, UaLoiterWaypoint::ID)?;
     if let Message::UaLoiterWaypoint(loiter) = &mut message {
-        // A time of 0 is kept: it is no loiter, where an absent one would have no end.
+        // A time of 0 is kept: it means no loiter, while an absent time would mean one without end.
         loiter.loiter_duration = Some(record.whole(5) as u16);
         loiter.loiter_duration_units = Some(LoiterDurationUnits::Seconds);
     }
@@ -369,7 +371,7 @@ const FOLD_LINES: usize = 1_000;
 const CLEAR: u32 = 1;
 const LOAD: u32 = 2;
 const DOWNLOAD: u32 = 3;
-/// Of the contingencies, and of the routes that this border makes of them.
+/// Names of the contingencies, and of the routes that the translator creates for them.
 const NAMES: [&str; 2] = ["A", "B"];
 const KINDS: [RouteType; 2] = [RouteType::ContingencyA, RouteType::ContingencyB];
 const ROUTES: [&str; 2] = ["CONTINGENCY A", "CONTINGENCY B"];

@@ -1,9 +1,10 @@
-//! Recorders (#205, #306, #307), which Edition 4 has no known layout of: here they are the video recorder of a station's camera.
+//! Recorders (#205, #306, #307), for which no layout of Edition 4 is known: here they are the video recorder of a station's
+//! camera.
 //!
-//! A camera that records is a part of its station, so that the Recording Device Number is the station's number. #205 becomes a
-//! 19100 that begins or ends a recording, and goes the way of every 19100: LOI 3 of the station, refused with the reason, carried
-//! out once CAMERA_CAPTURE_STATUS shows it. #306 and #307 are answered out of the 21101 of each station, which a #1403 for them
-//! requests.
+//! A recording camera is a part of its station, so the Recording Device Number is the station's number. #205 becomes a
+//! 19100 that begins or ends a recording and is treated like every 19100: LOI 3 of the station, refused with the reason,
+//! carried out once CAMERA_CAPTURE_STATUS shows it. #306 and #307 are answered from the 21101 of each station, which a
+//! #1403 for them requests.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,19 +16,19 @@ use stanag_msgs::{Id, Message};
 
 use super::form::{Refusal, new};
 
-/// What was requested of the recorders of each vehicle, and not answered for every station yet.
+/// Requests for the recorders of each vehicle that are not answered for every station yet.
 #[derive(Debug, Default)]
 pub(super) struct Recorders {
     requested: BTreeMap<(Id, u16), BTreeSet<u16>>,
 }
 
 impl Recorders {
-    /// #1403 for #306 or #307: the 21101 of each station that follows answers it.
+    /// #1403 for #306 or #307: the next 21101 of each station answers it.
     pub(super) fn request(&mut self, vehicle: Id, number: u16) {
         self.requested.insert((vehicle, number), BTreeSet::new());
     }
 
-    /// What a 21101 answers. Once a station reports again, all have been answered for.
+    /// The answers made from a 21101. Once a station reports a second time, all stations have been answered for.
     pub(super) fn answers(&mut self, vehicle: Id, state: &Record) -> Vec<Record> {
         let station = state.whole(STATION) as u16;
         let mut answers = Vec::new();
@@ -45,16 +46,16 @@ impl Recorders {
     }
 }
 
-/// #306 or #307 of a station; none where it has no camera that reports whether it records.
+/// #306 or #307 of a station; `None` if it has no camera that reports whether it records.
 fn answer(number: u16, station: u16, state: &Record) -> Option<Record> {
     let device = station.trailing_zeros() + 1;
     let mode = state.number(SYSTEM_MODE)? as u8;
-    // A camera shows its stream or a field of view beside: a gimbal alone is active too, and records nothing.
+    // A camera also reports its stream or a field of view; a gimbal alone is active too, but records nothing.
     let has_camera = [IMAGE_OUTPUT, WIDTH]
         .iter()
         .any(|field| state.number(*field).is_some());
     let mode = EoirSystemMode::from_raw(mode);
-    // Of a stowed one it is not known.
+    // For a stowed camera it is not known.
     let status = if mode == RECORDING {
         RECORDS
     } else if mode == EoirSystemMode::Active && has_camera {
@@ -68,14 +69,14 @@ fn answer(number: u16, station: u16, state: &Record) -> Option<Record> {
         record.set(4, station);
         record.set(5, device);
     } else {
-        // No index, no replay and no rate: a camera reports none, and 0 is none in each of these fields.
+        // No index, replay or rate: a camera reports none, and 0 means none in each of these fields.
         record.set(4, device);
         record.set(6, status);
     }
     Some(record)
 }
 
-/// #205 as a 19100, and what of it is not applied.
+/// Converts #205 to a 19100; also returns what of it is ignored.
 ///
 /// # Errors
 /// A mode, a replay or a device that no camera has.
@@ -125,14 +126,14 @@ pub(super) fn command(record: &Record) -> Result<(Message, Option<String>), Refu
     Ok((command.into(), (!unused.is_empty()).then_some(notice)))
 }
 
-/// Whether a #1403 requests a report that this border makes of 21101.
+/// Whether a #1403 requests a report that is made here from 21101.
 pub(super) fn is_of_recorder(number: u32) -> bool {
     [STATUS, CONNECTION].map(u32::from).contains(&number)
 }
 
 const STATUS: u16 = 306;
 const CONNECTION: u16 = 307;
-/// #302, of which both are made by its table.
+/// #302, from which both reports are made.
 pub(super) const SENSOR_STATE: u32 = 302;
 /// Fields of 21101.
 const STATION: u8 = 2;

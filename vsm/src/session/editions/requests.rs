@@ -1,5 +1,5 @@
-//! Messages that name messages: acknowledgements by instance (#1400, #1401), requests and schedules by type (#1402,
-//! #1403), configuration by message and field (#1200, #1300 to #1304).
+//! Messages that name messages: acknowledgements by instance (#1400, #1401), requests and schedules by type (#1402, #1403),
+//! configuration by message and field (#1200, #1300 to #1304).
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -18,16 +18,16 @@ use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::form::{Refusal, Standing, new, to};
 
-/// What a station has asked for, by the numbers of its edition.
+/// The requests of a station, by the numbers of its edition.
 #[derive(Debug, Default)]
 pub(crate) struct Requests {
-    /// The messages that it wants acknowledged (#1401).
+    /// The messages that it has configured to be acknowledged (#1401).
     acknowledged: BTreeSet<u16>,
-    /// What was made of its latest messages, so that an answer names them as it did.
+    /// What its latest messages became, so that an answer uses the station's names.
     sent: VecDeque<Sent>,
-    /// The message of Edition 2.5 that one of Edition 4 was last made of.
+    /// The message of Edition 2.5 from which one of Edition 4 was last made.
     numbers: BTreeMap<u16, u16>,
-    /// A level of interoperability is being configured: that of the request.
+    /// The level of interoperability that is being configured.
     configuring: Option<u8>,
 }
 
@@ -39,7 +39,7 @@ struct Sent {
     number: u16,
     instance: u32,
     seconds: f64,
-    /// #1400 says once that it was received.
+    /// #1400 was sent: it acknowledges the reception once.
     done: bool,
 }
 
@@ -49,7 +49,7 @@ impl Requests {
         self.acknowledged.contains(&number)
     }
 
-    /// #1401: one message more.
+    /// #1401: one more message is acknowledged.
     pub(super) fn configure(&mut self, record: &Record) -> Result<(), Refusal> {
         let number = record.whole(6);
         let known = ed25::message(number, ed25::Version::Ed25);
@@ -90,7 +90,7 @@ impl Requests {
         });
     }
 
-    /// #1400 for a 17000. It says that a message was received and is not refused: an #1100 says why one is.
+    /// #1400 for a 17000. It means that a message was received and is not refused; an #1100 has the reason of a refusal.
     pub(super) fn acknowledge(
         &mut self,
         answer: &MessageAcknowledgement,
@@ -116,8 +116,8 @@ impl Requests {
         Some(record)
     }
 
-    /// A text of the bridge with the messages of Edition 4 under the numbers of Edition 2.5, where it names them: at its
-    /// beginning, after the word message, or in brackets.
+    /// Replaces the numbers of Edition 4 messages in a text of the bridge by those of Edition 2.5, where the text names
+    /// them: at its beginning, after the word message, or in brackets.
     pub(super) fn in_own_numbers(&self, text: &str) -> String {
         let mut out = String::with_capacity(text.len());
         let mut before = "";
@@ -142,7 +142,7 @@ impl Requests {
             }
             before = word;
         }
-        // `13000 (Mission Transfer Command)` has by now the number of this edition, and still the name of the other.
+        // `13000 (Mission Transfer Command)` now has the number of this edition, but still the name of the other one.
         for (ed4, own) in renamed {
             let named = ed25::messages().find(|info| info.id == own);
             if let Some((ed4, named)) = table::message(ed4).zip(named) {
@@ -162,7 +162,7 @@ impl Requests {
         })
     }
 
-    /// #1200: `None` where it is about something that Edition 4 has no name for.
+    /// #1200: `None` if Edition 4 has no name for its subject.
     pub(super) fn configuration(&mut self, record: &Record) -> Result<Option<Message>, Refusal> {
         let request = record.whole(6);
         self.configuring = match request {
@@ -206,7 +206,7 @@ impl Requests {
         to(&moved, FieldConfigurationRequest::ID).map(Some)
     }
 
-    /// The answers of a configuration, by the numbers of Edition 2.5: `None` where this is none.
+    /// The answers of a configuration, by the numbers of Edition 2.5; `None` if this is no such answer.
     pub(super) fn answers(&mut self, answer: &Record) -> Option<Vec<Record>> {
         let id = answer.id();
         let (message, field) = match id {
@@ -250,7 +250,8 @@ impl Requests {
         Some(records.collect())
     }
 
-    /// What of Edition 2.5 has no message in Edition 4: #1303 says that it is not supported, before the #1203 of its level.
+    /// Messages of Edition 2.5 without a counterpart in Edition 4: #1303 reports that they are not supported, before the
+    /// #1203 of their level.
     fn unnamed(&mut self, complete: &Record) -> Vec<Record> {
         let Some(level) = self.configuring.take() else {
             return Vec::new();
@@ -275,7 +276,7 @@ fn unsupported(of: &Record, message: u32, field: u32) -> Record {
     record
 }
 
-/// #1303 and #1203 for a field that has no place in Edition 4: nothing is done with it.
+/// #1303 and #1203 for a field that has no place in Edition 4: it is ignored.
 pub(super) fn unavailable(request: &Record, standing: &Standing<'_>) -> Vec<Record> {
     let mut complete = new(1203);
     let mut field = unsupported(request, request.whole(7), request.whole(8));
@@ -295,7 +296,7 @@ pub(super) fn services(standing: &Standing<'_>) -> Record {
     record
 }
 
-/// #1400 for a message that this border itself carries out.
+/// #1400 for a message that the translator itself carries out.
 pub(super) fn acknowledgement(of: &Record, instance: u32, standing: &Standing<'_>) -> Record {
     let mut record = new(1400);
     record.set_stamp(standing.stamp);
@@ -330,7 +331,7 @@ pub(super) fn report(record: &Record) -> Result<Message, Refusal> {
     to(&moved, GenericInformationRequestMessage::ID)
 }
 
-/// The message of Edition 4 that a report of Edition 2.5 is made of.
+/// The message of Edition 4 from which a report of Edition 2.5 is made.
 fn report_of(number: u32) -> Result<u16, Refusal> {
     let info = ed25::message(number, ed25::Version::Ed25);
     let sent = info.filter(|info| info.direction != Direction::ToVsm);
@@ -349,8 +350,8 @@ fn name(mut record: Record, info: &MessageInfo, field: Option<&FieldInfo>) -> Re
     record
 }
 
-/// #1300 of a control that is an integer, #1301 of a float, #1303 of one that is no longer there. Its number is a field of
-/// #2011 that the table does not have.
+/// #1300 for an integer control, #1301 for a float, #1303 for one that no longer exists. Its number is a field of #2011
+/// that the table does not have.
 fn control(answer: &Record, field: u8) -> Record {
     let (number, low, high) = match answer.id() {
         FieldConfigurationIntegerResponse::ID => (1300, f64::from(i32::MIN), f64::from(i32::MAX)),
@@ -369,7 +370,7 @@ fn control(answer: &Record, field: u8) -> Record {
             record.set(of, value);
         }
     }
-    // Each field is sent, and 0 to 0 would be a range: what is not known is all that the type holds, which is no limit.
+    // Every field is sent, and 0 to 0 would be a range: an unknown bound is the limit of the type, which limits nothing.
     let (most, least) = (answer.number(11), answer.number(12));
     for (field, value) in [
         (10, most.unwrap_or(high)),
@@ -389,7 +390,7 @@ fn control(answer: &Record, field: u8) -> Record {
     record
 }
 
-/// #1300 or #1301, by the type that the field has in Edition 2.5. The bounds of Edition 4 are in steps of its wire.
+/// #1300 or #1301, by the type of the field in Edition 2.5. The bounds of Edition 4 are in steps of its wire format.
 fn limits(
     answer: &Record,
     info: &'static MessageInfo,
@@ -423,7 +424,7 @@ fn limits(
 const PARAMETER_SET: u32 = 2011;
 const SINGLE: u32 = 0;
 const ABORT: u32 = 6;
-/// Messages that this border answers itself, so that they are supported.
+/// Messages that the translator answers itself, so they are supported.
 const OWN: &[u16] = &[48, 109, 205, 306, 307, 1202, 1401];
-/// Messages whose answers are awaited at most.
+/// Maximum number of messages whose answers are awaited.
 const MAX_SENT: usize = 256;

@@ -1,8 +1,8 @@
 //! Modes and demands: #41, #42, #43 and #48 become 2017 and 2016.
 //!
-//! Edition 4 commands a mode and its values by one message in which a field that is not commanded is absent. Edition 2.5
-//! has the mode in #42, the values in #43 and the loiter in #41, each with all fields always there, and #48 says which of
-//! them rules (tables B1-22 and B1-23):
+//! Edition 4 commands a mode and its values by one message, in which a field that is not commanded is absent. Edition 2.5
+//! has the mode in #42, the values in #43 and the loiter in #41, each with all its fields always present. #48 decides which
+//! of them rules (tables B1-22 and B1-23):
 //!
 //! | mode | #48 says 0, configuration | #48 says 1 or 2, manual |
 //! |---|---|---|
@@ -12,16 +12,17 @@
 //! | 20, 21 | the altitude of #43 | the altitude of #43 |
 //! | others | none | none |
 //!
-//! So a #43 changes the flight at once where it rules in the mode that the vehicle shows: in 15, and in 11 and 12 with #48.
-//! Else it is kept for the #42 that follows it, once: a demand from before the last #42 moves nothing. Within a #43 count an
-//! altitude and a heading whose command type is not 0, a speed and an altimeter setting that are not 0, and a waypoint of
-//! 1 to 65534 that is another than before, and another than the vehicle flies to. #48 preference 1 falls back to 0 when
-//! a waypoint is reached, in mode 12 when the vehicle is at the loiter position that #43 commands (without one it is at its loiter
-//! point, and goes to none), and is taken again only once another was commanded in between.
+//! So a #43 changes the flight at once if it rules in the mode that the vehicle shows: in 15, and by #48 in 11 and 12.
+//! Otherwise it is kept once, for the next #42: a demand from before the last #42 moves nothing. These values of a #43
+//! count: an altitude and a heading whose command type is not 0, a speed and an altimeter setting that are not 0, and a
+//! waypoint of 1 to 65534 that differs from the one before and from the one that the vehicle flies to. Preference 1 of #48
+//! falls back to 0 when a waypoint is reached, and in mode 12 when the vehicle is at the loiter position of the #43
+//! (without such a position it is at its loiter point and goes to none). It is accepted again only after another preference
+//! was commanded.
 //!
-//! A station repeats its last #43 all the time, in modes that do not use it too. So a landing takes nothing of it: a heading
-//! that stands by would have it refused. A wave-off takes an altitude only where that has changed since the last #42, since
-//! one from before the landing may lie below the vehicle.
+//! A station repeats its last #43 all the time, also in modes that do not use it. So a landing uses nothing of it: a
+//! heading in it would have the landing refused. A wave-off uses an altitude only if that has changed since the last #42,
+//! since an older one may lie below the vehicle.
 
 use mapping::limits::metres;
 use stanag_msgs::Message;
@@ -32,17 +33,17 @@ use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
 use super::form::{Refusal, clear_unused_of_loiter, to};
 
-/// What a station steers one vehicle by.
+/// The state of a station's steering of one vehicle.
 #[derive(Debug, Default)]
 pub(crate) struct Steering {
     /// LOI 4 and 5 that it holds.
     control: LoiBitmap,
-    /// The mode that 3001 has reported last.
+    /// The mode that 3001 last reported.
     shown: Option<u8>,
     /// The waypoint that the vehicle flies to.
     to: Option<u16>,
-    /// The modes of the last #42s, and their stamps, until the vehicle shows the last of them, or changes to one that none of
-    /// them has commanded.
+    /// The modes of the last #42s, and their stamps, until the vehicle shows the last of them, or changes to a mode that
+    /// none of them has commanded.
     commanded: Vec<(u8, f64)>,
     /// The last #43.
     demand: Option<Demand>,
@@ -50,31 +51,31 @@ pub(crate) struct Steering {
     loiter: Option<Record>,
     /// The last #48: altitude, speed, course and heading.
     preference: [u8; 3],
-    /// Which of them were 1 and have fallen back, and have been nothing else since.
+    /// Which of them were 1, have fallen back, and have not been set to anything else since.
     fallen_back: [bool; 3],
 }
 
-/// A command, and what it changes here once it is taken.
+/// A command, and the change of this state once it is accepted.
 pub(crate) struct Order {
     pub(crate) message: Message,
     pub(crate) latch: Latch,
-    /// What of it has no effect now.
+    /// What of it has no effect now, for the operator.
     pub(crate) notice: Option<String>,
 }
 
-/// A #43, and what of it may go with the next #42.
+/// A #43, and what of it the next #42 may use.
 #[derive(Debug, Clone)]
 pub(crate) struct Demand {
     record: Record,
-    /// Nothing was made of it, and no #42 has followed it.
+    /// No command was made from it, and no #42 has followed.
     fresh: bool,
-    /// Its waypoint is another than before, and no #42 has followed since.
+    /// Its waypoint differs from the one before, and no #42 has followed.
     waypoint: bool,
-    /// The same of its altitude.
+    /// The same for its altitude.
     altitude: bool,
 }
 
-/// What a command changes here.
+/// The change that a command makes to this state.
 #[derive(Debug, Clone)]
 pub(crate) enum Latch {
     Mode(u8, f64),
@@ -89,7 +90,7 @@ impl Steering {
         match record.id() {
             41 => {
                 let mut loiter = record.clone();
-                // Fields 9 to 12, altitude and speed, have no place in 2017: they go with mode 12.
+                // Fields 9 to 12, altitude and speed, have no place in 2017: the 2016 of mode 12 carries them.
                 clear_unused_of_loiter(&mut loiter, 4, 5);
                 let absent = |of: &Record| of.number(9) == Some(0.0);
                 let is_new = !self.loiter.as_ref().is_some_and(absent);
@@ -142,8 +143,9 @@ impl Steering {
     /// #43.
     fn demand(&self, record: &Record) -> Result<Order, Refusal> {
         let seconds = record.number(1).unwrap_or_default();
-        // A mode that was just commanded and is not shown yet: Edition 4 wants it named again. A loiter is entered again although
-        // the vehicle shows it: a place that follows it at once would else come to a vehicle that is stopping, and be refused.
+        // A mode was just commanded and is not shown yet: Edition 4 needs it named again. A loiter is entered again
+        // although the vehicle shows it: otherwise a place that follows at once would reach a vehicle that is still
+        // stopping, and be refused.
         let entered = self.commanded.last().copied().filter(|(mode, at)| {
             [WAYPOINT, LOITER, AUTOPILOT].contains(mode)
                 && (0.0..ENTERED_WITHIN_S).contains(&(seconds - at))
@@ -151,7 +153,7 @@ impl Steering {
         let mode = entered.map(|(mode, _)| mode).or(self.shown);
         let mut command = Record::new(&VehicleOperatingModeCommand::INFO);
         command.set(1, seconds);
-        // The altimeter setting is kept whatever the mode.
+        // The altimeter setting applies in every mode.
         if let Some(pascal) = record.number(16).filter(|pascal| *pascal > 0.0) {
             command.set(16, pascal);
         }
@@ -176,7 +178,7 @@ impl Steering {
         let demand = Demand {
             record: record.clone(),
             fresh: !acts,
-            // In mode 11 it was commanded, or is not.
+            // In mode 11 it was either commanded now or is not used.
             waypoint: mode != Some(WAYPOINT)
                 && (self.changes(record, &[15]) || before.is_some_and(|one| one.waypoint)),
             altitude: self.changes(record, &[4, 5, 6, 17])
@@ -189,7 +191,7 @@ impl Steering {
         })
     }
 
-    /// What of a #43 rules in a mode.
+    /// Adds the values of a #43 that rule in a mode.
     fn rule(&self, mode: u8, demand: &Record, command: &mut Record) {
         let [altitude, speed, course] = match mode {
             WAYPOINT | LOITER => self.preference.map(|mode| mode != 0),
@@ -218,7 +220,7 @@ impl Steering {
             copy(14, 14);
         }
         let heading = demand.whole(7);
-        // In mode 12 no course is valid; in 11 it is, by #48, and refused by what flies the vehicle.
+        // In mode 12 no course is valid. In mode 11 it is, by #48; the flight machine refuses it.
         if course && heading != 0 && mode != LOITER {
             copy(7, 6);
             let values: &[(u8, u8)] = match heading {
@@ -231,7 +233,7 @@ impl Steering {
             for (from, to) in values {
                 copy(*from, *to);
             }
-            // 0 is the rate that the vehicle has, but where the rate itself is commanded.
+            // 0 means the vehicle's own rate, except if the rate itself is commanded.
             if heading == 5 || demand.number(10).is_some_and(|rate| rate != 0.0) {
                 copy(10, 10);
             }
@@ -251,7 +253,7 @@ impl Steering {
             return;
         };
         let [altitude, speed, _] = self.preference;
-        // 0 fills the place of an altitude, as it does of a speed.
+        // 0 means no altitude, as for a speed.
         let metres = loiter.number(9).filter(|metres| *metres != 0.0);
         if let (0, Some(metres)) = (altitude, metres) {
             command.set(3, 1);
@@ -264,7 +266,7 @@ impl Steering {
         }
     }
 
-    /// Whether a #43 has another value in one of these fields than the one before it.
+    /// Whether one of these fields of a #43 differs from the #43 before it.
     fn changes(&self, demand: &Record, fields: &[u8]) -> bool {
         let differs = |before: &Demand| {
             let mut fields = fields.iter();
@@ -277,19 +279,19 @@ impl Steering {
         self.to == Some(demand.whole(15) as u16)
     }
 
-    /// A command was taken of the station that controls the vehicle, and perhaps refused for what it commands. True where
-    /// #109 has something new to say.
+    /// A command of the station in control was accepted, and perhaps refused for what it commands. Returns true if #109 has
+    /// changed.
     pub(super) fn accept(&mut self, latch: Latch, refused: bool) -> bool {
         match latch {
             Latch::Mode(mode, seconds) => {
-                // Of a mode that is not entered a #43 names none.
+                // A #43 must not name a mode that is not entered.
                 if !refused {
                     let is_fresh =
                         |(_, at): &(u8, f64)| (0.0..ENTERED_WITHIN_S).contains(&(seconds - at));
                     self.commanded.retain(is_fresh);
                     let again =
                         self.commanded.is_empty() && self.shown == Some(mode) && mode != LOITER;
-                    // Left and commanded again before the vehicle has shown another: it is being entered.
+                    // If it was left and commanded again before the vehicle has shown another mode, it is being entered.
                     if !again {
                         self.commanded.truncate(MAX_COMMANDED);
                         self.commanded.push((mode, seconds));
@@ -330,13 +332,13 @@ impl Steering {
 
     /// The mode that the vehicle reports.
     ///
-    /// A mode that was commanded is named again until it is shown. Once it was, or the vehicle has changed to another, a
+    /// A commanded mode is named again until it is shown. Once it was shown, or the vehicle has changed to another mode, a
     /// pilot or a failsafe has decided since: a #43 must not lead back.
     pub(super) fn shows(&mut self, mode: Option<u8>) {
         if self.shown != mode {
             let mut commanded = self.commanded.iter();
             match commanded.position(|(wanted, _)| mode == Some(*wanted)) {
-                // One on the way to the last is shown late: it was left already.
+                // A mode on the way to the last one is shown late: it was already left.
                 Some(at) => drop(self.commanded.drain(..=at)),
                 None if self.shown.is_some() => self.commanded.clear(),
                 None => {}
@@ -345,9 +347,9 @@ impl Steering {
         self.shown = mode;
     }
 
-    /// 4001: true where a preference ends because a waypoint was reached.
+    /// 4001: returns true if a preference ends because a waypoint was reached.
     pub(super) fn flies_to(&mut self, number: Option<u16>) -> bool {
-        // A commanded loiter place is no waypoint that was reached.
+        // 65535 is a commanded loiter place, not a waypoint that was reached.
         if number == Some(65_535) {
             return false;
         }
@@ -356,7 +358,7 @@ impl Steering {
         reached && self.shown == Some(WAYPOINT) && self.fall_back()
     }
 
-    /// 4000: true where a preference ends because the loiter position that #43 commands is reached.
+    /// 4000: returns true if a preference ends because the loiter position of the #43 is reached.
     pub(super) fn is_at(&mut self, latitude_rad: f64, longitude_rad: f64) -> bool {
         let demand = self.demand.as_ref().map(|demand| &demand.record);
         let demand = demand.filter(|_| self.shown == Some(LOITER) && self.preference[2] != 0);
@@ -366,7 +368,7 @@ impl Steering {
         else {
             return false;
         };
-        // A circle is flown about it.
+        // On a circle the vehicle never comes closer than the radius.
         let radius_m = self.loiter.as_ref().and_then(|loiter| loiter.number(5));
         let near_m = AT_ITS_PLACE_M + 1.2 * radius_m.unwrap_or(0.0);
         let degrees =
@@ -378,7 +380,7 @@ impl Steering {
         away_m < near_m && self.fall_back()
     }
 
-    /// The waypoint or the loiter point is reached: what is manual until then is so no longer. True where something was.
+    /// The waypoint or the loiter point is reached: preferences until then end. Returns true if there were any.
     fn fall_back(&mut self) -> bool {
         let ends = self.preference.contains(&UNTIL_REACHED);
         for (mode, fallen_back) in self.preference.iter_mut().zip(&mut self.fallen_back) {
@@ -395,7 +397,7 @@ impl Steering {
     }
 }
 
-/// #48: a 2016 that commands nothing goes before it, so that the rules of all commands hold for it.
+/// #48: becomes a 2016 that commands nothing, so that the rules of all commands apply to it.
 fn preference(record: &Record) -> Result<Order, Refusal> {
     let preference = [4, 5, 6].map(|field| record.whole(field) as u8);
     if let Some(mode) = preference.iter().find(|mode| **mode > 2) {
@@ -409,7 +411,7 @@ fn preference(record: &Record) -> Result<Order, Refusal> {
     })
 }
 
-/// A 2016 with what a record has for it.
+/// A 2016 with the fields that a record has for it.
 fn whole(record: &Record) -> Result<Record, Refusal> {
     let info = ed4(VehicleOperatingModeCommand::ID).unwrap_or(&VehicleOperatingModeCommand::INFO);
     let mut command = record.to_ed4(info)?;
@@ -425,7 +427,7 @@ fn name_waypoint(demand: &Record, command: &mut Record) {
     }
 }
 
-/// 0, 0 is how a place that is not meant is filled.
+/// 0, 0 means no place.
 fn has_place(demand: &Record) -> bool {
     [18, 19]
         .iter()
@@ -434,9 +436,9 @@ fn has_place(demand: &Record) -> bool {
 
 /// Preference of #48: manual until the waypoint or loiter point.
 const UNTIL_REACHED: u8 = 1;
-/// How near its loiter position a vehicle is there, m, beside the radius of its circle.
+/// Distance within which a vehicle counts as at its loiter position, m, in addition to the radius of its circle.
 const AT_ITS_PLACE_M: f64 = 15.0;
-/// Modes that are commanded within the time in which one is entered.
+/// Maximum number of modes commanded within the time in which one is entered.
 const MAX_COMMANDED: usize = 8;
 const MANUAL: u8 = 2;
 const WAYPOINT: u8 = 11;
@@ -445,7 +447,7 @@ const AUTOPILOT: u8 = 15;
 const WAVE_OFF: u8 = 20;
 const LAUNCH: u8 = 21;
 const NO_LOITER_ALTITUDE: &str = "#41: Loiter Altitude 0 is not flown to: mode 12 (loiter) keeps the altitude that the vehicle has";
-/// A mode is entered within this time, or was refused.
+/// Within this time a mode is entered or was refused.
 const ENTERED_WITHIN_S: f64 = 5.0;
 
 #[cfg(test)]
