@@ -1,4 +1,4 @@
-//! The access list of a bridge: which of its entries each CUCS has, what ends with them, and what the status shows of it.
+//! The access list of a bridge: the entries of each CUCS, what ends with them, and their status.
 
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub struct RightsStatus {
     pub may_hold: u8,
     /// LOI bits that it holds.
     pub holds: u8,
-    /// Its entries of the access list; empty without one too.
+    /// Its entries of the access list; also empty without a list.
     pub entries: Vec<EntryStatus>,
 }
 
@@ -37,19 +37,20 @@ pub struct RightsStatus {
 pub struct EntryStatus {
     /// The group of messages.
     pub group: &'static str,
-    /// When it ends; none where it does not.
+    /// When it expires; `None`: never.
     pub until: Option<String>,
     /// The id of the guard key that it is for.
     pub key_id: String,
-    /// "in force", "ended", or "another key" where the CUCS does not have that key.
+    /// "in force", "ended", or "another key" if the CUCS does not have that key.
     pub state: &'static str,
 }
 
 impl Bridge {
-    /// Puts the access list of a file in force, or the newer one that the store has. `file`: what it holds, or why it cannot be read.
+    /// Puts the access list of a file in force, or the stored one if that is newer. `file`: its content, or why it cannot
+    /// be read.
     ///
     /// # Errors
-    /// Neither is a list that counts, or the store cannot be used: nothing may be served.
+    /// Neither is a valid list, or the store cannot be used: nothing may be served.
     pub fn set_access(
         &mut self,
         key: &SigningKey,
@@ -80,7 +81,7 @@ impl Bridge {
         Ok(())
     }
 
-    /// A line in the audit log of each vehicle: who may command it is decided by the list too.
+    /// Writes a line to the audit log of each vehicle, since the list also decides who may command it.
     fn audit_access(&mut self, what: &'static str, why: &str, now: Now, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
@@ -89,10 +90,10 @@ impl Bridge {
         }
     }
 
-    /// Looks whether a file is a newer list than the one in force; `None` where it is that one. Nothing changes.
+    /// Checks whether a file is a newer list than the one in force; `None` if it is that one. Changes nothing.
     ///
     /// # Errors
-    /// It is none: why.
+    /// It is not a newer list: why.
     pub fn prepare_access(&self, file: &[u8]) -> Result<Option<PreparedAccess>, RenewError> {
         match &self.access {
             Gate::List(access) => access.prepare(file),
@@ -100,7 +101,7 @@ impl Bridge {
         }
     }
 
-    /// The file is not the list that is in force, and does not become it: why, for the findings and the audit log.
+    /// The file is not put in force: notes why, for the findings and the audit log.
     pub fn refuse_access(&mut self, why: &str, now: Now, disk: &mut dyn Disk) {
         if let Gate::List(access) = &mut self.access {
             access.note_file(Some(why.to_owned()));
@@ -110,7 +111,7 @@ impl Bridge {
         }
     }
 
-    /// Stores a list, before anything else changes that it narrows.
+    /// Stores a list, before anything that it narrows changes.
     ///
     /// # Errors
     /// It cannot be stored, and [`Bridge::take_access`] must not follow.
@@ -125,8 +126,8 @@ impl Bridge {
         }
     }
 
-    /// Puts a list in force that is stored; `None` where the file is that which is. What it no longer allows ends at once, in the air
-    /// too. Returns what has changed.
+    /// Puts a stored list in force; `None` if the file is the list in force. Rights that it no longer allows end at once,
+    /// also in flight. Returns the changes.
     pub fn take_access(
         &mut self,
         new: Option<PreparedAccess>,
@@ -163,7 +164,7 @@ impl Bridge {
         }
     }
 
-    /// Once a second: entries end, and with them what is held of a vehicle that does not fly.
+    /// Once a second: ends expired entries, and with them the rights over vehicles that do not fly.
     pub(super) fn watch_access(&mut self, now: Now, disk: &mut dyn Disk) {
         if now.mono < self.look_at {
             return;
@@ -188,7 +189,7 @@ impl Bridge {
         }
     }
 
-    /// What an operator has to do about the list.
+    /// Findings about the list for an operator.
     pub(super) fn access_findings(&self) -> Vec<Finding> {
         let Gate::List(access) = &self.access else {
             return Vec::new();
@@ -256,7 +257,7 @@ impl Bridge {
     }
 }
 
-/// What the audit log has of it, in two or three words.
+/// Its name in the audit log.
 const AUDITED: &str = "access list";
 const AUDITED_REFUSED: &str = "access list refused";
 

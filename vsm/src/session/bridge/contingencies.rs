@@ -1,9 +1,8 @@
-//! Which contingencies the waypoints of Edition 2.5 name, over a restart: `contingencies-VVVVVVVV-CCCCCCCC.log` of a vehicle
-//! and the station that has sent them. A waypoint names them beside the plan, which has no place for that
-//! ([`editions`](crate::session)).
+//! The contingencies named by waypoints of Edition 2.5, kept over a restart: `contingencies-VVVVVVVV-CCCCCCCC.log` for a
+//! vehicle and the station that has sent them. The plan itself has no place for them ([`editions`](crate::session)).
 //!
-//! A line is written before its #802 is acknowledged, and as durable as the plan. Where that fails the upload continues; a
-//! load after a restart names the waypoint that must be sent again.
+//! A line is written before its #802 is acknowledged, and is as durable as the plan. If writing fails the upload continues;
+//! a load after a restart then names the waypoint that must be sent again.
 
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 use stanag_msgs::Id;
@@ -13,7 +12,7 @@ use crate::session::editions::{Contingencies, Kept};
 use crate::session::log::{LogEntry, LogLevel};
 
 impl Bridge {
-    /// Reads what earlier runs have written, of stations and vehicles that were not served before.
+    /// Reads what earlier processes have written, for stations and vehicles that were not served before.
     pub(super) fn restore_contingencies(&mut self, disk: &dyn Disk) {
         for station in &mut self.stations {
             let id = station.id();
@@ -22,13 +21,13 @@ impl Bridge {
                     continue;
                 }
                 match disk.read(&file(vehicle, id), MAX_RECORD_BYTES) {
-                    // Known now, so that no reload looks again.
+                    // Noted as known, so that a reload does not read it again.
                     Ok(None) => station.translator.restore(vehicle, ""),
                     Ok(Some(bytes)) => {
                         let text = String::from_utf8_lossy(&bytes);
                         station.translator.restore(vehicle, &text);
                     }
-                    // A load will name the waypoints: no reason for serving nobody.
+                    // A load will name the missing waypoints: this is no reason to stop serving.
                     Err(fault) => self.log.push_back(LogEntry {
                         level: LogLevel::Warning,
                         about: vehicle,

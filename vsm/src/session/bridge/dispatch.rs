@@ -103,7 +103,7 @@ impl Bridge {
             // No right is checked: configuration comes before a grant.
             Message::FieldConfigurationRequest(request) => {
                 for one in aircraft.meant_mut(destination, to_all) {
-                    // Its answers are its own.
+                    // It answers the station itself.
                     let _ =
                         one.ask_reports(&mut dli, reports::Input::Configure { origin, request });
                 }
@@ -120,7 +120,7 @@ impl Bridge {
             command => match meant {
                 Some(one) => command_one(one, &mut dli, origin, cucs, command),
                 None => {
-                    // A command to everybody is a command to nobody in particular.
+                    // Nobody can say which vehicle a command to all is meant for.
                     dli.counters.count("misaddressed");
                     dli.refuse(&origin, TO_ONE);
                 }
@@ -267,8 +267,8 @@ fn admit(
     false
 }
 
-/// Logs a message before it is carried out; `authorised`: its Time Stamp is used from here on. Raises an alert where that could not be logged, and
-/// clears it where commands are logged again.
+/// Logs a message before it is carried out; `authorised`: its Time Stamp is used from now on. Raises an alert if it could
+/// not be logged, and clears that once commands are logged again.
 fn accept(one: &mut Aircraft, dli: &mut DliEffects<'_>, origin: &Origin, authorised: bool) {
     let Some(logged) = dli.accept(origin, authorised) else {
         return;
@@ -315,5 +315,5 @@ fn refuse_unlisted(
     one.effects(dli).refuse_unprivileged(origin, why);
 }
 
-/// A command to everybody is a command to nobody in particular.
+/// The refusal of a message to all vehicles that only one can carry out.
 const TO_ONE: &str = "must be addressed to a single vehicle";

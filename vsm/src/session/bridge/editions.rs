@@ -1,8 +1,8 @@
-//! Datagrams of Edition 2.5: they are admitted, counted and proven as all others are, and become messages of Edition 4
-//! only where their station may speak (`session::editions`). What such a station is sent is translated when it leaves.
+//! Datagrams of Edition 2.5: they are admitted, counted and proven like all others, and become messages of Edition 4 only
+//! if their station may send (`session::editions`). Messages to such a station are translated when they are sent.
 //!
-//! The edition of a datagram is known from its first byte. A station that has proven its address, or holds something,
-//! speaks one edition: what comes in its name in another one is dropped until it has been quiet for [`EDITION_CHANGES_AFTER`].
+//! The edition of a datagram is known from its first byte. A station that has proven its address, or holds a right, uses
+//! one edition: datagrams in its name in another edition are dropped until it has been quiet for [`EDITION_CHANGES_AFTER`].
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -126,7 +126,7 @@ impl Bridge {
             || !(station.proven || holds())
     }
 
-    /// Takes a message of Edition 2.5 from where its station is.
+    /// Takes a message of Edition 2.5 from its station's address.
     pub(super) fn take_ed25(
         &mut self,
         now: Now,
@@ -226,7 +226,8 @@ impl Bridge {
                 self.effects(now, disk).0.send_translated(index, &report);
             }
         }
-        // Also of one that comes again after a restart; of who may send no plan any more nothing is kept, which a repetition would be.
+        // Also for a message that is repeated after a restart. For a station that may no longer send a plan nothing is
+        // kept, since its message may be such a repetition.
         if let Some(waypoint) = waypoint
             .filter(|one| self.holds(vehicle, at.cucs, one) && self.may_plan(index, vehicle))
         {
@@ -259,7 +260,7 @@ impl Bridge {
         held.is_some_and(|held| held.time_stamp == Some(waypoint.stamp))
     }
 
-    /// A message that a datagram of Edition 2.5 has become goes the way of those that arrive in Edition 4.
+    /// Handles a message made from a datagram of Edition 2.5 like one that arrives in Edition 4.
     fn take_made(
         &mut self,
         now: Now,
@@ -282,7 +283,7 @@ impl Bridge {
         self.take_frame(now, index, &frame, made_of, disk)
     }
 
-    /// What a station holds of a vehicle.
+    /// The levels that a station holds over a vehicle.
     fn levels(&self, station: Id, vehicle: Id) -> LoiBitmap {
         let of = self.aircraft.find(vehicle);
         of.map_or(LoiBitmap::NONE, |one| {
@@ -290,7 +291,7 @@ impl Bridge {
         })
     }
 
-    /// #21 for each other holder of the vehicles that a station asks for (4.1.1.3).
+    /// Sends #21 for each other holder of the vehicles that a station asks about (4.1.1.3).
     fn show_holders_to(&mut self, now: Now, index: usize, vehicle: Id, disk: &mut dyn Disk) {
         let asker = self.stations[index].id();
         let all = self.holders();
@@ -319,14 +320,14 @@ impl Bridge {
         self.effects(now, disk).0.send_translated(index, &line);
     }
 
-    /// The id in whose name a vehicle speaks now.
+    /// The id under which a vehicle is shown now.
     fn shown_as(&self, vehicle: Id) -> Id {
         let mut waiting = self.waiting.iter();
         let logical = waiting.find(|(real, _)| *real == vehicle);
         logical.map_or(vehicle, |(_, logical)| *logical)
     }
 
-    /// Vehicle, holder, and what it holds beyond listening.
+    /// Vehicle, holder, and its levels above LOI 2.
     fn holders(&self) -> Vec<(Id, Id, LoiBitmap)> {
         let beyond = LoiBitmap::LOI3
             .union(LoiBitmap::LOI4)
@@ -339,7 +340,7 @@ impl Bridge {
             .collect()
     }
 
-    /// Shows stations of Edition 2.5 who holds a vehicle now, where that has changed: everybody may receive it (4.1.1.3).
+    /// Sends stations of Edition 2.5 the changed holders of vehicles: every station may receive them (4.1.1.3).
     pub(super) fn show_holders(&mut self, now: Now, disk: &mut dyn Disk) {
         let listens = |station: &&crate::session::station::GroundStation| {
             station.speaks_ed25() && !station.removed
@@ -391,7 +392,8 @@ impl Bridge {
                 return Some(datagram);
             };
             let station = &mut self.stations[index];
-            // Who speaks another edition than the station did is asked in his: he could not answer otherwise.
+            // An address in a different edition than the station's is challenged in its own edition: it could not answer
+            // otherwise.
             let ed25 = match is_question(&datagram) {
                 true => self.paths.asks_in_ed25(index),
                 false => station.speaks_ed25(),
@@ -401,7 +403,7 @@ impl Bridge {
             }
             let readings = &station.profile.readings;
             if readings.frames(datagram.bytes()).nth(1).is_some() {
-                // Packed just before it spoke this edition, which has one message in each.
+                // Packed just before the station used this edition, which has one message per datagram.
                 self.outbox
                     .put_back(&datagram, readings.frames(datagram.bytes()).flatten());
                 continue;
@@ -445,7 +447,7 @@ impl Bridge {
         }
     }
 
-    /// What goes to the group may come back, and looks as if its station had sent it.
+    /// Remembers datagrams to the group: they may come back, and look as if their station had sent them.
     fn remember_sent(&mut self, datagram: &Datagram) {
         if datagram.to != Destination::Multicast {
             return;
@@ -462,7 +464,7 @@ impl Bridge {
     }
 }
 
-/// As the wrapper of Edition 4 would say it.
+/// The header that a wrapper of Edition 4 would have.
 fn header(frame: &ed25::Frame<'_>, at: &Parties) -> Header {
     Header {
         source: at.cucs,
@@ -476,12 +478,12 @@ fn header(frame: &ed25::Frame<'_>, at: &Parties) -> Header {
 
 /// #1400.
 const ED25_ACKNOWLEDGEMENT: u16 = 1400;
-/// Whether it asks if somebody is there: a heartbeat that requests an acknowledgement.
+/// Whether it challenges an address: a heartbeat that requests an acknowledgement.
 fn is_question(datagram: &Datagram) -> bool {
     let mut frames = stanag_msgs::frames(datagram.bytes());
     let first = frames.next().and_then(Result::ok);
     first.is_some_and(|one| one.header.message_type == Heartbeat::ID && one.header.ack_requested)
 }
 
-/// Messages to the group that are known again when they come back.
+/// Maximum number of remembered messages to the group.
 const MAX_REMEMBERED: usize = 256;

@@ -1,4 +1,4 @@
-//! Files of the vehicles, as the shell asks for them.
+//! Operations on files of the vehicles, requested by the shell.
 
 use mavlink_link::Now;
 use mavlink_link::service::ftp::Operation;
@@ -9,7 +9,7 @@ use super::Bridge;
 use crate::session::files::{FileEvent, FileRefusal};
 
 impl Bridge {
-    /// The vehicle that is meant: of this id, or the only one.
+    /// The vehicle with this id, or the only one.
     ///
     /// # Errors
     /// No vehicle has this id, or there are several.
@@ -44,19 +44,19 @@ impl Bridge {
             .start_file(&mut dli, operation)
     }
 
-    /// What has become of it.
+    /// The next event of the operation.
     pub fn poll_file(&mut self, vehicle: Id) -> Option<FileEvent> {
         let one = self.aircraft.find_mut(vehicle);
         one?.poll_file()
     }
 
-    /// Whether a vehicle of this id is still there: a reload may have removed it.
+    /// Whether a vehicle with this id still exists: a reload may have removed it.
     #[must_use]
     pub fn has_vehicle(&self, vehicle: Id) -> bool {
         self.aircraft.has(vehicle)
     }
 
-    /// Withdraws the operation that is under way.
+    /// Withdraws the operation in progress.
     pub fn withdraw_file(&mut self, now: Now, vehicle: Id, disk: &mut dyn Disk) {
         let (mut dli, aircraft) = self.effects(now, disk);
         if let Some(one) = aircraft.find_mut(vehicle) {

@@ -1,4 +1,4 @@
-//! Other ground stations (`[[forward]]`): what they command goes to their vehicles, as far as each may.
+//! Other ground stations (`[[forward]]`): their commands go to their vehicles, as far as each is allowed.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::session::forward::{Forward, Request, Situation};
 use crate::session::link::frame::{OutFrame, Peer};
 use crate::session::log::LogLevel;
 
-/// Other ground stations that are ready to be served, in place of those before.
+/// Prepared ground stations that will replace the present ones.
 #[derive(Debug)]
 pub struct PreparedForwards(Vec<Place>);
 
@@ -50,8 +50,9 @@ impl Bridge {
         Ok(())
     }
 
-    /// Prepares the other ground stations of a configuration, and changes nothing yet. `ends`, in their order: the place of each,
-    /// and the end of its link; none where the one in this place stays, with its key, its ids and what it has proven.
+    /// Prepares the other ground stations of a configuration without changing anything. `ends`, in their order: the place
+    /// of each, and the end of its link; `None` if the present one in this place stays, with its key, its ids and what it
+    /// has proven.
     ///
     /// # Errors
     /// The signing clock of a key cannot be read.
@@ -125,14 +126,14 @@ impl Bridge {
         forwards.find(|one| one.number == number)?.key_id()
     }
 
-    /// Where the ground station in this place is, once it was received.
+    /// The address of the ground station in this place, once it was received.
     #[must_use]
     pub fn forward_peer(&self, number: usize) -> Option<Peer> {
         let mut forwards = self.forwards.iter();
         forwards.find(|one| one.number == number)?.peer()
     }
 
-    /// Lets each vehicle know under which system ids others may command it through this VSM.
+    /// Sets for each vehicle the system ids under which others may command it through this VSM.
     pub(super) fn name_commanders(&mut self) {
         for one in self.aircraft.iter_mut() {
             let (id, forwards) = (one.id(), self.forwards.iter());
@@ -141,7 +142,7 @@ impl Bridge {
         }
     }
 
-    /// Takes what arrived from the other ground station in this place.
+    /// Takes bytes received from the other ground station in this place.
     pub fn handle_forward(
         &mut self,
         now: Now,
@@ -162,7 +163,7 @@ impl Bridge {
         self.log_moved(now, index, disk);
     }
 
-    /// A datagram of another user's program, on a link that looks that up, gets no further.
+    /// Counts a datagram of another user's program, which is dropped on a link that checks this.
     pub fn count_foreign(&mut self, number: usize) {
         let mut forwards = self.forwards.iter_mut();
         if let Some(forward) = forwards.find(|one| one.number == number) {
@@ -206,7 +207,7 @@ impl Bridge {
         frame: &FrameView<'_>,
         disk: &mut dyn Disk,
     ) {
-        // A radio's report is taken unsigned: it is the link's own, and proved by nothing.
+        // RADIO_STATUS of a radio is accepted unsigned: it is about the link itself and cannot be verified.
         if signed && !frame.is_signed() {
             return;
         }
@@ -238,7 +239,7 @@ impl Bridge {
     }
 }
 
-/// Commands and sticks: a slow link has room for them at once.
+/// Commands and sticks: a slow link always has room for them.
 fn is_urgent(frame: &FrameView<'_>) -> bool {
     [MANUAL_CONTROL, COMMAND_INT, COMMAND_LONG].contains(&frame.header().message_id)
 }

@@ -1,6 +1,6 @@
-//! CUCSs with a guard: what arrives in their names is taken where its trailer verifies, and what they are sent is sealed.
+//! CUCSs with a guard: a datagram in their name is accepted only if its trailer verifies, and datagrams to them are sealed.
 //!
-//! Whether a station has a guard is its configuration's to say, and nothing else's: without keys here nothing of it is taken.
+//! Only the configuration decides whether a station has a guard. Without keys here, nothing of such a station is accepted.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -16,13 +16,13 @@ use crate::session::guard::{GuardEnd, GuardKeyUntil, GuardStatus, OFFER_EVERY};
 use crate::session::log::{LogEntry, LogLevel};
 use crate::session::outbox::{Datagram, Destination};
 
-/// What a datagram is, before anything of it is read.
+/// A datagram, before its content is read.
 pub(super) enum Opened<'a> {
     /// It has no trailer.
     Plain(&'a [u8]),
-    /// What is inside one that has verified, and the index of its station.
+    /// The content of a verified one, and the index of its station.
     Verified(&'a [u8], usize),
-    /// It goes no further.
+    /// It is dropped.
     Dropped,
 }
 
@@ -37,10 +37,11 @@ impl Opened<'_> {
 }
 
 impl Bridge {
-    /// Gives the CUCSs their guard keys, the one in force first; what is known of a key that stays is kept.
+    /// Sets the guard keys of the CUCSs, the one in force first. The state of a key that stays is kept.
     ///
     /// # Errors
-    /// The clock of a key cannot be read: its station has none then, and nothing of it is taken. The others have theirs.
+    /// The clock of a key cannot be read: then its station has no key, and nothing of it is accepted. The others have
+    /// theirs.
     pub fn set_guard_keys(
         &mut self,
         keys: Vec<(Id, Vec<GuardKeyUntil>)>,
@@ -69,7 +70,7 @@ impl Bridge {
                     .all(|known| keys.iter().any(|(key, _)| key.id() == known))
             };
             if !station.guard.as_ref().is_some_and(stays) {
-                // It was held back without a guard, or under a key that is gone.
+                // Messages were held back without a guard, or under a key that is no longer valid.
                 self.paths.forget_candidates(index);
                 renews_group = true;
             }
@@ -82,7 +83,7 @@ impl Bridge {
             };
             match set {
                 Ok(end) => station.guard = Some(end),
-                // Not its old key either: that may have been revoked.
+                // The station does not keep its old key either, which may have been revoked.
                 Err(fault) => given = Err(fault),
             }
         }
@@ -124,7 +125,8 @@ impl Bridge {
         };
         let sender = guarded.trailer.sender;
         if guarded.trailer.direction == Direction::ToGroup {
-            // Every guard of the group has its key: what is sealed under it is status, and commands nothing. Not even ours.
+            // Every guard of the group has this key, so datagrams sealed with it are status and command nothing. That
+            // includes our own.
             let ours = sender == self.vsm;
             self.counters
                 .count(if ours { OUR_OWN } else { UNDER_GROUP_KEY });
@@ -140,14 +142,14 @@ impl Bridge {
             self.counters.count(WITHOUT_KEY);
             return Opened::Dropped;
         };
-        // One way for each station: a key that is in a browser is not one for datagrams too.
+        // Each station has one way in: a key that is in a browser must not be valid for datagrams too.
         if web {
             self.counters.count(DATAGRAM_OF_WEB);
             let fault = Fault::Web(sender, DATAGRAM_OF_WEB);
             self.evidence.note(now.mono, from, fault);
             return Opened::Dropped;
         }
-        // Before its stamp is used up: a copy from elsewhere that is faster must not cost the station its own datagram.
+        // Checked before its stamp is used up: a faster copy from elsewhere must not cost the station its own datagram.
         if let Some(expected) = address.filter(|one| *one != from.ip()) {
             self.counters.count(UNAUTHORISED_ADDRESS);
             let fault = Fault::Address(sender, expected);
@@ -156,7 +158,7 @@ impl Bridge {
         }
         let peer = self.paths.peer(index);
         match end.open_from(now, &guarded, (from, peer), disk) {
-            // It has lifted our stamps, and says nothing else.
+            // It has only raised our stamps.
             Ok(([], _)) => Opened::Dropped,
             Ok((inside, key)) => {
                 self.stations[index].sealed_under = Some(key);
@@ -165,7 +167,7 @@ impl Bridge {
             Err(why) => {
                 self.counters.count(why.name());
                 if !why.wants_lift() {
-                    // What is too old may be the station's own, after a start of this end.
+                    // A datagram that is too old may be the station's own, after a start of this end.
                     let fault = Fault::Guard(sender, why.name());
                     self.evidence.note(now.mono, from, fault);
                 }
@@ -180,7 +182,7 @@ impl Bridge {
         }
     }
 
-    /// Handles a challenge about clocks, or an answer to one: only from where its station may send.
+    /// Handles a challenge about clocks, or an answer to one, if it comes from an address of its station.
     fn take_clock(
         &mut self,
         now: Now,
@@ -216,7 +218,7 @@ impl Bridge {
         }
     }
 
-    /// A step of an exchange is passed to the exchange machine, which verifies it. Here it changes nothing.
+    /// Passes a step of an exchange to the exchange machine, which verifies it. It changes nothing here.
     fn queue_step(&mut self, from: SocketAddr, step: &ExchangeDatagram<'_>, bytes: &[u8]) {
         let mut stations = self.stations.iter();
         let listed = stations.any(|one| one.id() == step.cucs && !one.removed);
@@ -238,8 +240,8 @@ impl Bridge {
         self.guard_steps.pop_front()
     }
 
-    /// Sends a CUCS's guard something that is none of the DLI, sealed, to where the CUCS is; false where that is not known, or
-    /// there is no key for it.
+    /// Sends a CUCS's guard bytes that are not of the DLI, sealed, to the address of the CUCS. Returns false if that is
+    /// unknown, or there is no key for it.
     pub fn send_guard(&mut self, now: Now, cucs: Id, bytes: &[u8], disk: &mut dyn Disk) -> bool {
         let mut stations = self.stations.iter_mut().enumerate();
         let Some((index, station)) = stations.find(|(_, one)| one.id() == cucs && !one.removed)
@@ -256,13 +258,13 @@ impl Bridge {
         true
     }
 
-    /// The next datagram for a guard itself, such as one that lifts its stamps, and where it goes: as it is, beside
-    /// [`Bridge::poll_dli`].
+    /// The next datagram for a guard itself, such as one that raises its stamps, and its address. It is sent as it is, in
+    /// addition to [`Bridge::poll_dli`].
     pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
         self.lifts.pop()
     }
 
-    /// A datagram as it goes out: sealed where it is for a CUCS with a guard. `None` where it may not go out at all: there is
+    /// A datagram as it is sent: sealed if it is for a CUCS with a guard. `None` if it must not be sent, because there is
     /// no key, or the disk has no stamp for it.
     pub fn sealed<'a>(
         &mut self,
@@ -294,7 +296,7 @@ impl Bridge {
         out.get(..length)
     }
 
-    /// Once a second: their ceilings stay ahead, and keys that were replaced end.
+    /// Once a second: keeps the ceilings of the guards' clocks ahead, and ends replaced keys.
     pub(super) fn keep_guards(&mut self, now: Now, disk: &mut dyn Disk) {
         for end in self
             .stations
@@ -306,7 +308,7 @@ impl Bridge {
         self.offer_group(now, disk);
     }
 
-    /// Gives each guard whose CUCS receives the group the group's key, again and again: an offer may be lost.
+    /// Sends the group's key to each guard whose CUCS receives the group, repeatedly, since an offer may be lost.
     fn offer_group(&mut self, now: Now, disk: &mut dyn Disk) {
         let Some(group) = self.guard_group.as_ref().filter(|_| self.multicast) else {
             return;
@@ -330,7 +332,7 @@ impl Bridge {
         }
     }
 
-    /// How the guard of a station stands.
+    /// The status of a station's guard.
     pub(super) fn guard_status(&self, index: usize, now: Duration) -> Option<GuardStatus> {
         self.stations
             .get(index)?

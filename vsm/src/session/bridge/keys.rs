@@ -1,6 +1,6 @@
 //! Keys of a running bridge: rollovers that an earlier process did not finish, and keys agreed over the air.
 //!
-//! The exchange itself is a machine beside the bridge; what it sends and receives passes through the vehicle's link here.
+//! The exchange itself is a machine beside the bridge; its messages pass through the vehicle's link here.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::session::link::key_agreement::ExchangeNotice;
 use crate::session::link::key_recovery::KeyChange;
 
 impl Bridge {
-    /// KEY_EXCHANGE frames of this vehicle's link are wanted from now on.
+    /// From now on KEY_EXCHANGE frames of this vehicle's link are kept for the exchange.
     pub fn want_key_exchange(&mut self, index: usize) {
         if let Some(aircraft) = self.aircraft.get_mut(index) {
             aircraft.link.agreement.wanted = true;
@@ -36,8 +36,8 @@ impl Bridge {
             .pop_front()
     }
 
-    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` where there is none yet; false where it cannot
-    /// leave now.
+    /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` if there is none yet. Returns false if it
+    /// cannot be sent now.
     pub fn send_key_exchange(
         &mut self,
         index: usize,
@@ -54,7 +54,7 @@ impl Bridge {
             .send_key_exchange(now, payload, otherwise, disk)
     }
 
-    /// A key that the vehicle may sign with from some moment on: it is looked for in its frames.
+    /// A key that the vehicle may begin to sign with: its frames are checked for it.
     ///
     /// # Errors
     /// The clock of the key cannot be read.
@@ -72,7 +72,7 @@ impl Bridge {
         }
     }
 
-    /// The agent reports, proven, that the vehicle signs with the next key already, and it is the current one on disk.
+    /// A proven report of the agent: the vehicle already signs with the next key, which is the current one on disk.
     pub fn adopt_next_key(&mut self, index: usize, now: Now, disk: &mut dyn Disk) {
         if let Some(aircraft) = self.aircraft.get_mut(index) {
             aircraft.link.adopt_next_key(now, disk);
@@ -117,7 +117,7 @@ impl Bridge {
         }
     }
 
-    /// The vehicle of this index may have `next` instead of its key: until that is known nothing of it is delivered.
+    /// The vehicle with this index may have `next` instead of its key: until that is known, no frame of it is delivered.
     ///
     /// # Errors
     /// The disk cannot be read, or both are the same key.
@@ -138,7 +138,7 @@ impl Bridge {
         }
     }
 
-    /// The next change that the key files need, and of which vehicle.
+    /// The next change that the key files need, and its vehicle.
     pub fn poll_key_change(&mut self) -> Option<(usize, KeyChange)> {
         self.aircraft.poll_key_change()
     }

@@ -1,7 +1,8 @@
-//! What a map shows beside where the vehicles are: routes, fences, rally points, home. It changes seldom, and is large:
-//! /map.json, apart from the status.
+//! Data of a map besides the vehicles' positions: routes, fences, rally points, home. It rarely changes and is large, so it
+//! has its own /map.json, apart from the status.
 //!
-//! A route is that which was read back from the vehicle. Whether the vehicle still names it, and the fence, stands beside.
+//! A route is the one that was read back from the vehicle. A flag shows whether the vehicle still reports it, and the
+//! fence.
 
 use mapping::altitude::Level;
 use mapping::area::{Area, Shape};
@@ -17,11 +18,11 @@ use crate::session::aircraft::Aircraft;
 pub struct VehicleMap {
     /// Vehicle ID.
     pub id: String,
-    /// HOME_POSITION; none where the vehicle has not reported it.
+    /// HOME_POSITION; `None` if the vehicle has not reported it.
     pub home: Option<[f64; 3]>,
     /// The route that was uploaded and read back.
     pub route: Option<RouteMap>,
-    /// The geofence: of the configuration, and as ground stations had it loaded.
+    /// The geofence: areas of the configuration, and those loaded by ground stations.
     pub fence: FenceMap,
     /// The rally points of the configuration.
     pub rally: Vec<PlaceMap>,
@@ -32,11 +33,11 @@ pub struct VehicleMap {
 pub struct RouteMap {
     /// 13000's Mission ID.
     pub name: String,
-    /// Whether the vehicle names it as its mission; none where it names none.
+    /// Whether the vehicle reports it as its mission; `None` if it reports none.
     pub aboard: Option<bool>,
     /// The waypoints in the order that they are flown.
     pub waypoints: Vec<WaypointMap>,
-    /// Each place that is flown to, in order: curves by their chords, landings too.
+    /// Every place that is flown to, in order: curves as chords, and landings.
     pub path: Vec<PlaceMap>,
 }
 
@@ -45,7 +46,7 @@ pub struct RouteMap {
 pub struct WaypointMap {
     /// The CUCS's number.
     pub number: u16,
-    /// Where.
+    /// Its place.
     #[serde(flatten)]
     pub place: PlaceMap,
     /// The speed commanded on the leg to it, m/s.
@@ -57,14 +58,14 @@ pub struct WaypointMap {
 pub struct PlaceMap {
     /// Degrees north and east.
     pub at: [f64; 2],
-    /// Metres above mean sea level; none where it is a height above home, and home is not known.
+    /// Metres above mean sea level; `None` for a height above home while home is not known.
     pub amsl_m: Option<f64>,
 }
 
 /// A geofence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FenceMap {
-    /// Whether the vehicle names these areas; none where there are none, or it names nothing.
+    /// Whether the vehicle reports these areas; `None` if there are none, or it reports nothing.
     pub aboard: Option<bool>,
     /// The areas.
     pub areas: Vec<AreaMap>,
@@ -73,16 +74,16 @@ pub struct FenceMap {
 /// One area of a geofence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AreaMap {
-    /// Whether the vehicle stays inside, else outside.
+    /// Whether the vehicle must stay inside; otherwise outside.
     pub keep_in: bool,
-    /// Corners in turn; a circle has its centre alone.
+    /// Corners in order; for a circle only its centre.
     pub corners: Vec<[f64; 2]>,
-    /// Of a circle, m.
+    /// Radius of a circle, m.
     pub radius_m: Option<f64>,
 }
 
 impl Bridge {
-    /// What a map shows of each vehicle.
+    /// The map's data of each vehicle.
     #[must_use]
     pub fn map(&self) -> Vec<VehicleMap> {
         self.aircraft.iter().map(vehicle).collect()
@@ -144,7 +145,8 @@ pub(crate) fn place(at: (f64, f64), level: Level, home_m: Option<f64>) -> PlaceM
     }
 }
 
-/// The place that an item is flown to: none of a DO command, which may have one too (what a camera looks at).
+/// The place that an item is flown to. A DO command has none, although it may name a place (such as what a camera looks
+/// at).
 pub(crate) fn flown_to(item: &Item, home_m: Option<f64>) -> Option<PlaceMap> {
     if !item.is_global() || item.command >= MAV_CMD_NAV_LAST {
         return None;
@@ -166,5 +168,5 @@ fn area(area: &Area) -> AreaMap {
     }
 }
 
-/// Commands below it are flown (MAV_CMD).
+/// MAV_CMDs below this number are flown to.
 const MAV_CMD_NAV_LAST: u16 = 95;

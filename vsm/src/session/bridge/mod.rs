@@ -119,7 +119,7 @@ pub struct Bridge {
     lifts: Vec<(SocketAddr, Box<[u8]>)>,
     /// Seals datagrams to the group for CUCSs with a guard; `None` until there is a secret for its keys.
     guard_group: Option<GroupSender>,
-    /// When each guard was offered the group's key last.
+    /// When each guard was last offered the group's key.
     offered: BTreeMap<Id, Duration>,
     /// Steps of an exchange about a guard key, and where they came from.
     guard_steps: VecDeque<(SocketAddr, Box<[u8]>)>,
@@ -129,7 +129,7 @@ pub struct Bridge {
     asker: Option<usize>,
     /// Messages for stations of Edition 2.5.
     translated: VecDeque<Datagram>,
-    /// The latest of it that went to the group, by type and instance.
+    /// The latest ones sent to the group, by type and instance.
     sent_to_group: VecDeque<(u32, u32)>,
     /// The holders of each vehicle, as last shown to these stations.
     shown_holders: Vec<(Id, Id, LoiBitmap)>,
@@ -246,6 +246,7 @@ impl Bridge {
         bridge.waiting = (bridge.logical.iter().copied())
             .filter(|(real, _)| unheld(*real))
             .collect();
+        // The VSM's own alerts have the number after the vehicles of the start.
         bridge.next_number += 1;
         bridge.restore_commands(now, disk)?;
         bridge.restore_contingencies(disk);
@@ -308,7 +309,7 @@ impl Bridge {
                 let of = aircraft.find_mut(seen.destination);
                 let answered =
                     of.is_some_and(|aircraft| aircraft.resume_command(&mut dli, index, &seen));
-                // It has the same result when it is sent again, and must not be answered as a duplicate then.
+                // If it is sent again it gets the same result; it must not be answered as a duplicate then.
                 if !answered {
                     self.remembered[index].forget(seen.digest);
                 }
@@ -356,7 +357,7 @@ impl Bridge {
             .filter(|real| is_there(*real))
             .collect();
         for real in there {
-            // First in the name of the logical id, then in its own.
+            // First under the logical id, then under its own.
             for _ in 0..2 {
                 let (mut dli, aircraft) = self.effects(now, disk);
                 if let Some(one) = aircraft.find_mut(real) {
@@ -449,7 +450,7 @@ impl Bridge {
         self.aircraft.poll_transmit()
     }
 
-    /// The line of a log that traces datagrams, for one that is sent to a station.
+    /// The log line for a datagram that is sent to a station, if datagrams are traced.
     #[must_use]
     pub fn trace_dli(&self, to: SocketAddr, datagram: &Datagram) -> LogEntry {
         LogEntry {

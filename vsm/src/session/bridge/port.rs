@@ -1,8 +1,8 @@
 //! One link: a socket or a serial line, which several vehicles may share, each with its own system id, key and peer.
 //!
-//! Each vehicle has a parser and an address of its own, so a link has little to remember: a row of whole frames is divided
-//! by the system ids in their headers, and each piece is for the vehicle that has the id. What is no such row (a serial
-//! line, a frame that is cut in two) is for all of them, and each takes what is its own.
+//! Each vehicle has a parser and an address of its own, so a link has little to remember. A sequence of whole frames is
+//! divided by the system ids in their headers, and each piece goes to the vehicle with that id. Other bytes (of a serial
+//! line, or a frame cut in two) go to all vehicles, and each takes its own frames.
 
 use std::time::Duration;
 
@@ -15,23 +15,23 @@ use crate::session::link::frame::Peer;
 #[derive(Debug)]
 pub(super) struct Port {
     pub(super) link: LinkAddress,
-    /// Who sent the beginning of a frame last: what this peer sends next may be the rest of it.
+    /// The peer that last sent the beginning of a frame: its next bytes may be the rest of it.
     cut: Option<Peer>,
-    /// Systems that no vehicle of the link has, and that have been logged.
+    /// Systems without a vehicle on this link that have been logged.
     pub(super) named: Vec<NamedSystem>,
 }
 
-/// A system that no vehicle of the link has.
+/// A system without a vehicle on this link.
 #[derive(Debug)]
 pub(super) struct NamedSystem {
     pub(super) system: u8,
-    /// When it was logged last.
+    /// When it was last logged.
     pub(super) at: Duration,
-    /// How many frames of it there were then.
+    /// The number of its frames at that time.
     pub(super) frames: u32,
 }
 
-/// A part of what arrived: so many bytes, of this system where they are whole frames of one.
+/// A part of the received bytes; of this system if it consists of whole frames of one.
 pub(super) struct Piece {
     pub(super) system: Option<u8>,
     pub(super) length: usize,

@@ -1,8 +1,8 @@
-//! Another configuration while the bridge runs: applied as a whole, or not at all.
+//! A changed configuration while the bridge runs: applied as a whole, or not at all.
 //!
-//! What has not changed keeps its rights, its link and its state. A station keeps its place also once it is removed,
-//! because machines know it by its index; who comes back finds what it has sent remembered, so that nothing is carried out
-//! a second time. What may change is decided in [`Config::changes`](crate::config::Config::changes).
+//! What has not changed keeps its rights, its link and its state. A station keeps its index even after it is removed,
+//! because machines identify it by that. If it is added again its messages are still remembered, so that nothing is carried
+//! out a second time. [`Config::changes`](crate::config::Config::changes) decides what may change.
 
 use std::time::Duration;
 
@@ -36,11 +36,11 @@ impl Bridge {
         })
     }
 
-    /// Continues with another configuration. Vehicles of it that are not served yet have their [`LinkEnd`] in `ends`, in
-    /// its order; they follow those that are.
+    /// Continues with another configuration. Vehicles that are not served yet have their [`LinkEnd`] in `ends`, in the
+    /// order of the configuration; they are appended to the present ones.
     ///
     /// # Errors
-    /// A record of what is added cannot be read; nothing has changed then.
+    /// A record of something added cannot be read; then nothing has changed.
     pub fn reload(
         &mut self,
         config: &Config,
@@ -73,7 +73,7 @@ impl Bridge {
         });
         if let Err(fault) = added {
             self.aircraft.truncate(served);
-            // Those that were added have no right yet, and become removed ones.
+            // Stations that were added hold no right yet and become removed ones.
             self.set_stations(&before.iter().collect::<Vec<_>>(), &config.dli, now, disk)?;
             for (station, profile) in self.stations.iter_mut().zip(profiles) {
                 station.profile = profile;
@@ -118,7 +118,7 @@ impl Bridge {
         Ok(())
     }
 
-    /// Lists these stations and no others.
+    /// Sets the configured stations.
     fn set_stations(
         &mut self,
         listed: &[&Cucs],
@@ -126,13 +126,14 @@ impl Bridge {
         now: Now,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
-        // What is read comes first: it can fail.
+        // Reading comes first, since it can fail.
         let mut new = Vec::new();
         for cucs in listed {
             if self.stations.iter().all(|one| one.id() != cucs.id) {
                 let mut remembered = Remembered::default();
-                // What an earlier run left open is refused from here on: it may have been carried out. Nothing else is done
-                // about it, as a start does with an interrupted launch: by now the vehicle obeys others.
+                // Commands that an earlier process left open are refused from now on: they may have been carried out.
+                // Nothing else is done about them (a start ends an interrupted launch), since by now the vehicle obeys
+                // others.
                 for seen in remembered.restore(cucs.id, now.mono, disk)? {
                     if may_come_again(seen.message_type) {
                         remembered.forget(seen.digest);
@@ -153,8 +154,8 @@ impl Bridge {
                 let readings = station.profile.readings.clone();
                 station.profile.reconfigure(cucs, dli);
                 if station.profile.readings != readings {
-                    // What waits would be read again before it is stamped: a "carried out" might become a "refused". The
-                    // station asks again for what it misses.
+                    // A waiting message is decoded again before it is stamped: with other readings a "carried out" might
+                    // become a "refused". The station will request again what it misses.
                     self.paths.drop_waiting(index);
                     self.outbox.drop_written(cucs.id);
                 }

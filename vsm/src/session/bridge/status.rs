@@ -34,13 +34,14 @@ pub struct Status {
     pub vsm: String,
     /// Since the start, s.
     pub uptime_s: f64,
-    /// What the operator should change, or know that it stands.
+    /// What the operator should change, or know about.
     pub warnings: Vec<String>,
     /// Drops and refusals of the DLI side, by name.
     pub refused: Counters,
-    /// Of these, what is no fault: repetitions, what is for others of the group, what waits for the proof of an address.
+    /// Those that are no fault: repetitions, messages for others of the group, messages that wait for the proof of an
+    /// address.
     pub set_aside: Counters,
-    /// What the recordings have left out or removed, by the reason.
+    /// What recordings have left out or removed, by reason.
     pub recordings: Counters,
     /// DLI messages taken, by type.
     pub received: ByType,
@@ -48,7 +49,7 @@ pub struct Status {
     pub sent: ByType,
     /// The names of these types.
     pub message_names: BTreeMap<u32, &'static str>,
-    /// Messages that are held until the disk has what they promise.
+    /// Messages that are held until the disk has stored what they promise.
     pub held: usize,
     /// What does not work, and why.
     pub findings: Vec<Finding>,
@@ -56,9 +57,9 @@ pub struct Status {
     pub logged: Vec<Logged>,
     /// The ground stations.
     pub stations: Vec<StationStatus>,
-    /// What each of them may do with each vehicle.
+    /// The rights of each of them over each vehicle.
     pub rights: Vec<RightsStatus>,
-    /// The access list; none where none is configured.
+    /// The access list; `None` if none is configured.
     pub access: Option<AccessStatus>,
     /// The vehicles.
     pub vehicles: Vec<VehicleStatus>,
@@ -79,7 +80,7 @@ pub struct Logged {
     pub text: String,
 }
 
-/// How long ago a line of the log may be that the status still shows: as long as what arrived stays in evidence.
+/// Maximum age of a log line in the status: as long as received data stays in evidence.
 pub const LATELY: Duration = Duration::from_secs(300);
 
 /// One ground station.
@@ -87,17 +88,18 @@ pub const LATELY: Duration = Duration::from_secs(300);
 pub struct StationStatus {
     /// CUCS ID.
     pub id: String,
-    /// Where it is sent to.
+    /// The address that it is sent to.
     pub address: Option<String>,
-    /// Whether it has proved to be there: "answered", "configured" (the operator vouches for the address), "none", or "recorded".
+    /// Whether its address is proven: "answered", "configured" (the operator vouches for the address), "none", or
+    /// "recorded".
     pub proof: &'static str,
-    /// Since anything of it was accepted, s.
+    /// Time since a message of it was last accepted, s.
     pub silent_s: Option<f64>,
     /// The state of its guard; `None` if it has none, so that anybody can send in its name.
     pub guard: Option<GuardStatus>,
-    /// Its connection, where it is a web client.
+    /// Its connection, if it is a web client.
     pub web: Option<WebStatus>,
-    /// Lines of its `[[cucs]]` that would fix how it speaks, by what was received.
+    /// Lines for its `[[cucs]]` that would fix its dialect, by what was received.
     pub profile: Vec<String>,
 }
 
@@ -108,7 +110,7 @@ pub struct VehicleStatus {
     pub id: String,
     /// Tail Number.
     pub tail_number: String,
-    /// Whether its data are fresh.
+    /// Whether its data are recent.
     pub live: bool,
     /// PX4's name of its mode.
     pub mode: Option<&'static str>,
@@ -116,7 +118,7 @@ pub struct VehicleStatus {
     pub armed: Option<bool>,
     /// Degrees north, degrees east, metres above mean sea level.
     pub position: Option<[f64; 3]>,
-    /// How it moves.
+    /// Its motion.
     pub motion: MotionStatus,
     /// Energy left, 0 to 100 %.
     pub battery_percent: Option<u8>,
@@ -124,36 +126,36 @@ pub struct VehicleStatus {
     pub on_ground: Option<bool>,
     /// The waypoint that it flies to, by the CUCS's number.
     pub flies_to: Option<u16>,
-    /// Alerts that stand, the most urgent first.
+    /// Active alerts, the most urgent first.
     pub alerts: Vec<AlertStatus>,
     /// Where its sensors look.
     pub looks_at: Vec<FootprintStatus>,
     /// The CUCS that holds LOI 4 or 5.
     pub controller: Option<String>,
-    /// The MAVLink system that may command it, 0 for nobody; none where the vehicle does not report it.
+    /// The MAVLink system that may command it, 0 for nobody; `None` if the vehicle does not report it.
     pub operator_control: Option<u8>,
     /// LOI bits by CUCS.
     pub rights: BTreeMap<String, u8>,
-    /// Who holds what, and since when.
+    /// The holders of rights, and since when.
     pub holders: Vec<HolderStatus>,
-    /// Handovers that are not decided yet.
+    /// Undecided handovers.
     pub handovers: Vec<HandoverStatus>,
     /// Items of the mission aboard, as loaded and read back.
     pub mission_items: Option<usize>,
-    /// What became of its curved legs.
+    /// How its curved legs were compiled.
     pub mission_curves: Option<Curved>,
     /// The altitudes that it must stay within.
     pub altitude_band: BandStatus,
-    /// The rally points of the configuration; none where it has none.
+    /// The rally points of the configuration; `None` if it has none.
     pub rally_points: Option<RallyStatus>,
     /// Its MAVLink.
     pub link: LinkStatus,
 }
 
-/// How a vehicle moves, as it reports it.
+/// The motion of a vehicle, as reported.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MotionStatus {
-    /// Where its nose points, 0 to 360 degrees from true north.
+    /// Heading, 0 to 360 degrees from true north.
     pub heading_deg: Option<f64>,
     /// m/s.
     pub ground_speed_m_s: Option<f64>,
@@ -165,7 +167,7 @@ pub struct MotionStatus {
     pub above_home_m: Option<f64>,
 }
 
-/// An alert that stands.
+/// An active alert.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AlertStatus {
     /// Warning ID of its 16000.
@@ -174,7 +176,7 @@ pub struct AlertStatus {
     pub priority: String,
     /// Its text.
     pub text: String,
-    /// Who has acknowledged it, as it stands now.
+    /// The ground stations that have acknowledged its present text.
     pub acknowledged: Vec<AcknowledgedStatus>,
 }
 
@@ -187,7 +189,7 @@ pub struct AcknowledgedStatus {
     pub at_ms: u64,
 }
 
-/// Where a sensor of a vehicle looks.
+/// The point that a sensor of a vehicle looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FootprintStatus {
     /// The payload station, 1 to 32.
@@ -201,7 +203,7 @@ pub struct FootprintStatus {
 /// The altitudes that a vehicle must stay within.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct BandStatus {
-    /// Metres above home, by `vehicle.limits` and GF_MAX_VER_DIST; none in a replay.
+    /// Metres above home, by `vehicle.limits` and GF_MAX_VER_DIST; `None` in a replay.
     pub lowest_m: Option<f64>,
     /// Metres above home.
     pub highest_m: Option<f64>,
@@ -212,9 +214,9 @@ pub struct BandStatus {
 /// The rally points of the configuration.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct RallyStatus {
-    /// How many.
+    /// Their number.
     pub count: usize,
-    /// Whether the vehicle holds them: read back, and named by it now.
+    /// Whether the vehicle holds them: read back, and reported by it now.
     pub aboard: bool,
 }
 
@@ -223,24 +225,24 @@ pub struct RallyStatus {
 pub struct HolderStatus {
     /// CUCS ID.
     pub id: String,
-    /// LOI bits, the implied ones too.
+    /// LOI bits, including implied ones.
     pub loi: u8,
     /// The same by number and name.
     pub levels: String,
     /// Payload stations, 1 to 32.
     pub stations: Vec<u8>,
-    /// Since it last gained one, ms since 1970.
+    /// When it last gained one, ms since 1970.
     pub since_ms: Option<u64>,
 }
 
-/// One handover that is not decided yet.
+/// An undecided handover.
 #[derive(Debug, Clone, Serialize)]
 pub struct HandoverStatus {
     /// The holder.
     pub from: Option<String>,
     /// The acquiring CUCS.
     pub to: String,
-    /// What passes.
+    /// The rights.
     pub rights: String,
     /// What it waits for.
     pub waits_for: &'static str,
@@ -251,58 +253,58 @@ pub struct HandoverStatus {
 pub struct LinkStatus {
     /// As configured.
     pub address: String,
-    /// Where the vehicle is.
+    /// The address of the vehicle.
     pub peer: Option<String>,
-    /// Whether frames must be signed, by the configuration: see `verified_s` for whether they are.
+    /// Whether frames must be signed, by the configuration; `verified_s` shows whether they are.
     pub signed: bool,
     /// The id of the key in force.
     pub key_id: Option<String>,
-    /// Since a frame last verified under a key and was accepted, s; none where none has.
+    /// Time since a frame last verified under a key and was accepted, s; `None` if none has.
     pub verified_s: Option<f64>,
-    /// The id of the key that it verified under.
+    /// The id of the key under which it verified.
     pub verified_key_id: Option<String>,
-    /// What arrives: "verified", on an unsigned link "not verified"; else why it is refused ("not signed", "signed with
-    /// another key", "stale timestamps", ..); none where nothing has arrived for some seconds.
+    /// What arrives: "verified", on an unsigned link "not verified"; otherwise why it is refused ("not signed", "signed
+    /// with another key", "stale timestamps", ..); `None` if nothing has arrived for some seconds.
     pub arrives: Option<&'static str>,
-    /// Frames that verified, with timestamps of before a start of the vehicle: until our heartbeat has lifted them.
+    /// Frames that verified but have timestamps from before a restart of the vehicle, until our heartbeat has raised them.
     pub stale_at_start: u64,
-    /// How it stands: "waiting" (nothing accepted yet), "live", "unanswered" (accepted, but for over 5 s nothing has shown
-    /// that the vehicle receives us), "behind" (verified, but its stamps have fallen back), "ahead" (verified, but stamped
-    /// over an hour ahead) or "settling" (which of two keys the vehicle has is being found out).
+    /// Its state: "waiting" (nothing accepted yet), "live", "unanswered" (accepted, but for over 5 s nothing has shown that
+    /// the vehicle receives us), "behind" (verified, but its stamps have fallen back), "ahead" (verified, but stamped over
+    /// an hour ahead) or "settling" (it is being determined which of two keys the vehicle has).
     pub state: &'static str,
     /// Since when it has been live, s.
     pub live_s: Option<f64>,
-    /// How old the newest frame of ours is that a verified frame of the vehicle has answered, or the first where none has
-    /// been, s; none on an unsigned link.
+    /// The age of our newest frame that a verified frame of the vehicle has answered, or of the first one if none has been
+    /// answered, s; `None` on an unsigned link.
     pub unanswered_s: Option<f64>,
-    /// Frames that verified under the key and were refused all the same, by the reason.
+    /// Frames that verified under the key but were refused, by reason.
     pub refused_though_verified: BTreeMap<&'static str, u64>,
-    /// The shortest way there and back of late, s (TIMESYNC); none where the vehicle does not answer.
+    /// The shortest recent round trip, s (TIMESYNC); `None` if the vehicle does not answer.
     pub round_trip_s: Option<f64>,
-    /// The part of the vehicle's frames of late that did not arrive, 0 to 1, by gaps in their numbers.
+    /// The part of the vehicle's recent frames that did not arrive, 0 to 1, by gaps in their numbers.
     pub lost: Option<f64>,
-    /// Whether what the vehicle measures is dated by its own clock; else by its arrival.
+    /// Whether measurements of the vehicle are dated by its own clock; otherwise by their arrival.
     pub clock_known: bool,
-    /// How keys are agreed about over the air, where they are.
+    /// The key exchange over the air, if there is one.
     pub exchange: Option<ExchangeStatus>,
-    /// How the encrypted link stands, where the vehicle has one (`encrypt`).
+    /// The state of the encrypted link, if the vehicle has one (`encrypt`).
     pub encryption: Option<EncryptionStatus>,
-    /// Refused frames in the vehicle's name, by the reason.
+    /// Refused frames in the vehicle's name, by reason.
     pub refused: BTreeMap<&'static str, u64>,
-    /// Frames of systems that are no vehicle of this link, such as those which a vehicle passes on.
+    /// Frames of systems that are no vehicle of this link, such as those that a vehicle forwards.
     pub strangers: u64,
-    /// Of these, by their system id.
+    /// The same, by system id.
     pub other_systems: BTreeMap<u8, u32>,
-    /// Frames by what became of them.
+    /// Frames by result.
     pub frames: BTreeMap<&'static str, u64>,
-    /// Believed, by message id.
+    /// Accepted, by message id.
     pub received: ByType,
     /// Sent, by message id.
     pub sent: ByType,
 }
 
 impl LinkStatus {
-    /// Of a recording: signatures are not recorded, and nothing else of the link is.
+    /// For a recording: signatures are not recorded, nor is anything else about the link.
     pub(crate) fn recorded(live: bool) -> LinkStatus {
         LinkStatus {
             address: String::new(),
@@ -333,7 +335,7 @@ impl LinkStatus {
 }
 
 impl Bridge {
-    /// A picture of now.
+    /// The present status.
     #[must_use]
     pub fn status(&self, vsm: String, now: Duration) -> Status {
         let each = self.stations.iter().enumerate();
@@ -447,7 +449,7 @@ impl Bridge {
     }
 }
 
-/// The types are counted as they came: one that no table has stays without a name.
+/// Types are counted as received: one that is in no table has no name.
 fn message_names(counted: &[&ByType]) -> BTreeMap<u32, &'static str> {
     let types = counted.iter().flat_map(|types| types.iter());
     let named = types.filter_map(|(id, _)| {
@@ -470,7 +472,7 @@ fn set_aside(refused: &Counters) -> Counters {
     set_aside
 }
 
-/// How it moves, by what it reports.
+/// The motion of a vehicle, by its reports.
 pub(crate) fn motion(telemetry: &Telemetry) -> MotionStatus {
     let yaw = telemetry.attitude.map(|attitude| attitude.yaw);
     MotionStatus {
@@ -498,7 +500,7 @@ fn alerts(aircraft: &Aircraft) -> Vec<AlertStatus> {
     shown.collect()
 }
 
-/// From the present reports of gimbals and cameras: empty for a vehicle that is not received.
+/// The points that its sensors look at, by recent reports of gimbals and cameras; empty for a vehicle that is not received.
 fn looks_at(aircraft: &Aircraft, now: Duration) -> Vec<FootprintStatus> {
     let vehicle = &aircraft.vehicle;
     let ground = payload::ground(&aircraft.bounds, &vehicle.telemetry);
@@ -517,7 +519,7 @@ fn looks_at(aircraft: &Aircraft, now: Duration) -> Vec<FootprintStatus> {
     )
 }
 
-/// Where sensors of this equipment look; of what reports itself, where none is configured.
+/// The points that sensors of this equipment look at; of the equipment that reports itself, if none is configured.
 pub(crate) fn footprints(
     payloads: &Payloads,
     configured: &[Equipment],

@@ -1,4 +1,4 @@
-//! The vehicles on their links: how one begins to be served, to which of them a frame goes, and who else sends there.
+//! The vehicles on their links: how a vehicle is added, which vehicle receives a frame, and who else sends there.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ use crate::session::log::LogLevel;
 use crate::session::trace::LinkTrace;
 
 impl Bridge {
-    /// Begins to serve a vehicle, with what was stored of it.
+    /// Adds a vehicle, with its stored state.
     ///
     /// # Errors
     /// A record of the store cannot be read.
@@ -62,7 +62,7 @@ impl Bridge {
         self.ports.iter().position(|port| port.link == *link)
     }
 
-    /// The index of a link, which is given one where it has none.
+    /// The index of a link; adds it if it is new.
     fn port_of(&mut self, link: &LinkAddress) -> usize {
         self.link_index(link).unwrap_or_else(|| {
             self.ports.push(Port::new(link.clone()));
@@ -91,7 +91,7 @@ impl Bridge {
             }
             let piece;
             (piece, rest) = rest.split_at(length);
-            // A system that nobody here has: each counts its frames, and names it.
+            // No vehicle here has this system id: each of them counts its frames and names it.
             let here = self.aircraft.on_port(port);
             system = system.filter(|system| here.iter().any(|(known, _)| known == system));
             let trace = self.trace;
@@ -130,7 +130,7 @@ impl Bridge {
         }
     }
 
-    /// Systems that send on a vehicle's link and are no vehicle of it, with how many frames of each.
+    /// Systems that send on a vehicle's link without being a vehicle there, with the number of their frames.
     pub(super) fn others_on_link<'a>(
         &'a self,
         of: &'a Aircraft,
@@ -141,8 +141,8 @@ impl Bridge {
         others.filter(move |(system, _)| !ours(*system))
     }
 
-    /// Logs each system that sends on a link and is configured nowhere there: a second autopilot or ground station beside a healthy
-    /// vehicle is what nobody looks for. Again once in a while, as long as it sends.
+    /// Logs each system that sends on a link and is not configured there: nobody looks for a second autopilot or ground
+    /// station beside a healthy vehicle. Repeats it once in a while, as long as the system sends.
     pub(super) fn name_others(&mut self, now: Now, disk: &mut dyn Disk) {
         for index in 0..self.aircraft.len() {
             let Some(one) = self.aircraft.get(index) else {
@@ -183,7 +183,7 @@ impl Bridge {
     }
 }
 
-/// How the link of a vehicle is configured, with what was learned of it in an earlier run.
+/// The configuration of a vehicle's link, with what an earlier process has learned about it.
 ///
 /// # Errors
 /// The disk cannot be read.
@@ -208,7 +208,7 @@ pub fn link_config(
     Ok(link)
 }
 
-/// Systems of one link that are named in the log, at the most.
+/// Maximum number of systems of one link that are named in the log.
 const MAX_NAMED: usize = 8;
-/// One that still sends is named again after this time.
+/// A system that still sends is named again after this time.
 const NAMED_AGAIN: Duration = Duration::from_secs(300);

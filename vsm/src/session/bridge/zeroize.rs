@@ -1,9 +1,9 @@
-//! Zeroize (50024): what a CUCS with LOI 5, or an operator of this computer, orders of the whole VSM.
+//! Zeroize (50024): an order of a CUCS with LOI 5, or of an operator of this computer, for the whole VSM.
 //!
-//! [`rules`](crate::session::zeroize) decides. Here an order becomes what it decides by, and what it decides becomes answers, alerts to
-//! every station that listens, and entries of every vehicle's audit log. The bridge itself erases nothing: it is asked whether it is
-//! ordered ([`Bridge::zeroize_to_store`]) by the shell, which stores the order, reports that back
-//! ([`Bridge::zeroize_stored`]), ends, and erases what lies on the disk.
+//! [`rules`](crate::session::zeroize) decides. This module converts an order to the input of the rules, and their decision
+//! to answers, alerts to every listening station, and entries of every vehicle's audit log. The bridge itself erases
+//! nothing. The shell asks it whether an order has to be stored ([`Bridge::zeroize_to_store`]), stores it, reports the
+//! result ([`Bridge::zeroize_stored`]), ends, and erases the files on disk.
 
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
@@ -37,7 +37,7 @@ impl Bridge {
             done.map(|outcome| (order, outcome)).map_err(|refusal| {
                 let why = text::refusal(refusal, armed_s);
                 if refusal != Refusal::Steps(two_steps::Refusal::NotPlanned) {
-                    // Who tries to erase it is known to all.
+                    // All stations are notified of an attempt to erase the VSM.
                     let text = format!("zeroize of {} refused: {why}", at.by);
                     self.alert_of_zeroize(now, None, text, disk);
                 }
@@ -69,7 +69,7 @@ impl Bridge {
         }
     }
 
-    /// An operator of this computer orders it. Nothing else confirms it: they have.
+    /// An operator of this computer orders it. It needs no second step: the operator has confirmed it.
     ///
     /// # Errors
     /// Why it is refused.
@@ -87,14 +87,14 @@ impl Bridge {
         Ok(())
     }
 
-    /// Whether an order is to be stored now.
+    /// Whether an order has to be stored now.
     #[must_use]
     pub fn zeroize_to_store(&self) -> bool {
         self.zeroize.waiting.is_some()
     }
 
-    /// The order is on the disk, and will be carried out whatever happens; or that is not certain (why), and it is carried out; or
-    /// it could not be stored, and nothing is erased.
+    /// The order is stored and will be carried out whatever happens; or it is uncertain (why) whether it is, and it is
+    /// carried out; or it could not be stored, and nothing is erased.
     pub fn zeroize_stored(
         &mut self,
         now: Now,
@@ -120,7 +120,7 @@ impl Bridge {
         };
         match stored {
             Ok(None) => dli.acknowledge(vehicle, &origin, AckType::CarriedOut),
-            // Neither promise of 17000 would hold: the alert says what does.
+            // Neither answer of 17000 would be true: the alert describes the state.
             Ok(Some(_)) => {}
             Err(why) => {
                 if let Some(one) = aircraft.find_mut(vehicle) {
@@ -130,13 +130,13 @@ impl Bridge {
         }
     }
 
-    /// Whether what is ordered is meant in flight, too: agents are ordered the same.
+    /// Whether the order is meant for vehicles in flight too: agents get the same order.
     #[must_use]
     pub fn zeroizes_in_flight(&self) -> bool {
         self.zeroize.in_flight
     }
 
-    /// What has become of it beyond this computer: of the agent of a vehicle, or of its autopilot's key.
+    /// The result beyond this computer: at the agent of a vehicle, or for its autopilot's key.
     pub fn zeroized_beyond(&mut self, now: Now, vehicle: Id, what: &str, disk: &mut dyn Disk) {
         let why = &format!("ZEROIZE of vehicle {vehicle}: {what}");
         let (mut dli, aircraft) = self.effects(now, disk);
@@ -189,7 +189,7 @@ impl Bridge {
         self.alert_of_zeroize(now, priority, words, disk);
     }
 
-    /// An alert to every station that listens to any vehicle; without a priority it happened once, and nothing stands.
+    /// Sends an alert to every station that listens to any vehicle; without a priority it is a single event.
     fn alert_of_zeroize(
         &mut self,
         now: Now,
@@ -225,7 +225,7 @@ impl Bridge {
             handover: one.authority.is_handed_over(),
             proven: station.proven,
             delay: station.delay,
-            // Its layout is this project's own.
+            // Its layout is defined by this project.
             layout: true,
             plan: self.zeroize.plan(self.guarded == Some(origin.station)),
             vehicle: self.fleet(Some(station.id())),
