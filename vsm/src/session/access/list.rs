@@ -124,7 +124,7 @@ impl fmt::Debug for AccessKey {
 }
 
 type Mac = [u8; 32];
-/// Those of the entries, and that of the list.
+/// The MACs of the entries, and that of the list.
 type Macs = (Vec<Mac>, Mac);
 
 impl AccessList {
@@ -172,7 +172,7 @@ impl AccessList {
         Ok(())
     }
 
-    /// Takes out the entries for which that holds; how many there were.
+    /// Removes the entries for which this holds; returns their number.
     pub fn revoke(&mut self, of: impl Fn(&AccessEntry) -> bool) -> usize {
         let before = self.entries.len();
         self.entries.retain(|entry| !of(entry));
@@ -222,7 +222,7 @@ impl AccessList {
         text
     }
 
-    /// Reads a list without verifying its MACs: only to show or change it.
+    /// Reads a list without verifying its MACs: only for showing or changing it.
     ///
     /// # Errors
     /// It is not a list: with the line and what was expected.
@@ -257,7 +257,7 @@ impl AccessList {
     }
 }
 
-/// The list, and the MACs of its entries and of itself where it is signed.
+/// The list, and the MACs of its entries and of itself if it is signed.
 fn parse(bytes: &[u8]) -> Result<(AccessList, Option<Macs>), ListError> {
     if bytes.len() > MAX_LIST_BYTES {
         return Err(ListError::TooLong(bytes.len()));
@@ -311,7 +311,7 @@ fn parse(bytes: &[u8]) -> Result<(AccessList, Option<Macs>), ListError> {
     if written == text {
         return Ok((list, signed));
     }
-    // Beside other spellings that is where some MACs are there and others are not.
+    // This catches other spellings, and lists in which only some MACs are present.
     let same = written.lines().zip(text.lines());
     let line = 1 + same.take_while(|(one, other)| one == other).count();
     Err(ListError::Form { line })
@@ -361,7 +361,7 @@ fn line(text: &str) -> Option<Line> {
     }
 }
 
-/// `never`, or a second such as `2027-01-31T00:00:00Z`.
+/// `never`, or a time in seconds such as `2027-01-31T00:00:00Z`.
 #[must_use]
 pub fn parse_until(text: &str) -> Option<Option<NonZeroU64>> {
     match text {

@@ -4,7 +4,7 @@
 //! `list` is the file, `group` the groups of messages, `permits` the permissions of one CUCS. [`Access`] is the list in
 //! force in a VSM, with the clock by which its entries expire.
 //!
-//! Promised:
+//! It promises:
 //! - **It only narrows.** A list gives no right that `[[cucs]]` does not give.
 //! - **No older list** comes into force again, also after restarts: the newest list that was ever in force is kept in the
 //!   store. If the file is damaged, not signed, older, or different with the same version, the stored list stays in force.
@@ -62,7 +62,7 @@ pub(crate) struct Access {
     clock: SigningClock,
     /// Why the file is not in force, if another list is.
     refused: Option<String>,
-    /// Which version the store had at the start.
+    /// The version in the store at the start.
     before: Option<u64>,
 }
 
@@ -73,7 +73,7 @@ pub struct PreparedAccess {
     text: String,
 }
 
-/// A VSM without an access list.
+/// Why a VSM has no access list.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// No list was ever in force, and the file is not a valid list.
@@ -96,15 +96,15 @@ pub enum RenewError {
     /// It is older than the one in force.
     #[error("the access list is version {found}, older than version {in_force}, which is in force: sign it as version {}", .in_force + 1)]
     Older {
-        /// Of the file.
+        /// The file's version.
         found: u64,
-        /// In force.
+        /// The version in force.
         in_force: u64,
     },
     /// Two different lists were signed with the same version.
     #[error("this access list differs from the one in force but has the same version ({version}): sign it as version {}", .version + 1)]
     Another {
-        /// Which.
+        /// The version of both.
         version: u64,
     },
     /// No list can be in force here.
@@ -189,7 +189,7 @@ impl Access {
     /// Checks whether a file is a newer list; `None` if it is the one in force. Changes nothing.
     ///
     /// # Errors
-    /// It is none: why.
+    /// It is not a newer list: why.
     pub(crate) fn prepare(&self, file: &[u8]) -> Result<Option<PreparedAccess>, RenewError> {
         let known = (self.list.version(), &*self.text);
         prepare(file, &self.key, self.list.vsm(), Some(known))
@@ -259,12 +259,12 @@ impl Access {
         of_it.map(permit).collect()
     }
 
-    /// Which version is in force.
+    /// The version in force.
     pub(crate) fn version(&self) -> u64 {
         self.list.version()
     }
 
-    /// Why the file is not.
+    /// Why the file is not in force.
     pub(crate) fn refused(&self) -> Option<&str> {
         self.refused.as_deref()
     }
@@ -284,11 +284,11 @@ impl Access {
 /// The status of the access list.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct AccessStatus {
-    /// Of the list in force.
+    /// The version of the list in force.
     pub version: u64,
     /// The id of the key that it is signed by.
     pub key_id: String,
-    /// How many it has.
+    /// The number of its entries.
     pub entries: usize,
     /// The time by which entries expire; `None` if unknown, in which case all entries with an expiry have expired.
     pub time: Option<String>,
