@@ -1,4 +1,4 @@
-//! `[access]`: the signed access list, by which what a CUCS may do is narrowed.
+//! `[access]`: the signed access list, which narrows what a CUCS may do.
 
 use std::path::PathBuf;
 

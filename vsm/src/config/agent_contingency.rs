@@ -1,4 +1,4 @@
-//! `[contingency]` of `airside.toml`: what the agent flies while nothing is received of the ground.
+//! `[contingency]` of `airside.toml`: what the agent flies while nothing is received from the ground.
 
 use std::time::Duration;
 

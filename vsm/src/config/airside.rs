@@ -1,4 +1,4 @@
-//! The configuration file of the air-side agent, `airside.toml`: a small one of its own, for it lies on another computer.
+//! The configuration file of the air-side agent, `airside.toml`: a separate file, since it is on another computer.
 
 use std::path::{Path, PathBuf};
 

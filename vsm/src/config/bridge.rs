@@ -640,7 +640,7 @@ impl Config {
         for spanned in &self.vehicle {
             let (vehicle, at) = (spanned.get_ref(), spanned.span().start);
             match &vehicle.signing {
-                // A node that was cut off is kept from the vehicle by stamps that rise.
+                // Only rising signature stamps keep a node that was cut off from commanding the vehicle.
                 Signing::Off => {
                     let expected = "a key with store.kind = \"etcd\": without signatures the vehicle would obey two nodes at once";
                     return fault(at, "vehicle.signing", "\"off\"", expected);

@@ -1,7 +1,7 @@
-//! What a configuration that is read again changes of a running bridge, and what waits for a restart.
+//! What a reloaded configuration changes in a running bridge, and what waits for a restart.
 //!
-//! A bridge keeps its addresses, its store and who it is as long as it runs, and a vehicle its link and its key. Whatever
-//! else in a new file is applied. The file is taken as a whole or not at all: where what can be applied does not fit what
+//! A running bridge keeps its addresses, its store and its identity, and a vehicle keeps its link and its key. Everything
+//! else in a new file is applied. The file is applied as a whole or not at all: if the applicable part does not fit what
 //! the bridge keeps, it is refused.
 
 use serde::{Deserialize, Serialize};
@@ -18,18 +18,18 @@ use super::vehicle::Vehicle;
 pub struct Changes {
     /// What the bridge continues with: the new configuration, with what it keeps until a restart.
     pub config: Config,
-    /// What is reported of it.
+    /// The report for the operator.
     pub report: Report,
 }
 
-/// What became of a configuration that was read again.
+/// The result of a reload.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
     /// Why nothing of it was applied.
     pub refused: Option<String>,
     /// What has changed.
     pub applied: Vec<String>,
-    /// Keys that are other than those which the bridge runs with, and wait for a restart.
+    /// Keys that differ from those that the bridge runs with, and wait for a restart.
     pub restart: Vec<String>,
 }
 
@@ -64,7 +64,8 @@ impl Config {
         for table in self.differing(new) {
             match table {
                 "dli" => self.change_dli(new, &mut config, &mut report),
-                // They have their places in the file, and are compared below.
+                // Every change in the file also moves the positions of these values, so they are compared below, entry by
+                // entry.
                 "cucs" | "vehicle" | "authority" | "forward" => {}
                 other => report.restart.push(other.to_owned()),
             }

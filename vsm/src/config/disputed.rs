@@ -1,5 +1,5 @@
-//! `[dli.disputed]`: a peer's reading of what the sources leave open, where it is not this project's; `disputed` of a
-//! `[[cucs]]` is the same for one station, over what `[dli.disputed]` sets for all.
+//! `[dli.disputed]`: a peer's reading of what the sources leave open, where it differs from this project's; `disputed` of a
+//! `[[cucs]]` is the same for one station, and overrides `[dli.disputed]`.
 
 use std::fmt;
 
@@ -38,7 +38,7 @@ impl Readings {
     pub fn with(&self, own: &Readings) -> Readings {
         let mut readings = self.clone();
         for (name, reading) in &own.set {
-            // They were checked when they were read.
+            // They were checked when they were parsed.
             let _ = readings.profile.set(name, reading);
             readings.set.retain(|(known, _)| known != name);
             readings.set.push((name.clone(), reading.clone()));
@@ -123,7 +123,7 @@ mod tests {
             fault.contains("checksum_1") && fault.contains("sum or crc16"),
             "{fault}"
         );
-        // Settled by Edition 2.5: a file that names what holds anyway is taken.
+        // Settled by Edition 2.5: a file that names the value that applies anyway is accepted.
         assert!(parse("loi_bits = \"ed2\"").is_ok());
         let fault = parse("loi_bits = \"m\"").unwrap_err();
         assert!(fault.contains("settled"), "{fault}");

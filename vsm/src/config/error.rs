@@ -1,4 +1,4 @@
-//! What can be wrong with a configuration file, with line, key and expectation.
+//! Errors of a configuration file, with line, key and expectation.
 
 use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ impl ConfigError {
     pub(super) fn read(path: &Path, new: &'static str) -> Result<String, ConfigError> {
         let read = || {
             let mut bytes = Vec::new();
-            // A file that never ends, such as a device, is none of ours.
+            // A file that never ends, such as a device, is not a configuration.
             std::fs::File::open(path)?
                 .take(MAX_BYTES + 1)
                 .read_to_end(&mut bytes)?;

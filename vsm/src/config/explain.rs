@@ -1,8 +1,8 @@
-//! What is wrong with a configuration, in the words of its keys: line, key, value, what was expected, an example.
+//! Explains errors of a configuration by its keys: line, key, value, what was expected, an example.
 //!
-//! The parser knows places and Rust's types; what a key means and which range it has stand where it is declared
-//! ([`key`](super::key)). Here the two are put together. A file that is whole but of another kind is named with the command
-//! that takes it, and nothing of it is quoted: it may be a key.
+//! The parser knows positions and Rust's types; the meaning and range of a key are at its declaration
+//! ([`key`](super::key)). This module combines the two. A valid file of another kind is named with the command that takes
+//! it, and nothing of it is quoted: it may be a key.
 
 use std::ops::Range;
 
@@ -59,7 +59,7 @@ impl<'a> Place<'a> {
             begin += line.len();
         }
         if place.header.is_none() {
-            // A line of several inline tables and lists: the last key before the place is the one.
+            // For a line of several inline tables and lists, the last key before the position counts.
             let whole = text.get(statement..).unwrap_or_default();
             if let Some((outer, rest)) = whole.split_once('=') {
                 place.keys = outer.trim().to_owned();
@@ -123,7 +123,7 @@ pub(super) fn explain(cause: &toml::de::Error, text: &str, keys: &'static [Key])
         fault,
     };
     if message.starts_with("missing field") {
-        // The span is that of the table, or of the whole file.
+        // The missing field has no position: the span is that of its table, or of the whole file.
         let (name, whole) = (quoted(message), place.table.is_empty());
         let table = if whole || start == 0 {
             ""
@@ -172,10 +172,10 @@ pub(super) fn explain(cause: &toml::de::Error, text: &str, keys: &'static [Key])
         return ConfigError::Syntax(cause.to_string().trim_end().into());
     }
     if !syntax && !message.starts_with("invalid ") && !message.starts_with("unknown variant") {
-        // Words of our own already.
+        // The message is already one of our own.
         return fault(&path, format!("is refused: {message}"));
     }
-    // Not even TOML: a text without its quotes, as a rule.
+    // A syntax error is usually a text without its quotes.
     let found = if syntax {
         place.value
     } else {
@@ -266,7 +266,7 @@ pub(super) fn line_of(text: &str, table_at: usize, path: &str) -> usize {
         keys.any(|key| key == name)
     };
     let within = lines.take_while(|(number, line)| {
-        // A table within the table is still of it.
+        // A nested table still belongs to the table.
         *number == first
             || header(line.trim())
                 .is_none_or(|(name, _)| table.starts_with(name) || name.starts_with(table))

@@ -1,4 +1,4 @@
-//! `[[forward]]`: other ground stations beside the bridge, what they receive and whether they may command.
+//! `[[forward]]`: other ground stations besides the bridge, what they receive and whether they may command.
 
 use std::fmt;
 use std::net::SocketAddr;

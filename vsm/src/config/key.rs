@@ -53,7 +53,8 @@ macro_rules! table {
             pub(super) fn differing(&self, other: &Self) -> Vec<&'static str> {
                 let mut keys = Vec::new();
                 $(
-                    // By what they show: not every value can be compared, and none here hides anything.
+                    // By their Debug output: not every type can be compared, and no value of these tables hides anything
+                    // there.
                     if format!("{:?}", self.$field) != format!("{:?}", other.$field) {
                         keys.push($crate::config::key::table!(@name $field $($key)?));
                     }

@@ -3,12 +3,13 @@
 //! Parsing ends in values that cannot be illegal: identification numbers are [`Id`](stanag_msgs::Id)s, links and
 //! addresses are parsed, relative paths are resolved against the folder of the file. Unknown keys are refused.
 //!
-//! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a
-//! number; `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
-//! ranges and of relations between keys; `forward` is of other ground stations; `payload` names payload stations; `rally` is of places to return to; `controls` chooses parameters that a CUCS may set; `terrain` reads elevation files; `termination` is what a
-//! commanded flight termination does, `zeroize` what a zeroize erases; `access` names the access list; `web` the stations of the page; `explain` puts what is wrong into words;
-//! `changes` is what a file that is read again changes; [`airside`] is `airside.toml`, `agent_contingency` a table of it; [`reference`](mod@reference)
-//! writes `docs/reference/configuration.md`.
+//! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a number;
+//! `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
+//! ranges and of relations between keys. `forward` holds other ground stations, `payload` payload stations, `rally` places
+//! to return to, `controls` the parameters that a CUCS may set, `terrain` the elevation files, `termination` the action of
+//! a commanded flight termination, `zeroize` what a zeroize erases, `access` the name of the access list, `web` the
+//! stations of the page. `explain` explains errors; `changes` decides what a reload changes; [`airside`] is `airside.toml`,
+//! and `agent_contingency` a table of it; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
 //!
 //! ```
 //! use vsm::config::Config;

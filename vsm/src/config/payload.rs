@@ -1,7 +1,7 @@
-//! `[[vehicle.payload]]`: the payload stations of a vehicle, where its operator names them.
+//! `[[vehicle.payload]]`: the payload stations of a vehicle, if its operator names them.
 //!
-//! Without it the stations are those that the vehicle shows. Named, they are these and no others: a station keeps its number when
-//! a device is replaced, and a gimbal that nobody may steer has none.
+//! Without this table the stations are those that the vehicle reports. If it is present there are no others: a station
+//! keeps its number when a device is replaced, and a gimbal that nobody may steer has none.
 
 use mapping::payload::Equipment;
 use serde::Deserialize;

@@ -1,4 +1,4 @@
-//! `[[vehicle.rally]]`: places that the vehicle may return to beside home, uploaded as PX4's rally points.
+//! `[[vehicle.rally]]`: places other than home that the vehicle may return to, uploaded as PX4's rally points.
 
 use mapping::area::Area;
 use mapping::rally::{self, Height, MAX_POINTS, RallyPoint};
@@ -28,7 +28,7 @@ impl Rally {
     #[must_use]
     pub fn point(&self) -> RallyPoint {
         let [north, east] = self.place;
-        // `check` has seen one of the two.
+        // `check` has ensured that one of the two is set.
         let height = self.altitude_m.map(Height::Amsl);
         let height = height.or(self.height_m.map(Height::AboveHome));
         RallyPoint {
@@ -47,7 +47,7 @@ pub(super) fn check(points: &[Rally], areas: &[Area], at: usize) -> Result<(), F
     for point in points {
         let [north, east] = point.place;
         let found = format!("[{north}, {east}]");
-        // PX4 takes the place at 0, 0 for one that was never set.
+        // PX4 treats 0, 0 as a place that was never set.
         let never_set = north == 0.0 && east == 0.0;
         let on_earth = north.abs() <= 90.0 && east.abs() <= 180.0;
         if !on_earth || never_set {

@@ -269,7 +269,7 @@ dir = \"state\"
                 .map(|row| split(&row.name))
                 .filter(|(of, _)| *of == table);
             let mut known: BTreeSet<String> = here.map(|(_, key)| key.to_owned()).collect();
-            // Tables within it are listed by their own keys.
+            // Nested tables are listed by their own keys.
             for row in &rows {
                 let inner = row
                     .name
@@ -290,7 +290,7 @@ dir = \"state\"
     }
 
     fn takes_its_defaults(file: &File) -> usize {
-        // Places in the file differ; what is read must not.
+        // Positions in the file differ; the parsed values must not.
         let read = |text: &str| {
             let config = (file.parse)(text).unwrap_or_else(|fault| panic!("{fault}\n{text}"));
             let mut out = String::new();

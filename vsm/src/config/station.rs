@@ -1,7 +1,7 @@
 //! `[[cucs]]`: one ground station, its rights, and how it is spoken to.
 //!
-//! Stations of several makes are served at once: each is answered, and sent its status, by its own entry. What an entry
-//! does not set is `auto`, as the station itself speaks, or as `[dli]` says for all.
+//! Stations of different makes are served at once: each is answered, and sent its status, by its own entry. A key that an
+//! entry does not set is `auto`: as the station itself sends, or as `[dli]` sets for all.
 
 use std::net::IpAddr;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! `vehicle.termination`: what a commanded flight termination (2005) is, planned beforehand. Without the table it is refused.
+//! `vehicle.termination`: the planned action of a commanded flight termination (2005). Without the table it is refused.
 
 use std::time::Duration;
 

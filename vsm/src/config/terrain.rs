@@ -1,8 +1,8 @@
-//! `vehicle.terrain`: the elevation files that routes are compared with, read whole before anything is served.
+//! `vehicle.terrain`: the elevation files that routes are checked against, read completely before anything is served.
 //!
-//! Read at the start and not where a route needs them: a machine does no I/O, a file of 26 MB takes a slow disk a second, and what
-//! is wrong with one must be known before the flight. When the configuration is read again a folder whose files are the
-//! same, by name, length and time of the last change, is not read again: a second copy of it would need a second GiB.
+//! They are read at the start, not when a route needs them: a machine does no I/O, a file of 26 MB takes a slow disk a
+//! second, and a damaged file must be detected before the flight. On a reload, a folder whose files are unchanged in name,
+//! length and modification time is not read again: a second copy in memory would need a second GiB.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -135,7 +135,7 @@ fn list(dir: &Path) -> Result<Vec<Listed>, TerrainFault> {
     if all > MAX_BYTES {
         return Err(fault(dir, too_much(all)));
     }
-    // Where two cover a place the first counts: the same one on every system.
+    // If two files cover a place the first one counts; sorted, so that it is the same one on every system.
     files.sort();
     Ok(files)
 }
@@ -148,7 +148,7 @@ fn read_files(files: &[Listed]) -> Result<Terrain, TerrainFault> {
         let name = path.file_name().and_then(|name| name.to_str());
         let read = Grid::read(name.unwrap_or_default(), bytes);
         let grid = read.map_err(|cause| fault(path, cause.to_string()))?;
-        // A packed file is larger in memory than on the disk.
+        // A compressed file is larger in memory than on disk.
         all += grid.bytes() as u64;
         if all > MAX_BYTES {
             return Err(fault(path, too_much(all)));

@@ -363,7 +363,7 @@ pub(super) fn interface<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> Result<Option<Interface>, D::Error> {
     let text = String::deserialize(deserializer)?;
-    // Names of Linux: no blank, no slash, 15 bytes.
+    // Linux allows these names: no blank, no slash, 15 bytes.
     let is_name = !text.is_empty() && text.len() < 16 && !text.contains([' ', '/', ':']);
     match text.parse() {
         Ok(Interface::Name(_)) if !is_name => {

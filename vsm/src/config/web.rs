@@ -62,8 +62,8 @@ impl Web {
             return fault(0, "web.control", "true without [http]", expected);
         };
         if !http.listen.ip().is_loopback() {
-            // Over a network in the clear the page itself could be changed on its way, and with it the key taken that is typed
-            // into it.
+            // On an unencrypted network an attacker could change the page itself in transit, and steal the key that is
+            // typed into it.
             let expected = "an address of loopback such as 127.0.0.1:8586, since web.control is true: from elsewhere by a proxy \
                             with TLS on this computer, or ssh -L";
             return fault(0, "http.listen", http.listen, expected);

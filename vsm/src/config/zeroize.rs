@@ -1,4 +1,4 @@
-//! `[zeroize]`: what a zeroize erases, and who may order one. `vsm zeroize` needs no permission of it; a message does.
+//! `[zeroize]`: what a zeroize erases, and who may order one. `vsm zeroize` needs no permission here; a message does.
 
 use std::time::Duration;
 
