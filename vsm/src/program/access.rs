@@ -1,4 +1,5 @@
-//! `vsm access`: the access list as a file. Anybody may write a draft; who has the access key signs it, on any computer.
+//! `vsm access`: the access list as a file. Anybody may write a draft; the holder of the access key signs it, on any
+//! computer.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read as _};

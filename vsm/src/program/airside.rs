@@ -66,7 +66,7 @@ fn load(path: &Path) -> Result<AirsideConfig, Failure> {
 fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failure> {
     let config = load(path)?;
     let _log = log(format)?;
-    // Before any key is read, and before a link is open.
+    // Before any key is read and any link is open: after an order to zeroize, nothing may be served.
     zeroize::finish(
         &config.store.dir,
         Some(&|store, _, report| zeroize::beyond_agent(&config, store, report)),
@@ -87,7 +87,7 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
         service::ready();
         if with_pairing {
             let store = config.store.dir.clone();
-            // Its socket is there, and ends with the agent: what fails then is nobody's concern.
+            // The socket exists and ends with the agent: a failure after that concerns nobody.
             std::thread::spawn(move || {
                 let _ = pairing_socket::ask(&store, "", |line| {
                     let _ = writeln!(io::stdout(), "{line}");
@@ -95,7 +95,7 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
             });
         }
         server.serve(stop).await.map_err(failed)?;
-        // As `vsm run`.
+        // As for `vsm run`.
         zeroize::finish(&config.store.dir, None)?;
         service::stopping();
         tracing::info!("stopped");
@@ -107,7 +107,7 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
 fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
     let config = load(path)?;
     let code = match code.as_deref() {
-        // Standard input keeps the code out of the list of processes.
+        // Read from standard input: an argument would be visible in the list of processes.
         Some("-") => {
             let mut line = String::new();
             io::stdin()
@@ -123,9 +123,9 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
         &config.store.dir,
         code.as_deref().unwrap_or_default(),
         |line| {
-            // The word with which `AirsideServer` reports success; a failed try begins with "pairing".
+            // The word with which `AirsideServer` reports success; a failed attempt begins with "pairing".
             paired |= line.starts_with("paired");
-            // Nobody is left to report to when standard output is gone.
+            // If standard output is closed, there is nobody to report to.
             let _ = writeln!(io::stdout(), "{line}");
         },
     )

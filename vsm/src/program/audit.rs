@@ -1,4 +1,4 @@
-//! `vsm audit`: verify the audit logs of a store, and print them. Also while the bridge runs.
+//! `vsm audit`: verifies the audit logs of a store, and prints them; also while the bridge runs.
 
 use std::path::Path;
 
@@ -67,7 +67,7 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
             let name = log.kind.name();
             let present = |head: &String| log.present.iter().find(|(digits, _)| digits == head);
             absent.retain(|head| present(head).is_none());
-            // Whoever has kept the digits of a line knows what was found before it.
+            // A person who has kept the digits of a line knows the faults that were found before it.
             let known = heads.iter().filter_map(present).map(|(_, line)| *line);
             let known = known.max().unwrap_or(0);
             text += &match (log.chain.lines(), log.findings.len()) {

@@ -18,7 +18,7 @@ fn owner(id: Id) -> String {
 }
 
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
-    // A file that cannot be read is reported by the one that loads it.
+    // If the file cannot be read, loading it below reports that.
     if std::fs::read_to_string(path).is_ok_and(|text| AirsideConfig::is_meant_by(&text)) {
         return check_airside(path);
     }

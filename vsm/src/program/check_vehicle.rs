@@ -43,7 +43,7 @@ pub(crate) fn run(path: &Path, json: bool, wait_s: u64) -> Result<(), Failure> {
             let mut findings = judge(|name| vehicle.reading_of(name));
             let mut all = config.vehicles();
             let rally = all.any(|one| one.id.to_string() == vehicle.id && !one.rally.is_empty());
-            // Which way it returns weakens nothing where there is no rally point to be ignored.
+            // Without a rally point, how the vehicle returns weakens nothing.
             findings.retain(|one| rally || one.setting.name != "RTL_TYPE");
             (vehicle, findings)
         })
@@ -79,7 +79,7 @@ fn ask_bridge(store: &Path, patience: Duration) -> io::Result<Vec<VehicleSetting
         let within = left.max(ASK_EVERY);
         let text = status_socket::ask(store, status_socket::SETTINGS, within)?;
         let vehicles: Vec<VehicleSettings> = serde_json::from_str(&text)?;
-        // Just started, it may not have received the vehicle yet: of a silent one nothing is requested.
+        // A bridge that has just started may not have received the vehicle yet, and requests nothing of a silent one.
         if vehicles.iter().all(|vehicle| vehicle.live) || Instant::now() >= end {
             return Ok(vehicles);
         }

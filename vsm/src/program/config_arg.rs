@@ -1,4 +1,4 @@
-//! The argument that names the configuration, alike in every subcommand: `vsm run [FILE]` or `vsm run --config FILE`.
+//! The argument that names the configuration, the same in every subcommand: `vsm run [FILE]` or `vsm run --config FILE`.
 //!
 //! A subcommand flattens it (`#[command(flatten)] config: ConfigArg`) and reads [`ConfigArg::path`].
 
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn every_subcommand_with_config_takes_the_file_as_its_argument_too() {
         fn check(name: &str, command: &clap::Command, seen: &mut usize) {
-            // Their arguments are paths of a vehicle, recordings, and a key file.
+            // The arguments of these are paths on a vehicle, recordings, and a key file.
             if !["vsm files", "vsm replay", "vsm guard rotate"].contains(&name)
                 && command
                     .get_arguments()

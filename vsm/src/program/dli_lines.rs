@@ -1,4 +1,4 @@
-//! `vsm decode` and `vsm encode`: datagrams in hex and messages in JSON, a line each.
+//! `vsm decode` and `vsm encode`: datagrams in hex and messages in JSON, one per line.
 
 use std::io::{self, BufRead, BufWriter, Write};
 
@@ -56,7 +56,7 @@ fn each_line(
         }
     };
     match done {
-        // Whoever read our output has seen enough.
+        // The reader of our output has closed it.
         Err(cause) if cause.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         Err(cause) => Err(failed(cause)),
         Ok(()) if bad > 0 => Err(failed(anyhow!(

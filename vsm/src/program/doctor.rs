@@ -1,6 +1,6 @@
-//! `vsm doctor`: what does not work, a line of cause and cure each. Exit status 1 where anything was found.
+//! `vsm doctor`: what does not work, each with a line of cause and remedy. Exit status 1 if anything was found.
 //!
-//! Where the bridge runs, it is asked, since only it sees what arrives; else this computer is looked at.
+//! If the bridge runs it is asked, since only it sees what arrives; otherwise this computer is checked.
 
 use std::path::Path;
 use std::time::Duration;
@@ -52,7 +52,7 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
     let mut found = host::judge(&facts);
     if let Some(running) = &running {
         for finding in &running.findings {
-            // What this program has seen as well is listed once.
+            // A finding of both this program and the bridge is listed once.
             if !found
                 .iter()
                 .any(|one| one.code == finding.code && one.about == finding.about)
@@ -119,7 +119,7 @@ fn beside_findings(logged: &[Logged], found: &[Finding]) -> Vec<Logged> {
     let mut lines: Vec<Logged> = Vec::new();
     for line in logged.iter().rev() {
         let is_same = |one: &&Logged| one.about == line.about && one.text == line.text;
-        // The log names the vehicle by itself.
+        // A log line already names its vehicle.
         let stands = found
             .iter()
             .any(|one| one.to_string().ends_with(&line.text));
@@ -145,7 +145,7 @@ async fn look(config: &Config) -> Result<(Option<Running>, HostFacts), Failure> 
     }
     let mut facts = self_check::beside(config, LISTEN_FOR).await;
     let ended = || failed(anyhow!("the bridge has ended meanwhile: look at its log"));
-    // After that, so that nothing has aged.
+    // After that, so that its times are fresh.
     let mut running = ask(config)?.ok_or_else(ended)?;
     // A bridge that has just started has not waited long enough to miss anything.
     while running.uptime_s < SETTLED_S {

@@ -114,7 +114,7 @@ struct Transferred {
 
 impl Bridge<'_> {
     fn ask(&self, path: &str, action: Action, content: &[u8]) -> Result<Asker, Failure> {
-        // As the bridge does, so that a bad path is reported as a bad argument.
+        // The same check as in the bridge, so that a bad path is reported as a bad argument.
         let path = FilePath::new(path).map_err(bad)?.as_str().to_owned();
         let vehicle = self.arguments.vehicle.clone();
         let request = Request {
@@ -191,7 +191,7 @@ impl Bridge<'_> {
                 Reply::Data(_) => {
                     arrived += bytes.len() as u64;
                     progress.show(arrived, total);
-                    // A full disk must not leave the bridge with a transfer that nobody takes.
+                    // After a failed write (a full disk) the bridge must not be left with a transfer that nobody receives.
                     if let Err(cause) = file.write_all(&bytes) {
                         asker.close();
                         return Err(failed(anyhow!(cause).context(part.display().to_string())));

@@ -1,10 +1,10 @@
-//! `vsm init`: from a few answers a configuration, the signing key, and for a simulated vehicle PX4's own key file.
+//! `vsm init`: creates a configuration from a few answers, the signing key, and for a simulated vehicle PX4's own key file.
 //!
-//! With `--protect` everything that authenticates and encrypts is on: [`protect`].
+//! With `--protect` all authentication and encryption is on: [`protect`].
 //!
-//! What has a default that is safe needs no answer: with `--sitl` everything, since bridge, vehicle and ground station are on
-//! this computer. For another vehicle its link and the ids decide what is commanded, and by whom: they are asked for on a
-//! terminal, and required as options elsewhere. Nothing is overwritten, and a run that fails leaves no file behind.
+//! A value with a safe default needs no answer. With `--sitl` that is everything, since bridge, vehicle and ground station
+//! are on this computer. For another vehicle its link and the ids decide what is commanded, and by whom: they are asked for
+//! on a terminal, and required as options elsewhere. Nothing is overwritten, and a run that fails leaves no file behind.
 
 mod protect;
 
@@ -150,7 +150,7 @@ impl Files {
 
 pub(crate) fn run(init: &Init) -> Result<(), Failure> {
     let files = Files::beside(init.config.path());
-    // First of all: nobody answers questions for a file that is refused then.
+    // First of all, so that nobody answers questions for a file that is refused afterwards.
     refuse_to_overwrite(&files)?;
     let answers = if io::stdin().is_terminal() {
         ask(init, &mut io::stdin().lock(), &mut io::stdout()).map_err(failed)?
@@ -158,7 +158,7 @@ pub(crate) fn run(init: &Init) -> Result<(), Failure> {
         without_questions(init).map_err(bad)?
     };
     let text = configuration(init, &answers);
-    // Ids that collide, for example: the words are those of every other configuration.
+    // For example ids that collide: reported by the same text as for every other configuration.
     Config::parse(&text, folder_of(&files.config)).map_err(bad)?;
     let mut made = Made::default();
     if init.protect {
@@ -197,7 +197,7 @@ fn refuse_to_overwrite(files: &Files) -> Result<(), Failure> {
         (&files.access_key, "an access key"),
         (&files.access_list, "an access list"),
     ] {
-        // A link that leads nowhere is there too.
+        // A dangling symbolic link exists too.
         if fs::symlink_metadata(file).is_ok() {
             let file = file.display();
             return Err(bad(anyhow!(
@@ -405,7 +405,8 @@ impl Made {
 impl Drop for Made {
     fn drop(&mut self) {
         for path in self.0.drain(..).rev() {
-            // The cause of the failure is what is reported; a folder that was there before is not empty, and stays.
+            // Errors here are ignored, since the cause of the failure is reported. A folder that existed before is not
+            // empty, and stays.
             let _ = fs::remove_file(&path).or_else(|_| fs::remove_dir(&path));
         }
     }
@@ -425,7 +426,7 @@ fn write_files(files: &Files, text: &str, sitl: bool, made: &mut Made) -> anyhow
             .with_context(|| files.px4.display().to_string())?;
         made.0.push(files.px4.clone());
     }
-    // The last: where the configuration is, all that it names is.
+    // The configuration is written last: if it exists, so does everything that it names.
     let mut file =
         File::create_new(&files.config).with_context(|| files.config.display().to_string())?;
     made.0.push(files.config.clone());
@@ -621,7 +622,7 @@ mod tests {
     fn a_run_that_fails_leaves_no_file_behind() {
         let folder = tempfile::tempdir().unwrap();
         let files = Files::beside(&folder.path().join("vsm.toml"));
-        // Where the configuration is to be lies a folder by then: the last step fails.
+        // By then a folder is in the place of the configuration, so the last step fails.
         fs::create_dir(&files.config).unwrap();
         let mut made = Made::default();
         write_files(&files, "", true, &mut made).unwrap_err();

@@ -1,4 +1,4 @@
-//! `vsm key` and `vsm keygen`: make, provision, rotate, revoke and list signing keys, and show their clocks.
+//! `vsm key` and `vsm keygen`: generate, provision, rotate, revoke and list signing keys, and show their clocks.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -186,7 +186,7 @@ fn rotate_to(
 ) -> Result<(), Failure> {
     let path = link.2;
     let (mut ending, mut another) = round(link, What::New(key()?), over, wish)?;
-    // In rounds: a rollover knows one old key, and PX4 accepts SETUP_SIGNING only under the key that it has.
+    // In two rounds: a rollover knows one old key, and PX4 accepts SETUP_SIGNING only under the key that it has.
     if ending == Ending::ForeignKey && holds_previous(path)? {
         print_line(
             "the vehicle does not sign with the key in force; perhaps with the one before, as after a power cut",
@@ -201,7 +201,7 @@ fn rotate_to(
         ending,
         Ending::Ended(Outcome::Committed | Outcome::RolledBack)
     );
-    // Where any new key will do, the key of the finished rollover was enough.
+    // If any new key is enough, the key of the finished rollover is one.
     if another && decided && wish != Wish::AnyNew {
         print_line("the rollover that an earlier command began is finished; now the new key");
         (ending, _) = round(link, What::New(key()?), over, wish)?;
@@ -248,7 +248,8 @@ fn round(
         ));
         let another = wished.is_some_and(|wished| wished != link.new_id());
         if wish == Wish::Revoke && wished.is_some() {
-            // Whoever finds out that the vehicle has the new key deletes the old one: this command, or `vsm run`.
+            // The program that finds out that the vehicle has the new key deletes the old one: this command, or a later
+            // `vsm run`.
             link.revoke_current().map_err(failed)?;
         }
         let mut watch = |progress| {
@@ -264,9 +265,9 @@ fn round(
         Ok((ending, another))
     })?;
     let committed = ending == Ending::Ended(Outcome::Committed);
-    // A `.next` left by an earlier command may have been sent then, so it stays.
+    // A `.next` file of an earlier command may already have been sent, so it stays.
     if wished.is_some() && !sent && !leftover && !committed {
-        // The vehicle has never been sent it: nobody must take it for one that it may have.
+        // It was never sent to the vehicle: it must not be mistaken for a key that the vehicle may have.
         let keys = KeyStore::open(path).map_err(failed)?;
         keys.drop_next().map_err(failed)?;
     }
@@ -373,7 +374,7 @@ fn write_sitl_file(
     key: SigningKey,
     file: &Path,
 ) -> anyhow::Result<()> {
-    // Locked against a running bridge: it reads its keys only when it starts.
+    // The lock excludes a running bridge, which reads its keys only when it starts.
     let _store = FileDisk::open(&config.store.dir)?;
     let keys = KeyStore::open(path)?;
     if keys.current()?.is_none() {
@@ -414,7 +415,7 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
             }
         }
         if accept {
-            // Enough for the next start: it believes a wall clock that is at the ceiling or up to 366 days beyond.
+            // Enough for the next start, which believes a wall clock that is at the ceiling or up to 366 days beyond it.
             Ceiling::raise(&mut store, &key, wall)?;
             print_line(
                 "the wall clock is accepted: the signing clock continues from it, and never goes back",

@@ -1,7 +1,8 @@
-//! `vsm klv`: a ground station with LOI 2 that sends what it learns of a vehicle as metadata, alone or beside a video.
+//! `vsm klv`: a ground station with LOI 2 that sends what it learns about a vehicle as metadata, alone or together with a
+//! video.
 //!
-//! Three parts run side by side: the station, in a task of its own, since what it waits for must not hold up the video; a thread that
-//! reads the video; and here, in the order in which both arrive, the output.
+//! Three parts run in parallel: the station, in a task of its own, since its waits must not delay the video; a thread that
+//! reads the video; and here the output, in the order in which both arrive.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -82,7 +83,7 @@ pub(crate) fn run(arguments: Klv) -> Result<(), Failure> {
     let video = arguments.video.as_deref().map(open_video).transpose()?;
     let runtime = runtime()?;
     let counts = runtime.block_on(serve(&arguments, &mut output, video));
-    // A thread that waits for its video does not end.
+    // A thread that waits for its video never ends, so the runtime does not wait for it.
     runtime.shutdown_background();
     let (sets, pictures) = counts?;
     let pictures = pictures.map_or(String::new(), |count| format!(", {count} pictures"));
@@ -219,7 +220,7 @@ impl Watch {
                 frequency: Some(hertz),
                 ..ScheduleMessageUpdateCommand::default()
             };
-            // Refused where the VSM has no such report, as of payloads: what it would have carried is absent.
+            // Refused if the VSM has no such report, for example of payloads: then its values are absent.
             station.send(vehicle, schedule, ANSWER).await?;
         }
         Ok(())
@@ -246,7 +247,7 @@ impl Watch {
             if heard.elapsed() >= SILENCE {
                 heard = Instant::now();
                 match self.subscribe().await {
-                    // Not granted any more: it may be again, after a reload of the configuration.
+                    // No longer granted: it may be granted again after a reload of the configuration.
                     Ok(())
                     | Err(
                         StationError::TimedOut { .. }
@@ -319,7 +320,7 @@ impl Output {
                 bytes
                     .chunks(DATAGRAM)
                     .try_for_each(|datagram| match socket.send(datagram) {
-                        // Nobody listens now: somebody may later.
+                        // Nobody listens at present; somebody may later.
                         Err(fault) if fault.kind() == io::ErrorKind::ConnectionRefused => Ok(()),
                         other => other.map(|_| ()),
                     })

@@ -1,5 +1,5 @@
-//! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration, 3 zeroized: what it would have
-//! served is erased.
+//! The command line of `vsm`. Exit status: 0 done, 1 failed, 2 bad arguments or configuration, 3 zeroized: what it would
+//! have served is erased.
 
 mod access;
 mod airside;
@@ -181,7 +181,7 @@ pub fn command() -> clap::Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    // Before any key is read: a crash later must not leave one in a core file.
+    // Before any key is read, so that a later crash leaves no key in a core file.
     if arguments.command.reads_keys() {
         key_file::no_core_files();
     }

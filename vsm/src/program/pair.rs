@@ -1,4 +1,4 @@
-//! `vsm pair`: makes this VSM and a vehicle's air-side agent known to each other.
+//! `vsm pair`: pairs this VSM with a vehicle's air-side agent.
 
 use std::io::Read as _;
 use std::time::Duration;
@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: Pair) -> Result<(), Failure> {
                 "paired: key {key} waits for the vehicle; compare both fingerprints with the agent's, then start \
                           `vsm run`"
             ));
-            // A first key is in force as soon as the vehicle has it, and `vsm run` knows no other.
+            // A first key is in force as soon as the vehicle has it, and `vsm run` has no other.
             let keys = KeyStore::open(&path).map_err(failed)?;
             let none = keys.current().map_err(failed)?.is_none();
             if none {
@@ -84,7 +84,7 @@ fn read_code(code: Option<String>) -> anyhow::Result<PairingCode> {
             print_line(&format!("pairing code: {}", *code.text()));
             return Ok(code);
         }
-        // Standard input keeps the code out of the list of processes.
+        // Read from standard input: an argument would be visible in the list of processes.
         Some(dash) if *dash == "-" => {
             let mut text = Zeroizing::new(String::with_capacity(256));
             std::io::stdin().take(256).read_to_string(&mut text)?;

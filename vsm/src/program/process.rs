@@ -1,4 +1,4 @@
-//! What the subcommands share: how they fail, the runtime, the log, the signals that end them, and standard output.
+//! Shared by the subcommands: failures, the runtime, the log, the signals that end them, and standard output.
 
 use std::ffi::OsString;
 use std::io::{self, IsTerminal as _, Write};
@@ -42,7 +42,7 @@ pub(crate) fn end_on_panic() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         report(panic);
-        // Nowhere is left to report it when standard error is gone.
+        // If standard error is closed, there is nowhere to report it.
         let _ = writeln!(io::stderr(), "vsm: a panic ends the whole program");
         std::process::abort();
     }));
@@ -50,6 +50,7 @@ pub(crate) fn end_on_panic() {
 
 /// One thread, sockets and timers.
 pub(crate) fn runtime() -> Result<Runtime, Failure> {
+    // The machine runs on one thread; the tasks around it only move bytes.
     Builder::new_current_thread()
         .enable_all()
         .build()
@@ -59,7 +60,7 @@ pub(crate) fn runtime() -> Result<Runtime, Failure> {
 
 /// Done at SIGTERM or SIGINT, which no longer end the process from this call on.
 pub(crate) fn stop_signal() -> Result<impl Future<Output = ()>, Failure> {
-    // Registered here and not inside the future: a signal that comes before its first poll must count too.
+    // Registered here and not inside the future: a signal that arrives before the first poll must count too.
     let mut terminate = signal(SignalKind::terminate()).map_err(failed)?;
     let mut interrupt = signal(SignalKind::interrupt()).map_err(failed)?;
     Ok(async move {
@@ -85,19 +86,19 @@ pub(crate) struct Log(Option<LogPipe>);
 /// Begins the log. From here on the last error of the program is a line of the log too.
 pub(crate) fn log(format: LogFormat) -> Result<Log, Failure> {
     let filter = filter(std::env::var_os("RUST_LOG")).map_err(bad)?;
-    // A pipe that nobody reads must not stop what is served.
+    // A log pipe that nobody reads must not block the server.
     let Ok(pipe) = LogPipe::new(io::stderr()) else {
         return Ok(Log(None));
     };
     let writer = pipe.clone();
-    // https://no-color.org: set, and not empty.
+    // As https://no-color.org defines it: set and not empty.
     let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(move || writer.clone())
         .with_ansi(io::stderr().is_terminal() && !plain)
         .with_target(false);
-    // A second call in one process finds a log already: that is fine.
+    // A second call in one process finds an existing log: that is fine.
     let _ = match format {
         LogFormat::Text => lines.try_init(),
         LogFormat::Json => lines.json().flatten_event(true).try_init(),
@@ -133,7 +134,7 @@ fn filter(value: Option<OsString>) -> anyhow::Result<EnvFilter> {
         bail!("RUST_LOG is not text: {expected}");
     };
     for part in text.split(',').map(str::trim) {
-        // A word that is no level counts as a target of which all is logged: "debgu" would silence everything else.
+        // `EnvFilter` takes a word that is no level as a target to log completely: "debgu" would silence everything else.
         let word = part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if word && part.parse::<LevelFilter>().is_err() && !TARGETS.contains(&part) {
             bail!("RUST_LOG = \"{text}\": \"{part}\" is no level: {expected}");

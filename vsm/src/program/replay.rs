@@ -1,4 +1,4 @@
-//! `vsm replay`: a recording on the operator's page, with a time line.
+//! `vsm replay`: shows a recording on the operator's page, with a time line.
 
 use std::io;
 use std::net::SocketAddr;

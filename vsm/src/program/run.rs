@@ -13,18 +13,18 @@ use super::zeroize;
 pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let mut config = Config::load(path).map_err(bad)?;
     let _log = log(format)?;
-    // Before any key is read, and before a socket is open.
+    // Before any key is read and any socket is open: after an order to zeroize, nothing may be served.
     zeroize::finish(
         &config.store.dir,
         Some(&|store, in_flight, report| {
             zeroize::beyond_bridge(&config, &store, in_flight, report);
         }),
     )?;
-    // Minutes, at times: not while a vehicle waits for a node that has taken over.
+    // This can take minutes, so it is done now, and not when a vehicle waits for a node that takes over.
     service::while_busy(|| config.read_terrain(None)).map_err(bad)?;
     let runtime = runtime()?;
     runtime.block_on(async {
-        // The store's lock comes first: a second bridge stops here, before it touches keys or sockets.
+        // The store's lock is taken first: a second bridge stops here, before it touches keys or sockets.
         let opened = match config.store.shared() {
             None => FileDisk::open(&config.store.dir),
             Some(_) => FileDisk::open_on(&config.store.dir, Box::new(NativeFileSystem)),
@@ -55,7 +55,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         let ready = format!("ready: DLI on {}, {vehicles} vehicle(s)", config.dli.listen);
         announce("INFO", &ready);
         service::ready();
-        // Whoever waits for its lock would erase the keys first.
+        // The lock is kept: a process that waits for it would erase the keys before `discard_keys` has used them.
         let store = server.store();
         let mut lost = None;
         let end = async {
@@ -66,14 +66,14 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         };
         server.serve(end).await.map_err(failed)?;
         if store.is_ordered() {
-            // What keeps the lease writes into the folder, too.
+            // The keeper of the lease writes into the folder too, which is about to be erased.
             owned = owned.given_up();
         }
         zeroize::discard_keys(&config, store).await;
-        // Before it counts as stopping: to erase may take longer than a service manager waits then.
+        // Before the process reports that it is stopping: erasing may take longer than a service manager then waits.
         zeroize::finish(&config.store.dir, None)?;
         service::stopping();
-        // All that was promised is stored: the next node need not wait.
+        // Everything that was promised is stored, so the next node need not wait for the lease to expire.
         drop(owned);
         if let Some(why) = lost {
             return Err(failed(anyhow::anyhow!(
@@ -85,7 +85,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     })
 }
 
-/// Whose store it is: of this computer alone.
+/// Ownership of the store: it belongs to this computer alone.
 #[cfg(not(feature = "etcd"))]
 mod owned {
     use std::future::Pending;
@@ -114,7 +114,7 @@ mod owned {
     }
 }
 
-/// Whose store it is: of this computer alone, or of the node that owns the VSM.
+/// Ownership of the store: it belongs to this computer alone, or to the node that owns the VSM.
 #[cfg(feature = "etcd")]
 mod owned {
     use std::pin::Pin;
@@ -125,21 +125,21 @@ mod owned {
     use crate::shell::key_file;
 
     pub(super) struct Owned {
-        /// Done, with the reason, when this node must not serve any more.
+        /// Resolves, with the reason, when this node must no longer serve.
         pub(super) ended: Pin<Box<dyn Future<Output = String>>>,
         /// Released when this is dropped.
         held: Option<Held>,
     }
 
     impl Owned {
-        /// What is left when this node does not own the VSM any more.
+        /// Gives up the ownership of the VSM.
         pub(super) fn given_up(mut self) -> Owned {
             self.held = None;
             self
         }
     }
 
-    /// Waits until this node owns the VSM; `None` where it was stopped before.
+    /// Waits until this node owns the VSM; `None` if it was stopped before.
     pub(super) async fn own(
         config: &Config,
         disk: FileDisk,
@@ -152,17 +152,17 @@ mod owned {
         let key = key_file::read(&store.key_file).map_err(bad)?;
         let (vsm, stopped) = (config.dli.vsm_id, Stop::default());
         let of_thread = stopped.clone();
-        // It waits for etcd, which no task here may.
+        // It blocks on etcd, which no task of this runtime may.
         let mut standing = tokio::task::spawn_blocking(move || {
             let mut report = |line: &str| announce("INFO", line);
-            // It counts as started: what it waits for may be months away.
+            // Report the start now: what it waits for may be months away.
             service::ready();
             service::while_busy(|| stand_by((&store, vsm), &key, disk, &of_thread, &mut report))
         });
         let held = tokio::select! {
             () = stop => {
                 stopped.set();
-                // Where it owned the VSM just then, it gives that up.
+                // If it has just become the owner, it gives that up.
                 let held = standing.await.map_err(failed)?.map_err(failed)?;
                 drop(held);
                 return Ok(None);

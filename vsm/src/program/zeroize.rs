@@ -1,5 +1,5 @@
-//! `vsm zeroize`: erases keys, identities, plans, recordings and logs of a bridge or of an agent; and what a start does that
-//! finds an order to do so.
+//! `vsm zeroize`: erases keys, identities, plans, recordings and logs of a bridge or of an agent; and how a start continues
+//! that finds an order to do so.
 
 use std::io::{self, BufRead as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub(crate) struct Arguments {
     clear: bool,
 }
 
-/// Whose store it is, where that is, and what is to be erased.
+/// The owner of a store, its folder, and what has to be erased.
 struct Target {
     id: String,
     store: PathBuf,
@@ -46,8 +46,8 @@ struct Target {
     beyond: Box<Beyond<'static>>,
 }
 
-/// Does what an order orders beyond this computer, with the store that has the keys for that, perhaps in flight, too; and reports
-/// what has become of it. Never within a runtime: it makes its own.
+/// Carries out an order beyond this computer, with the store that has the keys for that, perhaps also in flight; and
+/// reports the result. Never call it within a runtime: it creates its own.
 pub(super) type Beyond<'a> = dyn Fn(FileDisk, bool, &mut dyn FnMut(&str)) + 'a;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -63,14 +63,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         print_line("it may be served again");
         return Ok(());
     }
-    // One that was cut off is finished first: it may name other files than this configuration.
+    // An interrupted order is finished first: it may name other files than this configuration.
     let earlier = carry_out(&store, Some(&*beyond), &mut print_line);
     if let Some(erased) = earlier.map_err(failed)? {
         print_line("finished an earlier zeroize:");
         report(&erased);
     }
     let disk = match FileDisk::open_on(&store, Box::new(NativeFileSystem)) {
-        // A bridge, or an agent, runs: it is to erase itself.
+        // A bridge or an agent is running: it has to erase itself.
         Err(OpenError::Locked { .. }) => None,
         opened => Some(opened.map_err(bad)?),
     };
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
         }
     }
-    // Whoever comes first to the store erases: this command, or the bridge that has ended.
+    // The first to get the store erases: this command, or the bridge that has ended.
     let ends = waiting(
         "the program that ran there to erase, and to end",
         UNLOCKED_WITHIN,
@@ -212,7 +212,7 @@ fn once_unlocked(
     }
 }
 
-/// Carries out an order that stands: first beyond this computer, where its process has ended before that and `beyond` does it, as
+/// Carries out a stored order: first beyond this computer, if its process has ended before that and `beyond` does it, as
 /// long as there are keys to do so.
 fn carry_out(
     store: &Path,
@@ -223,7 +223,7 @@ fn carry_out(
         && let Some((disk, in_flight)) = erase::claim_at_start(store)?
     {
         beyond(disk, in_flight, print);
-        // Threads that wrote for that let go of the store in a moment.
+        // Threads that have written for that release the store in a moment.
         return once_unlocked(store, None, print);
     }
     erase::finish_before_start(store)
@@ -240,7 +240,7 @@ fn load(path: &Path, in_flight: bool) -> Result<Target, Failure> {
             beyond: Box::new(move |store, _, report| beyond_agent(&config, store, report)),
         });
     }
-    // Also where there is no such file: the error says how to make one.
+    // Also if there is no such file: the error says how to create one.
     let config = Config::load(path).map_err(bad)?;
     Ok(Target {
         id: config.dli.vsm_id.to_string(),
@@ -325,13 +325,13 @@ pub(super) async fn discard_keys(config: &Config, store: FileDisk) {
     for line in lines {
         tracing::warn!("zeroize: {line}");
     }
-    // Whoever has the store next only erases.
+    // Claimed, so that the next process with the store only erases.
     erase::claim(&mut store.shared());
 }
 
-/// A start that finds an order finishes it, and ends: what it would have served is gone. So does a bridge that has stored one. And
-/// so does each start after that, whoever has finished it, until a person says otherwise: a service would take up its credential.
-/// `beyond` is for a start: a process that ends has done that.
+/// A start that finds an order finishes it and ends, since what it would have served is gone. So does a bridge that has
+/// stored an order, and each start after that, whoever has finished it, until a person clears it: otherwise a service would
+/// use its credential again. `beyond` is for a start: a process that ends has already done that.
 pub(super) fn finish(store: &Path, beyond: Option<&Beyond<'_>>) -> Result<(), Failure> {
     let mut log = |line: &str| tracing::warn!("zeroize: {line}");
     let erased = service::while_busy(|| once_unlocked(store, beyond, &mut log)).map_err(failed)?;

@@ -1,5 +1,5 @@
-//! The air-side agent of a demo, on a thread of its own, paired with the bridge before either starts, and the radio between
-//! the two, which somebody records.
+//! The air-side agent of a demo, on a thread of its own and paired with the bridge before either starts, and the radio
+//! between the two, which is recorded.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -62,7 +62,7 @@ impl AgentBeside {
 
     /// Stops it, and gives what was on the radio.
     pub(super) fn stop(self) -> anyhow::Result<Vec<Vec<u8>>> {
-        // One that has ended already has nothing left to stop.
+        // A thread that has already ended needs no stop.
         let _ = self.stop.send(());
         let ended = self.thread.join();
         ended.map_err(|_| anyhow!("the agent's thread has panicked"))??;
@@ -113,7 +113,7 @@ fn serve(
         Ok((runtime, server, addresses)) => {
             let _ = sender.send(Ok(addresses));
             let stopped = async {
-                // A sender that is gone means stop as well.
+                // A closed channel means stop too.
                 let _ = stopped.await;
             };
             runtime.block_on(server.serve(stopped)).map(drop)

@@ -43,7 +43,7 @@ impl Altitudes<'_> {
         );
         let curves = || self.panels.iter().flat_map(|panel| &panel.curves);
         let points = || curves().flat_map(|curve| &curve.points);
-        // One scale for all, or they could not be compared.
+        // One scale for all panels, so that they can be compared.
         let highest = points().map(|point| point.1).fold(2.0, f64::max) * 1.15;
         let seconds = points().map(|point| point.0).fold(1.0, f64::max);
         let mut top = FIRST_TOP;

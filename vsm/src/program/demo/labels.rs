@@ -1,5 +1,5 @@
-//! Where the names of a picture stand: beside what they name, on no other name and no symbol, and on as little of the lines as
-//! there is room for. A flight begins and ends at one place, so that half of its marks are there.
+//! Places the names of a picture: beside what they name, on no other name or symbol, and on as little of the lines as
+//! possible. A flight begins and ends at one place, so half of its marks are there.
 
 use std::fmt::Write as _;
 
@@ -122,7 +122,7 @@ impl Labels {
         let half_height = HEIGHT / 2.0;
         let candidates = (0..RINGS * DIRECTIONS).map(|n| {
             let (ring, direction) = (n / DIRECTIONS, n % DIRECTIONS);
-            // To the right and above first, as on maps.
+            // Right and above is tried first, as on maps.
             let angle = (f64::from(direction) / f64::from(DIRECTIONS)).mul_add(-360.0, 45.0);
             let (up, right) = angle.to_radians().sin_cos();
             let away = f64::from(ring).mul_add(RING, NEAREST);

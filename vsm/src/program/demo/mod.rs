@@ -86,9 +86,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         vtol,
         payload,
     } = arguments;
-    // A gimbal is steered in real time: faster than this the vehicle has flown on before it is turned after it. Who looks
-    // at the page is not faster either.
-    // Two flights at a time are the same for two threads more.
+    // A gimbal is steered in real time: at a higher speed the vehicle has moved on before it is turned. Neither is a person
+    // who looks at the page any faster. Two flights at a time need two more threads.
     let usual = match (*payload || web.is_some(), *attack) {
         (true, _) => 3.0,
         (false, true) => 5.0,
@@ -125,7 +124,7 @@ fn hand_over(stage: &Stage<'_>) -> anyhow::Result<()> {
     let runtime = runtime()?;
     let ended = runtime.block_on(async {
         let mut stop = pin!(stop_signal().map_err(|_| anyhow!(NO_SIGNALS))?);
-        // The link is of use once there is something to fly.
+        // The link is shown once there is something to fly.
         let ready = async {
             let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
             let vehicle = discover(&mut station).await?;
@@ -292,7 +291,8 @@ fn session(
             story.tell(format!(
                 "the operator's page: http://{page}/ (the demo flies by itself first, then it is yours)"
             ));
-            // Behind the #, so that it is sent to nobody; the page takes it out of its address. A key that is kept belongs into no link.
+            // After the #, so that it is not sent to the server; the page removes it from its address. A key that is kept
+            // must not be in a link.
             let mouse = mouse_link(&world, page);
             story.tell(format!(
                 "to fly it with the mouse, at once by taking it from the demo: {mouse} (a key of this demo alone)"
@@ -315,12 +315,12 @@ fn session(
             (flown, None) => flown?,
             (Ok(()), Some(page)) => {
                 story.tell(format!("all is flown; http://{page}/ stays until Ctrl-C"));
-                // The line that is wanted now is the last one.
+                // Only the last line is needed now.
                 let mouse = mouse_link(&world, page);
                 story.tell(format!("now fly it with the mouse: {mouse}"));
                 stop.await;
             }
-            // Somebody has taken the vehicle on the page: it is theirs.
+            // Somebody has taken control on the page: the vehicle is theirs.
             (Err(fault), Some(page)) => {
                 story.tell(format!(
                     "the demo's own flight has ended ({fault:#}); http://{page}/ is there until Ctrl-C"
@@ -331,7 +331,7 @@ fn session(
         }
         Ok(Some(station))
     });
-    // Also after a failed flight: the threads end, and the recording is flushed.
+    // Also after a failed flight, so that the threads end and the recording is flushed.
     let remains = world.stop()?;
     Ok(flown?.map(|station| (station, remains)))
 }

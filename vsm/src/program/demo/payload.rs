@@ -1,8 +1,8 @@
 //! `vsm demo --payload`: one CUCS flies a route, another holds LOI 3 of the payload station: it points, zooms, records and takes
 //! a photograph.
 //!
-//! The picture draws where the sensor looked by what the vehicle reported alone: the image centre of 21101, from the position of
-//! the 4000 before it. What was commanded appears nowhere in it but as the text of a mark.
+//! The picture draws where the sensor looked only by reports of the vehicle: the image centre of 21101, from the position
+//! of the 4000 before it. A commanded value appears only as the text of a mark.
 
 use std::time::Duration;
 
@@ -92,7 +92,7 @@ impl Watched {
                 .filter(move |look| look.mode == Some(mode))
         };
         let (north_m, east_m) = PLACE;
-        // The first states of the mode show it turning there.
+        // The first reports in this mode show the gimbal still turning.
         let off = of(Pointing::LatLongSlaved).skip(TURNING);
         let off_m = off
             .map(|look| (look.to.0 - north_m).hypot(look.to.1 - east_m))
@@ -145,7 +145,7 @@ async fn fly(station: &mut Station, story: &Story, vehicle: Id) -> anyhow::Resul
 async fn operate(world: &World, station: &mut Station, story: &Story) -> anyhow::Result<Watched> {
     let vehicle = discover(station).await?;
     let first = StationBitmap1To16::STATION_1;
-    // The devices report some seconds after the autopilot: until then there is no such station.
+    // The devices report some seconds after the autopilot: until then the station does not exist.
     let mut tries = 0;
     loop {
         let access = RequestedAccess::Request;

@@ -18,7 +18,7 @@ pub(super) struct Stage<'a> {
 impl Stage<'_> {
     /// The bridge and its vehicle, protected.
     pub(super) fn start(&self, vehicle: px4_sim::Config) -> anyhow::Result<World> {
-        // Loopback alone: whoever reaches the page reads it, and who has the key flies by it.
+        // Loopback only: everybody who reaches the page can read it, and everybody with the key can fly by it.
         let more = self
             .page
             .map(|port| format!("[http]\nlisten = \"127.0.0.1:{port}\"\n{PILOT_TABLES}"));

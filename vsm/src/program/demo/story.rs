@@ -1,4 +1,5 @@
-//! What every flight of the demo does: it is narrated as it happens, and begins with a CUCS that finds its vehicle.
+//! The common part of every flight of the demo: it is narrated as it happens, and begins with a CUCS that finds its
+//! vehicle.
 
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
@@ -28,7 +29,7 @@ impl Story {
 
     pub(super) fn tell(&self, what: impl std::fmt::Display) {
         let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
-        // A reader that is gone must not stop a flight half-way.
+        // A closed standard output must not stop a flight half-way.
         let _ = io::stdout().write_all(line.as_bytes());
     }
 }

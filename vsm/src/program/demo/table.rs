@@ -61,7 +61,7 @@ impl Summary<'_> {
         if let Some(vehicle) = self.status.vehicles.first() {
             let frames = &vehicle.link.frames;
             let of = |name: &str| frames.get(name).copied().unwrap_or(0);
-            // Frames with timestamps of before PX4's start, until a heartbeat has lifted them: every start has some.
+            // Frames with timestamps from before PX4's start, until a heartbeat has raised them: every start has some.
             let at_start = vehicle.link.stale_at_start;
             text += &format!(
                 "  by the bridge: {} frames verified, {at_start} from before the link was live, {} sent signed",

@@ -118,7 +118,7 @@ impl Scenario {
                 loiter: if *number == at {
                     Some(circle(radius_m, Some(LoiterSpan::Seconds(seconds))))
                 } else if *number == entry {
-                    // Without a duration: down to its altitude, then to the touch-down.
+                    // Without a duration: it descends to its altitude, then flies to the touch-down.
                     Some(circle(self.radius_m, None))
                 } else {
                     None

@@ -1,5 +1,5 @@
-//! The network between a client and a server of the demo, over UDP on loopback, with somebody on it: what passes is kept,
-//! and a datagram of theirs leaves from where the client's do.
+//! The network between a client and a server of the demo, over UDP on loopback, with an attacker on it: traffic is
+//! recorded, and the attacker's datagrams leave from the client's address.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -70,7 +70,7 @@ async fn carry(near: UdpSocket, far: Arc<UdpSocket>, server: SocketAddr, tape: A
     let (mut from_client, mut from_server) = ([0; 2_048], [0; 2_048]);
     let mut client = None;
     loop {
-        // What fails is lost, as on any network: an end that is down for the moment.
+        // A failed send is a lost datagram, as on any network whose other end is down.
         tokio::select! {
             Ok((length, from)) = near.recv_from(&mut from_client) => {
                 client = Some(from);

@@ -129,7 +129,7 @@ impl World {
         let bridge = std::thread::Builder::new()
             .name("bridge".to_owned())
             .spawn(move || serve(&config, &sender, stopped))?;
-        // The bridge binds first: its ports are not known before, and the simulator is pointed at one.
+        // The bridge binds first: its port is not known before, and the simulator needs it.
         let addresses = opened.recv().context("the bridge's thread has ended")??;
         let px4 = agent.as_ref().map_or(addresses.vehicle, |agent| agent.px4);
         let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(px4));
@@ -201,7 +201,7 @@ impl World {
         let (counters, track) = (self.simulator.counters(), self.simulator.take_track());
         self.background.block_on(self.simulator.stop());
         let radio = self.agent.map_or(Ok(Vec::new()), AgentBeside::stop)?;
-        // A bridge that has ended already has nothing left to stop.
+        // A bridge that has already ended needs no stop.
         let _ = self.stop.send(());
         let status = self
             .bridge
@@ -312,7 +312,7 @@ fn serve(
         };
         let status = server
             .serve(async {
-                // A sender that is gone means stop as well.
+                // A closed channel means stop too.
                 let _ = stopped.await;
             })
             .await;
@@ -357,7 +357,7 @@ id = "1b:00:00:a1"
 loi = [2, 3]
 ADDRESS"#;
 /// The configuration that a user would write, on ports that the system chooses.
-// Port 0 lets the system choose: the demo runs beside a bridge that holds the usual ports.
+// Port 0 lets the system choose: the demo can run beside a bridge that holds the usual ports.
 const CONFIG: &str = r#"
 [dli]
 vsm_id = "1b:00:00:01"

@@ -1,6 +1,7 @@
-//! `vsm init --protect`: guard, access list, encrypted link and agreed keys from the first start on, and the file of the agent.
+//! `vsm init --protect`: guard, access list, encrypted link and key exchange from the first start on, and the file of the
+//! agent.
 //!
-//! No signing key is written: the first one comes of the pairing. The access list gives the one station every group but
+//! No signing key is written: the pairing creates the first one. The access list gives the one station every group except
 //! termination and zeroize, for its guard key, until it is changed.
 
 use std::fs::{self, File};
@@ -53,7 +54,7 @@ pub(super) fn write(
         made.push(key.to_owned());
     }
     let list = list(of)?;
-    // The configuration is the last: where it is, all that it names is.
+    // The configuration is written last: if it exists, so does everything that it names.
     for (path, text) in [
         (of.access_list, list.as_str()),
         (of.agent, &agent),

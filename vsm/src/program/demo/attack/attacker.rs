@@ -1,7 +1,6 @@
-//! Somebody on the network: position commands to the vehicle in the VSM's name, landings to the VSM in the CUCS's.
+//! An attacker on the network: position commands to the vehicle in the VSM's name, landings to the VSM in the CUCS's name.
 //!
-//! It knows all that goes over the wire, and no key. Its targets are handed in by the demo, which are its own, on
-//! loopback.
+//! It knows all traffic, but no key. The demo passes it its targets, which are the demo's own, on loopback.
 
 use std::cell::Cell;
 use std::net::SocketAddr;
@@ -30,7 +29,7 @@ pub(super) async fn strike(vehicle: SocketAddr, sent: &Cell<u64>) -> anyhow::Res
     let mut seq = 0_u8;
     for round in 0_u64.. {
         let mut messages = vec![down()];
-        // After a setpoint: in flight PX4 refuses OFFBOARD where none arrives.
+        // After a set point: in flight PX4 refuses OFFBOARD without set points.
         if round.is_multiple_of(20) {
             messages.push(offboard());
         }
@@ -68,13 +67,13 @@ pub(super) async fn impersonate(
     vehicle: Id,
     sent: &Cell<u64>,
 ) -> anyhow::Result<()> {
-    // Another address than the CUCS's.
+    // A different address than the CUCS's.
     let elsewhere = "127.0.0.2:0".parse()?;
     let mut station = Station::bind(claimed, elsewhere, vsm).await?;
     station.set_heartbeats(true);
     loop {
         sent.set(sent.get() + 1);
-        // Whether it is answered is not its concern.
+        // The attacker ignores the answers.
         let _ = tokio::time::timeout(EVERY, station.land(vehicle)).await;
         tokio::time::sleep(EVERY).await;
     }

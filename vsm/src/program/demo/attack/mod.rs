@@ -1,12 +1,12 @@
 //! `vsm demo --attack`: the experiment of the HMAC framework for drones (Sensors 2021) on the DLI. A vehicle hovers at 2 m;
-//! from 30 s of its flight on somebody sends false data for 30 s. Each attack is flown twice, side by side: without what
-//! stands against it and with it. At the end somebody listens on the radio, without encryption and with it.
+//! from 30 s of its flight on an attacker sends false data for 30 s. Each attack is flown twice, side by side: without and
+//! with the protection against it. At the end somebody listens on the radio, without and with encryption.
 //!
 //! - [`attacker`]: what the attacks send;
 //! - [`web`]: the CUCS as a web client, and who comes in its name;
 //! - [`radio`]: what the listener reads.
 //!
-//! Without protection is only ever flown here: a simulated vehicle on loopback, in a world that the demo itself makes.
+//! Flights without protection happen only here: a simulated vehicle on loopback, in a world that the demo itself creates.
 
 mod attacker;
 mod radio;
@@ -229,7 +229,7 @@ fn fly(out: &Path, speed: f64, attack: Attack, protected: bool) -> anyhow::Resul
         let ended = web.map_or(Ok(()), WebClient::end);
         shot.and_then(|shot| ended.map(|()| shot))
     });
-    // What runs is stopped also where the flight failed.
+    // Also after a failed flight everything is stopped.
     let remains = world.stop()?;
     let shot =
         shot.with_context(|| format!("{}, {word} {}", attack.title(), attack.protection()))?;
@@ -292,7 +292,7 @@ async fn hover_and_attack(
     };
     let honest = async {
         loop {
-            // A forged sender draws its answers away: then nothing is received, which is no end.
+            // A forged sender can redirect the answers: receiving nothing is no reason to end.
             let _ = station.idle(FLIGHT_WITHIN).await;
         }
     };
@@ -320,10 +320,10 @@ async fn prepare(station: &mut Station) -> anyhow::Result<Id> {
 
 /// Launches, and holds at the altitude of the experiment.
 async fn hover(world: &World, station: &mut Station, vehicle: Id) -> anyhow::Result<()> {
-    // Refused until the vehicle knows where its home is, and where a slow machine has let it disarm before it was to climb.
+    // It is refused until the vehicle knows its home, and if a slow machine has let the vehicle disarm before its climb.
     let patience = Instant::now() + LAUNCHED_WITHIN;
     loop {
-        // The flight begins with the arming that leads to it.
+        // The flight begins with its arming.
         world.forget_track();
         let launched = station.launch(vehicle, HOVER_M, AltitudeType::Agl).await;
         match launched.map(|outcome| outcome.accepted()) {
@@ -335,7 +335,7 @@ async fn hover(world: &World, station: &mut Station, vehicle: Id) -> anyhow::Res
     }
     let what = "the vehicle to hold after its launch";
     await_mode(station, vehicle, Mode::Loiter, what).await?;
-    // A launch ends within the acceptance of its altitude, and the vehicle holds where it is then.
+    // A launch ends within the acceptance radius of its altitude, and the vehicle holds there.
     let at = LoiterAt {
         altitude: Some((HOVER_M, AltitudeType::Agl)),
         ..LoiterAt::default()
@@ -382,7 +382,7 @@ fn judge(attack: Attack, remains: &Remains, shots: &Shots) -> Flown {
     let lowest_m = flown(ATTACK_AFTER.as_secs_f64())
         .map(|point| point.up_m.max(0.0))
         .fold(f64::INFINITY, f64::min)
-        // Not "-0.0".
+        // Avoids "-0.0".
         .abs();
     let end = match (lowest_m < ON_THE_GROUND_M, shots.served) {
         (true, _) => "brought to the ground",
@@ -412,7 +412,7 @@ fn refusals(attack: Attack, remains: &Remains) -> String {
         named.extend(remains.status.refused.iter());
     }
     named.retain(|(_, count)| *count > 0);
-    // What the attack was refused by is what was refused most.
+    // The most frequent refusal is the one that stopped the attack.
     named.sort_by_key(|(_, count)| u64::MAX - *count);
     let named = named.iter().take(NAMED);
     let named: Vec<String> = named

@@ -1,4 +1,4 @@
-//! What somebody with a receiver reads on the radio between the bridge and the agent.
+//! What somebody with a receiver can read on the radio between the bridge and the agent.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ impl Overheard {
         for bytes in datagrams {
             let starts = (0..bytes.len()).filter(|&at| bytes.get(at) == Some(&STX));
             let frames = starts.filter_map(|at| FrameView::parse(bytes.get(at..)?).ok());
-            // What has an id of no message has no checksum to tell it by: of random bytes some look like it.
+            // A frame with an unknown id has no checksum to verify: some random bytes look like one.
             for frame in frames.filter(FrameView::is_checked) {
                 found.read(&frame);
             }
@@ -43,7 +43,7 @@ impl Overheard {
         frames.sort_by_key(|(_, count)| u64::MAX - *count);
         let named = frames.iter().take(NAMED).map(|(id, count)| {
             let name = match **id {
-                // No message of the dialect yet.
+                // The message is not in the dialect.
                 KEY_EXCHANGE_ID => "KEY_EXCHANGE",
                 id => crate::message_name(id),
             };

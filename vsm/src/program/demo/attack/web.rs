@@ -1,5 +1,5 @@
-//! The CUCS as a web client: the datagrams of its station go as frames of the page's WebSocket, and what these bring comes as
-//! datagrams; and somebody who opens that WebSocket in its name, and has not its key.
+//! The CUCS as a web client: the datagrams of its station are sent as frames of the page's WebSocket, and received frames
+//! become datagrams; and an attacker who opens that WebSocket in its name without its key.
 
 use std::cell::Cell;
 use std::io;
