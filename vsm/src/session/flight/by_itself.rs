@@ -270,6 +270,7 @@ impl Flight {
     pub(super) fn end_cut_off_launch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let telemetry = &context.vehicle.telemetry;
         let known = (telemetry.armed, telemetry.landed);
+        // Until both are reported it is not known whether a disarm command would stop a vehicle in the air.
         let (true, true, (Some(armed), Some(_))) =
             (self.launch_cut_off, context.vehicle.live(), known)
         else {

@@ -225,6 +225,8 @@ impl Flight {
         UnderWay {
             enters: waits || maneuver.is_some_and(Maneuver::enters_a_mode),
             unseen: !vehicle.state_is_newer_than_command(),
+            // Every stage of a landing counts: AUTO.LAND is being entered, landing items are flown to, or an approach route
+            // is still being uploaded.
             lands: enters(Px4Mode::LAND)
                 || (enters(Px4Mode::MISSION) && item.or(current).is_some_and(lands_at))
                 || (waits && mission.waiting_mode == Some(Mode::AutolandEngage)),
@@ -591,6 +593,7 @@ impl Flight {
                 if let Some(why) = waits_for_transfer(&steps, context) {
                     return effects.refuse(origin, why);
                 }
+                // If a step after arming fails, the motors must not keep running on the ground.
                 let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
                 self.begin(context, origin, maneuver, effects);
             }

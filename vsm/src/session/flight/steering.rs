@@ -289,6 +289,7 @@ fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
     let moves = speed_m_s > SLOWEST_M_S;
     let track = if moves { east.atan2(north) } else { nose };
     Ok(Flown {
+        // A hovering vehicle drifts a little, and that must not become a commanded speed.
         speed_m_s: if moves { speed_m_s } else { 0.0 },
         direction: Direction::Steady { nose, track },
         nose,

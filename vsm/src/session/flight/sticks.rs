@@ -176,6 +176,7 @@ impl Sticks {
 }
 
 fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
+    // DLI sticks are per cent, those of MANUAL_CONTROL per mille.
     let axis = |stick: Option<i8>| i16::from(stick.unwrap_or(0)) * 10;
     MANUAL_CONTROL_DATA {
         target: system,
