@@ -470,6 +470,7 @@ impl Transfers {
             load.end(None, format!("clear: {}", fault.explain("plan")), effects);
         }
         let cancelled = |reason: &Failure| *reason == Failure::Cancelled;
+        // After any other failure the vehicle may or may not have cleared its mission, so no route counts as uploaded.
         if !matches!(fault, Fault::Service { reason, .. } if cancelled(reason)) {
             store.forget_uploaded(effects);
         }
