@@ -138,11 +138,13 @@ impl AuthorityMachine {
         let Unstored { decision, of, .. } = one;
         let before = std::mem::replace(&mut self.rights, one.rights);
         self.note_handover(&decision);
+        // First: the messages below go to the listeners by the new rights.
         self.update_listeners(context, effects);
         if one.changed {
             effects.clear(Cause::Store, "authority is stored again");
         }
         let mut informed: Vec<Id> = match of {
+            // The handler of message 1 answers its sender itself.
             Of::Request(asker) => vec![asker],
             _ => Vec::new(),
         };
