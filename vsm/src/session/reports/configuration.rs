@@ -123,6 +123,7 @@ impl Configuration {
         };
         let all = configuration::answers(&subject, request);
         answers.push(now, to, all, Some(origin));
+        // The answer at this level lists the modes that can be commanded now. Changes of them follow from here on.
         if let Scope::Level(Level::Control) = request.scope {
             let available = available_modes(context, mission);
             self.configured.insert(to);
@@ -352,6 +353,7 @@ impl Configuration {
         let now: Duration = effects.dli.now.mono;
         let others = self.configured.iter().filter(|index| Some(**index) != by);
         for station in others {
+            // A station that does not take its answers must not make the queue grow.
             if answers.is_full(*station) {
                 continue;
             }
