@@ -76,6 +76,7 @@ pub(super) fn steering(
         || command.horizontal_slew_rate.is_some()
         || command.vertical_slew_rate.is_some()
         || command.latitude.is_some();
+    // Without this the angles or rates would be ignored, and the command acknowledged as carried out.
     if steps.is_empty() && points && at.mode == Pointing::NoValue {
         return Err(
             "no pointing mode is set: command one by 19100 (1 angle, 2 and 3 slew rate, 4 place) first"
@@ -416,6 +417,7 @@ fn has_room(camera: &Camera) -> Result<(), String> {
 }
 
 fn pointing_mode(mode: Pointing, at: &Situation<'_>) -> Result<Vec<Step>, String> {
+    // A station may repeat the mode in every 19100. A new step would stop a gimbal that turns.
     if mode == at.mode && mode == at.shown {
         return Ok(Vec::new());
     }

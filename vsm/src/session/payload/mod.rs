@@ -291,6 +291,7 @@ impl Payload {
                 equipment.number
             ));
         }
+        // Motions of this station end once this CUCS no longer holds it (`end_with_holder`).
         state.by = Some(by);
         if let Message::PayloadSteeringCommand(m) = message {
             state.zooming = match m.set_zoom {
@@ -385,6 +386,7 @@ impl Payload {
                 .take_if(|_| task.steps.front().is_some_and(ends))
                 .and_then(|running| running.ticket)
             {
+                // Otherwise the command client would repeat the older command after the newer one.
                 effects.vehicle.commands_to(component).withdraw(now, ticket);
             }
             let turned = |step: &Step| step.drive() == Some(Drive::Gimbal);
@@ -430,6 +432,7 @@ impl Payload {
 
     fn end(&mut self, task: &Task, end: Result<(), String>, effects: &mut Effects<'_>) {
         let state = self.states.entry(task.station).or_default();
+        // A later command may have set another mode, which this result must not change.
         let governs = task.mode == Some(state.commanded);
         match end {
             Ok(()) => {
@@ -487,6 +490,7 @@ impl Payload {
             } => {
                 if let Some(running) = &mut self.tasks[place].running {
                     running.ticket = None;
+                    // A report from before the answer may still show the earlier state.
                     running.since = context.mono();
                 }
                 return;
@@ -521,6 +525,7 @@ impl Payload {
             let mut stops_zoom = false;
             if let Some(station) = station_of(context, *number) {
                 let turns = |task: &Task| {
+                    // Only a step that was sent can have set the gimbal in motion.
                     let sent = task.running.as_ref().and(task.steps.front());
                     task.station == *number && sent.is_some_and(|step| step.motion().is_some())
                 };
@@ -717,6 +722,7 @@ fn start(
 ) -> Result<Running, String> {
     let now = context.mono();
     let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
+    // The report that confirms a command is requested as soon as the command is accepted.
     let mut ask_at = now;
     let order = step.order(station, own);
     let ticket = match order.ok_or("the station lacks the device for it, or its manager")? {

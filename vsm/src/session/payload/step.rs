@@ -230,6 +230,7 @@ impl Step {
             }
             Step::Focus(focus) => {
                 let (kind, value, repetition) = match focus {
+                    // A repeated step would move the focus a second time.
                     Focus::Closer => (SetFocusType::FOCUS_TYPE_STEP, -1.0, Repetition::Never),
                     Focus::Farther => (SetFocusType::FOCUS_TYPE_STEP, 1.0, Repetition::Never),
                     Focus::Auto => (
@@ -323,6 +324,7 @@ impl Step {
             Step::Zoom(zoom) => settings
                 .and_then(|(at, settings)| Some((at, settings.zoom?)))
                 .is_some_and(|(at, shown)| match (zoom, before.zoom) {
+                    // At the end of its range the zoom can no longer change.
                     (Zoom::In, Some(was)) => shown > was + 0.5 || shown >= 99.5,
                     (Zoom::Out, Some(was)) => shown < was - 0.5 || shown <= 0.5,
                     (Zoom::Stop, _) => before
