@@ -554,6 +554,7 @@ impl Held {
         effects.request(Request::CarryOut {
             origin: Origin {
                 message_type: entry.message_type,
+                // The acknowledgement was requested for the 50020, and the 50020 has had its own.
                 ack_requested: false,
                 held: Some(entry.serial),
                 ..entry.origin(station)
