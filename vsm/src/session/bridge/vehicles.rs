@@ -95,6 +95,8 @@ impl Bridge {
             let here = self.aircraft.on_port(port);
             system = system.filter(|system| here.iter().any(|(known, _)| known == system));
             let trace = self.trace;
+            // Frames are collected here first: forwarding them needs the bridge, parts of which are borrowed until the loop
+            // ends.
             let mut believed = std::mem::take(&mut self.believed);
             let (mut dli, aircraft) = self.effects(now, disk);
             for at in 0..aircraft.on_port(port).len() {
