@@ -219,6 +219,7 @@ impl Alone {
             reports: with.reports,
             standing: &mut self.standing,
         };
+        // The causes are watched even while PX4 cannot be commanded, so that nothing is missed meanwhile.
         self.machine.watch(&context, &mut agents);
         if !with.reaches_px4 {
             return;
@@ -274,9 +275,11 @@ impl Alone {
             mode,
             other: other.filter(|other| !stays(other) && !own(other)),
             seen: [engine, position, fence, battery, Some(link)],
+            // The agent stores no routes and knows none of the ground's.
             carries: None,
             flies: None,
             completed: None,
+            // The ground is lost, so nobody controls the vehicle.
             controlled: false,
             lands: false,
             busy: awaited,
