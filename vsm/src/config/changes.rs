@@ -80,6 +80,7 @@ impl Config {
         self.change_vehicles(new, &mut config, &mut report);
         self.compare_forwards(new, &mut report);
         config.forward.clone_from(&new.forward);
+        // A mixture of kept and new values can be invalid even if both files are valid.
         config.check().map_err(|fault| conflict(&fault))?;
         Ok(Changes { config, report })
     }
@@ -153,6 +154,7 @@ impl Config {
                 .iter()
                 .map(|key| format!("vehicle {}: {key}", before.id));
             report.restart.extend(kept);
+            // These keys need a restart: until then the bridge runs with their earlier values.
             vehicle.link.clone_from(&before.link);
             vehicle.logical_id = before.logical_id;
             vehicle.system_id = before.system_id;

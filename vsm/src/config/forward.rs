@@ -231,6 +231,7 @@ impl Forward {
             }
         }
         match &self.commands.0 {
+            // `true` permits all that the bridge itself sends. A program that cannot sign must be limited to a list.
             Some(lists) if *lists == Relay::default() => {
                 let expected = "lists with unsigned = true, such as { commands = [176, 400] }";
                 fault(at, "forward.commands", "true", expected)

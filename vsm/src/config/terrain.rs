@@ -118,6 +118,7 @@ fn list(dir: &Path) -> Result<Vec<Listed>, TerrainFault> {
         let ending = path.extension().and_then(|ending| ending.to_str());
         let ending = ending.unwrap_or_default().to_ascii_lowercase();
         if ["hgt", "tif", "tiff", "asc"].contains(&ending.as_str()) {
+            // A file whose metadata cannot be read is still listed: reading it fails later, with its name.
             let file = std::fs::metadata(&path).ok();
             let length = file.as_ref().map_or(0, std::fs::Metadata::len);
             all += length;
