@@ -104,6 +104,7 @@ impl Remembered {
                 Stick::Repeated => Some(REPEATED),
                 Stick::Flown => Some(FLOWN),
                 Stick::Older => {
+                    // It may be the first message of a clock that was set back: later messages show whether it was.
                     self.clock.note(new.stamp, now);
                     Some(OLDER)
                 }
@@ -182,6 +183,7 @@ impl Remembered {
             return Some(self.log_sticks(station, stamp, reading, disk));
         }
         let latest = self.recent.commands.back_mut()?;
+        // Logged once: a message 1 that names several vehicles is accepted by each of them.
         if latest.accepted || (latest.message_type, latest.stamp) != (message_type, stamp) {
             return None;
         }
