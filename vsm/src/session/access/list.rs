@@ -167,6 +167,7 @@ impl AccessList {
         {
             Ok(place) => self.entries[place] = entry,
             Err(_) if self.entries.len() == MAX_ENTRIES => return Err(ListError::Full),
+            // Inserted in order: `parse` refuses a list whose entries are not sorted.
             Err(place) => self.entries.insert(place, entry),
         }
         Ok(())
@@ -262,6 +263,7 @@ fn parse(bytes: &[u8]) -> Result<(AccessList, Option<Macs>), ListError> {
     if bytes.len() > MAX_LIST_BYTES {
         return Err(ListError::TooLong(bytes.len()));
     }
+    // The length is checked before anything is parsed: the file may be any file.
     let text = std::str::from_utf8(bytes).map_err(|_| ListError::NoText)?;
     let mut lines = Reader {
         lines: text.lines(),
@@ -305,6 +307,8 @@ fn parse(bytes: &[u8]) -> Result<(AccessList, Option<Macs>), ListError> {
             found: list.entries.len(),
         });
     }
+    // Signed only if every entry has a MAC. A partly signed list is written without any below, and so differs from its
+    // text.
     let macs: Option<Vec<Mac>> = macs.into_iter().collect();
     let signed = macs.zip(closing);
     let written = list.text(signed.as_ref().map(|(entries, list)| (&**entries, list)));

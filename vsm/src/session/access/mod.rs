@@ -153,6 +153,7 @@ impl Access {
             let list = AccessList::verified(text.as_bytes(), &key, vsm);
             list.map(|list| PreparedAccess { list, text })
         });
+        // A damaged stored list is an error. If it counted as absent, an older file could come into force.
         let known = known.transpose().map_err(AccessError::Stored)?;
         let file = file.and_then(|bytes| {
             let known = known
@@ -162,13 +163,16 @@ impl Access {
         });
         let before = known.as_ref().map(|known| known.list.version());
         let (PreparedAccess { list, text }, refused) = match (file, known) {
+            // Stored before it is used, so that no later start falls back to an older list.
             (Ok(Some(new)), _) => {
                 disk.save(&key.id(), &Stored(new.text.clone()))?;
                 (new, None)
             }
             (Ok(None), Some(known)) => (known, None),
+            // A file that is refused must not end the service: the stored list still verifies.
             (Err(why), Some(known)) => (known, Some(why)),
             (Err(why), None) => return Err(AccessError::None(why)),
+            // `prepare` returns `None` only if the file equals a stored list, so this cannot happen.
             (Ok(None), None) => return Err(AccessError::None("it is empty".to_owned())),
         };
         let ceiling = disk.load::<Ceiling>(&key.id())?.map(|Ceiling(at)| at);
@@ -309,11 +313,13 @@ fn prepare(
         Some((in_force, _)) if found < in_force => {
             return Err(RenewError::Older { found, in_force });
         }
+        // Two different lists with one version: neither is the newer one.
         Some((in_force, _)) if found == in_force => {
             return Err(RenewError::Another { version: found });
         }
         _ => {}
     }
+    // Loses nothing: `verified` accepts only UTF-8.
     let text = String::from_utf8_lossy(file).into_owned();
     Ok(Some(PreparedAccess { list, text }))
 }
