@@ -161,6 +161,7 @@ impl Bridge<'_> {
             );
             return Err(bad(anyhow!(text)));
         }
+        // What arrives is appended to a part file, from which the same command continues after an interruption.
         let part = part_of(&to);
         let mut file = OpenOptions::new()
             .create(true)
@@ -175,6 +176,7 @@ impl Bridge<'_> {
         let begun = Instant::now();
         let action = Action::Read { offset, crc };
         let asked = self.ask(path, action, &[]);
+        // Nothing has arrived, so there is nothing to continue from.
         if asked.is_err() && offset == 0 {
             let _ = fs::remove_file(&part);
         }
@@ -198,6 +200,7 @@ impl Bridge<'_> {
                     }
                 }
                 Reply::Done { size, crc } => {
+                    // Renamed only when complete and on disk, so that the destination never holds half a file.
                     let placed = file.sync_all().and_then(|()| fs::rename(&part, &to));
                     placed
                         .with_context(|| to.display().to_string())

@@ -103,6 +103,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                     "{owner} serves, and no other node stands by: it would leave the vehicles without a ground"
                 )));
             }
+            // Draining makes the owner give up the vehicles. It is resumed even if nobody takes over, so that it serves
+            // again.
             operator.drain(&owner).map_err(failed)?;
             let moved = taken_over(&operator, &owner, lease);
             operator

@@ -244,6 +244,7 @@ impl Watch {
                 Ok(_) | Err(StationError::TimedOut { .. }) => {}
                 Err(fault) => return Err(failed(fault)),
             }
+            // A VSM that has restarted may have lost the schedule of this station.
             if heard.elapsed() >= SILENCE {
                 heard = Instant::now();
                 match self.subscribe().await {
