@@ -176,6 +176,7 @@ impl AuthorityMachine {
             Stage::Acceptance(_) => {
                 authorise_handover(context, handover.to, handover.rights, effects);
             }
+            // Nobody has to answer: the end of the load decides.
             Stage::Load(_) => {}
         }
     }

@@ -224,6 +224,7 @@ impl Authority {
         others
             .filter_map(|(id, held)| {
                 let stations = Rights::of_stations(wanted.both(held).stations());
+                // Control is held as a whole: a request for one level concerns the holder of the other level too.
                 let control = if held.control().is_empty() {
                     LoiBitmap::NONE
                 } else {
@@ -277,6 +278,7 @@ impl Authority {
         self.put(to, gained);
         let mut rest = gained;
         for (from, lost) in &losers {
+            // Control passes as a whole: the new holder may gain a level that the loser did not hold.
             let part = if lost.control().is_empty() {
                 lost.both(rest)
             } else {
