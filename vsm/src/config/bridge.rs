@@ -520,12 +520,14 @@ impl Config {
                 ids.push(logical);
             }
             let system = (&vehicle.link, vehicle.system_id);
+            // On a shared link only the system id tells whose a frame is.
             if links.contains(&system) {
                 let expected = "a system id of its own for each vehicle of one link: set another here, by MAV_SYS_ID in \
                                 that vehicle, and in its [[vehicle]]";
                 let found = format!("{} twice on {}", vehicle.system_id, vehicle.link);
                 return fault(at, "vehicle.system_id", found, expected);
             }
+            // A device is opened once for all its vehicles, so it has one speed.
             let other_speed =
                 |one: &&LinkAddress| one.is_device_of(&vehicle.link) && **one != vehicle.link;
             if let Some(other) = links.iter().map(|(link, _)| *link).find(other_speed) {
@@ -542,6 +544,7 @@ impl Config {
                 return fault(at, "vehicle.encrypt", true, expected);
             }
             links.push(system);
+            // 0 addresses every system, and the VSM's own id would not tell its frames from the vehicle's.
             if vehicle.system_id == 0 || vehicle.system_id == self.mavlink.system_id {
                 let expected = "1 to 255, and not the VSM's own (mavlink.system_id)";
                 return fault(at, "vehicle.system_id", vehicle.system_id, expected);
