@@ -183,6 +183,7 @@ fn pair(arguments: Pair) -> Result<(), Failure> {
     };
     let to = resolve(&vsm)?;
     print_line("pairing code, as `vsm guard pair` shows it on the VSM's computer:");
+    // With room for all that is read: a string that grows leaves copies of the code in memory that nothing wipes.
     let mut typed = Zeroizing::new(String::with_capacity(256));
     let read = std::io::stdin().lock().take(256).read_line(&mut typed);
     read.context("standard input").map_err(failed)?;
