@@ -386,6 +386,8 @@ impl Transfers {
         let held = upload.held;
         let site = site(context);
         let (state, vehicle) = (context.vehicle, &mut *effects.vehicle);
+        // A load that no CUCS requested, for a mode command or after the vehicle lost its mission, flies the stored plan
+        // and not an upload in progress.
         let plan = if origin.is_some() {
             store.to_load()
         } else {
