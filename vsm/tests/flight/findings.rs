@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 
 use kit::bridge::{Rig, Setup, Station, cucs, orders, vehicle_id};
-use stanag_msgs::Message;
 use stanag_msgs::enums::AlertPriority;
+use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, wrapper};
 use vsm::session::LogLevel;
 
 /// The priorities of the 16000s that begin like this, in their order.
@@ -144,8 +144,8 @@ fn no_sender_can_fill_the_log_with_findings() {
     rig.log.clear();
     let from = "127.0.0.9:4000".parse().expect("an address");
     for n in 0..2_000_u32 {
-        let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
-        let envelope = stanag_msgs::Envelope::new(stanag_msgs::Id(0x2000_0000 + n), vehicle_id(0));
+        let mut bytes = [0; MAX_DATAGRAM];
+        let envelope = Envelope::new(stanag_msgs::Id(0x2000_0000 + n), vehicle_id(0));
         let beat = Message::from(stanag_msgs::messages::Heartbeat::default());
         let length = beat.encode(&envelope, &mut bytes).expect("it fits");
         rig.deliver_from(from, &bytes[..length]);
@@ -156,4 +156,58 @@ fn no_sender_can_fill_the_log_with_findings() {
     rig.run(2.0);
     assert_eq!(logged(&rig, LogLevel::Warning, "is not listed"), 4);
     assert_eq!(alerts(&rig, "CUCS 20:00").len(), 4);
+}
+
+/// Lets a message of station 0 arrive that requests no acknowledgement.
+fn deliver_data(rig: &mut Rig, message_type: u16, data: &[u8]) {
+    let mut bytes = [0; MAX_DATAGRAM];
+    let envelope = Envelope::new(cucs(0), vehicle_id(0));
+    let put = |out: &mut [u8]| {
+        out[..data.len()].copy_from_slice(data);
+        Ok(data.len())
+    };
+    let length = wrapper::encode(message_type, &envelope, &mut bytes, put).expect("it fits");
+    rig.deliver_from_station(&bytes[..length]);
+    rig.run(0.05);
+}
+
+#[test]
+fn a_message_that_cannot_be_decoded_is_named_though_it_requests_no_answer() {
+    let mut rig = Rig::ready();
+    rig.log.clear();
+    let words = "CUCS 1b:00:00:a0 sends message 16002 ";
+    let beat = |presence: u8| [presence, 0, 0, 0, 0, 9];
+    for _ in 0..2 {
+        deliver_data(&mut rig, 16_002, &beat(0xff));
+    }
+    rig.run(2.0);
+    assert_eq!(alerts(&rig, words), [], "it may be damage on the way");
+    for _ in 0..50 {
+        deliver_data(&mut rig, 16_002, &beat(0xff));
+    }
+    rig.run(2.0);
+    assert_eq!(alerts(&rig, words), [AlertPriority::Warning]);
+    let why = "presence vector 0xff has bits beyond 0x1";
+    assert_eq!(logged(&rig, LogLevel::Warning, why), 1);
+    // What is good of another type mends nothing.
+    rig.send_once(orders::request_control());
+    rig.run(2.0);
+    assert_eq!(alerts(&rig, &format!("cleared: {words}")), []);
+    deliver_data(&mut rig, 16_002, &beat(1));
+    rig.run(2.0);
+    let cleared = alerts(&rig, &format!("cleared: {words}"));
+    assert_eq!(cleared, [AlertPriority::Cleared]);
+
+    // What only a VSM sends, and a flood of unknown types.
+    for _ in 0..3 {
+        deliver_data(&mut rig, 16_000, &[0, 0, 0]);
+    }
+    for n in 0..40 {
+        for _ in 0..3 {
+            deliver_data(&mut rig, 60_000 + n, &beat(1));
+        }
+    }
+    rig.run(2.0);
+    assert_eq!(logged(&rig, LogLevel::Warning, "VSM to CUCS only"), 1);
+    assert_eq!(logged(&rig, LogLevel::Warning, "unknown message type"), 3);
 }

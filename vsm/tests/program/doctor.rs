@@ -360,20 +360,22 @@ fn each_fault_of_the_dli_has_its_line() {
         listed("1b:00:00:a1", "address = \"127.0.0.99\""),
         listed("1b:00:00:a2", ""),
         listed("1b:00:00:a3", "address = \"127.0.0.5\""),
+        listed("1b:00:00:a4", "address = \"127.0.0.11\""),
     ]
     .concat();
     let mut place = Place::new("", &rest);
     place.start();
     let to = SocketAddr::from(([127, 0, 0, 1], place.dli));
-    let (stranger, elsewhere, lost, slow) = (
+    let (stranger, elsewhere, lost, slow, garbled) = (
         Id(0x1b00_00b7),
         Id(0x1b00_00a1),
         Id(0x1b00_00a2),
         Id(0x1b00_00a3),
+        Id(0x1b00_00a4),
     );
     let plain = move |source, at, ahead| heartbeat(source, at, ChecksumStyle::None, ahead);
     // Each from an address of its own.
-    let faults: [Box<dyn Fn() -> Vec<u8> + Send>; 9] = [
+    let faults: [Box<dyn Fn() -> Vec<u8> + Send>; 10] = [
         Box::new(move || plain(stranger, VSM, 0)),
         Box::new(move || plain(elsewhere, VSM, 0)),
         Box::new(move || plain(lost, Id(0x1b00_0199), 0)),
@@ -398,6 +400,11 @@ fn each_fault_of_the_dli_has_its_line() {
             bytes
         }),
         Box::new(|| frame(1, None)),
+        Box::new(move || {
+            let mut bytes = plain(garbled, VSM, 0);
+            bytes[16] = 0xff;
+            bytes
+        }),
     ];
     let mut senders: Vec<Box<dyn FnMut(u64) + Send>> = vec![];
     for (fault, n) in faults.into_iter().zip(2..) {
@@ -430,6 +437,11 @@ fn each_fault_of_the_dli_has_its_line() {
             "from 127.0.0.9 are in little-endian byte order",
         ),
         ("dli-unreadable", "from 127.0.0.10 are MAVLink"),
+        (
+            "dli-undecodable",
+            "CUCS 1b:00:00:a4 sends message 16002 (Heartbeat) from 127.0.0.11, and it is dropped: message 16002: presence vector 0xff has \
+             bits beyond 0x1",
+        ),
     ];
     let codes = expected.map(|(code, _)| code);
     let found = place.findings(&codes);

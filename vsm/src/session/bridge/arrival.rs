@@ -2,7 +2,8 @@
 //!
 //! Each reason for dropping a datagram has its own counter. Messages of a station beyond its rate limits ([`COMMANDS`],
 //! [`QUESTIONS`]) are dropped unread and unanswered: answers would be a flood too. If a listed station requests an answer to
-//! a message that cannot be decoded or is not for a VSM, it is refused with the reason.
+//! a message that cannot be decoded or is not for a VSM, it is refused with the reason. Repeated, such messages are a finding,
+//! whether an answer is requested or not.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::net::{IpAddr, SocketAddr};
@@ -206,6 +207,7 @@ impl Bridge {
                     "unknown message type"
                 });
                 let why = why_no_layout(header.message_type).unwrap_or_else(|| fault.to_string());
+                self.note_undecodable(now.mono, index, header.message_type.into(), &why);
                 self.refuse(now, &origin, header.destination, why, disk);
                 return false;
             }
@@ -218,8 +220,13 @@ impl Bridge {
         {
             self.counters.count("wrong direction");
             let why = "message is VSM to CUCS only".to_owned();
+            self.note_undecodable(now.mono, index, header.message_type.into(), &why);
             self.refuse(now, &origin, header.destination, why, disk);
             return false;
+        }
+        if made_of.is_none() {
+            self.evidence
+                .note_decoded(header.source, header.message_type.into());
         }
         self.received.count(header.message_type.into());
         if let Message::MessageAcknowledgement(answer) = &message {
@@ -265,6 +272,21 @@ impl Bridge {
         self.dispatch(now, origin, header.destination, &message, disk);
         self.forget_heartbeats(now.mono);
         true
+    }
+
+    /// A message of a station is dropped for what it is, and not for what it commands.
+    pub(super) fn note_undecodable(
+        &mut self,
+        mono: Duration,
+        index: usize,
+        message_type: u32,
+        why: &str,
+    ) {
+        let station = &self.stations[index];
+        if let Some(from) = station.peer {
+            let fault = Fault::Undecodable(station.id(), message_type, why.to_owned());
+            self.evidence.note(mono, from, fault);
+        }
     }
 
     /// A station acknowledges an alert, if that is active.

@@ -167,12 +167,17 @@ impl Bridge {
                     held: None,
                     continues: None,
                 };
-                if at.info.is_some() {
-                    self.refuse_command(now, &origin, at.vehicle, refusal.why, disk);
+                let number = frame.header.message_type;
+                match at.info {
+                    Some(_) => self.refuse_command(now, &origin, at.vehicle, refusal.why, disk),
+                    // Nothing of it can be answered: no message of that number, or not of that length.
+                    None => self.note_undecodable(now.mono, index, number, &refusal.why),
                 }
                 return;
             }
         };
+        self.evidence
+            .note_decoded(at.cucs, frame.header.message_type);
         self.note_received(index, now.mono);
         let stamp = editions::stamp(frame);
         self.carry_out(now, index, (&at, stamp), taken, answered, disk);

@@ -6,17 +6,17 @@
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-use stanag_msgs::Id;
 use stanag_msgs::wrapper::{
     ChecksumStyle, HEADER_BYTES, Header, MAX_DATA, Sum16Variant, WrapperError,
 };
+use stanag_msgs::{Id, ed25};
 
 use super::{Code, Finding};
 use crate::config::{Checksum, Edition};
 use crate::session::station::EDITION_CHANGES_AFTER;
 
 /// Why a frame or a datagram could not be used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Fault {
     /// Its source is not listed; the edition and the checksum that it speaks with.
     NotListed(Id, Edition, ChecksumStyle),
@@ -32,6 +32,8 @@ pub(crate) enum Fault {
     Web(Id, &'static str),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
+    /// Its source is listed; its messages of this type cannot be decoded, or only a VSM sends them. The reason.
+    Undecodable(Id, u32, String),
     /// Its checksum does not fit, under this style; and how it would.
     Checksum(ChecksumStyle, Option<Fits>),
     /// Its IDD version.
@@ -77,8 +79,8 @@ impl Fault {
         }
     }
 
-    /// Seen so often without anything good of the same address, it is a fault of the sender and no damage on the way.
-    fn needs(self) -> u32 {
+    /// Seen so often without anything good of the same address, or of the same type, it is a fault of the sender and no damage on the way.
+    fn needs(&self) -> u32 {
         match self {
             Fault::NotListed(..)
             | Fault::Address(..)
@@ -91,9 +93,12 @@ impl Fault {
         }
     }
 
-    /// Whether it is of the wrapper, and carries nothing that can be believed of who sent it.
-    fn is_broken(self) -> bool {
-        self.needs() > 1
+    /// Whether both take a place of the same few. Of listed stations each has its own: none hides what another sends.
+    fn shares_places(&self, other: &Fault) -> bool {
+        match (self, other) {
+            (Fault::Undecodable(one, ..), Fault::Undecodable(other, ..)) => one == other,
+            (one, other) => std::mem::discriminant(one) == std::mem::discriminant(other),
+        }
     }
 }
 
@@ -160,19 +165,23 @@ struct Seen {
 
 impl Seen {
     /// Of the same sender, as far as that can be believed: the port proves nothing.
-    fn is_same(&self, from: SocketAddr, fault: Fault) -> bool {
-        match (self.fault, fault) {
+    fn is_same(&self, from: SocketAddr, fault: &Fault) -> bool {
+        match (&self.fault, fault) {
             (Fault::NotListed(one, ..), Fault::NotListed(other, ..))
             | (Fault::Address(one, _), Fault::Address(other, _))
             | (Fault::OtherEdition(one, ..), Fault::OtherEdition(other, ..))
             | (Fault::ChangedEdition(one, _), Fault::ChangedEdition(other, _))
             | (Fault::Misaddressed(one, _), Fault::Misaddressed(other, _)) => one == other,
+            // The first reason stays: a text that changed with every message would be a new alert each time.
+            (Fault::Undecodable(one, of, _), Fault::Undecodable(other, other_of, _)) => {
+                (one, of) == (other, other_of)
+            }
             // A forger's one reason hides no other, which may be an honest guard's.
             (Fault::Guard(..), Fault::Guard(..)) | (Fault::Web(..), Fault::Web(..)) => {
-                self.fault == fault
+                self.fault == *fault
             }
             (one, other) => {
-                std::mem::discriminant(&one) == std::mem::discriminant(&other)
+                std::mem::discriminant(one) == std::mem::discriminant(other)
                     && self.from.ip() == from.ip()
             }
         }
@@ -214,20 +223,19 @@ impl DliEvidence {
     /// A frame that is not for here, or of nobody who may send it.
     pub(crate) fn note(&mut self, mono: Duration, from: SocketAddr, fault: Fault) {
         // Keep the first one: a sender that varies the rest, or forges its source address, makes no new finding.
-        if let Some(known) = self.seen.iter_mut().find(|one| one.is_same(from, fault)) {
+        if let Some(known) = self.seen.iter_mut().find(|one| one.is_same(from, &fault)) {
             known.last = mono;
             known.count = known.count.saturating_add(1);
             return;
         }
         self.seen.retain(|one| mono.saturating_sub(one.last) < LIFE);
-        let kind = std::mem::discriminant(&fault);
-        let mut kinds = self
+        let rivals = self
             .seen
             .iter()
-            .map(|one| std::mem::discriminant(&one.fault));
+            .filter(|one| fault.shares_places(&one.fault));
         // Of guards there are as many as there are stations with one and reasons, however many forge.
         let bounded = matches!(fault, Fault::Guard(..) | Fault::Web(..));
-        if bounded || kinds.by_ref().filter(|one| *one == kind).count() < PLACES {
+        if bounded || rivals.count() < PLACES {
             self.seen.push(Seen {
                 fault,
                 from,
@@ -249,9 +257,18 @@ impl DliEvidence {
             | Fault::OtherEdition(id, ..)
             | Fault::ChangedEdition(id, _)
             | Fault::Misaddressed(id, _) => id != source,
-            // A forger's beside its own: shown as long as it lasts.
-            Fault::Guard(..) | Fault::Web(..) => true,
-            fault => !fault.is_broken() || one.from.ip() != from.ip(),
+            // A forger's beside its own: shown as long as it lasts. What cannot be decoded had a wrapper that can be read:
+            // `note_decoded` clears it.
+            Fault::Guard(..) | Fault::Web(..) | Fault::Undecodable(..) => true,
+            // Of the wrapper: nothing of it can be believed of who sent it.
+            _ => one.from.ip() != from.ip(),
+        });
+    }
+
+    /// A message of a listed station that can be decoded: its type is mended, if it was not.
+    pub(crate) fn note_decoded(&mut self, source: Id, message_type: u32) {
+        self.seen.retain(|one| {
+            !matches!(one.fault, Fault::Undecodable(id, of, _) if (id, of) == (source, message_type))
         });
     }
 
@@ -456,6 +473,21 @@ fn finding(one: &Seen) -> Finding {
             "have it send to the id of a [[vehicle]], to dli.vsm_id or to ff:ff:ff:ff, or correct the id in the configuration"
                 .to_owned(),
         ),
+        Fault::Undecodable(id, message_type, ref why) => {
+            let named = u16::try_from(message_type)
+                .map_or_else(|_| message_type.to_string(), ed25::named);
+            let mut finding = of_cucs(
+                Code::DliUndecodable,
+                id,
+                format!("sends message {named} from {ip}, and it is dropped: {why}"),
+                "correct the CUCS: `echo HEX | vsm decode` reads one message, docs/reference/dli has the presence vector, the fields and \
+                 the direction of each"
+                    .to_owned(),
+            );
+            // Two types of one station stand beside each other.
+            finding.key = id.0.rotate_left(16) ^ message_type;
+            finding
+        }
         Fault::Checksum(style, fits) => {
             let (how, cure) = match fits {
                 Some(Fits::Style1(Sum16Variant::Crc16)) => (
@@ -518,7 +550,7 @@ fn finding(one: &Seen) -> Finding {
     }
 }
 
-/// Of each kind this many at most.
+/// Of each kind this many at most, and of what cannot be decoded of each station.
 const PLACES: usize = 4;
 /// How long evidence lasts.
 const LIFE: Duration = Duration::from_secs(300);
@@ -691,6 +723,39 @@ mod tests {
         assert_eq!(at(5, &evidence), [Code::CucsNotListed]);
         assert_eq!(at(299, &evidence).len(), 1);
         assert_eq!(at(300, &evidence), []);
+    }
+
+    #[test]
+    fn what_cannot_be_decoded_is_named_by_type_until_one_of_the_type_can() {
+        let mut evidence = DliEvidence::default();
+        let now = Duration::ZERO;
+        let fault = |id, of: u32| Fault::Undecodable(id, of, format!("of {of}"));
+        evidence.note(now, address(1), fault(CUCS, 2016));
+        evidence.note(now, address(1), fault(CUCS, 2016));
+        let found = |evidence: &DliEvidence| {
+            let mut found = vec![];
+            evidence.judge(now, None, &mut found);
+            found
+        };
+        assert_eq!(found(&evidence), [], "once may be damage on the way");
+        // However many types another station sends: each station has its own places.
+        for of in 0..100 {
+            for _ in 0..3 {
+                evidence.note(now, address(2), fault(VSM, of));
+            }
+        }
+        let changed = Fault::Undecodable(CUCS, 2016, "another reason".to_owned());
+        evidence.note(now, address(1), changed);
+        let all = found(&evidence);
+        assert_eq!(all.len(), PLACES + 1);
+        let named = "message 2016 (Vehicle Operating Mode Command) from 10.0.0.1, and it is dropped: of 2016";
+        assert!(all[0].cause.contains(named), "{}", all[0]);
+        // A frame that can be read and a message of another type mend nothing.
+        evidence.note_good(CUCS, address(1));
+        evidence.note_decoded(CUCS, 16002);
+        assert_eq!(found(&evidence), all);
+        evidence.note_decoded(CUCS, 2016);
+        assert_eq!(found(&evidence), all[1..]);
     }
 
     #[test]

@@ -43,6 +43,8 @@ pub enum Code {
     DliByteOrder,
     /// Datagrams that are no DLI.
     DliUnreadable,
+    /// Messages of a listed ground station that cannot be decoded, or that only a VSM sends.
+    DliUndecodable,
     /// The group's datagrams arrive on another interface than the one that joined it.
     GroupInterface,
     /// Nothing arrives on a vehicle's link.
