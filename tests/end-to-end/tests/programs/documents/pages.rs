@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use kit::process::{Running, free_udp_port, program};
 use resvg::tiny_skia::Rect;
 use resvg::usvg::{Group, Node, Options, Tree};
-use serde_json::Value;
+use serde_json::{Value, json};
 use vsm_tests::here;
 
 #[test]
@@ -108,6 +108,70 @@ fn type_all(title: &str, lines: &[String]) {
         !unlisted || transcript.contains(named),
         "{title}: {transcript}"
     );
+}
+
+/// What a newcomer copies into a program of his own is what the page calls it.
+#[test]
+fn the_datagrams_of_the_first_tasks_are_what_they_are_called() {
+    let all = json!(["LOI 2", "LOI 4", "LOI 5"]);
+    let expected = [
+        ("discover", 1, json!({})),
+        (
+            "take LOI 2, 4 and 5",
+            1,
+            json!({ "Requested/Handover LOI": all, "Requested/Handover Access": "request control" }),
+        ),
+        ("stay: a heartbeat each second", 16002, json!({})),
+        (
+            "acknowledge what asks for it",
+            17000,
+            json!({ "Original Message Time Stamp": 849_223_472_045_u64, "Original Message Type": 16002,
+                    "Acknowledgement Type": "received (T)" }),
+        ),
+        (
+            "launch to 30 m",
+            2016,
+            json!({ "Select Flight Path Control Mode": "launch", "Altitude Command Type": "altitude",
+                    "Commanded Altitude": 30.0, "Altitude Type": "AGL" }),
+        ),
+        (
+            "land",
+            2016,
+            json!({ "Select Flight Path Control Mode": "autoland engage" }),
+        ),
+        (
+            "release",
+            1,
+            json!({ "Requested/Handover LOI": all, "Requested/Handover Access": "relinquish / hand off control" }),
+        ),
+    ];
+    let text = fs::read_to_string(root().join("docs/guide/tasks.md")).expect("the page");
+    let rows: Vec<_> = text
+        .lines()
+        .filter(|line| line.contains("| `0000"))
+        .collect();
+    assert_eq!(rows.len(), expected.len(), "{rows:#?}");
+    for (row, (name, id, mut fields)) in rows.iter().zip(expected) {
+        let datagram = row.strip_prefix(&format!("| {name} | `"));
+        let datagram = datagram.and_then(|rest| rest.strip_suffix("` |"));
+        let mut hex = datagram.expect(name).to_owned();
+        // A `T` is in two of the other words too.
+        for (word, bytes) in [
+            ("SOURCE", "1b000101"),
+            ("STAMP", "c5b9a9d3ad"),
+            ("TYPE", "3e82"),
+            ("T", "c5b9a9d3ad"),
+            (" ", ""),
+        ] {
+            hex = hex.replace(word, bytes);
+        }
+        fields["Time Stamp"] = 849_223_472_045_u64.into();
+        let decoded = stanag_msgs::json::decode_line(&hex, false);
+        assert_eq!(decoded.len(), 1, "{name}: {decoded:?}");
+        assert_eq!(decoded[0]["id"], id, "{name}: {decoded:?}");
+        assert_eq!(decoded[0]["source"], 0x1b00_00c0_u32, "{name}: {decoded:?}");
+        assert_eq!(decoded[0]["fields"], fields, "{name}: {decoded:?}");
+    }
 }
 
 #[test]
