@@ -1,8 +1,9 @@
-//! What a computer looks like to a bridge that is not running: what `vsm doctor` looks at by itself.
+//! What a computer looks like to a bridge: what `vsm doctor` looks at by itself, and the key files, which a running bridge
+//! looks at too.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs as _, UdpSocket};
-use std::path::Path;
+use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use dli_group::Interface;
@@ -21,7 +22,7 @@ pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     let mut facts = HostFacts {
         wall: wall.unwrap_or_default(),
         not_before: NOT_BEFORE,
-        keys: keys(config),
+        keys: unusable(key_files(config)),
         ..HostFacts::default()
     };
     let Some(group) = config.dli.multicast else {
@@ -45,40 +46,60 @@ pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     facts
 }
 
-/// The key files that the next start could not use. A running bridge has their keys in memory, and does not notice that one is gone.
-fn keys(config: &Config) -> Vec<(String, String)> {
-    let mut files: Vec<(String, &Path)> = vec![];
-    let mut faults = vec![];
-    for vehicle in config.vehicles() {
-        if let Signing::KeyFile(path, exchange) = &vehicle.signing {
-            let name = format!("vehicle {}", vehicle.id);
-            if exchange.mode != ExchangeMode::Off && !path.exists() {
-                let why = format!(
-                    "no key {} has been agreed yet, or it is lost: pair with the air-side agent (\"vsm pair\")",
-                    path.display()
-                );
-                faults.push((name, why));
-            } else {
-                files.push((name, path));
-            }
-        }
-    }
-    for station in config.stations() {
-        let guard = station.guard.iter();
-        files.extend(guard.map(|guard| (format!("CUCS {}", station.id), guard.key_file.as_path())));
-    }
-    for forward in config.forwards() {
-        let key = forward.key_file.iter();
-        files.extend(key.map(|path| (format!("[[forward]] {}", forward.name), path.as_path())));
-    }
+/// A key file of the configuration.
+#[derive(Debug)]
+pub(super) struct KeyFile {
+    whose: String,
+    path: PathBuf,
+    /// It holds a key that is agreed with an agent, and is not there before that.
+    agreed: bool,
+}
+
+/// The key files that the next start will read.
+pub(super) fn key_files(config: &Config) -> Vec<KeyFile> {
+    let vehicles = config.vehicles().filter_map(|vehicle| {
+        let Signing::KeyFile(path, exchange) = &vehicle.signing else {
+            return None;
+        };
+        let agreed = exchange.mode != ExchangeMode::Off;
+        Some((format!("vehicle {}", vehicle.id), path, agreed))
+    });
+    let stations = config.stations().filter_map(|station| {
+        let guard = station.guard.as_ref()?;
+        Some((format!("CUCS {}", station.id), &guard.key_file, false))
+    });
+    let forwards = config.forwards().filter_map(|forward| {
+        let path = forward.key_file.as_ref()?;
+        Some((format!("[[forward]] {}", forward.name), path, false))
+    });
     let access = config.access.iter();
-    files.extend(access.map(|access| ("[access]".to_owned(), access.key_file.as_path())));
-    for (name, path) in files {
-        if let Err(fault) = key_file::read(path) {
-            faults.push((name, fault.to_string()));
-        }
-    }
-    faults
+    let access = access.map(|access| ("[access]".to_owned(), &access.key_file, false));
+    let store = config.store.key_file.iter();
+    let store = store.map(|path| ("[store]".to_owned(), path, false));
+    let of_vehicles_and_stations = vehicles.chain(stations).chain(forwards);
+    let each = of_vehicles_and_stations.chain(access).chain(store);
+    let each = each.map(|(whose, path, agreed)| KeyFile {
+        whose,
+        path: path.clone(),
+        agreed,
+    });
+    each.collect()
+}
+
+/// Those of them that it could not use: whose, and why. Blocks, on a file server that does not answer for as long as that.
+pub(super) fn unusable(files: Vec<KeyFile>) -> Vec<(String, String)> {
+    let fault = |file: KeyFile| {
+        let why = if file.agreed && !file.path.exists() {
+            format!(
+                "no key {} has been agreed yet, or it is lost: pair with the air-side agent (\"vsm pair\")",
+                file.path.display()
+            )
+        } else {
+            key_file::read(&file.path).err()?.to_string()
+        };
+        Some((file.whose, why))
+    };
+    files.into_iter().filter_map(fault).collect()
 }
 
 /// As `vsm run` does.

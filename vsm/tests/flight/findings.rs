@@ -211,3 +211,32 @@ fn a_message_that_cannot_be_decoded_is_named_though_it_requests_no_answer() {
     assert_eq!(logged(&rig, LogLevel::Warning, "VSM to CUCS only"), 1);
     assert_eq!(logged(&rig, LogLevel::Warning, "unknown message type"), 3);
 }
+
+#[test]
+fn key_files_that_are_gone_are_alerts_of_their_own_after_two_looks() {
+    let mut rig = Rig::ready();
+    let gone = |id: &str| (format!("vehicle {id}"), "there is no key file".to_owned());
+    let both = vec![gone("1b:00:01:01"), gone("1b:00:01:02")];
+    let words = ["vehicle 1b:00:01:01: there", "vehicle 1b:00:01:02: there"];
+    let look = |rig: &mut Rig, faults: &[(String, String)]| {
+        let bridge = rig.bridge.as_mut().expect("it runs");
+        bridge.note_key_files(faults.to_vec());
+        rig.run(10.0);
+    };
+    look(&mut rig, &both);
+    // A file may be missing for the moment in which it is replaced.
+    for words in words {
+        assert_eq!(alerts(&rig, words), []);
+    }
+    look(&mut rig, &both);
+    look(&mut rig, &both);
+    for words in words {
+        assert_eq!(alerts(&rig, words), [AlertPriority::Warning], "{words}");
+    }
+    look(&mut rig, &both[..1]);
+    let cleared = |rig: &Rig, words: &str| alerts(rig, &format!("cleared: {words}"));
+    assert_eq!(cleared(&rig, words[0]), []);
+    assert_eq!(cleared(&rig, words[1]), [AlertPriority::Cleared]);
+    look(&mut rig, &[]);
+    assert_eq!(cleared(&rig, words[0]), [AlertPriority::Cleared]);
+}

@@ -504,6 +504,40 @@ fn a_healthy_bridge_has_no_finding_and_nothing_reads_refused() {
     assert!(code == Some(1) && named, "{printed}");
 }
 
+/// The bridge works on with the keys that it has in memory: it has to look at the files, as doctor does.
+#[test]
+fn a_running_bridge_names_a_key_file_that_is_gone_until_it_is_back() {
+    let (vehicles, _) = vehicles(&["", ""]);
+    let mut place = Place::new("", &vehicles);
+    for n in 1..=2 {
+        write_key(&place.path(&format!("{n}.key")), &[n; 32]);
+    }
+    place.start();
+    fs::remove_file(place.path("2.key")).unwrap();
+    let words = "vehicle 1b:00:01:02: there is no key file";
+    let bridge = place.bridge.as_mut().unwrap();
+    bridge.wait_for(words, Duration::from_secs(40));
+    let printed = place.printed();
+    let logged: Vec<_> = printed
+        .lines()
+        .filter(|line| line.contains(words))
+        .collect();
+    assert!(logged.len() == 1 && logged[0].contains("WARN"), "{printed}");
+    let finding = format!("FINDING: {words}");
+    let (_, status) = place.command(&["status"]);
+    assert!(status.contains(&finding), "{status}");
+    assert!(
+        !status.contains("1b:00:01:01: there is no key file"),
+        "{status}"
+    );
+
+    write_key(&place.path("2.key"), &[2; 32]);
+    let bridge = place.bridge.as_mut().unwrap();
+    bridge.wait_for(&format!("cleared: {words}"), Duration::from_secs(40));
+    let (_, status) = place.command(&["status"]);
+    assert!(!status.contains(&finding), "{status}");
+}
+
 /// The log has named a silence, or bytes that are no frame: doctor must not find nothing then, whenever it is asked.
 #[test]
 fn doctor_agrees_with_the_log() {

@@ -53,6 +53,7 @@ use super::duplicates::Remembered;
 use super::effects::DliEffects;
 use super::findings::Finding;
 use super::findings::dli::DliEvidence;
+use super::findings::host::KeyFiles;
 use super::fleet::Fleet;
 use super::forward::Forward;
 use super::guard::GroupSender;
@@ -101,6 +102,7 @@ pub struct Bridge {
     log: VecDeque<LogEntry>,
     /// Evidence of unusable data on the DLI side.
     evidence: DliEvidence,
+    key_files: KeyFiles,
     /// The findings of the last check.
     found: Vec<Finding>,
     /// The listening stations, which receive the alerts of the VSM itself.
@@ -213,6 +215,7 @@ impl Bridge {
             received: ByType::default(),
             log: VecDeque::new(),
             evidence: DliEvidence::default(),
+            key_files: KeyFiles::default(),
             found: Vec::new(),
             notified: Vec::new(),
             look_at: now.mono,

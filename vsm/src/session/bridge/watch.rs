@@ -24,6 +24,12 @@ impl Bridge {
         self.evidence.note_elsewhere(mono, interface, from);
     }
 
+    /// The shell has looked at the key files, beside which the bridge has its keys in memory: those that the next start could
+    /// not use, whose and why.
+    pub fn note_key_files(&mut self, faults: Vec<(String, String)>) {
+        self.key_files.note(faults);
+    }
+
     /// Findings that concern no single vehicle.
     fn own_findings(&self, mono: Duration, wall: Duration) -> Vec<Finding> {
         let mut found = Vec::new();
@@ -32,6 +38,7 @@ impl Bridge {
         let before = self.not_before.as_secs();
         found.extend(findings::clock(wall.as_secs(), before, far_ahead));
         self.evidence.judge(mono, self.group, &mut found);
+        found.extend_from_slice(self.key_files.standing());
         found.extend(self.access_findings());
         let listed = self.stations.iter().enumerate();
         for (index, station) in listed.filter(|(_, one)| !one.removed) {

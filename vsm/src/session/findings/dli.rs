@@ -11,7 +11,7 @@ use stanag_msgs::wrapper::{
 };
 use stanag_msgs::{Id, ed25};
 
-use super::{Code, Finding};
+use super::{Code, Finding, key_of};
 use crate::config::{Checksum, Edition};
 use crate::session::station::EDITION_CHANGES_AFTER;
 
@@ -367,12 +367,6 @@ fn span(off: Duration) -> String {
     }
 }
 
-/// Two reasons of one station stand beside each other.
-fn key_of(id: Id, why: &str) -> u32 {
-    let mixed = |key: u32, byte| key.rotate_left(5) ^ u32::from(byte);
-    why.bytes().fold(id.0, mixed)
-}
-
 fn finding(one: &Seen) -> Finding {
     let ip = one.from.ip();
     let of_ip = match ip {
@@ -422,7 +416,7 @@ fn finding(one: &Seen) -> Finding {
                  it does, somebody else writes in its name"
                     .to_owned(),
             );
-            finding.key = key_of(id, why);
+            finding.key = key_of(id.0, why);
             finding
         }
         Fault::Web(id, why) => {
@@ -434,7 +428,7 @@ fn finding(one: &Seen) -> Finding {
                  somebody else uses its name"
                     .to_owned(),
             );
-            finding.key = key_of(id, why);
+            finding.key = key_of(id.0, why);
             finding
         }
         Fault::OtherEdition(id, edition, only) => of_cucs(

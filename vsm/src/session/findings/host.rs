@@ -3,7 +3,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-use super::{Code, Finding, clock, dli};
+use super::{Code, Finding, clock, dli, key_of};
 
 /// What the shell found. Empty where nothing is wrong.
 #[derive(Debug, Default)]
@@ -61,21 +61,48 @@ pub fn judge(facts: &HostFacts) -> Vec<Finding> {
             format!("set it to one of {}", there.join(", ")),
         ));
     }
-    for (name, why) in &facts.keys {
-        found.push(Finding::new(
-            Code::KeyFile,
-            name,
-            format!("{name}: {why}"),
-            "a running bridge has its keys in memory, and cannot start again without the file: see \"a key is lost\" in \
-             docs/guide/troubleshooting.md",
-        ));
-    }
+    found.extend(facts.keys.iter().map(key_file));
     found.extend(
         facts
             .elsewhere
             .map(|(group, at, from)| dli::elsewhere(group, at, from)),
     );
     found
+}
+
+fn key_file((name, why): &(String, String)) -> Finding {
+    let mut finding = Finding::new(
+        Code::KeyFile,
+        name,
+        format!("{name}: {why}"),
+        "a running bridge has its keys in memory, and cannot start again without the file: see \"a key is lost\" in \
+         docs/guide/troubleshooting.md",
+    );
+    finding.key = key_of(0, name);
+    finding
+}
+
+/// Key files as the shell looks at them again and again while the bridge runs.
+#[derive(Debug, Default)]
+pub(crate) struct KeyFiles {
+    /// What the latest look found.
+    latest: Vec<(String, String)>,
+    standing: Vec<Finding>,
+}
+
+impl KeyFiles {
+    /// The shell has looked: the files that cannot be used, whose and why.
+    pub(crate) fn note(&mut self, faults: Vec<(String, String)>) {
+        // A file that is missing at one look may be one that is just being replaced.
+        let twice = faults.iter().filter(|one| self.latest.contains(one));
+        self.standing = twice.take(MAX_NAMED).map(key_file).collect();
+        self.latest = faults;
+    }
+
+    /// What does not work: what two looks in a row have found, the first few of it. `vsm doctor` lists all.
+    pub(crate) fn standing(&self) -> &[Finding] {
+        &self.standing
+    }
 }
 
 fn store(fact: &StoreFact) -> Finding {
@@ -103,6 +130,9 @@ fn store(fact: &StoreFact) -> Finding {
     }
 }
 
+/// A folder that is gone has the keys of all vehicles: each is an alert.
+const MAX_NAMED: usize = 8;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,6 +145,41 @@ mod tests {
             ..HostFacts::default()
         };
         assert_eq!(judge(&facts), []);
+    }
+
+    #[test]
+    fn a_key_file_is_missed_at_the_second_look_until_it_is_back() {
+        let mut files = KeyFiles::default();
+        let fault = |name: &str| (name.to_owned(), "there is no key file".to_owned());
+        files.note(vec![fault("vehicle 1b:00:01:01")]);
+        assert_eq!(files.standing(), []);
+        // That one was being replaced.
+        files.note(vec![fault("vehicle 1b:00:01:02")]);
+        assert_eq!(files.standing(), []);
+        files.note(vec![
+            fault("vehicle 1b:00:01:01"),
+            fault("vehicle 1b:00:01:02"),
+        ]);
+        let about = |files: &KeyFiles| {
+            let each = files.standing().iter().map(|one| one.about.clone());
+            each.collect::<Vec<_>>()
+        };
+        assert_eq!(about(&files), ["vehicle 1b:00:01:02"]);
+        files.note(vec![
+            fault("vehicle 1b:00:01:01"),
+            fault("vehicle 1b:00:01:02"),
+        ]);
+        let [one, two] = files.standing() else {
+            panic!("{:?}", files.standing());
+        };
+        assert_ne!(one.key, two.key, "they would take turns as one alert");
+        let all: Vec<_> = (0..100).map(|n| fault(&n.to_string())).collect();
+        files.note(all.clone());
+        assert_eq!(files.standing(), []);
+        files.note(all);
+        assert_eq!(files.standing().len(), MAX_NAMED);
+        files.note(vec![]);
+        assert_eq!(files.standing(), []);
     }
 
     #[test]

@@ -5,7 +5,8 @@
 //!
 //! - `dli`: unusable data from ground stations; recorded as datagrams arrive
 //! - `vehicle`: what arrives on a vehicle's link in place of verified frames
-//! - `host`: this computer: clock, store, ports, interfaces, key files; looked at by the shell
+//! - `host`: this computer: clock, store, ports, interfaces, key files; looked at by the shell, the key files beside a
+//!   running bridge too
 //!
 //! `bridge/watch.rs` reports each finding once.
 
@@ -127,6 +128,12 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}; {}", self.cause, self.cure)
     }
+}
+
+/// A [`Finding::key`] of a text: two findings of one code and key would take turns as one alert.
+fn key_of(begin: u32, text: &str) -> u32 {
+    let mixed = |key: u32, byte| key.rotate_left(5) ^ u32::from(byte);
+    text.bytes().fold(begin, mixed)
 }
 
 /// What of this computer's clock shows that it is wrong. `before` is a date that it cannot be before; `far_ahead`: it is over

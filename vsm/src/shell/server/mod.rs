@@ -38,7 +38,7 @@ use self::guard_thread::Done;
 use self::shared::Shared;
 use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, send_settings, send_status,
-    take_stored, watch_group,
+    take_stored, watch_group, watch_key_files,
 };
 use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
@@ -195,6 +195,8 @@ impl Server {
         tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat));
         let of_all = shared.clone();
         tasks.spawn(&local, "disk", |beat| take_stored(of_all, beat));
+        let of_all = shared.clone();
+        tasks.spawn(&local, "key files", |beat| watch_key_files(of_all, beat));
         let of_all = shared.clone();
         tasks.spawn(&local, "status socket", |beat| {
             send_status(of_all, beat, status)

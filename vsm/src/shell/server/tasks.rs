@@ -6,6 +6,7 @@ use std::io::{self, IoSlice};
 use std::net::SocketAddr;
 use std::ops::Range;
 use std::rc::Rc;
+use std::thread;
 use std::time::Duration;
 
 use dli_group::Group;
@@ -14,13 +15,14 @@ use rustix::net::{MMsgHdr, SendAncillaryBuffer, SendFlags, SocketAddrAny, sendmm
 use stanag_msgs::guard::MAX_GUARDED;
 use tokio::io::Interest;
 use tokio::net::{UdpSocket, UnixListener};
-use tokio::sync::Notify;
+use tokio::sync::{Notify, oneshot};
 
 use super::inbox::Inbox;
 use super::shared::{Core, Shared, write_log};
 use crate::session::{Datagram, Destination, OutFrame, Peer, WebWay};
 use crate::shell::interfaces::listen_elsewhere;
 use crate::shell::recording::Recording;
+use crate::shell::self_check;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::Beat;
@@ -535,6 +537,26 @@ pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group
     }
 }
 
+/// Looks now and then whether the next start could read the key files: the bridge has the keys in memory, and works without.
+pub(super) async fn watch_key_files(shared: Rc<Shared>, beat: Rc<Beat>) {
+    loop {
+        beat.during(tokio::time::sleep(KEY_FILES_EVERY)).await;
+        let files = self_check::key_files(&shared.core.borrow().config);
+        let (sender, receiver) = oneshot::channel();
+        // A file server may not answer. Not the runtime's own thread for such work: the end of the program would wait for it.
+        let look = thread::Builder::new()
+            .name("key files".to_owned())
+            .spawn(move || drop(sender.send(self_check::unusable(files))));
+        if let Err(cause) = look {
+            tracing::debug!("no thread to look at the key files: {cause}");
+            continue;
+        }
+        if let Ok(faults) = beat.during(receiver).await {
+            shared.with(|core, _| core.bridge.note_key_files(faults));
+        }
+    }
+}
+
 pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
     loop {
         match beat.during(listener.accept()).await {
@@ -592,6 +614,7 @@ const FIRST_WATCH: Duration = Duration::from_secs(2);
 /// Shorter than evidence of the DLI side lasts, so that a finding stays active as long as its cause. Each check joins the
 /// group on other interfaces, which adds traffic to their networks, so it is rare.
 const WATCH_EVERY: Duration = Duration::from_secs(240);
+const KEY_FILES_EVERY: Duration = Duration::from_secs(10);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
 /// How long the vehicles may take to answer about their settings: over a slow radio each takes a second or so.
 const SETTINGS_WITHIN: Duration = Duration::from_secs(120);
