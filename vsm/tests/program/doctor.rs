@@ -16,10 +16,10 @@ use kit::tools;
 use mavlink_link::dialect::{ATTITUDE_DATA, MavMessage};
 use mavlink_link::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::signing::{SigningKey, Stamp, sign};
-use serde_json::Value;
+use serde_json::{Value, json};
 use stanag_msgs::messages::Heartbeat;
 use stanag_msgs::wrapper::ChecksumStyle;
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, json as dli_json};
 use tempfile::TempDir;
 use vsm::shell::disk::FileDisk;
 
@@ -352,6 +352,15 @@ fn heartbeat(source: Id, to: Id, checksum: ChecksumStyle, ahead: i64) -> Vec<u8>
     out[..length].to_vec()
 }
 
+/// The question of a CUCS of Edition 2.5 who is there.
+fn question_25(source: Id) -> Vec<u8> {
+    let fields = json!({
+        "Time Stamp": wall().as_secs_f64(), "Vehicle ID": -1, "CUCS ID": source.0 as i32, "VSM ID": -1,
+    });
+    let message = json!({ "id": 1, "idd": "2.5", "instance": 1, "fields": fields });
+    dli_json::encode(&message, true).unwrap()
+}
+
 #[test]
 fn each_fault_of_the_dli_has_its_line() {
     let listed =
@@ -361,6 +370,7 @@ fn each_fault_of_the_dli_has_its_line() {
         listed("1b:00:00:a2", ""),
         listed("1b:00:00:a3", "address = \"127.0.0.5\""),
         listed("1b:00:00:a4", "address = \"127.0.0.11\""),
+        listed("1b:00:00:a5", "edition = \"4\""),
     ]
     .concat();
     let mut place = Place::new("", &rest);
@@ -375,7 +385,7 @@ fn each_fault_of_the_dli_has_its_line() {
     );
     let plain = move |source, at, ahead| heartbeat(source, at, ChecksumStyle::None, ahead);
     // Each from an address of its own.
-    let faults: [Box<dyn Fn() -> Vec<u8> + Send>; 10] = [
+    let faults: [Box<dyn Fn() -> Vec<u8> + Send>; 12] = [
         Box::new(move || plain(stranger, VSM, 0)),
         Box::new(move || plain(elsewhere, VSM, 0)),
         Box::new(move || plain(lost, Id(0x1b00_0199), 0)),
@@ -405,6 +415,8 @@ fn each_fault_of_the_dli_has_its_line() {
             bytes[16] = 0xff;
             bytes
         }),
+        Box::new(|| question_25(Id(0x1b00_00b8))),
+        Box::new(|| question_25(Id(0x1b00_00a5))),
     ];
     let mut senders: Vec<Box<dyn FnMut(u64) + Send>> = vec![];
     for (fault, n) in faults.into_iter().zip(2..) {
@@ -441,6 +453,16 @@ fn each_fault_of_the_dli_has_its_line() {
             "dli-undecodable",
             "CUCS 1b:00:00:a4 sends message 16002 (Heartbeat) from 127.0.0.11, and it is dropped: message 16002: presence vector 0xff has \
              bits beyond 0x1",
+        ),
+        (
+            "cucs-not-listed",
+            "CUCS 1b:00:00:b8 sends from 127.0.0.12, but is not listed; to let it in, add [[cucs]] with id = \"1b:00:00:b8\" and the \
+             LOI that it may have, such as loi = [2]; as it speaks now, edition = \"2.5\" would fit, and needs no line",
+        ),
+        (
+            "dli-edition",
+            "CUCS 1b:00:00:a5 sends in Edition 2.5 from 127.0.0.13, but is configured with edition = \"4\"; if it speaks that, set \
+             edition = \"2.5\" in its [[cucs]], or leave the key out",
         ),
     ];
     let codes = expected.map(|(code, _)| code);

@@ -126,7 +126,7 @@ pub enum StationError {
         seen: String,
     },
     /// No VSM answers at all.
-    #[error("no answer from a VSM at {vsm} within {} s: {}", within.as_secs_f64(), if *unreachable { "nothing listens on that port; start the bridge or check --vsm" } else { "a VSM answers nobody whose CUCS ID (--id) its configuration does not list; `vsm doctor` at the VSM shows what arrives there" })]
+    #[error("no answer from a VSM at {vsm} within {} s: {}", within.as_secs_f64(), if *unreachable { "nothing listens on that port; start the bridge or check --vsm" } else { "a VSM answers no CUCS ID (--id) that its configuration does not list, or lists with another edition, address or guard; `vsm doctor` at the VSM shows what arrives there" })]
     NoVsm {
         /// Where it should be.
         vsm: SocketAddr,

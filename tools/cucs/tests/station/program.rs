@@ -62,6 +62,20 @@ fn no_vsm_is_status_1_with_the_address() {
     );
 }
 
+/// The VSM is there, and drops what it receives.
+#[test]
+fn a_vsm_that_does_not_answer_may_have_listed_the_id_in_another_way() {
+    let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let vsm = silent.local_addr().unwrap().to_string();
+    for edition in ["2.5", "4"] {
+        let arguments = ["--edition", edition, "--id", "1b:00:00:b0", "discover"];
+        let (status, _, error) = result(&cucs(&vsm, &arguments));
+        assert_eq!(status, Some(1), "{error}");
+        let why = "does not list, or lists with another edition, address or guard; `vsm doctor` at the VSM";
+        assert!(error.contains(why), "{edition}: {error}");
+    }
+}
+
 #[test]
 fn wrong_arguments_are_status_2() {
     for arguments in [
