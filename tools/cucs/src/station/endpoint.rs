@@ -269,24 +269,25 @@ impl Station {
         destination: Id,
         within: Duration,
     ) -> Result<Delivery, StationError> {
-        let deadline = Instant::now() + within;
+        let began = Instant::now();
         let message_type = self.session.sent(ticket).map_or(0, |(kind, _)| kind);
         self.awaits(format!("outcome of {}", table::named(message_type)), within);
         let delivery = self
-            .until(deadline, |session| {
+            .until(began + within, |session| {
                 let delivery = session.delivery(ticket);
                 delivery.is_final().then_some(delivery)
             })
             .await?;
         self.awaits_nothing();
+        let waited = time_waited(began, within);
         // Read before it is withdrawn, which would make it final.
         let last = self.session.delivery(ticket);
         self.session.withdraw(ticket);
         match delivery {
-            Some(Delivery::Unanswered) if !self.answered => Err(self.no_vsm(within)),
+            Some(Delivery::Unanswered) if !self.answered => Err(self.no_vsm(waited)),
             Some(Delivery::Unanswered) => {
-                let waited = format!("acknowledgement (17000) of {}", table::named(message_type));
-                Err(self.timed_out(waited, within, destination))
+                let expected = format!("acknowledgement (17000) of {}", table::named(message_type));
+                Err(self.timed_out(expected, waited, destination))
             }
             Some(delivery) => Ok(delivery),
             None => {
@@ -300,7 +301,7 @@ impl Station {
                         "outcome (17000 type 2, carried out, or 3, refused) of {}",
                         table::named(message_type)
                     ),
-                    within,
+                    within: waited,
                     seen: format!("{what}{}", self.seen_of(destination)),
                 })
             }
@@ -507,6 +508,11 @@ fn warnings_from(state: &Vehicle, mark: u64) -> impl Iterator<Item = String> {
         ![AlertPriority::Cleared, AlertPriority::Nominal].contains(&alert.priority)
     });
     warnings.map(|alert| alert.text.clone())
+}
+
+/// How long was waited. A message that was sent as often as allowed ends a wait before its time.
+pub(super) fn time_waited(began: Instant, within: Duration) -> Duration {
+    began.elapsed().min(within)
 }
 
 fn any_port(vsm: SocketAddr) -> SocketAddr {

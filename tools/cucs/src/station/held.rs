@@ -4,7 +4,7 @@ use stanag_msgs::messages::{Contingency, HeldCommandCancel, HoldCommand};
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, Text, TimeStamp};
 use tokio::time::Instant;
 
-use super::endpoint::Station;
+use super::endpoint::{Station, time_waited};
 use super::outcome::{Outcome, StationError};
 use crate::session::machine::Session;
 use crate::session::sender::{Delivery, SendError};
@@ -49,9 +49,11 @@ impl Station {
             let delivery = session.delivery(ticket);
             (delivery == Delivery::Received || delivery.is_final()).then_some(delivery)
         };
+        let began = Instant::now();
         self.awaits("answer (17000) to a 50020", within);
-        let delivery = self.until(Instant::now() + within, answered).await?;
+        let delivery = self.until(began + within, answered).await?;
         self.awaits_nothing();
+        let waited = time_waited(began, within);
         // Its end may be hours away, and comes by 50022 too.
         self.session.withdraw(ticket);
         match delivery {
@@ -61,7 +63,7 @@ impl Station {
                 let refused = self.refusal(vehicle, what, None, mark).await?;
                 Ok(Outcome::Refused(refused))
             }
-            _ => Err(self.timed_out("answer (17000) to a 50020".to_owned(), within, vehicle)),
+            _ => Err(self.timed_out("answer (17000) to a 50020".to_owned(), waited, vehicle)),
         }
     }
 

@@ -116,17 +116,17 @@ pub enum StationError {
         source: dli_group::GroupError,
     },
     /// What was expected did not arrive in time.
-    #[error("no {expected} within {} s; {seen}", within.as_secs_f64())]
+    #[error("no {expected} within {} s; {seen}", seconds(*within))]
     TimedOut {
         /// What was expected.
         expected: String,
-        /// How long.
+        /// How long was waited: until the time was up, or nothing more could come.
         within: Duration,
         /// What was received instead.
         seen: String,
     },
     /// No VSM answers at all.
-    #[error("no answer from a VSM at {vsm} within {} s: {}", within.as_secs_f64(), if *unreachable { "nothing listens on that port; start the bridge or check --vsm" } else { "a VSM answers no CUCS ID (--id) that its configuration does not list, or lists with another edition, address or guard; `vsm doctor` at the VSM shows what arrives there" })]
+    #[error("no answer from a VSM at {vsm} within {} s: {}", seconds(*within), if *unreachable { "nothing listens on that port; start the bridge or check --vsm" } else { "a VSM answers no CUCS ID (--id) that its configuration does not list, or lists with another edition, address or guard; `vsm doctor` at the VSM shows what arrives there" })]
     NoVsm {
         /// Where it should be.
         vsm: SocketAddr,
@@ -184,6 +184,11 @@ impl StationError {
             _ => 1,
         }
     }
+}
+
+/// In tenths: a wait that ended before its time has no round number.
+fn seconds(span: Duration) -> f64 {
+    (span.as_secs_f64() * 10.0).round() / 10.0
 }
 
 fn reasons_text(reasons: &[String]) -> String {

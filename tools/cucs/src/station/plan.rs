@@ -8,7 +8,7 @@ use stanag_msgs::messages::MissionTransferCommand;
 use stanag_msgs::{Id, Message};
 use tokio::time::Instant;
 
-use super::endpoint::Station;
+use super::endpoint::{Station, time_waited};
 use super::outcome::{Outcome, StationError};
 use crate::session::machine::Session;
 use crate::session::sender::Delivery;
@@ -45,15 +45,15 @@ impl Station {
     ) -> Result<Outcome, StationError> {
         let mark = self.alert_mark(vehicle);
         let within = self.timeouts.store;
-        let deadline = Instant::now() + within;
+        let began = Instant::now();
         let now = self.now();
         let tickets = self
             .session
             .send_all(now, vehicle, messages.iter().cloned())?;
-        let waited = format!("acknowledgements (17000) of {} messages", tickets.len());
-        self.awaits(waited, within);
+        let expected = format!("acknowledgements (17000) of {} messages", tickets.len());
+        self.awaits(expected, within);
         let ended = self
-            .until(deadline, |session| {
+            .until(began + within, |session| {
                 let mut deliveries = tickets.iter().map(|ticket| session.delivery(*ticket));
                 let refused = deliveries
                     .clone()
@@ -62,6 +62,7 @@ impl Station {
             })
             .await?;
         self.awaits_nothing();
+        let waited = time_waited(began, within);
         let found = tickets.iter().zip(messages).find_map(|(ticket, message)| {
             let delivery = self.session.delivery(*ticket);
             (delivery != Delivery::CarriedOut).then_some((delivery, what(message)))
@@ -76,11 +77,11 @@ impl Station {
                 let refused = self.refusal(vehicle, what, None, mark).await?;
                 Ok(Outcome::Refused(refused))
             }
-            Some(_) if !self.answered => Err(self.no_vsm(within)),
+            Some(_) if !self.answered => Err(self.no_vsm(waited)),
             Some((_, what)) => {
                 let tries = if ended.is_some() { "in any try" } else { "yet" };
                 let expected = format!("acknowledgement (17000) of {what} {tries}");
-                Err(self.timed_out(expected, within, vehicle))
+                Err(self.timed_out(expected, waited, vehicle))
             }
         }
     }
@@ -169,7 +170,8 @@ impl Station {
             other => format!("13000 mode {}", other.map_or(0, MissionPlanMode::raw)),
         };
         let within = self.timeouts.transfer;
-        let deadline = Instant::now() + within;
+        let began = Instant::now();
+        let deadline = began + within;
         let count = |session: &Session| session.vehicle(vehicle).map_or(0, |state| state.transfers);
         let before = count(&self.session);
         let mark = self.alert_mark(vehicle);
@@ -216,6 +218,7 @@ impl Station {
             }
         };
         self.awaits_nothing();
+        let waited = time_waited(began, within);
         // 17000 may arrive before 14000, which carries more (the waypoint refused); and a 14000 that arrived later would be
         // taken for the answer to the next transfer.
         if matches!(end, Some(End::Complete | End::Refused(None))) {
@@ -232,13 +235,13 @@ impl Station {
                 let refused = self.refusal(vehicle, what, waypoint, mark).await?;
                 Ok(Outcome::Refused(refused))
             }
-            Some(End::Unanswered) if !self.answered => Err(self.no_vsm(within)),
+            Some(End::Unanswered) if !self.answered => Err(self.no_vsm(waited)),
             Some(End::Unanswered) => Err(self.timed_out(
                 format!("acknowledgement (17000) of {what}"),
-                within,
+                waited,
                 vehicle,
             )),
-            None => Err(self.timed_out(format!("end (14000) of {what}"), within, vehicle)),
+            None => Err(self.timed_out(format!("end (14000) of {what}"), waited, vehicle)),
         }
     }
 }
