@@ -270,3 +270,47 @@ fn a_plan_that_is_loaded_again_half_flown_is_reported_to_continue() {
             .has_alert("mode 11 (waypoint) continues to waypoint 22")
     );
 }
+
+#[test]
+fn a_load_that_changes_a_contingency_route_is_named() {
+    for restarts in [false, true] {
+        let mut rig = with_all();
+        let restart = |rig: &mut Rig| {
+            if restarts {
+                rig.restart_bridge();
+                rig.run(6.0);
+            }
+        };
+        let changes = |rig: &Rig| {
+            let mut alerts = rig.station().alerts();
+            alerts.retain(|text| text.starts_with("this load also changed"));
+            alerts
+        };
+        restart(&mut rig);
+        rig.send_plan(route("F", RouteType::Flight, 21, 80.0));
+        rig.done(load());
+        rig.run(1.0);
+        assert!(changes(&rig).is_empty(), "{:?}: the same", changes(&rig));
+        // With the numbers of contingency A.
+        let other = || route("N", RouteType::Flight, 31, 60.0);
+        let load_it = || MissionTransferCommand {
+            route_id: Some(Text::new("N")),
+            ..orders::load()
+        };
+        rig.send_plan(other());
+        restart(&mut rig);
+        assert!(changes(&rig).is_empty(), "{:?}: no load", changes(&rig));
+        rig.done(load_it());
+        rig.run(1.0);
+        let named = changes(&rig);
+        let expected = "this load also changed contingency A route CA, which uses the same waypoint numbers: 31, 32; send that route \
+                        again, with numbers of its own";
+        assert!(named.len() == 1 && named[0] == expected, "{named:?}");
+        assert_eq!(leads_north(&rig), [60, 60]);
+        restart(&mut rig);
+        rig.send_plan(other());
+        rig.done(load_it());
+        rig.run(1.0);
+        assert_eq!(changes(&rig).len(), 1, "{:?}", changes(&rig));
+    }
+}
