@@ -4,7 +4,7 @@ use std::net::UdpSocket;
 use std::process::{Command, Output};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::support::*;
 
@@ -73,6 +73,24 @@ fn a_vsm_that_does_not_answer_may_have_listed_the_id_in_another_way() {
         assert_eq!(status, Some(1), "{error}");
         let why = "does not list, or lists with another edition, address or guard; `vsm doctor` at the VSM";
         assert!(error.contains(why), "{edition}: {error}");
+    }
+}
+
+/// Edition 2.5 has no UA State: it would wait for ever.
+#[test]
+fn wait_landed_in_edition_2_5_is_an_error_at_once() {
+    // Nobody answers there: it is not even asked.
+    let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let vsm = silent.local_addr().unwrap().to_string();
+    for condition in ["landed", "airborne"] {
+        let began = Instant::now();
+        let arguments = ["--edition", "2.5", "wait", condition];
+        let (status, out, error) = result(&cucs(&vsm, &arguments));
+        assert_eq!(status, Some(2), "{condition}: {error}");
+        assert!(began.elapsed() < Duration::from_secs(2), "{error}");
+        assert!(out.is_empty(), "{out}");
+        let why = "is not shown in Edition 2.5, whose #104 has no UA State";
+        assert!(error.contains(why), "{condition}: {error}");
     }
 }
 
