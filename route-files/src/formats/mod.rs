@@ -35,7 +35,7 @@ mod waypoints;
 mod xml;
 
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use curve_paths::Position;
@@ -105,6 +105,30 @@ impl Import {
             line: Line { line },
             ..Self::default()
         }
+    }
+}
+
+/// The file to write, named alike by every command: `convert IN OUT` or `convert IN -o OUT`.
+#[derive(Clone, Debug, Args)]
+pub struct Output {
+    /// Write to this file; its ending selects the format.
+    #[arg(value_name = "OUTPUT")]
+    written: Option<PathBuf>,
+    /// The same as OUTPUT.
+    #[arg(
+        short,
+        long = "output",
+        value_name = "OUTPUT",
+        conflicts_with = "written"
+    )]
+    output: Option<PathBuf>,
+}
+
+impl Output {
+    /// The file, where one is named.
+    #[must_use]
+    pub fn path(&self) -> Option<&Path> {
+        self.written.as_deref().or(self.output.as_deref())
     }
 }
 

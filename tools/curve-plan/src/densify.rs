@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use cucs::formats::Output;
 use serde_json::json;
 
 use crate::failure::Failure;
 use crate::load::{Densify, Loaded};
 use crate::messages::Addresses;
-use crate::output::{Output, print, write};
+use crate::output::{print, write};
 use crate::route::flown;
 
 /// Arguments of `densify`.

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use cucs::formats::{self, Level, Selection};
+use cucs::formats::{self, Level, Output, Selection};
 use curve_paths::Position;
 use curve_paths::fit::{Continuity, FitOptions, Track, fit};
 use serde_json::json;
 
 use crate::failure::Failure;
 use crate::messages::Addresses;
-use crate::output::{Output, print, progress, write};
+use crate::output::{print, progress, write};
 use crate::route::{ground_points, of_fit};
 
 /// Arguments of `fit`.

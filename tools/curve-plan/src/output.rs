@@ -2,37 +2,15 @@
 //! terminal.
 
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
-use cucs::formats::{self, Draft, Format, Losses};
+use cucs::formats::{self, Draft, Format, Losses, Output};
 
 use crate::failure::Failure;
 use crate::messages::Addresses;
 
-/// The file to write, named alike by every command: `convert IN OUT` or `convert IN -o OUT`.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct Output {
-    /// Write to this file; its ending selects the format.
-    #[arg(value_name = "OUTPUT")]
-    written: Option<PathBuf>,
-    /// The same as OUTPUT.
-    #[arg(
-        short,
-        long = "output",
-        value_name = "OUTPUT",
-        conflicts_with = "written"
-    )]
-    output: Option<PathBuf>,
-}
-
-impl Output {
-    pub(crate) fn path(&self) -> Option<&Path> {
-        self.written.as_deref().or(self.output.as_deref())
-    }
-}
-
-/// The same where there is nothing to do without a file.
+/// The file to write where there is nothing to do without one.
 #[derive(Clone, Debug, Args)]
 #[command(mut_arg("written", |to| to.required_unless_present("output")))]
 pub(crate) struct RequiredOutput {

@@ -4,16 +4,19 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use cucs::formats;
+use cucs::formats::{self, Output};
 
 use crate::failure::Failure;
-use crate::output::print;
+use crate::output::{print, save};
 
 /// Arguments of `rally`.
 #[derive(Debug, Args)]
+#[command(mut_arg("written", |to| to.help("Write to this file, which is replaced (default: standard output)")))]
 pub(crate) struct Command {
     /// Read the rally points of this .plan of QGroundControl.
     input: PathBuf,
+    #[command(flatten)]
+    output: Output,
 }
 
 impl Command {
@@ -27,6 +30,9 @@ impl Command {
                 point.lat_deg, point.lon_deg, point.alt_m
             );
         }
-        print(&text)
+        match self.output.path() {
+            Some(file) => save(file, text.as_bytes()),
+            None => print(&text),
+        }
     }
 }

@@ -95,7 +95,7 @@ impl<W: Write> Operator<W> {
                 self.finish(vehicle, "transfer cancelled", outcome)
             }
             Verb::Download { output } => {
-                let path = output.as_ref().map(|path| folder.join(path));
+                let path = output.path().map(|path| folder.join(path));
                 self.download(path.as_deref()).await
             }
             Verb::Mode(arguments) => self.mode(arguments).await,

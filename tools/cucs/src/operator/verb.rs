@@ -10,7 +10,7 @@ use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap, Station
 use super::argument::{Expected, altitude_type, degrees};
 use super::payload::PayloadArguments;
 use super::until::Until;
-use crate::formats::Import;
+use crate::formats::{Import, Output};
 
 /// One thing to do.
 #[derive(Clone, Debug, Subcommand)]
@@ -69,10 +69,11 @@ pub enum Verb {
         percent: Option<u8>,
     },
     /// Download the plan as a route file.
+    #[command(mut_arg("written", |to| to.help("Write to this file (default: standard output)")))]
     Download {
-        /// File to write (default: standard output).
-        #[arg(short, long, value_name = "FILE")]
-        output: Option<PathBuf>,
+        /// The file to write.
+        #[command(flatten)]
+        output: Output,
     },
     /// Command a mode (2016), such as `mode loiter --altitude 40`.
     Mode(ModeArguments),
@@ -219,6 +220,7 @@ pub enum Verb {
         #[arg(long, conflicts_with = "output")]
         clear: bool,
         /// File to write downloaded areas to (default: standard output).
+        // By its option alone: a file without one is what replaces the areas aboard.
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
     },

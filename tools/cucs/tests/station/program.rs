@@ -307,8 +307,13 @@ fn a_plan_of_two_routes_is_fetched_as_a_file_that_can_be_sent_again() {
         done(&["take"]);
         done(&["send", &at("a.route.toml")]);
         done(&["send", &at("b.route.toml")]);
-        done(&["download", "-o", &at("both.route.toml")]);
+        done(&["download", &at("both.route.toml")]);
         let both = std::fs::read_to_string(at("both.route.toml")).unwrap();
+        done(&["download", "-o", &at("again.route.toml")]);
+        let again = std::fs::read_to_string(at("again.route.toml")).unwrap();
+        assert_eq!(again, both, "OUTPUT and -o OUTPUT are the same");
+        let (status, _, error) = result(&cucs(vsm, &["download", "a", "-o", "b"]));
+        assert_eq!(status, Some(2), "{error}");
         for number in [10, 11, 50, 51] {
             assert!(both.contains(&format!("number = {number}\n")), "{both}");
         }

@@ -410,10 +410,13 @@ fn what_only_a_route_file_holds_is_named_when_it_is_lost() {
 fn rally_points_of_a_plan_become_tables_of_the_configuration_of_a_vsm() {
     let files = Files::new();
     files.put("site.plan", include_str!("../data/qgroundcontrol.plan"));
-    assert_eq!(
-        files.done(&["rally", "site.plan"]),
-        "[[vehicle.rally]]\nplace = [47.3965, 8.544]\nheight_m = 25.0\n"
-    );
+    let tables = "[[vehicle.rally]]\nplace = [47.3965, 8.544]\nheight_m = 25.0\n";
+    assert_eq!(files.done(&["rally", "site.plan"]), tables);
+    for to in [&["rally.toml"][..], &["-o", "rally.toml"]] {
+        let arguments = [&["rally", "site.plan"][..], to].concat();
+        assert_eq!(files.done(&arguments), "", "{to:?}");
+        assert_eq!(files.get("rally.toml"), tables, "{to:?}");
+    }
     let (status, error) = files.refused(&["rally", "route.toml"]);
     assert_eq!(status, 2, "{error}");
     assert!(error.contains("read from a .plan"), "{error}");
