@@ -239,6 +239,47 @@ fn planned(selection: &[&str]) -> BTreeSet<String> {
     units.iter().map(unit).collect()
 }
 
+/// Where somebody reads which Rust to install.
+const NAME_RUST: [&str; 6] = [
+    "README.md",
+    "docs/guide/install.md",
+    "stanag-msgs/README.md",
+    "mavlink-link/README.md",
+    "bindings/python/README.md",
+    "examples/dli-check/Dockerfile",
+];
+
+#[test]
+fn the_rust_that_is_named_is_the_one_that_the_workspace_needs() {
+    for page in NAME_RUST {
+        let text = fs::read_to_string(root().join(page)).expect(page);
+        let named = rust_versions(&text);
+        let needed = env!("CARGO_PKG_RUST_VERSION");
+        assert!(!named.is_empty(), "{page} names no version of Rust");
+        assert!(
+            named.iter().all(|one| one == needed),
+            "{page}: {named:?}, Cargo.toml: {needed}"
+        );
+    }
+    assert_eq!(
+        rust_versions("PX4 1.18, Rust 1.9 and Rust version: 2.0."),
+        ["1.9", "2.0"]
+    );
+}
+
+/// The versions that follow the word, as in "Rust 1.88", "Rust version: 1.88" and "rust:1.88-alpine".
+fn rust_versions(text: &str) -> Vec<String> {
+    let text = text.to_ascii_lowercase();
+    let after = text.split("rust").skip(1);
+    let version = |rest: &str| {
+        let near: String = rest.chars().take(20).collect();
+        let mut words = near.split(|c: char| c != '.' && !c.is_ascii_digit());
+        let dotted = words.find(|word| word.trim_matches('.').contains('.'))?;
+        Some(dotted.trim_matches('.').to_owned())
+    };
+    after.filter_map(version).collect()
+}
+
 /// How many times faster than real time the vehicle of a page flies.
 const SPEED: u32 = 5;
 
