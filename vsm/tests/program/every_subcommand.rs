@@ -381,28 +381,72 @@ fn with_two_vehicles_a_command_names_the_option_that_selects_one() {
     }
 }
 
-/// What is run by another test, with the time that it needs.
-const ELSEWHERE: &[(&str, &str)] = &[
-    ("doctor", "vsm/tests/program/doctor.rs"),
-    ("zeroize", "vsm/tests/program/zeroize.rs"),
-    ("klv", "tests/end-to-end/tests/programs/interop/klv.rs"),
-    // A flight of a minute.
-    ("demo", "tests/end-to-end/tests/programs/documents/pages.rs"),
-    // They change a vehicle's key, and find the agent.
-    ("key rotate", "vsm/tests/keys/commands.rs"),
-    ("key revoke", "vsm/tests/keys/commands.rs"),
+/// What another test runs, which has the time or the surroundings that it needs: its file and its function.
+const ELSEWHERE: &[(&str, &str, &str)] = &[
     (
-        "pair",
-        "tests/end-to-end/tests/programs/processes/airside.rs",
+        "doctor --json",
+        "vsm/tests/program/doctor.rs",
+        "each_fault_of_a_vehicles_link_has_its_line",
     ),
     (
-        "airside pair",
-        "tests/end-to-end/tests/programs/processes/airside.rs",
+        "zeroize --yes",
+        "vsm/tests/program/zeroize.rs",
+        "what_a_bridge_has_written_is_listed_and_erased_once_it_is_confirmed",
+    ),
+    (
+        "klv",
+        "tests/end-to-end/tests/programs/interop/klv.rs",
+        "the_metadata_of_a_vehicle_is_read_by_other_decoders_alone_and_beside_a_video",
+    ),
+    // A flight of a minute.
+    (
+        "demo",
+        "tests/end-to-end/tests/programs/documents/pages.rs",
+        "the_commands_of_the_readme_fly_the_vehicle",
+    ),
+    // They change a vehicle's key, and find the agent.
+    (
+        "key rotate",
+        "vsm/tests/keys/commands.rs",
+        "a_vehicle_that_lost_its_key_is_given_another_one_on_the_operators_word",
+    ),
+    (
+        "key revoke",
+        "vsm/tests/keys/commands.rs",
+        "a_revoked_key_is_gone_at_both_ends",
+    ),
+    ("pair", AIRSIDE, PAIRS),
+    ("airside pair", AIRSIDE, PAIRS),
+    // With nodes, and an etcd between them.
+    (
+        "fleet list --json",
+        "tests/end-to-end/tests/programs/processes/fleet.rs",
+        "a_node_that_is_killed_is_replaced_and_nothing_acknowledged_is_lost",
     ),
 ];
+const AIRSIDE: &str = "tests/end-to-end/tests/programs/processes/airside.rs";
+const PAIRS: &str = "both_sides_pair_agree_fly_rotate_and_survive_each_restart";
 
-/// Run with `--json` in the files of [`ELSEWHERE`].
-const JSON_ELSEWHERE: [&str; 2] = ["doctor", "fleet list"];
+/// Whether a source file has a test of this name, and not one that is ignored.
+fn has_test(source: &str, name: &str) -> bool {
+    let Some((before, _)) = source.split_once(&format!("fn {name}() ")) else {
+        return false;
+    };
+    let before = before.trim_end().trim_end_matches("async").trim_end();
+    let attribute = before.lines().last().unwrap_or_default();
+    attribute.starts_with("#[test]") || attribute.starts_with("#[tokio::test")
+}
+
+#[test]
+fn what_is_run_elsewhere_is_run_by_a_test_that_is_there() {
+    for (line, file, name) in ELSEWHERE {
+        let source = fs::read_to_string(kit::workspace().join(file)).expect(file);
+        assert!(has_test(&source, name), "{line}: {file} has no test {name}");
+    }
+    let source = "#[test]\nfn a() {}\n#[test]\n#[ignore]\nfn b() {}\nfn c() {}\n";
+    assert!(has_test(source, "a"));
+    assert!(["b", "c", "d"].iter().all(|name| !has_test(source, name)));
+}
 
 /// Before the bridge runs, while it runs, and while the agent runs.
 const GROUND: &[&[(&str, Ends)]] = &[
@@ -453,7 +497,6 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("key provision --sitl-file px4.bin", Done),
         ("key list", Done),
         ("key clock", Done),
-        // With nodes, and an etcd between them: tests/end-to-end, processes/fleet.rs.
         ("fleet list", Refused("store.kind is \"files\"")),
         (
             "fleet drain --node beta",
@@ -507,17 +550,13 @@ const GROUND: &[&[(&str, Ends)]] = &[
 fn every_subcommand_of_vsm_is_run() {
     let all = leaves(&vsm::program::command());
     let here = GROUND.iter().copied().flatten().map(|(line, _)| *line);
-    let elsewhere = ELSEWHERE.iter().map(|(line, file)| {
-        let words = line.rsplit(' ').next().expect("a word");
-        let source = fs::read_to_string(kit::workspace().join(file)).expect(file);
-        assert!(source.contains(words), "{file} does not run {line}");
-        *line
-    });
-    let missing = missing(&all, here.chain(elsewhere));
+    let lines: Vec<&str> = here
+        .chain(ELSEWHERE.iter().map(|(line, ..)| *line))
+        .collect();
+    let missing = missing(&all, lines.iter().copied());
     assert_eq!(missing, [""; 0], "without a line in GROUND or ELSEWHERE");
-    let with_json: Vec<&str> = (GROUND.iter().copied().flatten())
-        .filter_map(|(line, _)| line.strip_suffix(" --json"))
-        .chain(JSON_ELSEWHERE)
+    let with_json: Vec<&str> = (lines.iter())
+        .filter_map(|line| line.strip_suffix(" --json"))
         .collect();
     let without: Vec<_> = json_leaves(&vsm::program::command())
         .into_iter()
