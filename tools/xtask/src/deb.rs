@@ -57,7 +57,7 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
     } else {
         generate()
     };
-    steps.run(manual.arg("man").arg(&tree))?;
+    steps.run(manual.arg("man").arg(&tree).args(PROGRAMS))?;
     let own = architecture()?;
     let architecture =
         option("--architecture").map_or_else(|| own.clone(), |path| path.display().to_string());

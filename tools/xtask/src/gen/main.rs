@@ -2,7 +2,8 @@
 //! `cargo xtask gen`, `man` and `deb` start it.
 //!
 //!     generate files [--check]    tables, references and the Wireshark dissector, checked in for readers without a build
-//!     generate man TREE           manual pages and shell completions, below TREE as below the root of a file system
+//!     generate man TREE [PROGRAM...]
+//!                                 manual pages and shell completions, below TREE as below the root of a file system
 
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
@@ -26,8 +27,10 @@ fn main() -> ExitCode {
     let result = match arguments[..] {
         ["files"] => run(root, false),
         ["files", "--check"] => run(root, true),
-        ["man", tree] => man::write(Path::new(tree)),
-        _ => Err(anyhow!("usage: generate files [--check] | man TREE")),
+        ["man", tree, ref programs @ ..] => man::write(Path::new(tree), programs),
+        _ => Err(anyhow!(
+            "usage: generate files [--check] | man TREE [PROGRAM...]"
+        )),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

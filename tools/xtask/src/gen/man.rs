@@ -4,13 +4,19 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use clap::Command;
 use clap_complete::Shell;
 
-/// Writes them into `tree`, as into the root of a file system.
-pub(crate) fn write(tree: &Path) -> Result<()> {
-    for command in commands() {
+/// Writes them into `tree`, as into the root of a file system: of these programs, or of all where none is named.
+pub(crate) fn write(tree: &Path, programs: &[&str]) -> Result<()> {
+    for program in programs {
+        let known = commands().iter().any(|one| one.get_name() == *program);
+        ensure!(known, "there is no program {program}");
+    }
+    let is_asked =
+        |command: &Command| programs.is_empty() || programs.contains(&command.get_name());
+    for command in commands().into_iter().filter(is_asked) {
         let name = command.get_name().to_owned();
         let pages = folder(tree, "usr/share/man/man1")?;
         clap_mangen::generate_to(command.clone(), &pages)
@@ -35,13 +41,15 @@ pub(crate) fn write(tree: &Path) -> Result<()> {
     Ok(())
 }
 
-fn commands() -> [Command; 4] {
+fn commands() -> [Command; 6] {
     [
         // The packaged program is built without its demo.
         vsm::program::command().mut_subcommand("demo", |demo| demo.hide(true)),
         cucs::program::command(),
         px4_sim::program::command(),
         curve_plan::command(),
+        conformance::command(),
+        mavlink_check::command(),
     ]
 }
 
@@ -121,7 +129,47 @@ const PROGRAMS: &[More] = &[
             "Routes and tracks, by their endings; *.hex and *.pcapng are messages, which are only written",
         )],
     },
+    More {
+        program: "dli-check",
+        statuses: JUDGED,
+        files: &[
+            (
+                "--profile FILE",
+                "What the subject claims, in TOML; dli-check init writes it",
+            ),
+            EXPECTED,
+            REPORT,
+        ],
+    },
+    More {
+        program: "mavlink-check",
+        statuses: JUDGED,
+        files: &[
+            (
+                "--key-file FILE",
+                "Signing key of the subject: 64 hexadecimal digits, or 32 bytes",
+            ),
+            EXPECTED,
+            REPORT,
+        ],
+    },
 ];
+
+/// Of the programs that judge others.
+const JUDGED: &[&str] = &[
+    "As expected",
+    "A fail that is not expected",
+    "Wrong arguments, or a faulty file",
+    "Nothing could be judged",
+];
+const EXPECTED: (&str, &str) = (
+    "--expected FILE",
+    "Departures that are expected, each with its reason, in TOML; --write-expected writes it",
+);
+const REPORT: (&str, &str) = (
+    "--out DIR",
+    "Folder of the report: report.json, report.html, junit.xml, run.pcapng, statement.md",
+);
 
 fn more(program: &str) -> Option<&'static More> {
     PROGRAMS.iter().find(|more| more.program == program)
@@ -307,6 +355,22 @@ const EXAMPLES: &[&str] = &[
     "curve-plan rally field.plan",
     "curve-plan convert survey.plan survey.route.toml",
     "curve-plan send everland.route.toml --vsm 127.0.0.1:4586",
+    "dli-check init 192.0.2.7:4586 --cucs 1b:00:00:a0 --cucs 1b:00:00:a1 --to acme.toml",
+    "dli-check vsm --profile acme.toml --out report",
+    "dli-check vsm 192.0.2.7:4586 --edition 2.5 --simulated",
+    "dli-check capture run.pcapng",
+    "dli-check cucs --listen 127.0.0.1:4586 --page 127.0.0.1:8080 --out report",
+    "dli-check repeat AUTH-002 192.0.2.7:4586 --times 20",
+    "dli-check compare before.json after.json",
+    "dli-check schema",
+    "dli-check list --edition 2.5",
+    "dli-check explain AUTH-002",
+    "mavlink-check autopilot udpin:127.0.0.1:14550 --key-file uav1.key --simulated --out report",
+    "mavlink-check station --listen udpout:127.0.0.1:14550 --key-file uav1.key",
+    "mavlink-check router --vehicle udpout:127.0.0.1:14560 --station udpout:127.0.0.1:14550",
+    "mavlink-check repeat SIGN-003 udpin:127.0.0.1:14550 --simulated",
+    "mavlink-check list",
+    "mavlink-check explain SIGN-003",
 ];
 
 const SHELLS: [(Shell, &str); 3] = [
@@ -338,9 +402,27 @@ mod tests {
     }
 
     #[test]
+    fn a_package_has_the_pages_of_its_own_programs_alone() {
+        let tree = std::env::temp_dir().join(format!("man-of-{}", std::process::id()));
+        assert!(write(&tree, &["nobody"]).is_err());
+        write(&tree, &["dli-check", "mavlink-check"]).unwrap();
+        let mut names = Vec::new();
+        for folder in ["usr/share/man/man1", "usr/share/zsh/vendor-completions"] {
+            let entries = fs::read_dir(tree.join(folder)).unwrap();
+            names.extend(entries.map(|one| one.unwrap().file_name().into_string().unwrap()));
+        }
+        fs::remove_dir_all(&tree).unwrap();
+        for name in ["dli-check-vsm.1", "mavlink-check.1", "_dli-check"] {
+            assert!(names.iter().any(|one| one == name), "{name}: {names:?}");
+        }
+        let foreign = |name: &&String| !name.contains("-check");
+        assert_eq!(names.iter().find(foreign), None);
+    }
+
+    #[test]
     fn a_page_has_examples_exit_statuses_and_files() {
         let tree = std::env::temp_dir().join(format!("man-{}", std::process::id()));
-        write(&tree).unwrap();
+        write(&tree, &[]).unwrap();
         let pages = tree.join("usr/share/man/man1");
         let page = |name: &str| fs::read_to_string(pages.join(name)).unwrap();
         let mut count = 0;

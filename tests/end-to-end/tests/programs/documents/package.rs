@@ -67,6 +67,13 @@ fn the_package_unpacks_and_its_programs_run() {
     ] {
         assert!(root.join(place).exists(), "{place} is not in the package");
     }
+    for page in fs::read_dir(root.join("usr/share/man/man1")).expect("the pages") {
+        let page = page.expect("an entry").file_name();
+        let name = page.to_string_lossy().into_owned();
+        let of = |program: &&str| name.starts_with(*program);
+        let own = ["vsm", "cucs", "px4-sim", "curve-plan"].iter().any(of);
+        assert!(own, "{name}: a page without its program");
+    }
     let symbols = fs::read(root.join("usr/bin/vsm")).expect("the program");
     let built = fs::read(program("vsm")).expect("the program");
     assert!(
