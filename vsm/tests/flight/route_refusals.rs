@@ -337,6 +337,63 @@ fn a_route_below_home_is_refused_whatever_its_altitudes_are_above_unless_it_is_a
     assert!(text.contains("expected -500 to 5000"), "{text}");
 }
 
+/// A curve from waypoint 7 to 8 by its control points, metres north and east of home.
+fn curve(p2: (f64, f64), p3: (f64, f64)) -> CurveSegment {
+    let degrees = |(north, east): (f64, f64)| {
+        let (latitude, longitude) = orders::place(north, east);
+        (
+            Some(Bam32::from_degrees(latitude)),
+            Some(Bam32::from_degrees(longitude)),
+        )
+    };
+    let (p2, p3) = (degrees(p2), degrees(p3));
+    CurveSegment {
+        p1_waypoint_no: Some(7),
+        p4_waypoint_no: Some(8),
+        p2_latitude: p2.0,
+        p2_longitude: p2.1,
+        p3_latitude: p3.0,
+        p3_longitude: p3.1,
+        ..CurveSegment::default()
+    }
+}
+
+/// Its route: both ends 30 m above home.
+fn curved(curve: CurveSegment) -> Vec<Message> {
+    vec![
+        orders::route(7).into(),
+        orders::waypoint(7, 8, 50.0, -80.0, 30.0).into(),
+        orders::waypoint(8, 0, 50.0, 80.0, 30.0).into(),
+        curve.into(),
+    ]
+}
+
+#[test]
+fn a_curve_that_dips_below_home_between_waypoints_above_it_is_refused() {
+    let mut rig = Rig::ready();
+    let low = Some(Scaled::saturating_from_si(-20.0));
+    let dip = CurveSegment {
+        p2_altitude: low,
+        p3_altitude: low,
+        altitude_type: Some(AltitudeType::Agl),
+        ..curve((50.0, -30.0), (50.0, 30.0))
+    };
+    let (named, text) = refused(&mut rig, curved(dip));
+    assert_eq!(named, Some(7), "{text}");
+    for part in [
+        "waypoint 7: its curved leg to 8: at 47.",
+        "m below home (48",
+        "vehicle.limits.below_home",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    // It is that the curve dips: without it the same route is flown.
+    let mut level = curved(curve((50.0, -30.0), (50.0, 30.0)));
+    level.truncate(3);
+    rig.send_plan(level);
+    rig.done(orders::load());
+}
+
 /// A folder with one elevation file: the ground at home's height, and a ridge of 60 m across, 100 m to 160 m north of home.
 fn ridge() -> tempfile::TempDir {
     let home = Config::default().home;
@@ -389,30 +446,8 @@ fn a_route_through_a_ridge_is_refused_between_its_waypoints_and_on_its_curves() 
         assert!(text.contains(part), "{part}: {text}");
     }
     // A curve that bulges into the ridge, between waypoints that are both south of it.
-    let control = |north, east| {
-        let (latitude, longitude) = orders::place(north, east);
-        (
-            Some(Bam32::from_degrees(latitude)),
-            Some(Bam32::from_degrees(longitude)),
-        )
-    };
-    let (p2, p3) = (control(180.0, -60.0), control(180.0, 60.0));
-    let bulge = CurveSegment {
-        p1_waypoint_no: Some(7),
-        p4_waypoint_no: Some(8),
-        p2_latitude: p2.0,
-        p2_longitude: p2.1,
-        p3_latitude: p3.0,
-        p3_longitude: p3.1,
-        ..CurveSegment::default()
-    };
-    let curved: Vec<Message> = vec![
-        orders::route(7).into(),
-        orders::waypoint(7, 8, 50.0, -80.0, 30.0).into(),
-        orders::waypoint(8, 0, 50.0, 80.0, 30.0).into(),
-        bulge.into(),
-    ];
-    let (named, text) = refused(&mut rig, curved);
+    let bulge = curve((180.0, -60.0), (180.0, 60.0));
+    let (named, text) = refused(&mut rig, curved(bulge));
     assert_eq!(named, Some(8), "{text}");
     assert!(text.contains("m below the terrain ("), "{text}");
     // Above it both are flown, and where the files end a note says so.
