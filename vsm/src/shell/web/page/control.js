@@ -43,8 +43,8 @@ export class Control {
   #route = null;
   /** Why a route was not sent, as long as that is so. */
   #unsent = null;
-  #routes = Promise.resolve();
-  #routeDone = null;
+  /** The route that is under way: {one: its command, ended: a promise of its end, end}. */
+  #underway = null;
 
   /** `chosen()` is the status of the vehicle that is shown. */
   constructor(map, chosen) {
@@ -163,10 +163,14 @@ export class Control {
   #ended(why) {
     this.#beat?.terminate();
     this.#socket = null;
-    this.#routeDone?.();
+    this.#routeEnds();
     this.#alerts.clear();
     this.#asked.clear();
-    for (const one of this.#commands) if (one.state === "sent") Object.assign(one, { state: "not answered: the connection has ended", kind: "bad" });
+    for (const one of this.#commands) {
+      // The next connection numbers its frames from the beginning.
+      one.n = null;
+      if (one.state === "sent") Object.assign(one, { state: "not answered: the connection has ended", kind: "bad" });
+    }
     this.#drawCommands();
     if (this.#leaves) this.#say("disconnected; to be the same station again, press Connect", "");
     else this.#say(why ? `disconnected: ${why}` : "disconnected", why ? "bad" : "");
@@ -183,13 +187,26 @@ export class Control {
     by("control-state").className = kind;
   }
 
-  /** Frames go in the order of their stamps: while a route takes stamps of its own, what follows waits for its end. */
+  /**
+   * Frames go in the order of their stamps: while a route takes stamps of its own, what follows waits for its end. False where
+   * the connection has ended meanwhile: then nothing is sent.
+   */
+  async #turn(label) {
+    while (this.#underway) await this.#underway.ended;
+    if (!this.#socket) this.#say(`${label}: not sent: disconnected`, "bad");
+    return this.#socket !== null;
+  }
+
+  #routeEnds() {
+    this.#underway?.end();
+    this.#underway = null;
+  }
+
   async #command(label, make, vehicle = this.#chosen()) {
-    if (!vehicle || !this.#socket) return;
-    await this.#routes;
+    if (!vehicle || !(await this.#turn(label))) return;
     const message = make(vehicle);
     const one = this.#add(`${label}: ${name(vehicle)}`, message.fields["Time Stamp"]);
-    one.n = await this.#socket?.send({ message });
+    one.n = this.#socket.send({ message });
   }
 
   /** What is asked of one vehicle is sent to that one, whichever is shown when the answer comes. */
@@ -301,11 +318,11 @@ export class Control {
     const vehicle = this.#chosen();
     if (!vehicle || !this.#socket) return this.#say("the route is not sent: connect and take control first", "bad");
     if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return undefined;
-    await this.#routes;
-    const first = messages.stamp();
+    if (!(await this.#turn(label))) return undefined;
     const one = this.#add(`${label}: ${name(vehicle)}`, null);
-    this.#routes = new Promise((done) => { this.#routeDone = done; });
-    one.n = await this.#socket?.send({ route: { vehicle: vehicle.id, stamp: first, ...route } });
+    this.#underway = { one };
+    this.#underway.ended = new Promise((end) => { this.#underway.end = end; });
+    one.n = this.#socket.send({ route: { vehicle: vehicle.id, stamp: messages.stamp(), ...route } });
     return undefined;
   }
 
@@ -348,14 +365,14 @@ export class Control {
 
   #failed({ of, why }) {
     const one = this.#commands.find((known) => known.n === of);
-    this.#routeDone?.();
+    if (one && one === this.#underway?.one) this.#routeEnds();
     this.#finish(one, `not used: ${why}`, "bad");
   }
 
   #routed({ of, load, lost }) {
     const one = this.#commands.find((known) => known.n === of);
     messages.stampedUntil(load);
-    this.#routeDone?.();
+    this.#routeEnds();
     if (!one) return;
     one.stamp = load;
     one.lost = lost ?? [];

@@ -97,12 +97,12 @@ export class ControlSocket {
     return body;
   }
 
-  /** Sends a frame after those before it; resolves with its number. */
+  /** Sends a frame after those before it, and returns its number. */
   send(body) {
     const n = this.#sent;
     this.#sent += 1;
-    this.#sending = this.#sending.then(() => this.#put({ n, ...body }));
-    return this.#sending.then(() => n);
+    this.#sending = this.#sending.then(() => this.#put({ n, ...body })).catch((fault) => this.#fail(fault.message));
+    return n;
   }
 
   close() {
@@ -117,6 +117,8 @@ export class ControlSocket {
   #end(reason) {
     const closed = this.#closed;
     this.#closed = () => {};
+    // Frames that wait for their turn are of an ended connection.
+    this.#take = () => {};
     closed(reason);
   }
 }
