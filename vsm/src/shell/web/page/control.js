@@ -13,6 +13,8 @@ const MAX_SHOWN = 30;
 const MAX_KEPT = 1000;
 // Why a command is refused comes as an alert beside the answer.
 const REASON_WITHIN_MS = 2000;
+// The bridge ends a connection over a frame of more than 256 KiB: the route, as JSON, has to leave room for the rest of its frame.
+const MAX_ROUTE_BYTES = 250_000;
 // The status is asked for twice a second.
 const SHOWN_WITHIN_MS = 1000;
 
@@ -300,6 +302,10 @@ export class Control {
 
   async #sendFile(file) {
     if (!file) return;
+    // Chosen again it is another choice.
+    by("route-file").value = "";
+    // Before it is read: while a page reads a film it sends no heartbeat.
+    if (file.size > MAX_ROUTE_BYTES) return this.#tooLarge(file, file.size);
     const route = { file: file.name };
     if (/\.kmz$/i.test(file.name)) {
       const all = new Uint8Array(await file.arrayBuffer());
@@ -310,8 +316,12 @@ export class Control {
     // For a file without altitudes alone; one that has them keeps them.
     const heightM = altitudeIn(by("route-altitude"));
     if (heightM !== null) route.height_m = heightM;
-    by("route-file").value = "";
-    await this.#sendRoute(`route of ${file.name}`, route);
+    const { size } = new Blob([JSON.stringify(route)]);
+    return size > MAX_ROUTE_BYTES ? this.#tooLarge(file, size) : this.#sendRoute(`route of ${file.name}`, route);
+  }
+
+  #tooLarge({ name: file }, size) {
+    this.#say(`the route is not sent: ${file} takes ${size} bytes, expected at most ${MAX_ROUTE_BYTES}`, "bad");
   }
 
   async #sendRoute(label, route) {
