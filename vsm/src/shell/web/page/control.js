@@ -24,6 +24,7 @@ export class Control {
   #map;
   #drawing;
   #chosen;
+  #all;
   #socket = null;
   #own = null;
   /** The key that was used last, which no script can read: who connects again as the same station needs not give it again. */
@@ -48,10 +49,11 @@ export class Control {
   /** The route that is under way: {one: its command, ended: a promise of its end, end}. */
   #underway = null;
 
-  /** `chosen()` is the status of the vehicle that is shown. */
-  constructor(map, chosen) {
+  /** `chosen()` is the status of the vehicle that is shown, `all()` that of each. */
+  constructor(map, chosen, all) {
     this.#map = map;
     this.#chosen = chosen;
+    this.#all = all;
     this.#drawing = new Drawing(map, () => this.draw());
     by("control").hidden = false;
     by("sign-in").addEventListener("submit", (event) => {
@@ -59,9 +61,9 @@ export class Control {
       this.#connect();
     });
     const on = (id, act) => by(id).addEventListener("click", act);
-    on("disconnect", () => {
-      this.#leaves = true;
-      this.#socket?.close();
+    on("disconnect", () => this.#disconnect());
+    addEventListener("beforeunload", (event) => {
+      if (this.#socket && this.#flown(this.#all()).length > 0) event.preventDefault();
     });
     for (const [field, button] of [["launch-altitude", "launch"], ["fly-from", "fly"]])
       by(field).addEventListener("keydown", ({ key }) => { if (key === "Enter") by(button).click(); });
@@ -78,7 +80,7 @@ export class Control {
     on("loiter-middle", () => this.#loiter(this.#map.middle()));
     on("hand-over", () => this.#answer(true));
     on("refuse", () => this.#answer(false));
-    this.#dropOnMap();
+    this.#takeDrops();
     this.draw();
     // The link of a demo brings id and key behind its #: they go from the address at once. Who opened it still connects by
     // himself: whoever sends a link must not decide as which station its reader flies.
@@ -228,12 +230,27 @@ export class Control {
     await this.#command(override ? "take from its holder" : "take", ({ id }) => make(id, this.#vsm, this.#loi), vehicle);
   }
 
-  /** In the air nobody commands it afterwards: that is asked first. */
+  /** Those of the vehicles that this station controls and that may be in the air. */
+  #flown(vehicles) {
+    return vehicles.filter((one) => one.controller === this.#own && one.on_ground !== true);
+  }
+
+  /** In the air nobody commands them afterwards: that is asked first. */
+  async #mayLeave(vehicles, what, yes) {
+    const flown = this.#flown(vehicles).map(name).join(", ");
+    return flown === "" || confirmed(`Nobody will control ${flown} then, possibly in flight: ${what}?`, yes);
+  }
+
   async #release() {
     const vehicle = this.#chosen();
-    const flies = vehicle?.controller === this.#own && vehicle.on_ground !== true;
-    if (flies && !(await confirmed(`${name(vehicle)} flies, and nobody will control it: release it?`, "Release"))) return;
+    if (!vehicle || !(await this.#mayLeave([vehicle], "release it", "Release"))) return;
     await this.#command("release", ({ id }) => messages.relinquish(id, this.#vsm), vehicle);
+  }
+
+  async #disconnect() {
+    if (!(await this.#mayLeave(this.#all(), "disconnect", "Disconnect"))) return;
+    this.#leaves = true;
+    this.#socket?.close();
   }
 
   #launch() {
@@ -336,14 +353,12 @@ export class Control {
     return undefined;
   }
 
-  /** A file may be dropped on the map. */
-  #dropOnMap() {
-    const map = by("map");
-    map.addEventListener("dragover", (event) => event.preventDefault());
-    map.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.#sendFile(event.dataTransfer.files[0]);
-    });
+  /** A file may be dropped on the map. One that is dropped beside it must not take the page's place; fields take it themselves. */
+  #takeDrops() {
+    const keep = (event) => { if (!(event.target instanceof HTMLInputElement)) event.preventDefault(); };
+    addEventListener("dragover", keep);
+    addEventListener("drop", keep);
+    by("map").addEventListener("drop", (event) => this.#sendFile(event.dataTransfer.files[0]));
   }
 
   #answer(yes) {

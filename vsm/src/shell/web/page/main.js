@@ -76,7 +76,7 @@ function connected(text, kind) {
 async function begin() {
   const { replay, control: controllable, tiles } = await (await read("page.json")).json();
   if (tiles) map.showTiles(tiles);
-  if (controllable) control = new Control(map, chosen);
+  if (controllable) control = new Control(map, chosen, () => status?.vehicles ?? []);
   if (replay) {
     timeLine = new TimeLine(replay, sought);
     map.setTracks(await (await read("tracks.json")).json());
