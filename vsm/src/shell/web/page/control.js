@@ -142,10 +142,11 @@ export class Control {
   async #connect() {
     const id = by("station-id").value.trim().toLowerCase();
     this.#say("connecting", "");
+    let key;
     try {
       const file = by("key-file").files[0];
       const typed = file ? await file.text() : by("key").value;
-      const key = typed === "" && id === this.#own && this.#key ? this.#key : await importKey(typed);
+      key = typed === "" && id === this.#own && this.#key ? this.#key : await importKey(typed);
       [this.#socket, { vsm: this.#vsm, loi: this.#loi }] = await ControlSocket.open(id, key, (body) => this.#taken(body), (why) => this.#ended(why));
     } catch (fault) {
       this.#say(`not connected: ${fault.message ?? fault}`, "bad");
