@@ -26,6 +26,7 @@ export class Control {
   #chosen;
   #all;
   #socket = null;
+  #connecting = false;
   #own = null;
   /** The key that was used last, which no script can read: who connects again as the same station needs not give it again. */
   #key = null;
@@ -140,6 +141,9 @@ export class Control {
   }
 
   async #connect() {
+    // A second connection would take the place of the first, whose end would be taken for its own.
+    if (this.#connecting || this.#socket) return;
+    this.#connecting = true;
     const id = by("station-id").value.trim().toLowerCase();
     this.#say("connecting", "");
     let key;
@@ -151,6 +155,8 @@ export class Control {
     } catch (fault) {
       this.#say(`not connected: ${fault.message ?? fault}`, "bad");
       return;
+    } finally {
+      this.#connecting = false;
     }
     // The key is in the hands of the browser now: it is not kept where it was typed.
     by("sign-in").reset();

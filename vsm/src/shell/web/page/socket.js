@@ -1,6 +1,8 @@
 // The WebSocket of a ground station in the browser: opening, MACs and counters of docs/guide/websocket.md. It knows no message.
 
 const VERSION = 1;
+// The bridge waits 5 s for a hello.
+const OPEN_WITHIN_MS = 10_000;
 const bytes = (text) => new TextEncoder().encode(text);
 const hex = (buffer) => [...new Uint8Array(buffer)].map((one) => one.toString(16).padStart(2, "0")).join("");
 const unhex = (text) => Uint8Array.from(text.match(/../g) ?? [], (pair) => Number.parseInt(pair, 16));
@@ -53,6 +55,7 @@ export class ControlSocket {
       const url = new URL("control", location.href.replace(/^http/, "ws"));
       made.#socket = new WebSocket(url);
       made.#socket.onclose = (event) => made.#end(REASONS[event.code] ?? event.reason ?? "");
+      const late = setTimeout(() => made.#fail("no answer of the bridge"), OPEN_WITHIN_MS);
       // Frames are looked at one after another: a MAC takes its time, and the order counts.
       const opening = (handle) => (event) => {
         made.#receiving = made.#receiving.then(() => handle(event.data)).catch((fault) => made.#fail(fault.message));
@@ -62,6 +65,7 @@ export class ControlSocket {
         const body = await made.#open(text);
         if (made.#received > 0) return made.#take(body);
         if (!body.welcome) throw new Error("the VSM has not sent its welcome");
+        clearTimeout(late);
         made.#received = 1;
         made.#closed = closed;
         return resolve([made, body.welcome]);
