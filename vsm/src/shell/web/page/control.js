@@ -53,8 +53,8 @@ export class Control {
   /** `chosen()` is the status of the vehicle that is shown, `all()` that of each. */
   constructor(map, chosen, all) {
     this.#map = map;
-    this.#chosen = chosen;
-    this.#all = all;
+    this.#chosen = () => asKnown(chosen());
+    this.#all = () => all().map(asKnown);
     this.#drawing = new Drawing(map, () => this.draw());
     by("control").hidden = false;
     by("sign-in").addEventListener("submit", (event) => {
@@ -493,6 +493,9 @@ function remember(entries, key, value) {
 }
 
 const name = (vehicle) => vehicle.tail_number || vehicle.id;
+
+/** What a silent vehicle has reported last is not known now: nothing is asked, advised or left out by it. The bridge judges alike. */
+const asKnown = (vehicle) => (vehicle && !vehicle.live ? { ...vehicle, armed: null, on_ground: null, mode: null, flies_to: null } : vehicle);
 
 function set(node, text) {
   if (node.textContent !== text) node.textContent = text;

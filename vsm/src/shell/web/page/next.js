@@ -22,6 +22,7 @@ export function begins(id) {
  * does not show it yet. */
 export function nextStep({ connected, own, vehicle, drawing, drawn, fault, route, altitude, waiting }) {
   if (!connected) return ["connect", "connect as a ground station"];
+  if (!vehicle.live) return [null, "no data of the vehicle: wait"];
   const { flew, route: flown } = watch(vehicle);
   const { controller, on_ground, flies_to, mode, armed } = vehicle;
   if (waiting) return [null, "sent: wait for the vehicle"];
