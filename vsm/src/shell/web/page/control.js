@@ -407,8 +407,8 @@ export class Control {
     this.#routeEnds();
     if (!one) return;
     one.stamp = load;
-    one.lost = lost ?? [];
-    one.state = one.lost.length > 0 ? `sent without ${one.lost.join(", ")}` : "sent";
+    // Beside whatever becomes of it: an upload that is accepted is accepted without these.
+    if (lost.length > 0) one.label += `, without ${lost.join(", ")}`;
     this.#drawCommands();
   }
 
