@@ -35,7 +35,7 @@ export class Control {
   #vsm = null;
   #loi = [];
   #beat = null;
-  /** What was sent, the newest first: {label, state, kind, stamp, n, at}. */
+  /** What was sent, the newest first: {label, vehicle, state, kind, stamp, n, at}. */
   #commands = [];
   /** By vehicle and alert: to whom its 16000 belongs, and its stamp. */
   #alerts = new Map();
@@ -216,7 +216,7 @@ export class Control {
   async #command(label, make, vehicle = this.#chosen()) {
     if (!vehicle || !(await this.#turn(label))) return;
     const message = make(vehicle);
-    const one = this.#add(`${label}: ${name(vehicle)}`, message.fields["Time Stamp"]);
+    const one = this.#add(label, vehicle, message.fields["Time Stamp"]);
     one.n = this.#socket.send({ message });
   }
 
@@ -353,7 +353,7 @@ export class Control {
     if (!vehicle || !this.#socket) return this.#say("the route is not sent: connect and take control first", "bad");
     if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return undefined;
     if (!(await this.#turn(label))) return undefined;
-    const one = this.#add(`${label}: ${name(vehicle)}`, null);
+    const one = this.#add(label, vehicle, null);
     this.#underway = { one };
     this.#underway.ended = new Promise((end) => { this.#underway.end = end; });
     one.n = this.#socket.send({ route: { vehicle: vehicle.id, stamp: messages.stamp(), ...route } });
@@ -424,12 +424,12 @@ export class Control {
     const alert = Math.abs(fields["Alert (Warning) ID"] ?? 0);
     remember(this.#alerts, `${from} ${alert}`, { from, stamp: fields["Time Stamp"] });
     const text = this.#whole(`${from} ${alert}`, fields);
-    // A reason stands beside its refusal, before or behind it.
+    // A reason stands beside its refusal, before or behind it, and comes from the vehicle that has refused.
     if (text === null || fields.Priority === "nominal" || fields.Priority?.startsWith("cleared")) return;
     const now = performance.now();
     this.#reasons = this.#reasons.filter(({ at }) => now - at < REASON_WITHIN_MS);
-    this.#reasons.push({ at: now, text });
-    const refused = this.#commands.find((one) => one.state.startsWith("REFUSED") && now - one.at < REASON_WITHIN_MS);
+    this.#reasons.push({ at: now, from, text });
+    const refused = this.#commands.find((one) => one.vehicle === from && one.state.startsWith("REFUSED") && now - one.at < REASON_WITHIN_MS);
     if (refused) this.#finish(refused, "REFUSED", "bad");
   }
 
@@ -446,9 +446,10 @@ export class Control {
     return [...parts].sort(([a], [b]) => a - b).map(([, part]) => part).join("");
   }
 
-  #add(label, stamp) {
+  #add(what, vehicle, stamp) {
+    const label = `${what}: ${name(vehicle)}`;
     this.#say(`${label}: sent`, "");
-    const one = { label, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
+    const one = { label, vehicle: vehicle.id, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
     this.#commands.unshift(one);
     this.#commands.length = Math.min(this.#commands.length, MAX_SHOWN);
     this.#drawCommands();
@@ -460,7 +461,9 @@ export class Control {
     const now = performance.now();
     if (state === "REFUSED") {
       if (!one.state.startsWith("REFUSED")) one.at = now;
-      const texts = this.#reasons.filter(({ at }) => Math.abs(at - one.at) < REASON_WITHIN_MS).map(({ text }) => text);
+      const texts = this.#reasons
+        .filter(({ at, from }) => from === one.vehicle && Math.abs(at - one.at) < REASON_WITHIN_MS)
+        .map(({ text }) => text);
       one.state = ["REFUSED", ...new Set(texts)].join(": ");
     } else {
       one.state = state;
