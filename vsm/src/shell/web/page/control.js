@@ -116,7 +116,7 @@ export class Control {
       const { unsent: drawn, listening: drawing, points } = this.#drawing;
       showNext({
         connected, own: this.#own, vehicle, drawing, drawn, points: points.length, fault: this.#drawing.fault(),
-        route: Boolean(route) && route.aboard !== false, altitude: altitudeIn(by("launch-altitude")), waiting: this.#waiting(),
+        route: route?.aboard === true, altitude: altitudeIn(by("launch-altitude")), waiting: this.#waiting(),
       });
       if (this.#unsent && this.#drawing.fault() !== this.#unsent) {
         this.#unsent = null;

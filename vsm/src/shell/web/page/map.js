@@ -96,7 +96,8 @@ export class VehiclesMap {
       }
       if (route) {
         const path = route.path.map((one) => one.at);
-        const aboard = route.aboard === false ? " not-aboard" : "";
+        // What a vehicle does not name may be another by now.
+        const aboard = route.aboard === true ? "" : " not-aboard";
         L.polyline(path, { className: `route${aboard}${faded}`, interactive: false }).addTo(this.#shapes);
         for (const at of path) all.extend(at);
         for (const one of route.waypoints) {
