@@ -129,7 +129,8 @@ export class Control {
     set(by("station-rights"), held ? `holds LOI ${held.levels} of ${name(vehicle)}` : `holds no level of ${name(vehicle)}`);
     by("station-rights").className = held ? "good" : "";
     const asked = this.#asked.get(vehicle.id);
-    by("asked").hidden = !asked || !held;
+    // A request that has ended is no longer among what waits.
+    by("asked").hidden = !asked || !held || !vehicle.handovers.some(({ to }) => to === asked.cucs);
     if (asked) set(by("asked-text"), `${asked.cucs} asks for ${asked.levels.join(", ")}`);
     this.#read = asked;
   }
