@@ -311,7 +311,7 @@ export class Control {
     return heightM;
   }
 
-  #sendDrawn() {
+  async #sendDrawn() {
     const fault = this.#drawing.fault();
     if (fault) {
       this.#drawing.showFault();
@@ -321,8 +321,8 @@ export class Control {
     this.#drawing.stop();
     const route = by("route-name").value.trim() || "DRAWN";
     const text = messages.routeFile(route, this.#drawing.points);
-    this.#drawing.sent();
-    return this.#sendRoute(`route ${route}`, { file: "drawn.route.toml", text });
+    if (await this.#sendRoute(`route ${route}`, { file: "drawn.route.toml", text })) this.#drawing.sent();
+    return undefined;
   }
 
   async #sendFile(file) {
@@ -349,16 +349,20 @@ export class Control {
     this.#say(`the route is not sent: ${file} takes ${size} bytes, expected at most ${MAX_ROUTE_BYTES}`, "bad");
   }
 
+  /** Whether it was sent. */
   async #sendRoute(label, route) {
     const vehicle = this.#chosen();
-    if (!vehicle || !this.#socket) return this.#say("the route is not sent: connect and take control first", "bad");
-    if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return undefined;
-    if (!(await this.#turn(label))) return undefined;
+    if (!vehicle || !this.#socket) {
+      this.#say("the route is not sent: connect and take control first", "bad");
+      return false;
+    }
+    if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return false;
+    if (!(await this.#turn(label))) return false;
     const one = this.#add(label, vehicle, null);
     this.#underway = { one };
     this.#underway.ended = new Promise((end) => { this.#underway.end = end; });
     one.n = this.#socket.send({ route: { vehicle: vehicle.id, stamp: messages.stamp(), ...route } });
-    return undefined;
+    return true;
   }
 
   /** A file may be dropped on the map. One that is dropped beside it must not take the page's place; fields take it themselves. */
