@@ -262,13 +262,15 @@ export class Control {
   }
 
   #launch() {
-    const heightM = this.#altitude("launch-altitude");
-    const { id } = this.#chosen() ?? {};
-    if (heightM !== null && this.#chosen()?.on_ground === true) begins(id);
-    if (heightM !== null) this.#ask(`launch to ${height(heightM)} above home`, "Launch", ({ id }) => messages.launch(id, heightM));
+    if (!this.#isUsable("launch-altitude")) return;
+    const heightM = altitudeIn(by("launch-altitude"));
+    const { id, on_ground } = this.#chosen() ?? {};
+    if (on_ground === true) begins(id);
+    this.#ask(`launch to ${height(heightM)} above home`, "Launch", (vehicle) => messages.launch(vehicle.id, heightM));
   }
 
   #fly() {
+    if (!this.#isUsable("fly-from")) return;
     const from = by("fly-from").value.trim();
     const number = from === "" ? null : Number(from);
     const route = number === null ? "fly the route that is loaded" : `fly the route from waypoint ${number}`;
@@ -299,16 +301,17 @@ export class Control {
   }
 
   #loiter(at) {
+    if (!this.#isUsable("loiter-altitude")) return;
     const heightM = altitudeIn(by("loiter-altitude"));
     const level = heightM === null ? "at its altitude" : `at ${height(heightM)} above home`;
     this.#ask(`loiter at ${at.map((one) => one.toFixed(5)).join(", ")} ${level}`, "Loiter", ({ id }) => messages.loiterAt(id, at, heightM));
   }
 
-  /** The altitude of a field, m; null where there is none, and the field says so. */
-  #altitude(id) {
-    const heightM = altitudeIn(by(id));
-    if (heightM === null) by(id).reportValidity();
-    return heightM;
+  /** Whether a field has a number that it takes, or none where it needs none. What is no number reads as none: nothing is sent by it. */
+  #isUsable(id) {
+    if (by(id).reportValidity()) return true;
+    this.#say(`nothing is sent: ${by(id).labels[0].firstChild.textContent.trim()}: ${by(id).validationMessage}`, "bad");
+    return false;
   }
 
   async #sendDrawn() {
@@ -326,9 +329,10 @@ export class Control {
   }
 
   async #sendFile(file) {
-    if (!file) return;
+    if (!file) return undefined;
     // Chosen again it is another choice.
     by("route-file").value = "";
+    if (!this.#isUsable("route-altitude")) return undefined;
     // Before it is read: while a page reads a film it sends no heartbeat.
     if (file.size > MAX_ROUTE_BYTES) return this.#tooLarge(file, file.size);
     const route = { file: file.name };

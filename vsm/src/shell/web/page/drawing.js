@@ -47,7 +47,7 @@ export class Drawing {
   refresh() {
     const ofRoute = altitudeIn(by("route-altitude"));
     const text = ofRoute === null ? "" : inAltitude(ofRoute);
-    for (const input of by("draft").querySelectorAll("input")) {
+    for (const input of this.#inputs()) {
       input.placeholder = text;
       input.required = text === "";
     }
@@ -61,14 +61,21 @@ export class Drawing {
   /** Why the route cannot be sent yet; null where it can. */
   fault() {
     if (this.#points.length < 2) return "a route has two points or more: click on the map";
+    const unreadable = this.#inputs().findIndex(isUnreadable);
+    if (unreadable >= 0) return `the altitude of point ${unreadable + 1} is no number`;
     const bare = this.points.findIndex(({ heightM }) => heightM === null);
     return bare < 0 ? null : `point ${bare + 1} has no altitude: give the route's, or its own`;
   }
 
-  /** Leads to what is missing: the altitude of the route, or of a point where that is given. */
+  /** Leads to what is wrong or missing: the altitude of the route, or of a point where that is given. */
   showFault() {
-    const field = altitudeIn(by("route-altitude")) === null ? by("route-altitude") : document.querySelector("#draft input:invalid");
-    if (this.#points.length >= 2) field?.focus();
+    const missing = altitudeIn(by("route-altitude")) === null ? by("route-altitude") : document.querySelector("#draft input:invalid");
+    if (this.#points.length >= 2) (this.#inputs().find(isUnreadable) ?? missing)?.focus();
+  }
+
+  /** The fields of the points' altitudes. */
+  #inputs() {
+    return [...by("draft").querySelectorAll("input")];
   }
 
   /** Clicks on the map are no points of it any more. */
@@ -137,3 +144,6 @@ export class Drawing {
     this.#changed();
   }
 }
+
+/** What is typed there is no number, and reads as nothing. */
+const isUnreadable = ({ validity }) => validity.badInput;
