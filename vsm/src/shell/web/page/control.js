@@ -77,7 +77,14 @@ export class Control {
     on("fly", () => this.#fly());
     on("hold", () => this.#ask("hold where it is", "Hold", (vehicle) => messages.hold(vehicle.id)));
     on("land", () => this.#ask("land where it is", "Land", (vehicle) => messages.land(vehicle.id)));
-    on("loiter", () => this.#loiterByClick());
+    const loiter = {
+      click: (at) => {
+        map.stop();
+        this.#loiter(at);
+      },
+      pressed: (is) => this.#loiterPressed(is),
+    };
+    on("loiter", () => map.toggle(loiter));
     on("loiter-middle", () => this.#loiter(this.#map.middle()));
     on("hand-over", () => this.#answer(true));
     on("refuse", () => this.#answer(false));
@@ -175,6 +182,7 @@ export class Control {
   #ended(why) {
     this.#beat?.terminate();
     this.#socket = null;
+    this.#map.stop();
     this.#routeEnds();
     this.#alerts.clear();
     this.#asked.clear();
@@ -279,25 +287,10 @@ export class Control {
     this.#ask(what, "Fly", ({ id }) => messages.flyRoute(id, number));
   }
 
-  #loiterByClick() {
-    this.#drawing.stop();
-    this.#say("click on the map where it is to loiter; Escape: not", "");
-    const ended = () => {
-      this.#map.onClick(null);
-      by("loiter").setAttribute("aria-pressed", "false");
-      document.removeEventListener("keydown", escaped);
-    };
-    const escaped = ({ key }) => {
-      if (key !== "Escape") return;
-      ended();
-      this.#sayConnected();
-    };
-    document.addEventListener("keydown", escaped);
-    by("loiter").setAttribute("aria-pressed", "true");
-    this.#map.onClick((at) => {
-      ended();
-      this.#loiter(at);
-    });
+  #loiterPressed(is) {
+    by("loiter").setAttribute("aria-pressed", String(is));
+    if (is) this.#say("click on the map where it is to loiter; Escape: not", "");
+    else this.#sayConnected();
   }
 
   #loiter(at) {
@@ -321,7 +314,7 @@ export class Control {
       this.#unsent = fault;
       return this.#say(`the route is not sent: ${fault}`, "bad");
     }
-    this.#drawing.stop();
+    this.#map.stop();
     const route = by("route-name").value.trim() || "DRAWN";
     const text = messages.routeFile(route, this.#drawing.points);
     if (await this.#sendRoute(`route ${route}`, { file: "drawn.route.toml", text })) this.#drawing.sent();

@@ -17,7 +17,8 @@ export class Drawing {
   constructor(map, changed) {
     this.#map = map;
     this.#changed = changed;
-    by("draw").addEventListener("click", () => this.#listen(!this.#listening));
+    const tool = { click: (at) => this.#add(at), pressed: (on) => this.#listen(on) };
+    by("draw").addEventListener("click", () => map.toggle(tool));
     by("draw-middle").addEventListener("click", () => this.#add(this.#map.middle()));
     by("draw-clear").addEventListener("click", () => this.clear());
     // What a point was not given it has from the route, as long as it is given there.
@@ -78,10 +79,6 @@ export class Drawing {
     return [...by("draft").querySelectorAll("input")];
   }
 
-  /** Clicks on the map are no points of it any more. */
-  stop() {
-    if (this.#listening) this.#listen(false);
-  }
 
   clear() {
     this.#points = [];
@@ -96,7 +93,6 @@ export class Drawing {
       by("map").scrollIntoView({ block: "nearest" });
     }
     by("draw").setAttribute("aria-pressed", String(on));
-    this.#map.onClick(on ? (at) => this.#add(at) : null);
     this.#changed();
   }
 

@@ -50,7 +50,7 @@ export class VehiclesMap {
   #vehicles = new Map();
   #placed = false;
   #draft;
-  #clicked = null;
+  #tool = null;
 
   constructor(node) {
     this.#map = L.map(node, { preferCanvas: false, zoomControl: true, attributionControl: true, zoomSnap: 0.5, maxZoom: 21 });
@@ -60,7 +60,8 @@ export class VehiclesMap {
     this.#shapes = L.layerGroup().addTo(this.#map);
     this.#moving = L.layerGroup().addTo(this.#map);
     this.#draft = L.layerGroup().addTo(this.#map);
-    this.#map.on("click", ({ latlng }) => this.#clicked?.([latlng.lat, latlng.lng]));
+    this.#map.on("click", ({ latlng }) => this.#tool?.click([latlng.lat, latlng.lng]));
+    document.addEventListener("keydown", ({ key }) => { if (key === "Escape") this.stop(); });
     this.#map.setView([0, 0], 2);
     this.#map.on("moveend zoomend resize", () => drawGrid(this.#map, this.#grid));
     drawGrid(this.#map, this.#grid);
@@ -114,10 +115,25 @@ export class VehiclesMap {
     this.#show();
   }
 
-  /** What a click on the map does; null: nothing but what maps do. */
-  onClick(act) {
-    this.#clicked = act;
-    this.#map.getContainer().classList.toggle("clicking", act !== null);
+  /**
+   * Gives clicks on the map to a tool, or to none where it has them already: one has them at a time. `tool.click(at)` is given each,
+   * `tool.pressed(on)` is called when it has them and when no longer: by this, by Escape, or since another has.
+   */
+  toggle(tool) {
+    this.#give(tool === this.#tool ? null : tool);
+  }
+
+  /** No tool has the clicks any more: they do what maps do. */
+  stop() {
+    this.#give(null);
+  }
+
+  #give(tool) {
+    const before = this.#tool;
+    this.#tool = tool;
+    this.#map.getContainer().classList.toggle("clicking", tool !== null);
+    before?.pressed(false);
+    tool?.pressed(true);
   }
 
   /** The place in the middle of the map. */
