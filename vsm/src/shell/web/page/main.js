@@ -2,7 +2,7 @@
 
 import { Control } from "./control.js";
 import { VehiclesMap } from "./map.js";
-import { addEvents, clearEvents, drawBridge, drawEvents, drawVehicle } from "./panel.js";
+import { addEvents, drawBridge, drawEvents, drawVehicle } from "./panel.js";
 import { drawProfile } from "./profile.js";
 import { TimeLine } from "./replay.js";
 import { altitudeIn, chooseUnits, chosenUnits, inAltitude } from "./units.js";
@@ -88,7 +88,6 @@ function sought(elsewhere) {
   if (elsewhere) {
     nextEvent = 0;
     shapesAt = 0;
-    clearEvents();
   }
   if (!running) refresh();
 }
@@ -100,7 +99,10 @@ async function show() {
   }
   timeLine?.tick();
   const of = timeLine ? `?at=${timeLine.at}` : "";
+  const uptime = status?.uptime_s;
   status = await (await read(`status.json${of}`)).json();
+  // A bridge that was restarted numbers its events from 0.
+  if (status.uptime_s < uptime) nextEvent = 0;
   offerVehicles(status.vehicles);
   if (Date.now() - shapesAt >= MAP_EVERY_MS) {
     shapesAt = Date.now();
@@ -112,11 +114,10 @@ async function show() {
       drawShapes();
     }
   }
-  const fresh = await (await read(`events.json?from=${nextEvent}${of.replace("?", "&")}`)).json();
-  if (fresh.length > 0) {
-    nextEvent = fresh.at(-1).number + 1;
-    addEvents(fresh);
-  }
+  const from = nextEvent;
+  const fresh = await (await read(`events.json?from=${from}${of.replace("?", "&")}`)).json();
+  if (from === 0 || fresh.length > 0) addEvents(fresh, from === 0);
+  if (fresh.length > 0) nextEvent = fresh.at(-1).number + 1;
   draw();
 }
 
@@ -134,7 +135,7 @@ async function refresh() {
     // What is shown is old then, and the whole page says so.
     document.body.classList.add("lost");
     connected(`no answer of the bridge: what is shown is old (${error.message})`, "bad");
-    // A bridge that was restarted numbers its events from 0.
+    // Another bridge may answer next.
     nextEvent = 0;
   }
   running = false;

@@ -165,16 +165,14 @@ export function drawBridge(status, vehicle) {
 const MAX_SHOWN = 400;
 const events = [];
 
-export function addEvents(fresh) {
+/** `anew`: these are all, from the first; what was shown before goes. */
+export function addEvents(fresh, anew) {
+  if (anew) events.length = 0;
   events.push(...fresh);
   if (events.length > MAX_SHOWN) events.splice(0, events.length - MAX_SHOWN);
   drawEvents();
 }
 
-export function clearEvents() {
-  events.length = 0;
-  drawEvents();
-}
 
 export function drawEvents() {
   const refused = by("only-refused").checked;
