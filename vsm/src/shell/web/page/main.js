@@ -12,6 +12,8 @@ const MAP_EVERY_MS = 2000;
 // A recording is played smoothly.
 const REPLAY_EVERY_MS = 200;
 const WITHIN_MS = 3000;
+// Of a recording of hours they are long.
+const TRACKS_WITHIN_MS = 30_000;
 const FILTERED_FROM = 12;
 
 const map = new VehiclesMap(document.getElementById("map"));
@@ -30,8 +32,8 @@ let control = null;
 let timer = 0;
 let running = false;
 
-async function read(path) {
-  const answer = await fetch(path, { signal: AbortSignal.timeout(WITHIN_MS) });
+async function read(path, withinMs = WITHIN_MS) {
+  const answer = await fetch(path, { signal: AbortSignal.timeout(withinMs) });
   if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
   return answer;
 }
@@ -72,15 +74,14 @@ function connected(text, kind) {
   connection.className = kind;
 }
 
-/** What differs between a running bridge and a recording. */
+/** What differs between a running bridge and a recording. All is read before anything is made: where reading fails it is begun again. */
 async function begin() {
   const { replay, control: controllable, tiles } = await (await read("page.json")).json();
+  const tracks = replay ? await (await read("tracks.json", TRACKS_WITHIN_MS)).json() : [];
   if (tiles) map.showTiles(tiles);
   if (controllable) control = new Control(map, chosen, () => status?.vehicles ?? []);
-  if (replay) {
-    timeLine = new TimeLine(replay, sought);
-    map.setTracks(await (await read("tracks.json")).json());
-  }
+  if (replay) timeLine = new TimeLine(replay, sought);
+  map.setTracks(tracks);
 }
 
 /** Another moment is chosen: it is shown at once, and what was shown of a later one goes. */
