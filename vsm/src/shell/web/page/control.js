@@ -107,8 +107,10 @@ export class Control {
   }
 
   acknowledge(vehicle, alert) {
+    // The button stays until it is drawn again, also where the connection has just ended.
+    if (!this.canAcknowledge(vehicle, alert)) return;
     const { from, stamp } = this.#alerts.get(`${vehicle} ${alert}`);
-    this.#socket?.send({ message: messages.acknowledge(from, stamp) });
+    this.#socket.send({ message: messages.acknowledge(from, stamp) });
   }
 
   /** Shows what this station may do now, by what the bridge reports of its rights. `route`: the one of the vehicle that is shown. */
