@@ -90,15 +90,14 @@ export class Control {
     on("refuse", () => this.#answer(false));
     this.#takeDrops();
     this.draw();
-    // The link of a demo brings id and key behind its #: they go from the address at once. Who opened it still connects by
-    // himself: whoever sends a link must not decide as which station its reader flies.
-    const [, id, key] = location.hash.match(/^#((?:[0-9a-f]{2}:){3}[0-9a-f]{2})=([0-9a-f]{64})$/i) ?? [];
-    if (key) {
-      history.replaceState(null, "", location.pathname);
-      by("station-id").value = id;
-      by("key").value = key;
-      this.#say(`filled in by the link: press Connect to be ${id}`, "");
-    }
+  }
+
+  /** Fills in what a link has brought. Who opened it still connects by himself: whoever sends a link must not decide as which station its reader flies. */
+  fillIn({ id, key }) {
+    if (this.#socket) return;
+    by("station-id").value = id;
+    by("key").value = key;
+    this.#say(`filled in by the link: press Connect to be ${id}`, "");
   }
 
   /** Whether this alert can be acknowledged here: its 16000 was received. */

@@ -29,8 +29,10 @@ let shapesAt = 0;
 let nextEvent = 0;
 let timeLine = null;
 let control = null;
+let link = takeLink();
 let timer = 0;
 let running = false;
+let begun = false;
 
 async function read(path, withinMs = WITHIN_MS) {
   const answer = await fetch(path, { signal: AbortSignal.timeout(withinMs) });
@@ -74,6 +76,21 @@ function connected(text, kind) {
   connection.className = kind;
 }
 
+/** The link of a demo brings id and key behind its #: they go from the address at once, whether or not they are of use here. */
+function takeLink() {
+  const [, id, key] = location.hash.match(/^#((?:[0-9a-f]{2}:){3}[0-9a-f]{2})=([0-9a-f]{64})$/i) ?? [];
+  if (!key) return null;
+  history.replaceState(null, "", location.pathname);
+  return { id, key };
+}
+
+/** Once it is known whether it is of use. */
+function useLink() {
+  if (!begun) return;
+  if (link) control?.fillIn(link);
+  link = null;
+}
+
 /** What differs between a running bridge and a recording. All is read before anything is made: where reading fails it is begun again. */
 async function begin() {
   const { replay, control: controllable, tiles } = await (await read("page.json")).json();
@@ -97,6 +114,7 @@ async function show() {
   if (!begun) {
     await begin();
     begun = true;
+    useLink();
   }
   timeLine?.tick();
   const of = timeLine ? `?at=${timeLine.at}` : "";
@@ -122,8 +140,6 @@ async function show() {
   draw();
 }
 
-let begun = false;
-
 async function refresh() {
   clearTimeout(timer);
   running = true;
@@ -145,6 +161,11 @@ async function refresh() {
   timer = setTimeout(refresh, late ? 0 : timeLine ? REPLAY_EVERY_MS : EVERY_MS);
 }
 
+// A link that is opened where the page is open already loads nothing.
+addEventListener("hashchange", () => {
+  link = takeLink() ?? link;
+  useLink();
+});
 units.value = chosenUnits();
 units.addEventListener("change", () => {
   // What is typed stays the same altitude.
