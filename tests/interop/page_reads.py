@@ -26,7 +26,7 @@ ANSWER_WITHIN_MS = 700
 
 
 def shows_the_vehicle(opened):
-    opened.until("document.getElementById('connection').textContent === 'live'")
+    opened.until("document.getElementById('connection').textContent === 'bridge answers'")
     opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
 
 
@@ -135,7 +135,7 @@ def by_keyboard(checks, browser, url):
     opened.until("document.getElementById('connection').textContent.startsWith('no answer')")
     checks.check("a bridge that does not answer is named", page.evaluate("document.body.classList.contains('lost')"))
     opened.context.set_offline(False)
-    opened.until("document.getElementById('connection').textContent === 'live'")
+    opened.until("document.getElementById('connection').textContent === 'bridge answers'")
     opened.close()
 
 

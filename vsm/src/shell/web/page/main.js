@@ -147,7 +147,7 @@ async function refresh() {
   try {
     await show();
     document.body.classList.remove("lost");
-    connected(timeLine ? "a recording: nothing here is live" : "live", timeLine ? "quiet" : "good");
+    connected(timeLine ? "a recording: nothing here is live" : "bridge answers", timeLine ? "quiet" : "good");
   } catch (error) {
     // What is shown is old then, and the whole page says so.
     document.body.classList.add("lost");
