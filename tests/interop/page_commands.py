@@ -128,6 +128,13 @@ def kept_out(checks, browser, url, station, key):
     checks.check("a page of another origin opens no WebSocket", seen == "refused", seen)
     other.close()
     server.shutdown()
+    opened = browser.open(url)
+    for why in ["wrong key", "another origin"]:
+        opened.until(f"document.getElementById('events').textContent.includes('web client refused: {why}, from 127.0.0.1')")
+    opened.page.locator("#only-refused").check()
+    shown = opened.text("#events")
+    checks.check("each is among the events, with its time, reason and address", re.search(r"\d UTC 1b:00:00:b0: web client refused: wrong key", shown), shown)
+    opened.close()
 
 
 def a_file_is_dropped(checks, opened):

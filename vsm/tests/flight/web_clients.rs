@@ -12,7 +12,7 @@ use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, RequestedAccess
 use stanag_msgs::messages::{CucsAuthorisationRequest, MessageAcknowledgement};
 use stanag_msgs::{Message, TimeStamp};
 use vsm::session::web::WebRefusal;
-use vsm::session::{AccessEntry, AccessGroup as Group, AccessKey, AccessList};
+use vsm::session::{AccessEntry, AccessGroup as Group, AccessKey, AccessList, LogLevel};
 
 use super::guarded::{ELSEWHERE, forged, refused};
 
@@ -126,6 +126,24 @@ fn another_key_an_unlisted_id_and_one_that_is_no_web_client_open_nothing() {
     assert_eq!(refused(&rig, "web: id not listed for the web"), 2);
     // The client itself is served all the time.
     rig.done(orders::request_control());
+}
+
+#[test]
+fn refusals_are_logged_and_a_flood_of_them_hides_nothing_else() {
+    let mut rig = rig(1, None);
+    let other = SigningKey::new([9; 32]).expect("not all zero");
+    for _ in 0..100 {
+        assert_eq!(rig.connect_web(0, &other), Err(WebRefusal::Key));
+    }
+    rig.run(1.0);
+    let text = format!(
+        "web client refused: wrong key, from {}",
+        rig.stations[0].address
+    );
+    let logged = rig.log.iter().filter(|entry| entry.text == text);
+    let of_it: Vec<_> = logged.map(|entry| (entry.level, entry.about)).collect();
+    assert_eq!(of_it, [(LogLevel::Warning, cucs(0)); 6]);
+    assert_eq!(refused(&rig, "web: wrong key"), 100);
 }
 
 #[test]

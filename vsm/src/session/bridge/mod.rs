@@ -44,6 +44,7 @@ pub use self::web::{WebOpened, WebWay};
 use super::access::Gate;
 use super::aircraft::Aircraft;
 use super::alerts::Alerts;
+use super::allowance::Allowance;
 use super::authority::Input;
 use super::authority::record::KnownStation;
 use super::authority::rules::Silence;
@@ -127,6 +128,8 @@ pub struct Bridge {
     guard_steps: VecDeque<(SocketAddr, Box<[u8]>)>,
     /// Connections of web clients to close.
     web_ends: Vec<(u64, WebRefusal)>,
+    /// What refusals of web clients may be logged.
+    web_logged: Allowance,
     /// The station whose message is being handled.
     asker: Option<usize>,
     /// Messages for stations of Edition 2.5.
@@ -228,6 +231,7 @@ impl Bridge {
             offered: BTreeMap::new(),
             guard_steps: VecDeque::new(),
             web_ends: Vec::new(),
+            web_logged: Allowance::default(),
             asker: None,
             translated: VecDeque::new(),
             sent_to_group: VecDeque::new(),

@@ -14,7 +14,9 @@ use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::guard::ConnectionKey;
 
 use super::Bridge;
+use crate::session::allowance::Rate;
 use crate::session::findings::dli::Fault;
+use crate::session::log::{LogEntry, LogLevel};
 use crate::session::station::GroundStation;
 use crate::session::web::{Body, Hello, WebLink, WebRefusal, WebStatus};
 
@@ -165,10 +167,19 @@ impl Bridge {
             return;
         }
         self.counters.count(why.name());
-        let listed = |id: Id| self.stations.iter().any(|one| one.id() == id);
         // Ids that nobody has are as many as somebody invents.
-        if let Some(cucs) = cucs.filter(|id| listed(*id)) {
+        let listed = |id: &Id| self.stations.iter().any(|one| one.id() == *id);
+        let cucs = cucs.filter(listed);
+        if let Some(cucs) = cucs {
             self.evidence.note(now, from, Fault::Web(cucs, why.name()));
+        }
+        if self.web_logged.take(now, LOGGED) {
+            let reason = why.name().trim_start_matches("web: ");
+            self.log.push_back(LogEntry {
+                level: LogLevel::Warning,
+                about: cucs.unwrap_or(self.vsm),
+                text: format!("web client refused: {reason}, from {from}"),
+            });
         }
     }
 
@@ -224,3 +235,10 @@ fn levels(loi: LoiBitmap) -> Vec<u8> {
     let held = all.into_iter().filter(|(_, level)| loi.intersects(*level));
     held.map(|(number, _)| number).collect()
 }
+
+/// Refusals of web clients in the log: six at once, then one in ten seconds. Whoever is refused without end must not push
+/// everything else out of the page's events; the counters have all of them.
+const LOGGED: Rate = Rate {
+    cost: Duration::from_secs(10),
+    burst: Duration::from_secs(60),
+};
