@@ -77,6 +77,17 @@ pub(super) fn text(status: &Status) -> String {
         "1 where a ground station holds LOI 4 or 5.",
         |one| Some(f64::from(u8::from(one.controller.is_some()))),
     );
+    all.family(
+        "vehicle_controller",
+        "gauge",
+        "1 for the ground station that holds LOI 4 or 5.",
+    );
+    for vehicle in &status.vehicles {
+        if let Some(cucs) = &vehicle.controller {
+            let labels = format!("vehicle=\"{}\",cucs=\"{cucs}\"", vehicle.id);
+            all.sample(&labels, 1);
+        }
+    }
     all.gauge(status, "vehicle_alerts", "Alerts that stand.", |one| {
         Some(one.alerts.len() as f64)
     });

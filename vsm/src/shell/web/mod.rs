@@ -241,7 +241,7 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
+    use std::collections::{BTreeMap, BTreeSet};
 
     use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
     use tokio::task::LocalSet;
@@ -411,6 +411,27 @@ mod tests {
             let metrics = get(address, "/metrics", &host).await;
             assert!(metrics.contains("# HELP vsm_uptime_seconds"), "{metrics}");
         });
+    }
+
+    #[test]
+    fn each_metric_has_its_help_and_type_and_the_dashboard_names_no_other() {
+        let text = metrics::text(&Nothing.status(None));
+        let named = |word: &str| {
+            let lines = text.lines().filter_map(|line| line.strip_prefix(word));
+            let names = lines.filter_map(|line| line.split(' ').next());
+            names.collect::<BTreeSet<&str>>()
+        };
+        let families = named("# HELP ");
+        assert_eq!(families, named("# TYPE "));
+        for sample in text.lines().filter(|line| !line.starts_with('#')) {
+            let name = sample.split(['{', ' ']).next().unwrap_or_default();
+            assert!(families.contains(name), "{sample}");
+        }
+        let dashboard = include_str!("../../../../packaging/grafana/vsm.json");
+        let words = dashboard.split(|one: char| one != '_' && !one.is_ascii_alphanumeric());
+        let shown: BTreeSet<&str> = words.filter(|word| word.starts_with("vsm_")).collect();
+        assert!(shown.contains("vsm_vehicle_controller"), "{shown:?}");
+        assert!(shown.is_subset(&families), "{shown:?} of {families:?}");
     }
 
     #[test]
