@@ -104,3 +104,70 @@ impl Web {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::Config;
+
+    const HTTP: &str = "[http]\nlisten = \"127.0.0.1:8586\"\n";
+    const CONTROL: &str = "[web]\ncontrol = true\n";
+    const CLIENT: &str = "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 4, 5]\nweb = true\n";
+    const GUARD: &str = "guard = { key_file = \"b0.key\" }\n";
+
+    fn parse(tables: &[&str]) -> Result<Config, String> {
+        let text = format!(
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:4586\"\n[store]\ndir = \"state\"\n{}",
+            tables.concat()
+        );
+        Config::parse(&text, Path::new("")).map_err(|fault| fault.to_string())
+    }
+
+    #[test]
+    fn without_a_table_nobody_comes_by_the_web_and_the_map_has_a_grid() {
+        let web = parse(&[HTTP]).unwrap().web;
+        assert_eq!(web, Web::default());
+        assert!(!web.control && web.tiles.is_none());
+    }
+
+    #[test]
+    fn what_a_web_client_and_the_map_need_of_the_rest_is_named() {
+        let client = [HTTP, CONTROL, CLIENT, GUARD];
+        let config = parse(&client).unwrap();
+        assert!(config.web.control && config.stations().all(|one| one.web));
+        let everywhere = "[http]\nlisten = \"0.0.0.0:8586\"\n";
+        let tiles = "[web]\ntiles = \"map.pmtiles\"\n";
+        let with = |line: &'static str| [&client[..], &[line]].concat();
+        for (tables, fault) in [
+            (vec![tiles], "web.tiles is map.pmtiles without [http], "),
+            (
+                vec![CONTROL, CLIENT, GUARD],
+                "web.control is true without [http], ",
+            ),
+            (
+                vec![everywhere, CONTROL, CLIENT, GUARD],
+                "http.listen is 0.0.0.0:8586, expected an address of loopback",
+            ),
+            (
+                vec![HTTP, CLIENT, GUARD],
+                "cucs.web is true, expected [web] control = true",
+            ),
+            (
+                vec![HTTP, CONTROL, CLIENT],
+                "cucs.web is true without a guard, ",
+            ),
+            (with("edition = \"4\"\n"), "cucs.edition is set, "),
+            (with("checksum = \"sum16\"\n"), "cucs.checksum is set, "),
+            (with("presence = \"full\"\n"), "cucs.presence is set, "),
+            (
+                with("disputed = { ack_type = \"0,1,2\" }\n"),
+                "cucs.disputed is set, ",
+            ),
+        ] {
+            let found = parse(&tables).unwrap_err();
+            assert!(found.contains(fault), "{found}, expected {fault}");
+        }
+    }
+}
