@@ -8,6 +8,7 @@ import shutil
 import time
 from urllib.parse import urlsplit
 
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import sync_playwright
 
 NAMES = ["chromium", "chromium-browser", "google-chrome"]
@@ -22,6 +23,13 @@ ARGUMENTS = [
 ]
 PHONE = {"width": 390, "height": 844}
 DESK = {"width": 1280, "height": 800}
+LOOKS = {
+    "light": {},
+    "dark": {"color_scheme": "dark"},
+    "phone": {"viewport": PHONE, "is_mobile": True, "has_touch": True},
+}
+# A person takes less for an answer at once; a machine that builds beside it needs some of it.
+ANSWER_WITHIN_MS = 700
 
 
 class Browser:
@@ -79,6 +87,26 @@ class Opened:
 
     def text(self, selector):
         return self.page.locator(selector).inner_text()
+
+    def violations(self):
+        """What axe-core finds of the page as it stands."""
+        found = Axe().run(self.page, options={"resultTypes": ["violations"]}).response["violations"]
+        return [f"{one['id']}: {node['html'][:120]}" for one in found for node in one["nodes"]]
+
+    def wider_by(self):
+        """Pixels that the page is wider than the window."""
+        return self.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+
+    def click_ms(self, selector):
+        """How long the page takes to answer a click."""
+        return self.page.evaluate(
+            """(selector) => new Promise((done) => {
+                const begun = performance.now();
+                document.querySelector(selector).click();
+                requestAnimationFrame(() => setTimeout(() => done(performance.now() - begun)));
+            })""",
+            selector,
+        )
 
     def until(self, expression, within_s=30):
         """Waits until JavaScript holds on the page."""

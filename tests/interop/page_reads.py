@@ -11,9 +11,7 @@ import json
 import sys
 import time
 
-from axe_playwright_python.sync_playwright import Axe
-
-from browser import DESK, PHONE, Browser
+from browser import ANSWER_WITHIN_MS, LOOKS, Browser
 from checks import Checks
 
 MAX_GZIPPED = 500_000
@@ -21,18 +19,12 @@ FIRST_PAINT_MS = 1000
 ALERTS_A_MINUTE = 1000
 FLOOD_S = 3
 VEHICLES = 1000
-# A person takes less for an answer at once; a machine that builds beside it needs some of it.
-ANSWER_WITHIN_MS = 700
 
 
 def shows_the_vehicle(opened):
     opened.until("document.getElementById('connection').textContent === 'bridge answers'")
     opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
 
-
-def violations(opened):
-    found = Axe().run(opened.page, options={"resultTypes": ["violations"]}).response["violations"]
-    return [f"{one['id']}: {node['html'][:120]}" for one in found for node in one["nodes"]]
 
 
 def loads(checks, browser, url, shots):
@@ -80,20 +72,14 @@ def loads(checks, browser, url, shots):
 
 
 def is_accessible(checks, browser, url, shots):
-    looks = {
-        "light": {},
-        "dark": {"color_scheme": "dark"},
-        "phone": {"viewport": PHONE, "is_mobile": True, "has_touch": True},
-    }
-    for name, options in looks.items():
+    for name, options in LOOKS.items():
         checks.step(f"accessible: {name}")
         opened = browser.open(url, **options)
         shows_the_vehicle(opened)
         opened.page.locator("details summary").first.click()
-        found = violations(opened)
+        found = opened.violations()
         checks.check("axe-core finds nothing", not found, found)
-        wide = opened.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-        checks.check("nothing is wider than the window", wide <= 0, wide)
+        checks.check("nothing is wider than the window", opened.wider_by() <= 0, opened.wider_by())
         if shots and name != "light":
             opened.page.screenshot(path=f"{shots}/page-{name}.png", full_page=name == "phone")
         opened.close()
@@ -177,13 +163,8 @@ def in_a_flood(checks, browser, url):
         " requestAnimationFrame(next); }"
     )
     slowest, end = 0, time.monotonic() + FLOOD_S
-    click = """() => new Promise((done) => {
-        const box = document.getElementById('only-refused'), begun = performance.now();
-        box.click();
-        requestAnimationFrame(() => setTimeout(() => done(performance.now() - begun)));
-    })"""
     while time.monotonic() < end:
-        slowest = max(slowest, page.evaluate(click))
+        slowest = max(slowest, opened.click_ms("#only-refused"))
         page.wait_for_timeout(100)
     shown = page.locator("#events li").count()
     standing = page.locator("#alerts li").count()
@@ -219,14 +200,9 @@ def with_a_thousand_vehicles(checks, browser, url):
     page.route("**/status.json*", status)
     page.route("**/map.json*", shapes)
     opened.until(f"document.querySelectorAll('#choice option').length === {VEHICLES}")
-    click = """() => new Promise((done) => {
-        const begun = performance.now();
-        document.querySelector('summary').click();
-        requestAnimationFrame(() => setTimeout(() => done(performance.now() - begun)));
-    })"""
     took = []
     for _ in range(60):
-        took.append(page.evaluate(click))
+        took.append(opened.click_ms("summary"))
         page.wait_for_timeout(100)
     checks.say(f"slowest click {max(took):.0f} ms")
     checks.check(f"a click is answered within {ANSWER_WITHIN_MS} ms", max(took) < ANSWER_WITHIN_MS, max(took))
