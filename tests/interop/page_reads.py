@@ -85,6 +85,105 @@ def is_accessible(checks, browser, url, shots):
         opened.close()
 
 
+def map_shows(checks, browser, url):
+    """A vehicle with all that a map can show of it, of which the bridge's own has but a part."""
+    checks.step("what the map shows")
+    opened = browser.open(url)
+    page = opened.page
+    shows_the_vehicle(opened)
+    body = page.evaluate("fetch('status.json').then((answer) => answer.json())")
+    one = body["vehicles"][0]
+    north, east, _ = one["position"]
+
+    def place(up, right, amsl_m=520):
+        return {"at": [north + up * 1e-4, east + right * 1e-4], "amsl_m": amsl_m}
+
+    # A corner that is flown as a curve: by its chords.
+    path = [place(0, 0), place(8, 0, 530), place(9.5, 1, 535), place(10, 3, 540), place(10, 9, 540)]
+    waypoints = [path[0] | {"number": 10, "speed_m_s": None}, path[1] | {"number": 25, "speed_m_s": 8}, path[4] | {"number": 30, "speed_m_s": 4}]
+    corners = [place(-5, -5)["at"], place(15, -5)["at"], place(15, 15)["at"], place(-5, 15)["at"]]
+    shape = {
+        "id": one["id"],
+        "home": [*place(-2, -2)["at"], 488],
+        "route": {"name": "CURVE", "aboard": True, "waypoints": waypoints, "path": path},
+        "fence": {
+            "aboard": True,
+            "areas": [
+                {"keep_in": True, "corners": corners, "radius_m": None},
+                {"keep_in": False, "corners": [place(4, 6)["at"]], "radius_m": 20},
+            ],
+        },
+        "rally": [place(2, 8)],
+    }
+    motion = one["motion"] | {"heading_deg": 90.0, "ground_speed_m_s": 6.5}
+    looks_at = [{"station": 1, "centre": [*place(3, 3)["at"], 488], "range_m": 60}]
+    vehicle = one | {"motion": motion, "looks_at": looks_at, "live": True}
+    page.route("**/status.json*", lambda route: route.fulfill(json=body | {"vehicles": [vehicle]}))
+    page.route("**/map.json*", lambda route: route.fulfill(json=[shape]))
+    page.reload()
+    opened.until("document.querySelectorAll('.waypoint').length === 3")
+    opened.until("document.querySelector('.sight')")
+    count = lambda selector: page.locator(selector).count()
+    numbers = page.locator(".waypoint").all_inner_texts()
+    checks.check("waypoints have the ground station's numbers", numbers == ["10", "25", "30"], numbers)
+    drawn = page.locator("path.route").get_attribute("d")
+    checks.check("a curve is drawn by its chords", drawn.count("L") == 4, drawn)
+    checks.check("areas of the fence are drawn, each as what it is", (count("path.keep-in"), count("path.keep-out")) == (1, 1))
+    marks = [page.locator(selector).all_inner_texts() for selector in (".home", ".rally", ".footprint")]
+    checks.check("home, a rally point and the centre of an image are marked", marks == [["H"], ["R"], ["+"]], marks)
+    turned = page.evaluate("document.querySelector('.aircraft i').style.transform")
+    checks.check("the vehicle points where it heads", turned == "rotate(90deg)", turned)
+    altitudes = page.locator("#profile polyline.route").get_attribute("points").split()
+    checks.check("the profile has each place of the route", len(altitudes) == 5, altitudes)
+    legs = (count("#profile line.speed"), count("#profile rect.flown-speed"))
+    checks.check("and the commanded speeds, with the vehicle's as a square", legs == (2, 1), legs)
+
+    checks.check("what the vehicle names is solid", count("path.not-aboard") == 0)
+    shape["route"]["aboard"] = shape["fence"]["aboard"] = None
+    opened.until("document.querySelector('path.not-aboard')")
+    checks.check("what it does not name is dashed, route and fence", count("path.route.not-aboard") == 1 and count("path.not-aboard") == 3)
+    checks.check("the console is empty", not opened.complaints, opened.complaints)
+    opened.close()
+
+
+def shows_each_event_once(checks, browser, url):
+    checks.step("events, after a failed read and after a restart of the bridge")
+    opened = browser.open(url)
+    page = opened.page
+    shows_the_vehicle(opened)
+    same = (
+        "fetch('events.json?from=0').then((answer) => answer.json())"
+        ".then((all) => all.length > 0 && all.length === document.querySelectorAll('#events li').length)"
+    )
+    opened.until(same)
+    page.route("**/status.json*", lambda route: route.abort(), times=1)
+    opened.until("document.getElementById('connection').textContent.startsWith('no answer')")
+    opened.until("document.getElementById('connection').textContent === 'bridge answers'")
+    opened.until(same, 5)
+    checks.check("none is shown twice", True)
+
+    def status(route):
+        route.fulfill(json=route.fetch().json() | {"uptime_s": 1.0})
+
+    def events(route):
+        first = {"number": 0, "at_ms": 1_767_225_600_000, "level": "info", "about": "1b:00:00:01", "text": "of the new run"}
+        route.fulfill(json=[first] if route.request.url.endswith("from=0") else [])
+
+    page.route("**/events.json*", events)
+    page.route("**/status.json*", status)
+    opened.until("document.getElementById('events').textContent.includes('of the new run')", 5)
+    checks.check("those of another run take their place", page.locator("#events li").count() == 1, opened.text("#events"))
+    opened.close()
+
+
+def keeps_no_key_in_its_address(checks, browser, url):
+    checks.step("a link with a key, where nothing can be commanded")
+    opened = browser.open(f"{url}#1b:00:00:b0={'5a' * 32}")
+    shows_the_vehicle(opened)
+    checks.check("the key is gone from the address", "#" not in opened.page.url, opened.page.url)
+    opened.close()
+
+
 def by_keyboard(checks, browser, url):
     checks.step("by keyboard")
     opened = browser.open(url)
@@ -244,6 +343,9 @@ def main():
     with Browser() as browser:
         loads(checks, browser, arguments.url, arguments.shots)
         is_accessible(checks, browser, arguments.url, arguments.shots)
+        map_shows(checks, browser, arguments.url)
+        shows_each_event_once(checks, browser, arguments.url)
+        keeps_no_key_in_its_address(checks, browser, arguments.url)
         by_keyboard(checks, browser, arguments.url)
         in_a_flood(checks, browser, arguments.url)
         with_a_thousand_vehicles(checks, browser, arguments.url)

@@ -5,6 +5,7 @@
 
 import argparse
 import sys
+from urllib.parse import parse_qs, urlsplit
 
 from browser import Browser
 from checks import Checks
@@ -16,6 +17,49 @@ def place(page):
 
 def moment(page):
     return int(page.locator("#moment").input_value())
+
+
+def begins_once(checks, browser, url):
+    """Where the tracks cannot be read at first."""
+    checks.step("a recording whose tracks are read twice")
+    opened = browser.open(url)
+    page = opened.page
+    page.route("**/tracks.json", lambda route: route.abort(), times=1)
+    page.reload()
+    opened.until("document.getElementById('connection').textContent.startsWith('no answer')")
+    opened.until("document.getElementById('connection').textContent.startsWith('a recording')")
+    page.locator("#play").click()
+    checks.check("a press of Play plays it", opened.text("#play") == "Pause", opened.text("#play"))
+    opened.close()
+
+
+def keeps_nothing_of_a_moment_that_was_left(checks, opened):
+    """The beginning is sought while the events of the end are on their way."""
+    checks.step("sought while it is read")
+    page = opened.page
+    at = lambda request: int(parse_qs(urlsplit(request.url).query)["at"][0])
+    with page.expect_request("**/events.json*") as first:
+        pass
+    begin, late = at(first.value), []
+
+    def hold(route):
+        if not late and at(route.request) > begin + 1_000:
+            late.append(route)
+        else:
+            route.fallback()
+
+    page.route("**/events.json*", hold)
+    page.locator("#moment").focus()
+    page.keyboard.press("End")
+    for _ in range(100):
+        if late:
+            break
+        page.wait_for_timeout(50)
+    page.keyboard.press("Home")
+    late[0].fallback()
+    page.wait_for_timeout(1_500)
+    checks.check("its events are not kept", "mode 21" not in opened.text("#events"), opened.text("#events"))
+    page.unroute("**/events.json*", hold)
 
 
 def main():
@@ -66,6 +110,7 @@ def main():
         checks.check("at the beginning it has no route yet", page.locator(".waypoint").count() == 0)
         opened.until("!document.getElementById('events').textContent.includes('mode 21')")
         checks.check("and nothing of later", "commands" not in opened.text("#events"), opened.text("#events"))
+        keeps_nothing_of_a_moment_that_was_left(checks, opened)
         page.keyboard.press("ArrowRight")
         checks.check("an arrow advances it a little", 0 < moment(page) <= 1000, moment(page))
         page.locator("#forward").click()
@@ -78,6 +123,8 @@ def main():
         checks.check("axe-core finds nothing", not found, found)
         checks.check("the console is empty", not opened.complaints, opened.complaints)
         checks.check("no other host was asked", not opened.elsewhere, opened.elsewhere)
+        opened.close()
+        begins_once(checks, browser, arguments.url)
     checks.close()
     sys.exit(0 if checks.passed() else 1)
 
