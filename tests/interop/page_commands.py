@@ -17,15 +17,70 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
-from browser import Browser
+from jsonschema import Draft202012Validator
+
+from browser import ANSWER_WITHIN_MS, LOOKS, Browser
 from checks import Checks
 
+SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "docs/reference/websocket.schema.json").read_text())
+# Of the same message so many frames are held against it.
+OF_EACH = 20
+FLOOD_S = 20
+ALERTS_A_MINUTE = 1000
+MAX_COMMANDS_SHOWN = 30
 RADIUS_M = 6_371_008.8
 # A multicopter cuts the corners of a route by its acceptance radius.
 BESIDE_M = 12
 # Drawn on the map, pixels beside the vehicle.
 DRAWN = [(90, -60), (150, 40), (40, 90)]
+
+
+# The connection of a page at hand: `spy.take(body)` takes a frame as of the VSM, by `spy.socket` the page sends, `spy.opened` counts.
+SPY = """async () => {
+    const { ControlSocket } = await import(new URL('page/socket.js', location.href).href);
+    const open = ControlSocket.open;
+    window.spy = { opened: 0 };
+    ControlSocket.open = async (id, key, take, closed) => {
+        const opened = await open.call(ControlSocket, id, key, take, closed);
+        Object.assign(window.spy, { take, socket: opened[0], opened: window.spy.opened + 1 });
+        return opened;
+    };
+}"""
+OTHER_STATION = "1b:00:00:a0"
+OTHER_VEHICLE = "1b:00:01:77"
+
+
+class Frames:
+    """What crosses the WebSocket of a page, held against its JSON Schema."""
+
+    def __init__(self, page):
+        part = lambda name: Draft202012Validator({"$defs": SCHEMA["$defs"], "$ref": f"#/$defs/{name}"})
+        self._of_client, self._of_vsm, self._challenge = part("from_client"), part("from_vsm"), part("challenge")
+        self._whole = Draft202012Validator(SCHEMA)
+        self._seen = {}
+        self.faults = []
+        page.on("websocket", self._watch)
+
+    def _watch(self, socket):
+        socket.on("framesent", lambda text: self._hold("sent", text, self._of_client))
+        socket.on("framereceived", lambda text: self._hold("received", text, self._of_vsm))
+
+    def _hold(self, way, text, schema):
+        if text.startswith("{"):
+            schema, body = self._challenge, json.loads(text)
+        else:
+            # Without the MAC.
+            body = json.loads(text[65:])
+        kind = next(key for key in body if key != "n")
+        of = (way, kind, body[kind].get("id"))
+        self._seen[of] = self._seen.get(of, 0) + 1
+        if self._seen[of] <= OF_EACH:
+            self.faults += [f"{way}: {fault.message}: {body}" for one in (schema, self._whole) for fault in one.iter_errors(body)]
+
+    def kinds(self):
+        return {f"{way} {kind}" for way, kind, _ in self._seen}
 
 
 def state(page):
@@ -135,25 +190,48 @@ def kept_out(checks, browser, url, station, key):
     opened.close()
 
 
+def drop(page, name, text):
+    page.evaluate(
+        """([name, text]) => {
+            const all = new DataTransfer();
+            all.items.add(new File([text], name));
+            document.getElementById('map').dispatchEvent(new DragEvent('drop', { bubbles: true, cancelable: true, dataTransfer: all }));
+        }""",
+        [name, text],
+    )
+
+
+def line_of(page):
+    """A line on the ground beside the vehicle, with an area of a fence, which no route has."""
+    north, east, _ = state(page)["position"]
+    shapes = [
+        ({}, {"type": "LineString", "coordinates": [[east, north + 0.001], [east + 0.001, north + 0.001]]}),
+        ({"keep": "in", "radius_m": 500}, {"type": "Point", "coordinates": [east, north]}),
+    ]
+    features = [{"type": "Feature", "properties": properties, "geometry": geometry} for properties, geometry in shapes]
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
 def a_file_is_dropped(checks, opened):
     checks.step("a file is dropped on the map")
     page = opened.page
-    north, east, _ = state(page)["position"]
-    line = {"type": "LineString", "coordinates": [[east, north + 0.001], [east + 0.001, north + 0.001]]}
-    page.evaluate(
-        """(text) => {
-            const all = new DataTransfer();
-            all.items.add(new File([text], 'dropped.geojson'));
-            document.getElementById('map').dispatchEvent(new DragEvent('drop', { bubbles: true, cancelable: true, dataTransfer: all }));
-        }""",
-        json.dumps(line),
-    )
+    drop(page, "dropped.geojson", line_of(page))
     newest(opened, "dropped.geojson")
     newest(opened, "accepted")
+    row = page.locator("#commands li").first.inner_text()
+    checks.check("what of it was not sent is named beside the result", "without geofence" in row, row)
     opened.until("document.querySelectorAll('.waypoint').length === 2")
     route = page.evaluate("fetch('map.json').then((answer) => answer.json()).then((all) => all[0].route)")
     above = [round(one["amsl_m"] - 488) for one in route["waypoints"]]
     checks.check("the vehicle has it, at the height that is typed for files without altitudes", above == [25, 25], above)
+    drop(page, "route.txt", "no route")
+    newest(opened, "not used")
+    checks.check("what is no route is named", True)
+    for name, text in [("film.kml", "x" * 300_000), ("quoted.kml", '"' * 200_000)]:
+        drop(page, name, text)
+        opened.until(f"document.getElementById('control-state').textContent.startsWith('the route is not sent: {name} takes ')")
+    page.wait_for_timeout(500)
+    checks.check("a file that no frame holds is not sent, and the connection stays", page.locator("#station").is_visible())
 
 
 def an_alert_is_acknowledged(checks, opened, station, vehicle_process):
@@ -183,10 +261,265 @@ def control_is_handed_over(checks, opened, second):
     checks.check("the page shows who controls now", "1b:00:00:a0 (controls)" in opened.text("#holders"), opened.text("#holders"))
 
 
+def looks_well(checks, browser, url, station, key):
+    for name, options in LOOKS.items():
+        checks.step(f"accessible with control: {name}")
+        opened = browser.open(url, **options)
+        connect(opened, station, key)
+        opened.until("!document.getElementById('station').hidden")
+        found = opened.violations()
+        checks.check("axe-core finds nothing", not found, found)
+        checks.check("nothing is wider than the window", opened.wider_by() <= 0, opened.wider_by())
+        opened.close()
+
+
+def pretend(page, **fields):
+    """What the bridge reports of its vehicle from now on, over what it does report."""
+
+    def status(route):
+        body = route.fetch().json()
+        body["vehicles"][0].update(fields)
+        route.fulfill(json=body)
+
+    page.unroute("**/status.json*")
+    page.route("**/status.json*", status)
+
+
+def take(opened):
+    opened.page.locator("#take").click()
+    opened.until("document.getElementById('station-rights').textContent.startsWith('holds LOI')")
+
+
+def release(opened):
+    opened.page.locator("#release").click()
+    opened.until("document.getElementById('station-rights').textContent.startsWith('holds no level')")
+
+
+def says(opened, text):
+    opened.until(f"document.getElementById('control-state').textContent.includes({text!r})")
+
+
+def one_tool_at_a_time(checks, opened):
+    checks.step("one map tool at a time")
+    page = opened.page
+    pressed = lambda: page.evaluate("['draw', 'loiter'].filter((id) => document.getElementById(id).getAttribute('aria-pressed') === 'true')")
+    page.locator("#loiter").click()
+    page.locator("#draw").click()
+    checks.check("Draw takes the map from Loiter", pressed() == ["draw"], pressed())
+    page.locator("#map").click(position={"x": 200, "y": 200})
+    checks.check("a click is a point then", page.locator("#draft li").count() == 1 and not page.locator("#confirm").is_visible())
+    page.keyboard.press("Escape")
+    checks.check("Escape ends it", pressed() == [], pressed())
+    page.locator("#loiter").click()
+    page.locator("#loiter").click()
+    checks.check("a second press ends Loiter", pressed() == [], pressed())
+    page.locator("#draw-clear").click()
+
+
+def no_number_sends_nothing(checks, opened):
+    checks.step("what is no number")
+    page = opened.page
+    for field, button in [("#fly-from", "#fly"), ("#loiter-altitude", "#loiter-middle")]:
+        page.locator(field).press_sequentially("1e")
+        page.locator(button).click()
+        said = opened.text("#control-state")
+        checks.check(f"in {field} it sends nothing", "nothing is sent" in said and not page.locator("#confirm").is_visible(), said)
+        page.locator(field).fill("")
+    page.locator("#route-altitude").fill("25")
+    for _ in range(2):
+        page.locator("#draw-middle").click()
+    page.locator("#draft input").first.press_sequentially("1e")
+    page.locator("#send-drawn").click()
+    said = opened.text("#control-state")
+    checks.check("as the altitude of a point it is named", "the altitude of point 1 is no number" in said, said)
+    page.locator("#draft input").first.fill("")
+
+
+def a_request_and_a_reason(checks, opened, station):
+    """By frames as of the VSM; what the page sends stays here."""
+    checks.step("what belongs to what")
+    page = opened.page
+    pretend(page, handovers=[{"from": station, "to": OTHER_STATION, "rights": "LOI 4", "waits_for": "consent of the holder"}])
+    vehicle = state(page)["id"]
+    request = {"Requesting CUCS ID": OTHER_STATION, "Requested/Handover LOI": ["LOI 4"]}
+    page.evaluate("(message) => spy.take({ message })", {"id": 4, "source": vehicle, "fields": request})
+    opened.until("!document.getElementById('asked').hidden")
+    pretend(page, handovers=[])
+    opened.until("document.getElementById('asked').hidden")
+    checks.check("a request that has ended is offered no more", True)
+    page.unroute("**/status.json*")
+
+    page.evaluate(
+        """() => {
+            const { send } = Object.getPrototypeOf(spy.socket);
+            spy.socket.send = (body) => {
+                // Who sends no heartbeat loses control.
+                if (body.message?.id === 16002) return send.call(spy.socket, body);
+                spy.command = body.message;
+                return 0;
+            };
+        }"""
+    )
+    confirm(page, "#hold", "Hold")
+    opened.until("spy.command")
+    page.evaluate(
+        """([vehicle, other]) => {
+            const take = (id, source, fields) => spy.take({ message: { id, source, fields } });
+            const alert = (source, id, text) => take(16000, source, { 'Time Stamp': id, 'Alert (Warning) ID': id, Priority: 'caution', Text: text });
+            alert(other, 9001, 'a fault of another');
+            alert(vehicle, 9002, 'a fault of its own');
+            take(17000, vehicle, { 'Original Message Time Stamp': spy.command.fields['Time Stamp'], 'Acknowledgement Type': 'refused' });
+            alert(other, 9003, 'another one of another');
+        }""",
+        [vehicle, OTHER_VEHICLE],
+    )
+    newest(opened, "REFUSED")
+    row = page.locator("#commands li").first.inner_text()
+    checks.check("the reason of a refusal is the vehicle's own", row.endswith("REFUSED: a fault of its own"), row)
+
+
+def in_a_flood(checks, opened):
+    """Alerts that come over the connection, beside more commands than are shown."""
+    checks.step(f"{ALERTS_A_MINUTE} alerts a minute, in control")
+    page = opened.page
+    page.evaluate("(n) => { for (let i = 0; i < n; i += 1) document.getElementById('take').click(); }", MAX_COMMANDS_SHOWN + 5)
+    page.evaluate(
+        """([vehicle, every_ms]) => {
+            spy.alerts = 0;
+            spy.flood = setInterval(() => {
+                spy.alerts += 1;
+                const fields = { 'Time Stamp': spy.alerts, 'Alert (Warning) ID': 10_000 + spy.alerts, Priority: 'warning', Text: `fault ${spy.alerts} of a flood` };
+                spy.take({ message: { id: 16000, source: vehicle, fields } });
+            }, every_ms);
+        }""",
+        [state(page)["id"], 60_000 / ALERTS_A_MINUTE],
+    )
+    slowest, end = 0, time.monotonic() + FLOOD_S
+    while time.monotonic() < end:
+        slowest = max(slowest, opened.click_ms("#only-refused"))
+        page.wait_for_timeout(100)
+    page.evaluate("clearInterval(spy.flood); delete spy.socket.send")
+    sent, shown = page.evaluate("spy.alerts"), page.locator("#commands li").count()
+    checks.say(f"{sent} alerts, slowest click {slowest:.0f} ms")
+    checks.check("they came", sent > ALERTS_A_MINUTE / 60 * FLOOD_S / 2, sent)
+    checks.check(f"a click is answered within {ANSWER_WITHIN_MS} ms", slowest < ANSWER_WITHIN_MS, slowest)
+    checks.check("the newest commands are shown", shown == MAX_COMMANDS_SHOWN, shown)
+
+
+def leaving_is_asked(checks, opened):
+    checks.step("left with a vehicle in flight")
+    page = opened.page
+    pretend(page, on_ground=False)
+    opened.until("document.getElementById('now').textContent.includes('in the air')")
+    page.locator("#disconnect").click()
+    asked = opened.text("#confirm-text")
+    checks.check("Disconnect asks", "Nobody will control" in asked and page.locator("#confirm").is_visible(), asked)
+    page.locator("#confirm-no").click()
+    left = []
+
+    def stay(dialog):
+        left.append(dialog.type)
+        dialog.dismiss()
+
+    page.on("dialog", stay)
+    page.evaluate("setTimeout(() => location.reload())")
+    page.wait_for_timeout(1_000)
+    page.remove_listener("dialog", stay)
+    checks.check("so does a reload", left == ["beforeunload"] and page.locator("#station").is_visible(), left)
+    kept = page.evaluate("!document.getElementById('panel').dispatchEvent(new DragEvent('drop', { bubbles: true, cancelable: true }))")
+    checks.check("a file that is dropped beside the map does not take the page's place", kept)
+    page.unroute("**/status.json*")
+
+
+def the_connection_ends(checks, opened):
+    checks.step("the connection ends while the page asks")
+    page = opened.page
+    # It stands, as it was reported last: nobody knows whether it still does.
+    pretend(page, live=False, armed=False)
+    opened.until("document.querySelector('#vehicle dd')?.textContent.startsWith('no data')")
+    checks.check("nothing is advised by old data", "no data" in opened.text("#next"), opened.text("#next"))
+    page.locator("#send-drawn").click()
+    asked = opened.text("#confirm-text")
+    checks.check("a route for a silent vehicle is asked first", "may be flying" in asked, asked)
+    page.locator("#confirm-no").click()
+    page.locator("#draw").click()
+    checks.check("what was not sent stays drawn", page.locator("#draft li").count() == 2)
+    page.locator("#send-drawn").click()
+    page.evaluate("spy.socket.close()")
+    opened.until("!document.getElementById('sign-in').hidden")
+    page.locator("#confirm-yes").click()
+    says(opened, "not sent: disconnected")
+    page.unroute("**/status.json*")
+    page.locator("#connect").click()
+    opened.until("!document.getElementById('station').hidden")
+    checks.check("the same station connects again without its key", True)
+    take(opened)
+    release(opened)
+    take(opened)
+    checks.check("and commands", True)
+
+    pretend(page, alerts=[{"id": 77, "priority": "caution", "text": "a fault", "acknowledged": []}])
+    page.evaluate("(source) => spy.take({ message: { id: 16000, source, fields: { 'Time Stamp': 1, 'Alert (Warning) ID': 77 } } })", state(page)["id"])
+    opened.until("document.querySelector('#alerts button')")
+    page.locator("#loiter").click()
+    page.evaluate(
+        """() => new Promise((done) => {
+            const button = document.querySelector('#alerts button');
+            spy.socket.close();
+            const wait = setInterval(() => {
+                if (document.getElementById('sign-in').hidden) return;
+                clearInterval(wait);
+                button.click();
+                done();
+            }, 5);
+        })"""
+    )
+    pressed = page.locator("#loiter").get_attribute("aria-pressed")
+    checks.check("a map tool ends with the connection", pressed == "false", pressed)
+    page.unroute("**/status.json*")
+
+
+def asks_and_ends(checks, browser, url, station, key):
+    checks.step("two presses of Connect")
+    opened = browser.open(url)
+    page = opened.page
+    opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
+    page.evaluate(SPY)
+    page.locator("#station-id").fill(station)
+    page.locator("#key").fill(key)
+    page.evaluate("for (let n = 0; n < 2; n += 1) document.getElementById('sign-in').requestSubmit()")
+    opened.until(f"document.getElementById('station-name').textContent === '{station}'")
+    page.wait_for_timeout(1_000)
+    checks.check("they open one connection", page.evaluate("spy.opened") == 1 and page.locator("#station").is_visible())
+    take(opened)
+    metrics = page.evaluate("fetch('metrics').then((answer) => answer.text())").splitlines()
+    controls = 'vsm_vehicle_controller{vehicle="%s",cucs="%s"} 1' % (state(page)["id"], station)
+    checks.check("/metrics names who controls", controls in metrics, metrics)
+    one_tool_at_a_time(checks, opened)
+    no_number_sends_nothing(checks, opened)
+    a_request_and_a_reason(checks, opened, station)
+    in_a_flood(checks, opened)
+    leaving_is_asked(checks, opened)
+    the_connection_ends(checks, opened)
+
+    checks.step("a link with a key, where the page is open")
+    page.evaluate(f"location.hash = '#{station}={key}'")
+    says(opened, "filled in by the link")
+    checks.check("it is filled in, and gone from the address", page.locator("#key").input_value() == key and "#" not in page.url, page.url)
+    page.locator("#connect").click()
+    opened.until("!document.getElementById('station').hidden")
+    release(opened)
+    page.locator("#disconnect").click()
+    opened.until("!document.getElementById('sign-in').hidden")
+    checks.check("the console is empty", not opened.complaints, opened.complaints)
+    opened.close()
+
+
 def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     checks.step("connected")
     opened = browser.open(url)
     page = opened.page
+    frames = Frames(page)
     opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
     connect(opened, station, key)
     opened.until(f"document.getElementById('station-name').textContent === '{station}'")
@@ -198,8 +531,7 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     newest(opened, "REFUSED")
     opened.until("document.querySelector('#commands li').textContent.match(/LOI/)")
     checks.check("without a level a launch is refused with its reason", "LOI" in page.locator("#commands li").first.inner_text(), opened.text("#commands"))
-    page.locator("#take").click()
-    opened.until("document.getElementById('station-rights').textContent.startsWith('holds LOI')")
+    take(opened)
     checks.check("control is taken", "control" in opened.text("#station-rights"), opened.text("#station-rights"))
 
     checks.step("a route is drawn")
@@ -267,15 +599,17 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     checks.check("it has landed", True)
     found = opened.violations()
     checks.check("axe-core finds nothing", not found, found)
-    page.locator("#release").click()
-    opened.until("document.getElementById('station-rights').textContent.startsWith('holds no level')")
-    page.locator("#take").click()
-    opened.until("document.getElementById('station-rights').textContent.startsWith('holds LOI')")
+    release(opened)
+    take(opened)
     a_file_is_dropped(checks, opened)
     an_alert_is_acknowledged(checks, opened, station, vehicle_process)
     control_is_handed_over(checks, opened, second)
     page.locator("#disconnect").click()
     opened.until("!document.getElementById('sign-in').hidden")
+    checks.step("the frames and their JSON Schema")
+    kinds = {"received challenge", "sent hello", "received welcome", "sent message", "received message", "sent route", "received route", "received error"}
+    checks.check("every kind has crossed", frames.kinds() == kinds, frames.kinds())
+    checks.check("each is as the schema has it", not frames.faults, frames.faults[:5])
     complaints = [one for one in opened.complaints if not re.search("favicon", one)]
     checks.check("the console is empty", not complaints, complaints)
     checks.check("no other host was asked", not opened.elsewhere, opened.elsewhere)
@@ -295,6 +629,8 @@ def main():
     checks = Checks()
     with Browser() as browser:
         kept_out(checks, browser, arguments.url, arguments.station, key)
+        looks_well(checks, browser, arguments.url, arguments.station, key)
+        asks_and_ends(checks, browser, arguments.url, arguments.station, key)
         flies(checks, browser, arguments.url, arguments.station, key, arguments.low_battery, arguments.second, arguments.shots)
     checks.close()
     sys.exit(0 if checks.passed() else 1)
