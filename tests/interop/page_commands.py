@@ -450,6 +450,7 @@ def the_connection_ends(checks, opened):
     page.locator("#confirm-yes").click()
     says(opened, "not sent: disconnected")
     page.unroute("**/status.json*")
+    opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
     page.locator("#connect").click()
     opened.until("!document.getElementById('station').hidden")
     checks.check("the same station connects again without its key", True)

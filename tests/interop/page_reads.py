@@ -156,8 +156,9 @@ def shows_each_event_once(checks, browser, url):
         ".then((all) => all.length > 0 && all.length === document.querySelectorAll('#events li').length)"
     )
     opened.until(same)
-    page.route("**/status.json*", lambda route: route.abort(), times=1)
+    page.route("**/status.json*", lambda route: route.abort())
     opened.until("document.getElementById('connection').textContent.startsWith('no answer')")
+    page.unroute("**/status.json*")
     opened.until("document.getElementById('connection').textContent === 'bridge answers'")
     opened.until(same, 5)
     checks.check("none is shown twice", True)
