@@ -273,16 +273,17 @@ def looks_well(checks, browser, url, station, key):
         opened.close()
 
 
-def pretend(page, **fields):
-    """What the bridge reports of its vehicle from now on, over what it does report."""
+def pretends(page):
+    """What is put in here the bridge reports of its vehicle, over what it does report."""
+    over = {}
 
     def status(route):
         body = route.fetch().json()
-        body["vehicles"][0].update(fields)
+        body["vehicles"][0].update(over)
         route.fulfill(json=body)
 
-    page.unroute("**/status.json*")
     page.route("**/status.json*", status)
+    return over
 
 
 def take(opened):
@@ -335,19 +336,19 @@ def no_number_sends_nothing(checks, opened):
     page.locator("#draft input").first.fill("")
 
 
-def a_request_and_a_reason(checks, opened, station):
+def a_request_and_a_reason(checks, opened, over, station):
     """By frames as of the VSM; what the page sends stays here."""
     checks.step("what belongs to what")
     page = opened.page
-    pretend(page, handovers=[{"from": station, "to": OTHER_STATION, "rights": "LOI 4", "waits_for": "consent of the holder"}])
+    over["handovers"] = [{"from": station, "to": OTHER_STATION, "rights": "LOI 4", "waits_for": "consent of the holder"}]
     vehicle = state(page)["id"]
     request = {"Requesting CUCS ID": OTHER_STATION, "Requested/Handover LOI": ["LOI 4"]}
     page.evaluate("(message) => spy.take({ message })", {"id": 4, "source": vehicle, "fields": request})
     opened.until("!document.getElementById('asked').hidden")
-    pretend(page, handovers=[])
+    over["handovers"] = []
     opened.until("document.getElementById('asked').hidden")
     checks.check("a request that has ended is offered no more", True)
-    page.unroute("**/status.json*")
+    over.clear()
 
     page.evaluate(
         """() => {
@@ -406,10 +407,10 @@ def in_a_flood(checks, opened):
     checks.check("the newest commands are shown", shown == MAX_COMMANDS_SHOWN, shown)
 
 
-def leaving_is_asked(checks, opened):
+def leaving_is_asked(checks, opened, over):
     checks.step("left with a vehicle in flight")
     page = opened.page
-    pretend(page, on_ground=False)
+    over["on_ground"] = False
     opened.until("document.getElementById('now').textContent.includes('in the air')")
     page.locator("#disconnect").click()
     asked = opened.text("#confirm-text")
@@ -428,14 +429,14 @@ def leaving_is_asked(checks, opened):
     checks.check("so does a reload", left == ["beforeunload"] and page.locator("#station").is_visible(), left)
     kept = page.evaluate("!document.getElementById('panel').dispatchEvent(new DragEvent('drop', { bubbles: true, cancelable: true }))")
     checks.check("a file that is dropped beside the map does not take the page's place", kept)
-    page.unroute("**/status.json*")
+    over.clear()
 
 
-def the_connection_ends(checks, opened):
+def the_connection_ends(checks, opened, over):
     checks.step("the connection ends while the page asks")
     page = opened.page
     # It stands, as it was reported last: nobody knows whether it still does.
-    pretend(page, live=False, armed=False)
+    over.update(live=False, armed=False)
     opened.until("document.querySelector('#vehicle dd')?.textContent.startsWith('no data')")
     checks.check("nothing is advised by old data", "no data" in opened.text("#next"), opened.text("#next"))
     page.locator("#send-drawn").click()
@@ -449,7 +450,7 @@ def the_connection_ends(checks, opened):
     opened.until("!document.getElementById('sign-in').hidden")
     page.locator("#confirm-yes").click()
     says(opened, "not sent: disconnected")
-    page.unroute("**/status.json*")
+    over.clear()
     opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
     page.locator("#connect").click()
     opened.until("!document.getElementById('station').hidden")
@@ -459,7 +460,7 @@ def the_connection_ends(checks, opened):
     take(opened)
     checks.check("and commands", True)
 
-    pretend(page, alerts=[{"id": 77, "priority": "caution", "text": "a fault", "acknowledged": []}])
+    over["alerts"] = [{"id": 77, "priority": "caution", "text": "a fault", "acknowledged": []}]
     page.evaluate("(source) => spy.take({ message: { id: 16000, source, fields: { 'Time Stamp': 1, 'Alert (Warning) ID': 77 } } })", state(page)["id"])
     opened.until("document.querySelector('#alerts button')")
     page.locator("#loiter").click()
@@ -477,7 +478,7 @@ def the_connection_ends(checks, opened):
     )
     pressed = page.locator("#loiter").get_attribute("aria-pressed")
     checks.check("a map tool ends with the connection", pressed == "false", pressed)
-    page.unroute("**/status.json*")
+    over.clear()
 
 
 def asks_and_ends(checks, browser, url, station, key):
@@ -496,12 +497,13 @@ def asks_and_ends(checks, browser, url, station, key):
     metrics = page.evaluate("fetch('metrics').then((answer) => answer.text())").splitlines()
     controls = 'vsm_vehicle_controller{vehicle="%s",cucs="%s"} 1' % (state(page)["id"], station)
     checks.check("/metrics names who controls", controls in metrics, metrics)
+    over = pretends(page)
     one_tool_at_a_time(checks, opened)
     no_number_sends_nothing(checks, opened)
-    a_request_and_a_reason(checks, opened, station)
+    a_request_and_a_reason(checks, opened, over, station)
     in_a_flood(checks, opened)
-    leaving_is_asked(checks, opened)
-    the_connection_ends(checks, opened)
+    leaving_is_asked(checks, opened, over)
+    the_connection_ends(checks, opened, over)
 
     checks.step("a link with a key, where the page is open")
     page.evaluate(f"location.hash = '#{station}={key}'")
