@@ -101,12 +101,9 @@ async function begin() {
   map.setTracks(tracks);
 }
 
-/** Another moment is chosen: it is shown at once, and what was shown of a later one goes. */
+/** Another moment is chosen: it is shown at once. */
 function sought(elsewhere) {
-  if (elsewhere) {
-    nextEvent = 0;
-    shapesAt = 0;
-  }
+  if (elsewhere) shapesAt = 0;
   if (!running) refresh();
 }
 
@@ -120,7 +117,7 @@ async function show() {
   const of = timeLine ? `?at=${timeLine.at}` : "";
   const uptime = status?.uptime_s;
   status = await (await read(`status.json${of}`)).json();
-  // A bridge that was restarted numbers its events from 0.
+  // A bridge that was restarted numbers its events from 0; of a recording it is an earlier moment, at which those that are shown were not yet.
   if (status.uptime_s < uptime) nextEvent = 0;
   offerVehicles(status.vehicles);
   if (Date.now() - shapesAt >= MAP_EVERY_MS) {
