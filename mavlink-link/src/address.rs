@@ -13,8 +13,8 @@
 //! one of originals once [`MANY`] datagrams came from there first: somebody who was faster once must not keep the link by
 //! repeating, slower, what the other end sends.
 //!
-//! Where somebody delays the originals for longer than that, or drops them, the copier is followed: such a person could
-//! cut the link as well.
+//! While two addresses claim to be the other end, what is sent to it goes to both ([`ProvenAddress::others`]), except keys: a
+//! copier that was there first, or that forwards the questions and nothing else, costs nothing then.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -30,7 +30,7 @@ pub(crate) struct ProvenAddress<A, K> {
     latest: VecDeque<K>,
     echo: Option<(A, Duration)>,
     /// Where the last came from that was accepted from elsewhere since then, and how many did.
-    contender: Option<A>,
+    contender: Option<(A, Duration)>,
     elsewhere: u32,
     /// Those of them whose original has not come.
     copied: VecDeque<(K, Duration)>,
@@ -46,7 +46,7 @@ pub(crate) enum Sender {
     Beside,
 }
 
-impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
+impl<A: Copy + Eq, K: Copy + PartialEq> ProvenAddress<A, K> {
     /// Expected at `at`, where that is known from a configuration.
     pub(crate) fn new(at: Option<A>) -> Self {
         Self {
@@ -74,13 +74,18 @@ impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
         }
     }
 
+    /// Everywhere else it may be. Whoever has seen the copies of a copier knows as much as this end about which of the addresses
+    /// is the copier's: what is sent to all of them arrives, and what arrives twice is refused as a replay.
+    pub(crate) fn others(&self, now: Duration) -> impl Iterator<Item = A> + use<A, K> {
+        let contender = lately(self.contender, now);
+        let echo = lately(self.echo, now).filter(|echo| Some(*echo) != contender);
+        contender.into_iter().chain(echo)
+    }
+
     /// Where else it may be: something was accepted from there, and nothing new from the known address since then; or what is
     /// accepted from the known address comes from there as well.
     pub(crate) fn contender(&self, now: Duration) -> Option<A> {
-        let echo = self
-            .echo
-            .filter(|(_, at)| now.saturating_sub(*at) < STAYS_FOR);
-        self.contender.or(echo.map(|(from, _)| from))
+        lately(self.contender, now).or_else(|| lately(self.echo, now))
     }
 
     /// The other end has answered what was sent to `at`. Returns the address before and now, if this has moved it.
@@ -88,7 +93,8 @@ impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
         if self.contender(now) != Some(at) {
             return None;
         }
-        let moved = self.move_to(now, at, Sender::Main);
+        let by = self.shown.map_or(Sender::Main, |(_, by)| by);
+        let moved = self.move_to(now, at, by);
         // That is more than being first.
         self.firsts = MANY;
         Some(moved)
@@ -110,8 +116,7 @@ impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
         if self.at == Some(from) {
             if !hidden {
                 self.firsts = self.firsts.saturating_add(1);
-                self.latest.truncate(MAX_LATEST - 1);
-                key.into_iter().for_each(|key| self.latest.push_front(key));
+                self.note_first(key);
                 self.show(now, by);
             }
             return None;
@@ -125,13 +130,20 @@ impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
         {
             return None;
         }
-        Some(self.move_to(now, from, by))
+        let moved = self.move_to(now, from, by);
+        self.note_first(key);
+        Some(moved)
+    }
+
+    fn note_first(&mut self, key: Option<K>) {
+        self.latest.truncate(MAX_LATEST - 1);
+        key.into_iter().for_each(|key| self.latest.push_front(key));
     }
 
     /// Something that was accepted before came from `from`. Returns true if this is the original of a copy from elsewhere.
     pub(crate) fn note_second(&mut self, now: Duration, from: A, key: &K) -> bool {
         if self.at != Some(from) {
-            if self.latest.contains(key) {
+            if self.latest.contains(key) || self.copied.iter().any(|(copied, _)| copied == key) {
                 self.echo = Some((from, now));
             }
             return false;
@@ -167,7 +179,7 @@ impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
 
     /// One more from elsewhere: whether these are too many for copies.
     fn has_left(&mut self, now: Duration, from: A, key: Option<K>) -> bool {
-        self.contender = Some(from);
+        self.contender = Some((from, now));
         self.elsewhere += 1;
         if self.elsewhere >= MANY {
             return true;
@@ -186,6 +198,10 @@ impl<A: Copy + Eq, K: PartialEq> ProvenAddress<A, K> {
         self.copied
             .retain(|(_, at)| now.saturating_sub(*at) < STAYS_FOR);
     }
+}
+
+fn lately<A>(seen: Option<(A, Duration)>, now: Duration) -> Option<A> {
+    seen.and_then(|(from, at)| (now.saturating_sub(at) < STAYS_FOR).then_some(from))
 }
 
 /// How long the other end is taken to be where it was, after the last that came from there.
@@ -294,6 +310,27 @@ mod tests {
             address.answered_at(at(50), VEHICLE),
             Some((Some(3), VEHICLE))
         );
+    }
+
+    #[test]
+    fn a_ground_station_behind_a_copier_is_followed_and_stays() {
+        let mut address = ProvenAddress::new(None);
+        let (ground, ms) = (VEHICLE, |n: u64| at(20 * n));
+        for n in 0..100 {
+            address.prove(ms(n), ground, Sender::Beside, Some(n));
+        }
+        // It has another port, and a copier is faster.
+        let moved_to = 7;
+        for n in 100..1_000 {
+            address.prove(ms(n), COPIER, Sender::Beside, Some(n));
+            address.note_second(ms(n), moved_to, &n);
+            if n % 50 == 0 && address.contender(ms(n)) == Some(moved_to) {
+                address.answered_at(ms(n), moved_to);
+            }
+            let sent_to = address.get().into_iter().chain(address.others(ms(n)));
+            assert!(sent_to.into_iter().any(|to| to == moved_to), "{n}");
+            assert!(n < 300 || address.get() == Some(moved_to), "{n}");
+        }
     }
 
     #[test]

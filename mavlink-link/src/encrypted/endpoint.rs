@@ -121,9 +121,11 @@ pub struct EncryptedLink<A> {
     stats: EncryptedStats,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 struct Queued<A> {
     to: A,
+    /// The same packet went to another address, where the other end may be as well.
+    again: bool,
     content: [u8; MAX_CONTENT],
     len: usize,
 }
@@ -600,7 +602,18 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             }
         }
         let next = self.out.pop_front()?;
-        Some((next.to, framing::write(&next.content[..next.len], out)))
+        let length = framing::write(&next.content[..next.len], out);
+        let to = next.to;
+        if !next.again && self.proven.get() == Some(to) {
+            for other in self.proven.others(now) {
+                self.out.push_front(Queued {
+                    to: other,
+                    again: true,
+                    ..next
+                });
+            }
+        }
+        Some((to, length))
     }
 
     /// Does what is due by now. Calling it early or late does no harm.
@@ -706,7 +719,12 @@ impl<A> Queued<A> {
         let mut content = [0; MAX_CONTENT];
         let len = bytes.len().min(MAX_CONTENT);
         content[..len].copy_from_slice(&bytes[..len]);
-        Self { to, content, len }
+        Self {
+            to,
+            again: false,
+            content,
+            len,
+        }
     }
 }
 

@@ -130,6 +130,12 @@ impl<A: Copy + Eq> Link<A> {
         self.core.peer.peer()
     }
 
+    /// Where the vehicle may be as well, while frames of it arrive from several addresses and nothing has shown yet which is its
+    /// own: what is sent to the peer goes there too, except a key.
+    pub fn others(&self, mono: Duration) -> impl Iterator<Item = A> + use<A> {
+        self.core.peer.others(mono)
+    }
+
     /// The state of the link.
     #[must_use]
     pub fn state(&self) -> LinkState {

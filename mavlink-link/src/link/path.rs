@@ -2,7 +2,8 @@
 //!
 //! A frame that verifies can be a copy, but an answer to a PING shows that the PING has arrived, and each PING has a number
 //! of its own ([`challenge`](super::challenge)). So both addresses are asked once a second. The link moves only to one that
-//! answers while the known one does not: somebody who passes PINGs on, and nothing else, moves it nowhere.
+//! answers while the known one does not. Where both answer, one of them passes PINGs on: both are sent to
+//! ([`Link::others`](super::Link::others)).
 
 use core::time::Duration;
 

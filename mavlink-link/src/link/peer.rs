@@ -70,6 +70,11 @@ impl<A: Copy + Eq> PeerLock<A> {
         self.peer.contender(mono)
     }
 
+    /// See [`ProvenAddress::others`].
+    pub(super) fn others(&self, mono: Duration) -> impl Iterator<Item = A> + use<A> {
+        self.peer.others(mono)
+    }
+
     /// See [`ProvenAddress::answered_at`].
     pub(super) fn answered_at(&mut self, mono: Duration, at: A) -> Option<(Option<A>, A)> {
         self.peer.answered_at(mono, at)

@@ -44,7 +44,9 @@ impl<A: Copy + Eq> KeyRollover<A> {
         store: &mut dyn Disk,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit<A>> {
-        if let (true, Some(to)) = (self.setup_due && !self.held, self.peer()) {
+        // The key, which is secret, waits while two addresses claim to be the vehicle.
+        let is_clear = self.peer.contender(now.mono).is_none();
+        if let (true, Some(to)) = (self.setup_due && !self.held && is_clear, self.peer()) {
             // If the disk fails there is no timestamp: the next call tries again.
             let len = self.setup_signing(now, store, out).ok()?;
             self.setup_due = false;

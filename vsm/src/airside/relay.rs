@@ -21,6 +21,8 @@ use crate::session::{ByType, Counters, Peer};
 struct Relayed {
     side: Side,
     to: Peer,
+    /// The same frame went to another address, where the other end may be as well.
+    again: bool,
     bytes: Bytes,
 }
 
@@ -103,7 +105,12 @@ impl Relay {
         }
         self.buffer.extend_from_slice(frame);
         let bytes = self.buffer.split().freeze();
-        self.queue.push_back(Relayed { side, to, bytes });
+        self.queue.push_back(Relayed {
+            side,
+            to,
+            again: false,
+            bytes,
+        });
         true
     }
 
@@ -122,9 +129,29 @@ impl Relay {
         self.to_ground = since.to_ground;
     }
 
-    /// Writes the next frame into `out`.
-    pub(super) fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<Transmit> {
-        let Relayed { side, to, bytes } = self.queue.pop_front()?;
+    /// Writes the next frame into `out`. `others`: where the other end that it is for may be as well.
+    pub(super) fn poll_transmit<I: Iterator<Item = Peer>>(
+        &mut self,
+        out: &mut [u8; MAX_FRAME],
+        others: impl FnOnce(Side, Peer) -> I,
+    ) -> Option<Transmit> {
+        let relayed = self.queue.pop_front()?;
+        let Relayed {
+            side,
+            to,
+            again,
+            bytes,
+        } = relayed;
+        if !again {
+            for other in others(side, to) {
+                self.queue.push_front(Relayed {
+                    side,
+                    to: other,
+                    again: true,
+                    bytes: bytes.clone(),
+                });
+            }
+        }
         let len = bytes.len();
         out.get_mut(..len)?.copy_from_slice(&bytes);
         Some(Transmit::new(side, to, len))
@@ -187,7 +214,7 @@ mod tests {
                 assert!((first..first + BUFFER_BYTES).contains(&(queued.bytes.as_ptr() as usize)));
             }
             let mut out = [0; MAX_FRAME];
-            while let Some(sent) = relay.poll_transmit(&mut out) {
+            while let Some(sent) = relay.poll_transmit(&mut out, |_, _| std::iter::empty()) {
                 assert_eq!(out[..sent.len], frame);
             }
         }

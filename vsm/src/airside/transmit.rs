@@ -21,7 +21,15 @@ impl Agent {
         keys: &mut dyn Keys,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<Transmit> {
-        if let Some(relayed) = self.relay.poll_transmit(out) {
+        let others = |side: Side, to| {
+            let link = match side {
+                Side::Radio => &self.radio,
+                Side::Px4 => &self.px4,
+            };
+            let is_peer = link.peer() == Some(to);
+            link.others(now.mono).filter(move |_| is_peer)
+        };
+        if let Some(relayed) = self.relay.poll_transmit(out, others) {
             return Some(relayed);
         }
         self.fallback

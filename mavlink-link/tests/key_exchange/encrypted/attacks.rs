@@ -378,16 +378,31 @@ fn a_copy_that_is_always_first_moves_no_end_and_is_reported() {
 fn an_end_that_has_moved_is_followed_and_so_is_one_that_has_started_again_elsewhere() {
     for listening in [GROUND, AIR] {
         let mut world = found(listening);
-        world.from = ELSEWHERE;
+        world.from[1 - listening] = ELSEWHERE;
         world.run(ms(3_500), ms(50));
-        for end in &world.ends {
-            assert_eq!(end.sender, Some(ELSEWHERE));
-        }
-        world.from = HONEST;
+        assert_eq!(world.ends[listening].sender, Some(ELSEWHERE));
+        world.from[1 - listening] = HONEST;
         world.start(1 - listening);
         world.run(ms(15_000), ms(50));
         for end in &world.ends {
             assert_eq!(end.sender, Some(HONEST));
         }
+    }
+}
+
+#[test]
+fn a_link_whose_end_moves_beside_a_copier_carries_what_is_sent() {
+    for listening in [GROUND, AIR] {
+        let mut world = found(listening);
+        world.copier = Some(ELSEWHERE);
+        world.from[1 - listening] = ELSEWHERE + 1;
+        world.run(ms(1_000), ms(50));
+        let before = world.ends.each_ref().map(|end| end.got.len());
+        world.run(ms(20_000), ms(50));
+        for (end, before) in world.ends.iter().zip(before) {
+            let got = end.got.len() - before;
+            assert!(got >= 380, "{got} of 400");
+        }
+        world.check_once();
     }
 }

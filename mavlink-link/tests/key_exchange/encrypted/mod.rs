@@ -57,8 +57,8 @@ pub(crate) struct World {
     pub(crate) carrier: Carrier,
     /// The end that does not know where the other one is.
     pub(crate) listening: Option<usize>,
-    /// Where the datagrams of either end come from.
-    pub(crate) from: u8,
+    /// Where either end is.
+    pub(crate) from: [u8; 2],
     /// Where a copy of each comes from, before it.
     pub(crate) copier: Option<u8>,
     pub(crate) radio: Radio,
@@ -98,7 +98,7 @@ impl World {
             now: Duration::from_secs(5),
             carrier,
             listening: None,
-            from: HONEST,
+            from: [HONEST; 2],
             copier: None,
             radio: GOOD,
             ends,
@@ -146,8 +146,9 @@ impl World {
         self.next += 1;
         let now = self.now;
         let frame = numbered(self.next);
-        if let Some(link) = &mut self.ends[from].link {
-            link.send(now, HONEST, &frame);
+        let end = &mut self.ends[from];
+        if let Some(link) = &mut end.link {
+            link.send(now, end.sender.unwrap_or(HONEST), &frame);
         }
         self.transmit(from);
         self.next
@@ -158,11 +159,14 @@ impl World {
         loop {
             let end = &mut self.ends[from];
             let Some(link) = &mut end.link else { return };
-            let Some((_, len)) = link.poll_transmit(self.now, &mut end.disk, &mut out) else {
+            let Some((to, len)) = link.poll_transmit(self.now, &mut end.disk, &mut out) else {
                 return;
             };
             let bytes = out[..len].to_vec();
             self.tape.push((from, bytes.clone()));
+            if to != self.from[1 - from] {
+                continue;
+            }
             if self.dice.chance(self.radio.loss) {
                 continue;
             }
@@ -189,7 +193,7 @@ impl World {
 
     /// These bytes arrive now: what came out of them.
     pub(crate) fn arrive(&mut self, at: usize, bytes: &[u8]) -> Vec<u8> {
-        self.arrive_from(self.from, at, bytes)
+        self.arrive_from(self.from[1 - at], at, bytes)
     }
 
     pub(crate) fn arrive_from(&mut self, from: u8, at: usize, bytes: &[u8]) -> Vec<u8> {

@@ -162,8 +162,19 @@ impl VehicleLink {
             .ok()?;
         self.sent.count(message.message_id());
         self.budget.spend(now.mono, sent.len, answer_bytes(message));
-        self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+        self.queue(now, sent.to, sent.len, bytes);
         sent.stamp
+    }
+
+    /// Queues a signed frame; one for the vehicle to everywhere it may be. (What the link itself sends is not among these: its
+    /// PINGs ask at one address each.)
+    fn queue(&mut self, now: Now, to: Peer, len: usize, bytes: [u8; MAX_FRAME]) {
+        self.out.push_back(OutFrame::new(to, len, bytes));
+        if self.link.peer() == Some(to) {
+            for other in self.link.others(now.mono) {
+                self.out.push_back(OutFrame::new(other, len, bytes));
+            }
+        }
     }
 
     /// Whether there is room for the frame of another ground station.
@@ -209,7 +220,7 @@ impl VehicleLink {
         }
         self.sent.count(header.message_id);
         self.budget.spend(now.mono, length, 0);
-        self.out.push_back(OutFrame::new(to, length, bytes));
+        self.queue(now, to, length, bytes);
         true
     }
 
