@@ -69,9 +69,7 @@ impl Reports {
     pub(super) fn note_alert(&mut self, link: &str, alert: Alert) {
         let text = match alert {
             Alert::Unanswered => "it is received, but receives nothing from us",
-            Alert::Copied => {
-                "somebody on the way copies its frames and delivers them first; nothing is sent there"
-            }
+            Alert::Copied => "somebody on the way copies its frames and delivers them first",
             Alert::VehicleUnsigned | Alert::StaysBehind => "stamps or signatures are missing",
             other => link_alert_text(other),
         };

@@ -135,8 +135,7 @@ impl Encryption {
                     return Some((LogLevel::Warning, text.to_owned()));
                 }
                 EncryptedEvent::Copied => {
-                    let text = "encrypted link: somebody on the way copies the other end's packets and delivers them \
-                                first; nothing is sent there";
+                    let text = "encrypted link: somebody on the way copies the other end's packets and delivers them first";
                     return Some((LogLevel::Warning, text.to_owned()));
                 }
                 EncryptedEvent::Fault(cause) if self.faults.are_due(now) => {

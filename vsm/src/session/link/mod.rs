@@ -699,8 +699,6 @@ pub(crate) fn alert_text(alert: Alert) -> &'static str {
         A::LinkIdMoved => "the autopilot signs with another link id",
         A::StreamTableFull => "too many signing streams: one is refused",
         A::Unanswered => "the vehicle is received but receives nothing from us: commands are lost",
-        A::Copied => {
-            "somebody on the way copies the vehicle's frames and delivers them first; nothing is sent there"
-        }
+        A::Copied => "somebody on the way copies the vehicle's frames and delivers them first",
     }
 }
