@@ -367,6 +367,8 @@ pub struct Sensed {
     pub acceleration: Option<[f64; 3]>,
     /// The battery.
     pub battery: Battery,
+    /// Its voltage is that of BATTERY_STATUS.
+    has_battery_status: bool,
     /// SYS_STATUS.
     pub health: Option<Health>,
     /// ESTIMATOR_STATUS.flags.
@@ -389,6 +391,7 @@ impl Sensed {
                 // Cells that do not exist are 65535.
                 let cells = m.voltages.iter().filter(|cell| **cell != u16::MAX);
                 let millivolts: u32 = cells.map(|cell| u32::from(*cell)).sum();
+                self.has_battery_status = millivolts > 0;
                 self.battery = Battery {
                     volts: (millivolts > 0).then(|| f64::from(millivolts) / 1e3),
                     amperes: (m.current_battery >= 0).then(|| f64::from(m.current_battery) / 1e2),
@@ -401,9 +404,10 @@ impl Sensed {
                     enabled: m.onboard_control_sensors_enabled.bits(),
                     healthy: m.onboard_control_sensors_health.bits(),
                 });
-                if m.voltage_battery != u16::MAX && m.voltage_battery > 0 {
-                    let volts = f64::from(m.voltage_battery) / 1e3;
-                    self.battery.volts = self.battery.volts.or(Some(volts));
+                // Of all batteries together, so only where nothing is known of the first.
+                if !self.has_battery_status {
+                    let known = m.voltage_battery != u16::MAX && m.voltage_battery > 0;
+                    self.battery.volts = known.then(|| f64::from(m.voltage_battery) / 1e3);
                 }
             }
             MavMessage::ESTIMATOR_STATUS(m) => self.estimator = Some(m.flags.bits()),
@@ -451,6 +455,8 @@ impl Software {
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::dialect::{BATTERY_STATUS_DATA, SYS_STATUS_DATA};
+
     use super::*;
 
     #[test]
@@ -465,5 +471,31 @@ mod tests {
         assert_eq!(reported(0x0112_0080), "1.18.0-beta");
         assert_eq!(reported(0x010f_02ff), "1.15.2");
         assert_eq!(reported(0x0113_0000), "1.19.0-dev");
+    }
+
+    #[test]
+    fn the_voltage_of_sys_status_is_followed_until_battery_status_has_one() {
+        let mut measured = Sensed::default();
+        let volts = |measured: &mut Sensed, message| {
+            measured.update(&message);
+            measured.battery.volts
+        };
+        let system = |voltage_battery| {
+            MavMessage::SYS_STATUS(SYS_STATUS_DATA {
+                voltage_battery,
+                ..SYS_STATUS_DATA::default()
+            })
+        };
+        assert_eq!(volts(&mut measured, system(16_000)), Some(16.0));
+        assert_eq!(volts(&mut measured, system(14_500)), Some(14.5));
+        assert_eq!(volts(&mut measured, system(u16::MAX)), None);
+        let mut voltages = [u16::MAX; 10];
+        voltages[0] = 15_200;
+        let battery = MavMessage::BATTERY_STATUS(BATTERY_STATUS_DATA {
+            voltages,
+            ..BATTERY_STATUS_DATA::default()
+        });
+        assert_eq!(volts(&mut measured, battery), Some(15.2));
+        assert_eq!(volts(&mut measured, system(14_000)), Some(15.2));
     }
 }
