@@ -78,6 +78,8 @@ impl Agent {
             Phase::Relaying(relaying)
                 if self.settings.restamp
                     && !self.key_held
+                    // One of two who claim to be PX4 is not: neither is sent the key.
+                    && self.px4.others(now.mono).next().is_none()
                     && self.watch.restamp_is_due(now.mono) =>
             {
                 self.watch.restamped();

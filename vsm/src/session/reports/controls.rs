@@ -81,7 +81,7 @@ impl ControlWatch {
         answers: &mut AnswerQueue,
         effects: &mut Effects<'_>,
     ) {
-        // Ends a reading in progress, so that it begins anew: the new metadata may choose other parameters.
+        // Ends a reading in progress, so that it begins again: the new metadata may choose other parameters.
         self.left = 0;
         let chosen = context.config.controls.as_ref();
         let offers = |name: &str, described: Option<&Described>| {

@@ -2,7 +2,7 @@
 //! again.
 //!
 //! A place belongs to a link: as long as the configuration has a `[[forward]]` on that link, its socket stays open,
-//! whatever else changes. The bridge identifies the ground station anew only where its key or ids have changed.
+//! whatever else changes. The bridge identifies the ground station again only where its key or ids have changed.
 
 use std::rc::Rc;
 

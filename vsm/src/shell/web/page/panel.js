@@ -165,9 +165,9 @@ export function drawBridge(status, vehicle) {
 const MAX_SHOWN = 400;
 const events = [];
 
-/** `anew`: these are all, from the first; what was shown before goes. */
-export function addEvents(fresh, anew) {
-  if (anew) events.length = 0;
+/** `all`: these are all, from the first; what was shown before goes. */
+export function addEvents(fresh, all) {
+  if (all) events.length = 0;
   events.push(...fresh);
   if (events.length > MAX_SHOWN) events.splice(0, events.length - MAX_SHOWN);
   drawEvents();
