@@ -7,6 +7,7 @@ use stanag_msgs::ed25;
 
 use super::proof::question_bytes;
 use super::rate::{Kind, Limits};
+use super::unproven::UnprovenRate;
 use super::{Path, Paths, Station};
 use crate::session::outbox::{Datagram, Destination};
 
@@ -85,12 +86,11 @@ impl Paths {
         bytes: usize,
         kind: Kind,
     ) -> Verdict {
-        let limits = self.limits;
         // A station that is unknown here is not configured: this happens only in tests of a single machine.
         let Some(station) = self.stations.get_mut(index) else {
             return Verdict::Send;
         };
-        let verdict = station.admit(now, bytes, kind, &limits);
+        let verdict = station.admit(now, bytes, kind, &self.limits, &mut self.unproven);
         if !matches!(kind, Kind::Report(_)) && matches!(verdict, Verdict::Drop(_)) {
             station.missed = true;
         }
@@ -143,8 +143,8 @@ impl Paths {
 
     /// The next waiting answer that may be sent now.
     pub(crate) fn next_waiting(&mut self, now: Duration, index: usize) -> Option<Datagram> {
-        let limits = self.limits;
         let station = self.stations.get_mut(index)?;
+        let (limits, unproven) = (&self.limits, &mut self.unproven);
         loop {
             let (until, datagram) = station.waiting.pop_front()?;
             if until < now {
@@ -153,7 +153,7 @@ impl Paths {
             }
             let rest = std::mem::take(&mut station.waiting);
             let kind = Kind::of_answer(&datagram);
-            let verdict = station.admit(now, station.bytes_of(&datagram), kind, &limits);
+            let verdict = station.admit(now, station.bytes_of(&datagram), kind, limits, unproven);
             station.waiting = rest;
             match verdict {
                 Verdict::Send => return Some(datagram),
@@ -216,7 +216,14 @@ impl Station {
         may
     }
 
-    fn admit(&mut self, now: Duration, bytes: usize, kind: Kind, limits: &Limits) -> Verdict {
+    fn admit(
+        &mut self,
+        now: Duration,
+        bytes: usize,
+        kind: Kind,
+        limits: &Limits,
+        unproven: &mut UnprovenRate,
+    ) -> Verdict {
         let (question, acknowledgement) = (self.question_bytes(), self.acknowledgement_bytes());
         let Some(current) = &mut self.current else {
             return Verdict::Drop("no address");
@@ -253,7 +260,10 @@ impl Station {
             _ => 2 * acknowledgement,
         };
         let behind_others = behind_others && (asked || kind != Kind::Acknowledgement);
-        if behind_others || current.credit < bytes + kept {
+        if behind_others
+            || current.credit < bytes + kept
+            || !unproven.take(now, current.address.ip(), kind)
+        {
             return match kind {
                 Kind::Report(_) => Verdict::Drop("unproven address"),
                 _ => Verdict::Wait,

@@ -1,6 +1,6 @@
 //! The address of each CUCS, and what may be sent there before it has proved that it receives there. This file is the table
 //! of addresses: where a station is sent to, where else it claims to be, and when it moves. `proof` challenges an address;
-//! `credit` decides how much may be sent, by a `rate` for proven addresses.
+//! `credit` decides how much may be sent, by a `rate` for proven addresses and one that all unproven ones share (`unproven`).
 //!
 //! Anyone can write any source address into a datagram. Without proof the VSM would be a reflector (23 bytes of 40000 are
 //! answered by 21 kB), and one datagram in the controller's name would send its status, and its aircraft, elsewhere. The
@@ -28,6 +28,7 @@ mod proof;
 mod rate;
 #[cfg(test)]
 mod tests;
+mod unproven;
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
@@ -39,6 +40,7 @@ pub(crate) use self::credit::Verdict;
 pub(crate) use self::proof::{Proof, question_bytes};
 use self::rate::Rate;
 pub(crate) use self::rate::{Kind, Limits};
+use self::unproven::UnprovenRate;
 use super::outbox::Datagram;
 
 /// A message that was held back, and the guard key that has sealed it.
@@ -50,6 +52,7 @@ pub(crate) struct Paths {
     /// The key of the challenges: without it a stamp could be predicted.
     secret: [u8; 32],
     limits: Limits,
+    unproven: UnprovenRate,
     stations: Vec<Station>,
 }
 
@@ -117,6 +120,7 @@ impl Paths {
         Paths {
             secret: [0; 32],
             limits,
+            unproven: UnprovenRate::default(),
             stations: trusted.map(Station::new).collect(),
         }
     }

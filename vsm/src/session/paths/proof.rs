@@ -7,7 +7,7 @@ use mavlink_link::Now;
 use sha2::{Digest as _, Sha256};
 use stanag_msgs::TimeStamp;
 
-use super::rate::Limits;
+use super::rate::{Kind, Limits};
 use super::{FIRST_PAUSE, Path, Paths, Station};
 
 /// The result of a 17000 for a heartbeat of ours.
@@ -24,6 +24,7 @@ pub(crate) enum Proof {
 impl Paths {
     pub(crate) fn set_secret(&mut self, secret: [u8; 32]) {
         self.secret = secret;
+        self.unproven.set_secret(secret);
     }
 
     /// The stamp of the heartbeat that challenges this address, if a challenge is due and there is credit for it. `again`:
@@ -47,6 +48,12 @@ impl Paths {
                     return None;
                 }
                 if path.proven.is_none() && !path.trusted {
+                    // With its first right answer an address has shown that it exists.
+                    let exists = again || path.rounds > 0;
+                    if !exists && !(self.unproven).take(now.mono, address.ip(), Kind::Answer) {
+                        path.ask_at = now.mono + FIRST_PAUSE / 4;
+                        return None;
+                    }
                     let left = path.credit.checked_sub(question)?;
                     // A challenge may take the place of the answer for a moment. A CUCS that never acknowledges would
                     // receive nothing else.
@@ -65,7 +72,8 @@ impl Paths {
             }
             // The table is full: challenge it without remembering it. This cannot amplify, since its message was longer
             // than a challenge.
-            None => 0,
+            None if (self.unproven).take(now.mono, address.ip(), Kind::Answer) => 0,
+            None => return None,
         };
         let slot = slot(now.wall).saturating_sub(1);
         Some(TimeStamp(

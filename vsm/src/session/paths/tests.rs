@@ -69,3 +69,65 @@ fn a_question_of_edition_25_is_asked_again_for_a_long_message_and_for_the_next_s
         assert_eq!(sends(true, 62, lost), again, "the {lost}th is lost");
     }
 }
+
+/// Forged addresses in a station's name, and the station itself: how many datagrams go to them in three seconds, and when the
+/// station has proved its own address.
+fn beside_forgeries(addresses: u8, a_second: u32) -> (usize, Option<Duration>) {
+    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let own = SocketAddr::from(([10, 9, 1, 1], 40_000));
+    let mut now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    let (begun, mut sent, mut most) = (now.mono, VecDeque::new(), 0);
+    for number in 0..60 * a_second {
+        let host = (number % u32::from(addresses)) as u8;
+        let forged = SocketAddr::from(([10, 9, 0, host], 5_000 + (number % 8) as u16));
+        // The station sends five times a second.
+        let arrived = [
+            Some(forged),
+            number.is_multiple_of(a_second / 5).then_some(own),
+        ];
+        for from in arrived.into_iter().flatten() {
+            paths.arrived(now.mono, 0, from, 40, || false);
+            let mut question = paths.ask(now, 0, from, false);
+            let answer = paths.admit(now.mono, 0, 34, Kind::Acknowledgement) == Verdict::Send;
+            sent.extend([question.is_some(), answer].map(|one| one.then_some(now.mono)));
+            while from == own
+                && let Some(stamp) = question
+            {
+                question = match paths.answered(now, 0, own, stamp) {
+                    Proof::Proven { .. } => return (most, Some(now.mono - begun)),
+                    Proof::Round => paths.ask(now, 0, own, true),
+                    Proof::None => None,
+                };
+            }
+        }
+        let step = Duration::from_secs(1) / a_second;
+        (now.mono, now.wall) = (now.mono + step, now.wall + step);
+        sent.retain(Option::is_some);
+        while sent
+            .front()
+            .copied()
+            .flatten()
+            .is_some_and(|at| at + ARP < now.mono)
+        {
+            sent.pop_front();
+        }
+        most = most.max(sent.len());
+    }
+    (most, None)
+}
+
+#[test]
+fn absent_addresses_do_not_fill_the_socket_nor_keep_their_station_out() {
+    for addresses in [1, 40, 250] {
+        let (most, proven) = beside_forgeries(addresses, 3_000);
+        assert!(most < 500, "{most} datagrams to {addresses} addresses");
+        let proven = proven.expect("the station proves its address");
+        assert!(proven < Duration::from_secs(20), "{proven:?}");
+    }
+}
+
+/// How long the system keeps a datagram to a computer that does not answer ARP.
+const ARP: Duration = Duration::from_secs(3);
