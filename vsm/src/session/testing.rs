@@ -320,15 +320,21 @@ impl World {
 
     /// What was sent to a station since this was last called for any; what went to others is dropped.
     pub(crate) fn sent_to(&mut self, station: usize) -> Vec<Message> {
-        let to = self.stations[station].id();
+        let own = self.stations[station].id();
+        let all = self.sent().into_iter();
+        all.filter_map(|(to, message)| (to == own).then_some(message))
+            .collect()
+    }
+
+    /// What was sent to anybody, with its destination.
+    pub(crate) fn sent(&mut self) -> Vec<(Id, Message)> {
         let mut messages = Vec::new();
         while let Some(datagram) = self.outbox.pop() {
             for frame in stanag_msgs::frames(datagram.bytes()) {
                 let frame = frame.expect("a whole frame");
-                if frame.header.destination == to {
-                    let message = Message::decode(frame.header.message_type, frame.data);
-                    messages.push(message.expect("a message of the tables"));
-                }
+                let message = Message::decode(frame.header.message_type, frame.data);
+                let message = message.expect("a message of the tables");
+                messages.push((frame.header.destination, message));
             }
         }
         messages

@@ -15,10 +15,9 @@
 //! | [`payload`] | what is done for a payload command on a station: gimbals, cameras |
 //! | [`link`] | MAVLink: signatures and keys, which frames are accepted and sent |
 //!
-//! Each input goes to one machine; then [`Aircraft::run_until_idle`] delivers the resulting requests and events until none
-//! is left. `deliver`: which machine receives which of them; `machines`: what each machine borrows for an input; `start`:
-//! the start of a vehicle and the state after a restart; `commands`: messages of a CUCS; `files`: file operations of an
-//! operator of this computer.
+//! Each input goes to one machine; then [`Aircraft::run_until_idle`] delivers the resulting requests and events until none is left.
+//! `deliver`: which machine receives which of them; `machines`: what each borrows for an input; `start`: the start of a vehicle and
+//! the state after a restart; `commands`: messages of a CUCS; `files`: file operations of an operator of this computer.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -76,8 +75,7 @@ pub(crate) struct Aircraft {
     metadata: [MetadataReader; 2],
 }
 
-// Macros, because both borrow single fields, so that a machine can be borrowed mutably as well; a method would borrow all of
-// `self`.
+// Macros, since a method would borrow all of `self`, and no machine could be borrowed mutably beside it.
 macro_rules! context {
     ($self:ident, $dli:ident) => {
         Context {
@@ -232,20 +230,43 @@ impl Aircraft {
         now: Duration,
         stations: &[GroundStation],
     ) -> Option<Duration> {
-        let limits = &self.settings.authority;
+        // Every field by its name: a new machine compiles only with its time among these, or `_` where it has none.
+        let Aircraft {
+            watch_at,
+            vehicle,
+            services,
+            alerts,
+            settings,
+            authority,
+            mission,
+            flight,
+            held,
+            reports,
+            payload,
+            termination,
+            link,
+            metadata,
+            config: _,
+            port: _,
+            bounds: _,
+            listeners: _,
+            requests: _,
+            zeroizing: _,
+            files: _,
+        } = self;
         [
-            self.watch_at,
-            Some(self.link.poll_timeout(&self.vehicle, &self.services)),
-            self.authority.poll_timeout(now, stations, limits),
-            self.mission.poll_timeout(),
-            self.flight.poll_timeout(),
-            self.held.poll_timeout(),
-            self.termination.poll_timeout(),
-            self.reports.poll_timeout(&self.alerts),
-            self.payload.poll_timeout(),
+            *watch_at,
+            Some(link.poll_timeout(vehicle, services)),
+            authority.poll_timeout(now, stations, &settings.authority),
+            mission.poll_timeout(),
+            flight.poll_timeout(),
+            held.poll_timeout(),
+            termination.poll_timeout(),
+            reports.poll_timeout(alerts),
+            payload.poll_timeout(),
         ]
         .into_iter()
-        .chain(self.metadata.each_ref().map(MetadataReader::poll_timeout))
+        .chain(metadata.each_ref().map(MetadataReader::poll_timeout))
         .flatten()
         .min()
     }

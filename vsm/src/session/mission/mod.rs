@@ -334,12 +334,27 @@ impl Mission {
 
     /// When a timed input is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
-        let transfers = self.transfers.poll_timeout();
-        let fence = self.fence.poll_timeout();
-        let upload = self.store.poll_timeout();
-        let rally = self.rally.poll_timeout();
-        let all = [transfers, fence, upload, rally];
-        all.into_iter().flatten().min()
+        // By name, as in the router. The watches look when something is received.
+        let Mission {
+            store,
+            transfers,
+            fence,
+            rally,
+            progress: _,
+            watchdog: _,
+            descent: _,
+            band: _,
+            resync: _,
+        } = self;
+        [
+            store.poll_timeout(),
+            transfers.poll_timeout(),
+            fence.poll_timeout(),
+            rally.poll_timeout(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 }
 

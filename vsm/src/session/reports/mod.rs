@@ -65,6 +65,8 @@ use crate::config::Provisional;
 #[derive(Debug, Default)]
 pub(crate) struct Reports {
     push: Push,
+    /// Which of the listeners is first when reports are next published on schedule.
+    next_listener: usize,
     requests: Requests,
     answers: AnswerQueue,
     configuration: Configuration,
@@ -300,12 +302,27 @@ impl Reports {
 
     /// When a timed input is next due.
     pub(crate) fn poll_timeout(&self, alerts: &Alerts) -> Option<Duration> {
+        // By name, as in the router.
+        let Reports {
+            push,
+            requests,
+            answers,
+            health,
+            events,
+            next_listener: _,
+            configuration: _,
+            parameters: _,
+            settings: _,
+            identity: _,
+            ignored: _,
+            modes: _,
+        } = self;
         [
-            self.push.poll_timeout(),
-            self.requests.poll_timeout(),
-            self.answers.poll_timeout(),
-            self.health.poll_timeout(),
-            self.events.poll_timeout(),
+            push.poll_timeout(),
+            requests.poll_timeout(),
+            answers.poll_timeout(),
+            health.poll_timeout(),
+            events.poll_timeout(),
             alerts.poll_timeout(),
         ]
         .into_iter()
@@ -466,13 +483,27 @@ impl Reports {
 
 /// Reports on schedule and on change.
 impl Reports {
+    /// Publishes what is due, [`MOST_AT_ONCE`] at most: with fifty stations that began to listen together all would be due together,
+    /// and a command would wait behind them. The rest is still due, at once, after what has arrived meanwhile; it begins with the station
+    /// that is next, so that none is always the last.
     fn push_due(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        for index in 0..effects.listeners.len() {
+        let listeners = effects.listeners.len();
+        let (first, mut published) = (self.next_listener, 0);
+        for turn in 0..listeners {
+            let index = (first + turn) % listeners;
+            self.next_listener = index;
             let station = effects.listeners[index];
             let steers = |one: &GroundStation| context.payload.steers(one.id());
             let payload = (context.stations.get(station)).is_some_and(steers)
                 && context.provisional(station) != Provisional::Off;
-            while let Some(message) = self.push.next_due(context.mono(), station, payload) {
+            loop {
+                if published == MOST_AT_ONCE {
+                    return;
+                }
+                let Some(message) = self.push.next_due(context.mono(), station, payload) else {
+                    break;
+                };
+                published += 1;
                 if DETAILS.contains(&message) {
                     for report in compose::all(&self.sources(context), station, message, effects) {
                         effects.publish(station, &report);
@@ -698,6 +729,8 @@ fn known_report(message: u16) -> Result<(), String> {
 
 /// The range that Edition 2 gives for 17001's Frequency.
 const MAX_HERTZ: u16 = 100;
+/// Reports published on schedule in one call.
+const MOST_AT_ONCE: usize = 32;
 /// Changes of mode that are reported by themselves: ten a second, 40 at once.
 const MODES: Rate = Rate {
     cost: Duration::from_millis(100),

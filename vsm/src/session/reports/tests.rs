@@ -172,6 +172,47 @@ fn a_station_that_begins_to_listen_is_sent_reports_until_it_ceases() {
 }
 
 #[test]
+fn many_reports_that_are_due_together_are_sent_in_parts_each_once() {
+    let (mut world, mut reports) = (World::airborne(Px4Mode::LOITER), Reports::default());
+    world.listeners = vec![0, 1];
+    let now = world.now.mono;
+    let each = Period::Every(Duration::from_secs(1));
+    for station in [0, 1] {
+        reports.push.begin(now, station);
+        for message in DETAILS {
+            reports.push.schedule(station, *message, each);
+        }
+    }
+    let mut messages = [Vec::new(), Vec::new()];
+    let mut calls = 0;
+    while calls == 0
+        || reports
+            .poll_timeout(&world.alerts)
+            .is_some_and(|at| at <= now)
+    {
+        observe(&mut world, &mut reports, Input::PushDue);
+        let sent = world.sent();
+        for (of, station) in messages.iter_mut().zip([0, 1]) {
+            let own = world.stations[station].id();
+            of.extend(
+                sent.iter()
+                    .filter(|(to, _)| *to == own)
+                    .map(|(_, one)| one.id()),
+            );
+        }
+        calls += 1;
+        assert!(calls < 9, "it ends");
+    }
+    assert!(calls > 1, "{calls}");
+    for messages in messages {
+        for message in [3001, 3002, 4000, 16002] {
+            let times = messages.iter().filter(|one| **one == message).count();
+            assert_eq!(times, 1, "{message}: {messages:?}");
+        }
+    }
+}
+
+#[test]
 fn the_silence_of_the_vehicle_stands_as_an_alert_until_it_is_received_again() {
     let (mut world, mut reports) = (World::airborne(Px4Mode::LOITER), Reports::default());
     observe(&mut world, &mut reports, Input::LinkDown);
