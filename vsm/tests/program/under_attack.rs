@@ -3,7 +3,7 @@
 //!
 //! The figures of docs/guide/reliability.md come from here: `cargo test --release -p vsm --test program under_attack --
 //! --nocapture`. A test cannot hold 20 ms on a machine that does other things as well; it holds what distinguishes a thread
-//! that waits for the disk from one that does not.
+//! that waits for the disk from one that does not. With `VSM_QUIET=1`, on a computer with nothing else to do, it holds the 20 ms.
 
 use std::fs::{self, File};
 use std::io;
@@ -436,6 +436,17 @@ impl World {
         (took, missing, longest)
     }
 
+    /// What is promised, where nothing else takes the processor: see the top.
+    fn hold_the_promise(what: &str, took: &[Duration], heartbeats: Duration) {
+        if std::env::var_os("VSM_QUIET").is_none() {
+            return;
+        }
+        let p99 = took[(took.len() - 1) * 99 / 100];
+        assert!(p99 <= PROMISED, "{what}: p99 {p99:?}");
+        let late = heartbeats.saturating_sub(Duration::from_secs(1));
+        assert!(late <= PROMISED, "{what}: heartbeats {heartbeats:?} apart");
+    }
+
     fn end(mut self) -> Status {
         drop(self.stop.take());
         self.server
@@ -507,6 +518,8 @@ fn forged_40000(world: &mut World, number: u64) {
 
 /// One synchronisation. Whatever waits for the disk waits for two of them at least.
 const SYNC: Duration = Duration::from_millis(100);
+/// The most by which anyone's durable decisions delay the vehicle link or the controller.
+const PROMISED: Duration = Duration::from_millis(20);
 
 #[test]
 fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_controller() {
@@ -529,6 +542,7 @@ fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_cont
             heartbeats < Duration::from_millis(1_800),
             "{what}: {heartbeats:?}"
         );
+        World::hold_the_promise(what, &took, heartbeats);
     }
     let status = world.end();
     assert!(status.refused.get("too many changes of rights") > 0);
@@ -555,6 +569,7 @@ fn a_flood_of_forged_requests_delays_neither_the_vehicle_nor_the_controller() {
             heartbeats < Duration::from_millis(1_800),
             "{what}: {heartbeats:?}"
         );
+        World::hold_the_promise(what, &took, heartbeats);
     }
     let (forged, reflected) = (world.forged_bytes, world.reflected_bytes);
     assert!(forged > 100_000, "{forged} bytes were forged");
@@ -581,6 +596,7 @@ fn a_change_of_keys_on_a_slow_disk_delays_neither_the_vehicle_nor_the_controller
     let slow = took.iter().filter(|took| **took >= SYNC).count();
     assert!(slow <= 4, "{slow} of {} commands are slow", took.len());
     assert!(heartbeats < Duration::from_millis(1_800), "{heartbeats:?}");
+    World::hold_the_promise("a change of keys", &took, heartbeats);
     world.end();
 }
 
