@@ -19,7 +19,7 @@
 //! are those of the `mavlink` crate's `development` [`dialect`].
 //!
 //! Comments name pitfalls by number: the errors of other signing implementations, listed with the tests that show each
-//! in `docs/guide/security.md` of the repository.
+//! in `docs/reference/promises.md` of the repository.
 
 #![forbid(unsafe_code)]
 

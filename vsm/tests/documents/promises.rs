@@ -75,7 +75,7 @@ fn each_promise_names_tests_that_exist() {
         "docs/reference/promises.md",
         "docs/guide/autonomy.md",
         "docs/guide/keys.md",
-        "docs/guide/security.md",
+        "docs/guide/security-design.md",
         "docs/guide/termination.md",
         "docs/guide/zeroize.md",
     ] {

@@ -2,7 +2,7 @@
 //! status, its control or its aircraft to it. The attackers here send what they like and receive nothing.
 #![allow(
     clippy::print_stdout,
-    reason = "the figures of docs/guide/security.md, shown by --no-capture"
+    reason = "the figures of docs/guide/security-design.md, shown by --no-capture"
 )]
 
 use std::net::SocketAddr;
