@@ -1,6 +1,6 @@
-//! Subjects that misbehave as nobody should: a run against each ends in time, and its verdicts say what was wrong.
+//! Subjects that misbehave in the worst ways: a run against each ends in time, and its verdicts name the fault.
 //!
-//! The subject is the scripted vehicle in a thread, or a socket that does its worst.
+//! The subject is the scripted vehicle in a thread, or a bare socket that answers nonsense, floods, or relays.
 
 use std::collections::BTreeSet;
 use std::net::{SocketAddr, UdpSocket};
@@ -23,7 +23,7 @@ use crate::wire::{Direction, split};
 /// Rules of the core: discovery, a request, an acknowledgement.
 const FEW: &[&str] = &["DISC-001", "AUTH-001", "ACK-001"];
 
-/// A subject in a thread; ends with this.
+/// A subject in a thread; the thread ends when this is dropped.
 struct Subject {
     address: SocketAddr,
     ends: Arc<AtomicBool>,
@@ -94,7 +94,7 @@ impl Drop for Subject {
     }
 }
 
-/// What came of a run.
+/// The result of a run.
 struct Outcome {
     rules: Vec<RuleReport>,
     remarks: String,
@@ -182,7 +182,7 @@ fn a_vehicle_of_edition_2_5_passes_and_its_faults_do_not() {
         let (verdict, reason) = outcome.verdict(id);
         assert_eq!(verdict, Verdict::Pass, "{id} {reason}");
     }
-    // What Edition 2.5 has no message for is not sent, and nothing is said to be passed by it.
+    // Edition 2.5 has no message for these rules, so nothing is sent for them, and they must not pass.
     let outcome = judge_in("2.5", lawful.address, &["ACK-001", "CURVE-005"], None);
     for id in ["ACK-001", "CURVE-005"] {
         assert_eq!(outcome.verdict(id).0, Verdict::NotApplicable, "{id}");
@@ -204,7 +204,7 @@ fn a_vehicle_of_edition_2_5_passes_and_its_faults_do_not() {
             "AUTH-001",
             Verdict::NotApplicable,
         ),
-        // A vehicle of Edition 4 is none of Edition 2.5.
+        // A vehicle of Edition 4 must not pass as one of Edition 2.5.
         (
             "[[event]]\nafter = \"control\"\naction = \"datagram\"\nlength = 40",
             "WRAP-002",
@@ -334,7 +334,7 @@ fn a_subject_that_restarts_is_judged_on() {
 
 #[test]
 fn another_cucs_that_takes_control_ends_the_run() {
-    // Control is gone for good a while after a command, without anybody of the suite having asked.
+    // Control is lost for good shortly after a command, though no station of the suite requested it.
     let subject =
         Subject::vehicle("[[event]]\nafter = \"command\"\nseconds = 0.12\naction = \"revoke\"\n");
     let outcome = judge(subject.address, &["ACK-002", "ACK-001", "SCALAR-007"], None);

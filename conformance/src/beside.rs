@@ -1,4 +1,4 @@
-//! A rule that mostly waits, played beside others: in a thread of its own, with ids of its own.
+//! A rule that mostly waits, played at the same time as others: in its own thread, with its own ids.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Verdict};
 use crate::wire::{Direction, Seen};
 
-/// The rule that waits longest, and rules that need no control and play one id: they run beside it.
+/// The rule that waits longest. Rules that need no control and play a single id run at the same time.
 pub(crate) const PATIENT: &str = "AUTH-004";
 pub(crate) const COMPANIONS: &[&str] = &[
     "ACK-005", "CONF-002", "CONF-003", "CONF-006", "CONF-007", "HB-001", "PV-005", "STAT-001",
@@ -59,7 +59,7 @@ pub(crate) fn begin(
 /// Messages of evidence.
 const MAX_EVIDENCE: usize = 40;
 
-/// What the scene cited, and the last messages of it that are no periodic status.
+/// What the scene cited, and its last messages that are not periodic status.
 pub(crate) fn evidence(
     bench: &Bench,
     trial: &Trial,
@@ -84,7 +84,7 @@ pub(crate) fn evidence(
         .collect();
     drop(recording);
     let mut chosen = trial.evidence(messages, wanted, |seen| seen.at);
-    // One message of Edition 2.5 may have several counterparts.
+    // One message of Edition 2.5 may have several counterparts: it is shown once.
     let shown = |seen: &Arc<Seen>| Arc::as_ptr(seen.original.as_ref().unwrap_or(seen));
     chosen.dedup_by(|a, b| shown(a) == shown(b));
     chosen.iter().map(|seen| seen.evidence()).collect()

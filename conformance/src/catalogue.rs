@@ -1,8 +1,8 @@
 //! The catalogue of rules: `rules.toml`, embedded in the program and versioned.
 //!
-//! A rule's id never changes; what a rule says is in its text, how it is judged in `rules/` (by a scene that the suite
-//! plays) and `passive/` (by looking at traffic). A rule of the catalogue without code is listed as such, with the
-//! reason, and never passes.
+//! A rule's id never changes. `rules.toml` states what each rule requires; how it is judged is code in `rules/` (a
+//! scene that the suite plays) and `passive/` (a function over recorded traffic). A rule of the catalogue without
+//! code is listed with the reason, and never passes.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ pub struct CatalogueOf<R> {
     /// Seconds for each timer, by name.
     #[serde(default)]
     pub timers: BTreeMap<String, f64>,
-    /// What the groups are about, by the first part of a rule's id.
+    /// The groups by name: the first part of a rule's id.
     #[serde(default)]
     pub groups: BTreeMap<String, Group>,
     /// The rules, in the order of their groups.
@@ -82,15 +82,15 @@ pub struct Rule {
     pub editions: Vec<String>,
     /// Whether breaking it is a fail.
     pub level: Level,
-    /// What has to be there.
+    /// What the subject must have for the rule to be judged.
     pub needs: Vec<String>,
     /// The rule itself.
     pub rule: String,
     /// Clause.
     pub source: String,
-    /// What kind of source: text, text-inferred, second-hand, contract.
+    /// Kind of source: text, text-inferred, second-hand, contract.
     pub basis: String,
-    /// Editions for which the clause itself was read.
+    /// Editions in which the clause itself was read.
     #[serde(default)]
     pub firm: Vec<String>,
     /// A, B or C.
@@ -99,9 +99,9 @@ pub struct Rule {
     pub observable: String,
     /// What goes wrong in the field.
     pub breaks: String,
-    /// active, passive, operator.
+    /// How it is judged: active, passive, operator.
     pub how: Vec<String>,
-    /// The set by which it runs.
+    /// The set of rules to which it belongs.
     pub profile: String,
     /// The worst that a faulty subject could do.
     pub hazard: Hazard,
@@ -173,10 +173,10 @@ impl<R: Listed> CatalogueOf<R> {
         R::TEXT
     }
 
-    /// Ids as the catalogue has them, whatever their case.
+    /// The rules with these ids, in any case of letters, spelled as in the catalogue.
     ///
     /// # Errors
-    /// There is no such rule; `program` lists all.
+    /// There is no such rule; the sentence names the command of `program` that lists all.
     pub fn ids(&self, given: &[String], program: &str) -> Result<Vec<String>, String> {
         let rules: Vec<String> = given.iter().map(|id| id.to_uppercase()).collect();
         match rules.iter().find(|id| self.find(id).is_none()) {
@@ -185,10 +185,10 @@ impl<R: Listed> CatalogueOf<R> {
         }
     }
 
-    /// The rule of this id, whatever its case.
+    /// The rule of this id, in any case of letters.
     ///
     /// # Errors
-    /// There is no such rule; `program` lists all.
+    /// There is no such rule; the sentence names the command of `program` that lists all.
     pub fn named(&self, id: &str, program: &str) -> Result<&R, String> {
         self.find(&id.to_uppercase())
             .ok_or_else(|| format!("no rule {id:?}; `{program} list` shows all"))
@@ -196,7 +196,7 @@ impl<R: Listed> CatalogueOf<R> {
 }
 
 impl Rule {
-    /// Whether a clause was read in another edition than the one judged.
+    /// Whether the clause was read only in another edition than the judged one.
     #[must_use]
     pub fn carried_over(&self, edition: &str) -> bool {
         !self.firm.iter().any(|firm| firm == edition)

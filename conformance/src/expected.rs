@@ -22,12 +22,12 @@ struct Entry {
     rule: String,
     verdict: Verdict,
     reason: String,
-    /// A part of what the rule finds: another finding is not expected.
+    /// Part of what the rule finds: another finding of the same rule is not expected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     finding: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ticket: Option<String>,
-    /// `2027-01-31`, after which it counts no more.
+    /// `2027-01-31`: after this date the entry no longer counts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     until: Option<String>,
 }
@@ -35,7 +35,7 @@ struct Entry {
 /// Reads the file.
 ///
 /// # Errors
-/// It cannot be read, is no such file, lacks a reason, or has an entry that is over; in a sentence.
+/// It cannot be read or parsed, an entry lacks its reason, or an entry's date has passed; in a sentence.
 pub fn read(path: &Path, today: &str) -> Result<Vec<Departure>, String> {
     let name = path.display();
     let text = std::fs::read_to_string(path)
@@ -87,8 +87,8 @@ pub fn from_run(report: &Report) -> String {
     toml::to_string_pretty(&File { expected }).unwrap_or_default()
 }
 
-/// What of a reason is the same in the next run: it ends before the first number. None where findings of several kinds have no
-/// such part in common.
+/// The part of a reason that the next run will repeat: everything before the first number. `None` where there are
+/// several kinds of findings without a common part.
 fn finding_of(reason: &str) -> Option<String> {
     let mut all = findings(reason);
     let first = all.next()?;
@@ -99,13 +99,13 @@ fn finding_of(reason: &str) -> Option<String> {
     (stable.len() >= 20 && all.next().is_none()).then(|| stable.to_owned())
 }
 
-/// Notes which departures occurred; those that did not are returned, because an entry that is not needed hides the next
+/// Marks which departures occurred and returns those that did not: an entry that is not needed would hide the next
 /// fault.
 pub fn compare(report: &mut Report) -> Vec<String> {
     for departure in &mut report.expected {
         departure.used = report.rules.iter().any(|rule| departure.covers(rule));
     }
-    // An entry about rules that this run was not asked to judge is not its matter.
+    // An entry about rules that this run did not judge cannot be called unused.
     let unused = report.expected.iter().filter(|departure| {
         !departure.used && (report.rules.iter()).any(|rule| matches(&departure.rule, &rule.id))
     });
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(run(KNOWN, finding), (vec![], 0));
         let (unused, unexpected) = run(OTHER, finding);
         assert_eq!((unused.len(), unexpected), (1, 1));
-        // Not hidden behind the one that is known either.
+        // The other finding is not hidden behind the known one either.
         assert_eq!(run(&also(KNOWN, OTHER), finding).1, 1);
         assert_eq!(run(OTHER, None), (vec![], 0));
     }

@@ -13,14 +13,14 @@ use crate::expected;
 use crate::report::{self, Departure, Report, RuleReport};
 use crate::verdict::Verdict;
 
-/// Files that a run writes; none where `None`.
+/// Files that a run writes; `None` means the file is not written.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Files<'a> {
     /// report.json alone.
     pub json: Option<&'a Path>,
     /// JUnit alone.
     pub junit: Option<&'a Path>,
-    /// report.html alone, brief.
+    /// report.html alone, in brief form.
     pub html: Option<&'a Path>,
     /// The fails of this run as expected departures.
     pub expected: Option<&'a Path>,
@@ -44,7 +44,7 @@ fn cannot_be_written(path: &Path, error: &std::io::Error) -> String {
 }
 
 impl Files<'_> {
-    /// Writes them.
+    /// Writes the files.
     ///
     /// # Errors
     /// A file cannot be written: its name and why.
@@ -121,7 +121,7 @@ impl Outputs {
         }
     }
 
-    /// Compares with what is expected, sums up and writes; the exit status.
+    /// Compares with the expected departures, prints the summary, writes the files; returns the exit status.
     ///
     /// # Errors
     /// A file cannot be written: its name and why.
@@ -146,8 +146,8 @@ impl Outputs {
     }
 }
 
-/// Compares with the expected departures, prints the summary; the exit status: 0 as expected, 1 an unexpected fail or an
-/// entry that is not needed, 3 nothing could be judged.
+/// Compares with the expected departures and prints the summary. Returns the exit status: 0 as expected, 1 an
+/// unexpected fail or an unused entry, 3 nothing could be judged.
 pub fn finish(report: &mut Report) -> u8 {
     let unused = expected::compare(report);
     summary(report);
@@ -161,7 +161,7 @@ pub fn finish(report: &mut Report) -> u8 {
     }
 }
 
-/// A program of the suite: its command line, what it does, its exit status.
+/// Runs a program of the suite: parses its command line, calls what it does, returns its exit status.
 pub fn program<C: clap::Parser>(
     name: &str,
     carry_out: impl FnOnce(C) -> Result<u8, String>,
@@ -195,11 +195,11 @@ pub fn print_rule(rule: &RuleReport, width: usize) {
     ));
 }
 
-/// Plays one rule many times and counts its verdicts; the exit status. A round returns the judged rule, and whether the operator
-/// has stopped the run.
+/// Plays one rule many times and counts its verdicts; returns the exit status. A round returns the judged rule, and
+/// whether the operator has stopped the run.
 ///
 /// # Errors
-/// That of a round.
+/// The error of a round.
 pub fn rounds(
     rule: &str,
     times: u32,
@@ -227,7 +227,7 @@ pub fn rounds(
     })
 }
 
-/// What was judged, in a few lines.
+/// Prints what was judged, in a few lines.
 pub fn summary(report: &Report) {
     for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
         print(&format!(
@@ -265,8 +265,8 @@ pub fn sha256(bytes: &[u8]) -> String {
     crate::wire::hex(&Sha256::digest(bytes))
 }
 
-/// Calls `stop` on Ctrl-C or SIGTERM: a CI that is out of time must not leave a subject changed. A second signal ends the
-/// program at once.
+/// Calls `stop` on Ctrl-C or SIGTERM: a CI job that runs out of time must not leave the subject changed. A second
+/// signal ends the program at once.
 pub fn on_interrupt(stop: impl FnOnce() + Send + 'static) {
     std::thread::spawn(move || {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread()
@@ -310,7 +310,7 @@ pub fn today() -> String {
 #[allow(clippy::print_stdout, reason = "the program's output")]
 pub fn print(line: &str) {
     use std::io::Write;
-    // A closed pipe (`| head`) is no reason to panic.
+    // A closed pipe (`| head`) is no reason to panic: the error is ignored.
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 

@@ -1,8 +1,8 @@
-//! What the subject claims: the profile, one TOML file, the counterpart of a PICS and PIXIT.
+//! What the subject claims: the profile, one TOML file, the counterpart of a PICS and PIXIT (ISO/IEC 9646).
 //!
 //! Everything has a default, so that a run without a profile judges what a discovery shows. What a profile does not
 //! claim is not applicable; what it claims and is missing is a fail. A profile never releases hazards on a real
-//! vehicle: it can only say that the vehicle is simulated.
+//! vehicle: it can only state that the vehicle is simulated.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -50,7 +50,7 @@ pub struct SubjectClaims {
     pub edition: String,
     /// Checksum style of what the suite sends, 0 to 3.
     pub checksum: u8,
-    /// Whether the subject may send without a checksum though it was sent one.
+    /// Whether the subject may send without a checksum even to a CUCS that sends one.
     pub unsummed: bool,
     /// Its VSM id, where it is known.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -84,7 +84,7 @@ impl Default for SubjectClaims {
 pub struct CucsClaims {
     /// `1b:00:00:a0`.
     pub id: String,
-    /// Levels that it may have; absent where a discovery is to show it.
+    /// Levels that it may have; absent where a discovery will show it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loi: Option<Vec<u8>>,
     /// Whether it may take control from another.
@@ -98,7 +98,7 @@ pub struct CucsClaims {
 pub struct VehicleClaims {
     /// `1b:00:01:01`.
     pub id: String,
-    /// Whether nothing real can move.
+    /// Whether the vehicle is simulated, so that nothing real can move.
     pub simulated: bool,
     /// Latitude and longitude in degrees of where it stands, to judge angles by.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -109,10 +109,10 @@ pub struct VehicleClaims {
     /// Height of the geoid above the ellipsoid there, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geoid_m: Option<f64>,
-    /// What its tail number is.
+    /// Its tail number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tail_number: Option<String>,
-    /// Payload stations, 1 to 32; absent where 21000 is to show them.
+    /// Payload stations, 1 to 32; absent where 21000 will show them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stations: Option<Vec<u8>>,
 }
@@ -206,14 +206,14 @@ pub enum ProfileError {
         /// Where and why.
         source: Box<toml::de::Error>,
     },
-    /// A value is none that can be used.
+    /// A value cannot be used.
     #[error("profile: {key} is {found:?}, expected {expected}")]
     Value {
         /// The key.
         key: String,
-        /// What it is.
+        /// Its value.
         found: String,
-        /// What it has to be.
+        /// What was expected.
         expected: String,
     },
 }
@@ -237,7 +237,7 @@ impl Profile {
         Ok(profile)
     }
 
-    /// Checks what the form cannot.
+    /// Checks what the types of the file cannot.
     ///
     /// # Errors
     /// The first value that cannot be used.
@@ -294,7 +294,7 @@ impl Profile {
         if self.subject.edition == "3" { 30 } else { 32 }
     }
 
-    /// Whether all vehicles are said to be simulated.
+    /// Whether the profile claims that all vehicles are simulated.
     #[must_use]
     pub fn simulated(&self) -> bool {
         !self.vehicle.is_empty() && self.vehicle.iter().all(|vehicle| vehicle.simulated)

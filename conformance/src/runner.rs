@@ -38,25 +38,25 @@ pub struct Options {
     pub repeat: bool,
     /// Rules whose fail is expected: once is enough.
     pub expected: BTreeSet<String>,
-    /// After this time no further rule is begun; what the rules may take together where it is left out.
+    /// No further rule is begun after this time; where absent, after what the rules may take together.
     pub within: Option<Duration>,
 }
 
-/// Share of lost round trips up to which a network is called whole.
+/// Share of lost round trips up to which the network counts as lossless.
 const WHOLE: f64 = 0.0;
-/// Share above which it is the subject that does not answer.
+/// Share of lost round trips from which the subject, not the network, is taken to be silent.
 const SILENT: f64 = 0.5;
-/// What a rule may take of the time of a run, times of flight apart. On a network that loses datagrams it is as much: there every
-/// answer is waited for longer, but nothing is repeated.
+/// What one rule may take of a run, times of flight apart. The same on a network that loses datagrams: there answers
+/// are waited for longer, but fails are not repeated.
 const RULE_TAKES: Duration = Duration::from_secs(4);
-/// How much more the rules may take on a network that loses nothing, where the computer may be slow.
+/// The budget is multiplied by this on a network that loses nothing, because the computer may be slow.
 const PATIENCE: u32 = 2;
-/// What single messages show, whatever else was lost.
+/// Groups whose fails a single message proves, whatever else was lost.
 const OF_ONE_MESSAGE: &[&str] = &["WRAP", "SCALAR", "PV"];
-/// What a rule of Edition 4 looked at in Edition 2.5 without finding a field for it.
+/// Introduces the fields that a rule read although Edition 2.5 has none for them.
 const UNSEEN: &str = "Edition 2.5 has no field for what this rule also looks at:";
 
-/// A run in progress: who watches it is shown each rule.
+/// A run in progress; `show` is called with each judged rule.
 pub struct Run<'a> {
     /// The bench.
     pub bench: Arc<Bench>,
@@ -64,16 +64,16 @@ pub struct Run<'a> {
     pub catalogue: &'a Catalogue,
     /// What is run.
     pub options: &'a Options,
-    /// Is shown each judged rule.
+    /// Called with each judged rule.
     pub show: &'a mut dyn FnMut(&RuleReport),
-    /// What the run as a whole has to say.
+    /// Remarks about the run as a whole.
     pub remarks: Vec<String>,
-    /// The ids that scenes play while another is played beside them; all where empty.
+    /// The ids that scenes may play while another scene runs beside them; all where empty.
     pub cast: BTreeSet<stanag_msgs::Id>,
 }
 
 impl Run<'_> {
-    /// Runs all rules that are asked for, in the order of their risk; returns them in the order of the catalogue.
+    /// Runs all requested rules in the order of their risk; returns them in the order of the catalogue.
     #[must_use]
     pub fn rules(&mut self) -> Vec<RuleReport> {
         let judged = self.play();
@@ -123,7 +123,7 @@ impl Run<'_> {
         self.bench
             .flight_released
             .store(released, std::sync::atomic::Ordering::SeqCst);
-        // Nothing else releases what may destroy a vehicle.
+        // Only the option for simulated vehicles releases what may destroy one.
         let simulated = self.options.hazards.contains(&Hazard::Destructive);
         self.bench
             .simulated
@@ -172,7 +172,7 @@ impl Run<'_> {
                 self.remarks.push(reason.clone());
                 return self.all(Verdict::Inconclusive, &reason);
             }
-            // What came is no answer that can be read: the judges of passive rules say why.
+            // What came is no readable answer: the judges of passive rules report why.
             self.remarks
                 .push("datagrams came, but none was an answer to a discovery".into());
             reports.extend(self.all(
@@ -189,7 +189,7 @@ impl Run<'_> {
         reports
     }
 
-    /// What the traffic as a whole shows of the subject.
+    /// Adds remarks about the traffic as a whole.
     fn remark_on_traffic(&mut self) {
         let recording = self.bench.net.recording();
         if recording.dropped > 0 {
@@ -261,9 +261,9 @@ impl Run<'_> {
         let mut reports = Vec::new();
         let mut flying = false;
         let within = self.options.within.unwrap_or_else(|| self.budget(&order));
-        // From here: an operator may have taken his time to release the vehicle.
+        // From here: an operator may have taken a while to release the vehicle.
         let begun = self.bench.net.now();
-        // What only waits does so beside rules that do not touch it; these come first then.
+        // A rule that mostly waits runs beside rules that do not disturb it; these come first then.
         let mut beside = self.begin_beside(&order);
         if beside.is_some() {
             order.sort_by_key(|(rule, _)| !COMPANIONS.contains(&rule.id.as_str()));
@@ -358,7 +358,7 @@ impl Run<'_> {
             .filter(|(rule, _)| self.barred(rule).is_none())
             .map(|(rule, _)| of(rule))
             .sum();
-        // The longest single ones of the rules, which a run of few may consist of.
+        // The longest rules alone take this long, and a run may consist of one of them.
         let least = Duration::from_secs(120);
         if self.loss() > WHOLE {
             all + least
@@ -371,8 +371,8 @@ impl Run<'_> {
         self.bench.survey.get().map_or(0.0, |survey| survey.loss)
     }
 
-    /// Begins the rule that waits longest in a thread of its own, with two ids that nothing else plays meanwhile. Not where no third
-    /// id is left for the rules beside it, nor where few rules are run.
+    /// Begins the rule that waits longest in its own thread, with two ids that no other scene plays meanwhile. Not
+    /// where no third id is left for the other rules, nor where few rules are run.
     fn begin_beside(&self, order: &[(&Rule, &rules::Scene)]) -> Option<Beside> {
         let (rule, scene) = order.iter().find(|(rule, _)| rule.id == PATIENT)?;
         let companions = order
@@ -393,7 +393,7 @@ impl Run<'_> {
         {
             return None;
         }
-        // The last two: the first is the one by which the run asks whether the subject lives.
+        // The last two: the run checks with the first id whether the subject lives.
         let (others, cast) = all.split_at(all.len() - 2);
         let cast: BTreeSet<stanag_msgs::Id> = cast.iter().copied().collect();
         let (id, others) = (rule.id.clone(), others.iter().copied().collect());
@@ -405,7 +405,8 @@ impl Run<'_> {
         })
     }
 
-    /// The report of a rule that was played beside others, where it passed. Anything else is for it alone to show.
+    /// The report of the rule that was played beside others, where it passed. Any other verdict may be caused by the
+    /// others, so the rule is played again alone.
     fn end_beside(&self, beside: Beside) -> Option<RuleReport> {
         let waited = beside.thread.join().ok().filter(|waited| waited.passed)?;
         let rule = self.catalogue.find(&beside.rule)?;
@@ -417,10 +418,11 @@ impl Run<'_> {
         Some(report)
     }
 
-    /// Whether another CUCS has come to hold LOI 4: the run must not continue beside it.
+    /// Whether another CUCS has taken LOI 4 by now: the run must not continue beside it.
     ///
-    /// Message 2 says whom it is for, not who holds control; so it is another where control was taken away unasked, and all
-    /// ids of the suite are denied it though none of them holds anything.
+    /// Message 2 names the CUCS that it is for, not the one in control. So another CUCS is in control where a
+    /// station's control ended without a request, and all ids of the suite are denied LOI 4 though none of them holds
+    /// it.
     fn taken_over(&mut self, rule: &Rule, report: &mut RuleReport) -> Option<String> {
         let survey = self.bench.survey.get()?;
         if self.bench.net.interrupted() || survey.with(loi::LOI4).is_empty() || !self.lost_unasked()
@@ -448,7 +450,8 @@ impl Run<'_> {
         Some(cause)
     }
 
-    /// Whether message 2 ever took LOI 4 from a station of the suite when none had sent anything about rights just before.
+    /// Whether message 2 took LOI 4 from a station of the suite when no station had sent anything about rights just
+    /// before.
     fn lost_unasked(&self) -> bool {
         let recording = self.bench.net.recording();
         let settled = self.bench.timers.answer / 2;
@@ -475,7 +478,7 @@ impl Run<'_> {
         false
     }
 
-    /// Whether the profile's command brought the subject back.
+    /// Restarts the subject by the profile's command; whether it answers again.
     fn revived(&self) -> bool {
         let Some(command) = &self.bench.profile.means.restart else {
             return false;
@@ -490,7 +493,7 @@ impl Run<'_> {
         let first = self.attempt(scene, report);
         let mut attempts = Vec::new();
         let mut judgement = repeated(first, &mut attempts, || {
-            // On a network that loses datagrams a fail says nothing, and twice is not more.
+            // On a network that loses datagrams a fail proves nothing, and repeating it does not change that.
             let possible = self.options.repeat
                 && self.loss() <= WHOLE
                 && !self.options.expected.contains(&rule.id)
@@ -508,7 +511,7 @@ impl Run<'_> {
         report.datagrams = Some((mark, self.bench.net.mark()));
     }
 
-    /// A fail on a network that loses datagrams, or in a flood that is not looked at as a whole, says nothing.
+    /// Makes a fail inconclusive on a network that loses datagrams, or in a flood that is not read as a whole.
     fn excused(&self, judgement: Judgement, dropped: usize) -> Judgement {
         if self.bench.net.dropped() > dropped {
             return Judgement::new(
@@ -538,7 +541,7 @@ impl Run<'_> {
         let _ = (self.bench.net.take_missing(), dialect::take_unplaced());
         let mut judgement = trial.judge(|| played(&trial, scene));
         let (missing, unplaced) = (self.bench.net.take_missing(), dialect::take_unplaced());
-        // What was not sent proves nothing either way.
+        // A rule whose messages Edition 2.5 does not have was not played: it is not applicable.
         if !missing.is_empty() && judgement.verdict != Verdict::NotApplicable {
             let reason = format!("Edition 2.5 has no {}", missing.join(", no "));
             judgement = Judgement::new(Verdict::NotApplicable, reason);
@@ -555,7 +558,8 @@ impl Run<'_> {
             report
                 .notes
                 .push(format!("clean-up: {}", stop.judgement().reason));
-            // Not to have answered is no pass for a subject that has stopped answering.
+            // Silence may pass a rule about what must not be answered; it does not where the subject has stopped
+            // answering at all.
             let passed = matches!(judgement.verdict, Verdict::Pass | Verdict::Warning);
             if passed && !self.bench.net.interrupted() && !alive(&self.bench) {
                 judgement = Judgement::new(
@@ -643,7 +647,7 @@ impl Run<'_> {
         let _ = trial.clean_up();
     }
 
-    /// Leaves the subject as it was found: no plan of the suite, nobody in control.
+    /// Leaves the subject as it was found: without a plan of the suite, and with nobody in control.
     fn finish(&self) {
         let trial = Trial::new(&self.bench);
         let _ = catch_unwind(AssertUnwindSafe(|| -> Judged {
@@ -659,7 +663,7 @@ impl Run<'_> {
             }
             Ok(())
         }));
-        // An interrupted run waits for nothing, but it releases.
+        // An interrupted run waits for nothing more, but it releases control.
         if let Some(survey) = self.bench.survey.get() {
             for cucs in &survey.cucs {
                 if let Ok(station) = trial.station(cucs.id) {
@@ -692,7 +696,7 @@ impl Run<'_> {
             if !rule.editions.contains(&edition) || !claimed(rule, &self.bench.profile) {
                 continue;
             }
-            // What is a defect of the suite must not cost the report of a whole run.
+            // A panic in a judge is a defect of the suite, and must not cost the report of the whole run.
             let judged = catch_unwind(AssertUnwindSafe(|| applied.judge(&view)));
             let (mut judgement, evidence) = judged.unwrap_or_else(|_| {
                 let reason = "a defect of the suite, not of the subject: its judge panicked";
@@ -717,7 +721,7 @@ impl Run<'_> {
                 });
             let report = &mut reports[index];
             let not_seen = judgement.verdict == Verdict::Inconclusive;
-            // Not seen in the traffic says nothing against what a scene has shown; two judges of one rule add up.
+            // "Not seen" in the traffic does not weaken what a scene has shown; two judges of one rule add up.
             if not_seen && report.verdict != Verdict::Skipped {
                 continue;
             }
@@ -728,7 +732,7 @@ impl Run<'_> {
             let after = if unjudged {
                 judgement.clone()
             } else if before.verdict.is_fail() && judgement.verdict.is_fail() {
-                // Neither hides the other: only one of them may be expected.
+                // Both findings are kept, since only one of them may be expected.
                 Judgement::new(before.verdict, also(&before.reason, &judgement.reason))
             } else {
                 before.clone().and(judgement.clone())
@@ -741,7 +745,7 @@ impl Run<'_> {
     }
 }
 
-/// Whether the profile claims the set of a rule.
+/// Whether the profile claims the set of this rule.
 fn claimed(rule: &Rule, profile: &crate::profile::Profile) -> bool {
     if rule.profile == "project" || rule.basis == "contract" {
         return profile.subject.project;
@@ -758,7 +762,7 @@ fn loi_bit(need: &str) -> i64 {
     }
 }
 
-/// Whether its scene leaves the vehicle in the air: where the rule is about flying, or judged in flight as well.
+/// Whether its scene leaves the vehicle in the air: the rule is about flying, or is judged in flight as well.
 fn flies(rule: &Rule) -> bool {
     rule.hazard == Hazard::Flight
         || rule.needs.iter().any(|need| need == "airborne")
@@ -793,9 +797,10 @@ fn rank(rule: &Rule) -> (u8, String) {
     };
     let airborne = flies(rule);
     let rank = match rule.hazard {
-        // A station that has sent heartbeats is watched for its silence from then on, in all that follows.
+        // Once a station has sent heartbeats its silence counts as a loss of control, so these rules come after all
+        // others but one.
         _ if ["HB-001", "HB-002", "HB-003", "HB-004", "LINK-005"].contains(&rule.id.as_str()) => 23,
-        // What may kill a subject goes last.
+        // What may stop a subject comes last.
         _ if ["ROBUST-002", "ROBUST-004", "ROBUST-005", "LOAD-003"].contains(&rule.id.as_str()) => {
             20
         }
@@ -813,7 +818,8 @@ fn rank(rule: &Rule) -> (u8, String) {
     (rank, rule.id.clone())
 }
 
-/// The scene, and what else is looked at once it has passed. What the subject lacks of that was no part of the scene: a note.
+/// Plays the scene, then the second looks once it has passed. What the subject lacks of a second look is not part of
+/// the rule: it becomes a note.
 fn played(t: &Trial, scene: &rules::Scene) -> Judged {
     (scene.play)(t)?;
     let further = rules::further(scene.rule).filter(|_| !t.of_edition_25());
@@ -867,7 +873,7 @@ fn tour(t: &Trial) -> Judged {
             .flight_released
             .load(std::sync::atomic::Ordering::SeqCst)
         {
-            // Refused by most vehicles, with an alert.
+            // Most vehicles refuse these modes, with an alert.
             station.send(flight::mode_command(17).acked());
             station.send(flight::mode_command(22).acked());
         }

@@ -1,13 +1,13 @@
 //! Verdicts, and which of two counts.
 //!
-//! A fail beats inconclusive beats warning beats pass, and the first reason is kept, as TTCN-3 has it. A rule's scene
-//! ends early by a [`Stop`], which `?` carries out of it.
+//! A fail beats inconclusive beats warning beats pass, and the first reason is kept, as in TTCN-3. A scene ends early
+//! with a [`Stop`], which `?` returns from it.
 
 use serde::{Deserialize, Serialize};
 
 use crate::catalogue::Level;
 
-/// What a rule's judgement comes to.
+/// The result of judging a rule.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -60,7 +60,7 @@ impl Verdict {
         matches!(self, Self::Fail | Self::Flaky)
     }
 
-    /// Larger beats smaller where two judgements of one rule meet.
+    /// The larger weight counts where two judgements of one rule meet.
     fn weight(self) -> u8 {
         match self {
             Self::Skipped => 0,
@@ -74,7 +74,7 @@ impl Verdict {
     }
 }
 
-/// Between the findings of one rule in its reason, where they are of several kinds.
+/// Separates the findings of a rule in its reason, where they are of several kinds.
 const ALSO: &str = "; also: ";
 
 /// The findings of a reason, the first one first.
@@ -82,7 +82,7 @@ pub fn findings(reason: &str) -> impl Iterator<Item = &str> {
     reason.split(ALSO)
 }
 
-/// A reason with one finding more.
+/// A reason with one more finding.
 #[must_use]
 pub fn also(reason: &str, other: &str) -> String {
     format!("{reason}{ALSO}{other}")
@@ -98,7 +98,8 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// A judgement. Rules write a field that may be absent by `{:?}`: the reason shows the value alone, or "absent".
+    /// A judgement. Rules write a field that may be absent with `{:?}`: the reason shows the value alone, or
+    /// "absent".
     pub fn new(verdict: Verdict, reason: impl Into<String>) -> Self {
         Self {
             verdict,
@@ -112,10 +113,10 @@ impl Judgement {
         Self::new(Verdict::Pass, "")
     }
 
-    /// The one of the two that counts; where they weigh the same, the first.
+    /// The judgement of the two that counts; where they weigh the same, the first.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
-        // What did not occur in the traffic says nothing against what the scene has shown, and the reverse.
+        // "Not seen" in the traffic does not weaken what the scene has shown, nor the reverse.
         if other.verdict.weight() > self.verdict.weight() {
             other
         } else {
@@ -123,7 +124,7 @@ impl Judgement {
         }
     }
 
-    /// A fail as the rule's level has it: a broken "should" is a warning unless `strict`, a "may" is never judged.
+    /// The verdict at the rule's level: a broken "should" is a warning unless `strict`, a "may" is never judged.
     #[must_use]
     pub fn at_level(self, level: Level, strict: bool) -> Self {
         let verdict = match (self.verdict, level) {
@@ -135,14 +136,14 @@ impl Judgement {
     }
 }
 
-/// `Some(40)` as `40`, `None` as `absent`, in a sentence for people who do not write Rust.
+/// Writes `Some(40)` as `40` and `None` as `absent`, for readers who do not write Rust.
 fn without_options(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
-    // Which open parentheses are those of a `Some`.
+    // For each open parenthesis, whether it belongs to a `Some`.
     let mut open = Vec::new();
     let mut rest = text;
     while let Some(next) = rest.chars().next() {
-        // Only where a word begins: a subject's own text may have it in the middle of one.
+        // Only at the start of a word: a subject's own text may contain it within one.
         let begins = !plain.ends_with(|before: char| before.is_alphanumeric());
         if let Some(behind) = rest.strip_prefix("Some(").filter(|_| begins) {
             open.push(true);
@@ -173,7 +174,7 @@ fn without_options(text: &str) -> String {
     plain
 }
 
-/// Why a scene ends before its end.
+/// Why a scene ends early.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stop {
     /// The rule is broken.
@@ -205,7 +206,7 @@ impl Stop {
         Self::NotApplicable(reason.into())
     }
 
-    /// The verdict that it means.
+    /// The verdict that it results in.
     #[must_use]
     pub fn judgement(self) -> Judgement {
         match self {
@@ -217,12 +218,12 @@ impl Stop {
     }
 }
 
-/// Makes an unmet precondition of what would be a fail elsewhere.
+/// Turns the fail of a precondition into "inconclusive".
 pub trait Precondition<T> {
-    /// The same, but a fail becomes inconclusive with this introduction.
+    /// The same result, but a fail becomes inconclusive, introduced by `what`.
     ///
     /// # Errors
-    /// As before, with a fail made inconclusive.
+    /// The error of the result, with a fail made inconclusive.
     fn precondition(self, what: &str) -> Judged<T>;
 }
 

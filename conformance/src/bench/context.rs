@@ -1,4 +1,4 @@
-//! What outlives a scene: the subject's address and profile, the suite's times, the survey, and the network.
+//! What outlives a scene: the subject's address and profile, the suite's timers, the survey, and the network.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -13,29 +13,31 @@ use crate::profile::Profile;
 use crate::verdict::{Judged, Stop};
 use crate::wire::dialect::{Role, marker};
 
-/// The suite's times, scaled.
+/// The suite's timers, already scaled. The standard sets no latency between VSM and CUCS, so all of them are the
+/// suite's own.
 #[derive(Clone, Copy, Debug)]
 pub struct Timers {
-    /// An answer to a request.
+    /// How long an answer to a request may take.
     pub answer: Duration,
-    /// An acknowledgement.
+    /// How long an acknowledgement may take.
     pub ack: Duration,
-    /// How long nothing may come.
+    /// How long to watch before "nothing came" is judged.
     pub quiet: Duration,
     /// Window over which rates are measured.
     pub status: Duration,
-    /// The vehicle begins to obey.
+    /// How long the vehicle may take to begin what it was commanded.
     pub begin: Duration,
-    /// The vehicle arrives.
+    /// How long the vehicle may take to arrive.
     pub flight: Duration,
-    /// A mission transfer.
+    /// How long a mission transfer may take.
     pub load: Duration,
-    /// A full configuration.
+    /// How long a full configuration may take.
     pub config: Duration,
 }
 
 impl Timers {
-    /// Those of the catalogue, changed by the profile, times its factor; flight times also by the speed of the simulation.
+    /// The timers of the catalogue, replaced by those of the profile, multiplied by its factor; flight times are also
+    /// divided by the speed of the simulation.
     #[must_use]
     pub fn new(catalogue: &Catalogue, profile: &Profile) -> Self {
         let factor = profile.timers.get("factor").copied().unwrap_or(1.0);
@@ -107,18 +109,20 @@ impl Bench {
         })
     }
 
-    /// A loiter radius that was not used shortly before: 90 to 240 m, a multiple of the wire's step. In Edition 2.5 one of
-    /// those that stand for a mode preference ([`marker`]).
+    /// A loiter radius, in metres, that was not used shortly before: 90 to 240 m, a multiple of the wire's step. In
+    /// Edition 2.5 it is one of those that stand for a mode preference ([`marker`]).
     pub fn fresh_radius(&self) -> f64 {
         let number = self.radius.fetch_add(1, Ordering::SeqCst);
         if self.net.dialect().is_some() {
-            // The first is what a subject begins with.
+            // Number 0 is skipped: it stands for the preference that a subject starts with, so setting it would show
+            // nothing.
             return self.radius(1 + number * 7 % (marker::COUNT - 1));
         }
         self.radius(number * 7)
     }
 
-    /// One of the loiter radii by which the suite sees whose commands are obeyed, in metres; numbers beyond begin again.
+    /// The loiter radius with this number, in metres: a harmless setting by which the suite sees whose commands are
+    /// obeyed. Numbers beyond the last start over.
     #[must_use]
     pub fn radius(&self, number: u32) -> f64 {
         if self.net.dialect().is_some() {
@@ -127,10 +131,10 @@ impl Bench {
         90.0 + 1.5 * f64::from(number % 100)
     }
 
-    /// The survey, where one was made.
+    /// The survey.
     ///
     /// # Errors
-    /// None was made: nothing answered.
+    /// Inconclusive where there is none, because nothing answered.
     pub fn surveyed(&self) -> Judged<&Survey> {
         self.survey
             .get()

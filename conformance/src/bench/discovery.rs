@@ -1,7 +1,7 @@
-//! Asking the subject what it is: the survey at the beginning of a run, and whether it is alive.
+//! Discovery of the subject: the survey at the beginning of a run, and whether the subject is still alive.
 //!
-//! Ids that the profile does not name are the ones of this project's examples: a subject that knows none of them is sent
-//! apart from a silent one by the report.
+//! Where the profile names no ids, the ids of this project's examples are tried. A subject that answers but knows
+//! none of them is reported as such, and not as a subject that does not answer.
 
 use std::sync::Arc;
 
@@ -57,7 +57,8 @@ pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
     }
     let mut silent = 0;
     for mut candidate in candidates {
-        // A subject that answers nobody is not waited for again and again.
+        // After two ids without any answer the others are not tried: a dead subject would cost the full timeout for
+        // each.
         if silent >= 2 && !survey.answered {
             break;
         }
@@ -65,8 +66,8 @@ pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
         let mut answers = station.discover()?;
         survey.broadcast |= !answers.is_empty();
         if answers.is_empty() && !survey.vehicles.is_empty() && !survey.broadcast {
-            // A subject that does not answer broadcasts may still be judged by its other rules. One that answers those of
-            // another id does not know this one.
+            // Without answers to broadcasts other rules can still be judged. A subject that answered another id's
+            // broadcast is different: it does not know this id.
             let directed = Station::new(bench, candidate.id, survey.vehicles[0].id)?;
             answers.extend(directed.request(0, Access::Release).ok());
         }
@@ -79,7 +80,7 @@ pub fn survey(bench: &Arc<Bench>) -> Judged<Survey> {
                 bench.vsm.get_or_init(|| Id(vsm as u32));
             }
         }
-        // An id that the profile names is one that the subject knows, whatever it offers it.
+        // An id that the profile names is known to the subject, whatever levels the answer offers.
         let named = !claims.is_empty() && candidate.claimed != Some(0) && !answers.is_empty();
         if candidate.authorised != 0
             || candidate.claimed.is_some_and(|claimed| claimed != 0)
@@ -116,7 +117,8 @@ fn add_vehicle(survey: &mut Survey, answer: &Seen) {
 }
 
 fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
-    // The same CUCS that scenes call A: its rights come back to it whatever the subject does with a release.
+    // The same CUCS that scenes call A, so that rights which the subject fails to release stay with a station that
+    // may use them.
     let first = survey
         .with(loi::LOI4)
         .first()
@@ -132,7 +134,7 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
         let answer = station.request(loi::LOI2 | loi::LOI4, Access::Request);
         if let Ok(answer) = answer {
             let granted = answer.raw("LOI Granted").unwrap_or_default();
-            // Any number may monitor: where not even LOI 2 is granted, it is not that another holds LOI 4.
+            // Any number of CUCSs may monitor: a denial of LOI 2 too does not show that another CUCS holds LOI 4.
             let released = bench
                 .flight_released
                 .load(std::sync::atomic::Ordering::SeqCst);
@@ -176,8 +178,8 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
     Ok(())
 }
 
-/// The share of 50 round trips that bring no answer. One that is lost shows the network's loss, since the subject answered
-/// the others.
+/// The share, 0 to 1, of 50 round trips without an answer. The subject answers the others, so what is missing is the
+/// network's loss.
 fn round_trip_loss(station: &Station) -> Judged<f64> {
     const TRIPS: usize = 50;
     let bench = station.bench().clone();
@@ -191,7 +193,7 @@ fn round_trip_loss(station: &Station) -> Judged<f64> {
     let answers = station.received(mark, |seen| {
         seen.kind() == 2 && seen.piece.source == vehicle
     });
-    // Twice, or late: then the last of several answers counts, since the first may be that to an earlier request.
+    // A subject may answer twice, or late: the last answer counts, since the first may belong to an earlier request.
     let last_sent = bench.net.recording().datagrams[mark..]
         .iter()
         .rev()

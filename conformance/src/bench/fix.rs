@@ -1,10 +1,10 @@
-//! A position as 4000 reports it, and distances on the ground.
+//! A position and motion as 4000 reports it, and distances on the ground.
 
 use std::time::Duration;
 
 use crate::wire::Seen;
 
-/// Metres for each radian of latitude.
+/// Metres for each radian of latitude, on a sphere: exact enough for the few hundred metres that a rule flies.
 pub const EARTH_M: f64 = 6_371_000.0;
 
 /// Position and motion of one 4000.
@@ -12,11 +12,11 @@ pub const EARTH_M: f64 = 6_371_000.0;
 pub struct Fix {
     /// Time of the run.
     pub at: Duration,
-    /// Radians.
+    /// Radians, north positive.
     pub latitude: f64,
-    /// Radians.
+    /// Radians, east positive.
     pub longitude: f64,
-    /// Metres by the type.
+    /// Metres, in the datum that `altitude_type` names.
     pub altitude: f64,
     /// Altitude Type.
     pub altitude_type: i64,
@@ -61,7 +61,7 @@ impl Fix {
         north.hypot(east)
     }
 
-    /// Latitude and longitude of the place so many metres north and east.
+    /// Latitude and longitude, in radians, of the place this many metres north and east.
     #[must_use]
     pub fn offset(&self, north: f64, east: f64) -> (f64, f64) {
         (
@@ -71,7 +71,7 @@ impl Fix {
     }
 }
 
-/// An angle between -pi and pi.
+/// An angle in radians, wrapped to -pi to pi.
 #[must_use]
 pub fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};

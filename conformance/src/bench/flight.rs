@@ -1,7 +1,7 @@
 //! What several scenes begin with: where the vehicle is, a plan and its transfer, a launch and a landing.
 //!
-//! Plans are laid out around the place where the vehicle was first seen, in the altitude type that it reports, so that a
-//! plan is flyable wherever the vehicle stands.
+//! Plans are laid out around the place where the vehicle was first seen, in the altitude type that it reports. So a
+//! plan can be flown wherever the vehicle is, and whichever datum the subject uses.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,11 +19,11 @@ pub mod mode {
     pub const WAYPOINT: i64 = 11;
     /// Loiters.
     pub const LOITER: i64 = 12;
-    /// Steering.
+    /// Flies by commanded values (steering).
     pub const AUTOPILOT: i64 = 15;
     /// Lands.
     pub const LAND: i64 = 19;
-    /// Breaks a landing off.
+    /// Breaks off a landing.
     pub const WAVE_OFF: i64 = 20;
     /// Launches.
     pub const LAUNCH: i64 = 21;
@@ -81,7 +81,7 @@ pub fn to_number(station: &Station) -> Judged<Option<i64>> {
     Ok(station.query(4001)?.raw("To Waypoint Number"))
 }
 
-/// Puts the waypoints of a plan this far apart, in flight's altitude.
+/// Moves the waypoints of a plan to this spacing in metres, at flight altitude.
 pub fn stretch(home: &Fix, plan: &mut Plan, spacing: f64) {
     let mut index = 0.0;
     for point in plan
@@ -136,7 +136,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Waypoints with these numbers on a zigzag north of home, 60 m apart, 50 m above it.
+    /// Waypoints with these numbers on a zigzag north of home, 60 m apart, 50 m above home.
     #[must_use]
     pub fn zigzag(home: &Fix, mission: &str, numbers: &[i64]) -> Self {
         let points = numbers
@@ -204,8 +204,8 @@ pub fn transfer(mode: i64, mission: &str) -> Draft {
         .raw("Mission Plan Mode", mode)
 }
 
-/// Sends a message so that it arrives on a network that loses some: with the acknowledgement bit, repeated as it is until
-/// something acknowledges it, at most three times.
+/// Sends a message over a network that may lose it: with the acknowledgement bit, the same bytes up to three times,
+/// until something acknowledges it.
 pub fn deliver(station: &Station, draft: Draft) {
     let lossless = station
         .bench()
@@ -267,7 +267,7 @@ pub fn run_transfer(
                 matches!(seen.kind(), 14000 | 13001 | 13002)
             })
             .is_empty();
-        // Nothing at all within the answer time: the command may have been lost.
+        // Nothing at all within the answer time: the command may have been lost, so it is sent again.
         if end.is_none() && !begun && repeated < 2 {
             repeated += 1;
             station.send_bytes(&sent.bytes);
@@ -279,7 +279,7 @@ pub fn run_transfer(
             break;
         }
     }
-    // The last waypoints may be right behind the end.
+    // The last waypoints may arrive just after the end of the transfer.
     t.pause(Duration::from_millis(50))?;
     let reports = station.received(sent.mark, |seen| seen.kind() == 14000);
     for report in &reports {
@@ -329,7 +329,7 @@ pub fn loaded(t: &Trial, station: &Station, plan: &Plan) -> Judged {
     }
 }
 
-/// Downloads the plan aboard.
+/// Downloads the loaded plan.
 ///
 /// # Errors
 /// The operator stopped the run.
@@ -337,7 +337,7 @@ pub fn download(t: &Trial, station: &Station, mission: &str) -> Judged<Transfer>
     run_transfer(t, station, transfer(3, mission), t.timers().load)
 }
 
-/// How the downloaded messages differ from a plan: the first difference in words.
+/// How the downloaded messages differ from a plan: the first difference, in words.
 #[must_use]
 pub fn difference(plan: &Plan, found: &Transfer, bench: &super::context::Bench) -> Option<String> {
     for sent in &plan.points {
@@ -403,10 +403,10 @@ pub fn field(draft: &Draft, name: &str) -> Option<i64> {
     seen.raw(name)
 }
 
-/// Polls positions until one is accepted.
+/// Polls positions until one is accepted; `None` where none is accepted in time.
 ///
 /// # Errors
-/// A fail where no position comes; none where none is accepted in time.
+/// A fail where no position comes.
 pub fn fly_until(
     t: &Trial,
     station: &Station,
@@ -425,8 +425,8 @@ pub fn fly_until(
 
 /// Commands a launch to 50 m above home, and waits until the vehicle is nearly there.
 ///
-/// It ends early where the launch is refused: many vehicles stop their motors by themselves some seconds after a landing, so that
-/// one commanded in between finds them stopped. That is lawful, and the next try finds a vehicle on the ground.
+/// Ends early where the launch is refused: many vehicles stop their motors some seconds after a landing, and refuse a
+/// launch while they do. That is lawful; the next try finds a vehicle on the ground.
 fn launched(t: &Trial, station: &Player, home: &Fix) -> Judged<bool> {
     let command = station.send(
         mode_command(mode::LAUNCH)
@@ -461,7 +461,8 @@ pub fn airborne(t: &Trial) -> Judged<Player> {
                 "precondition \"in flight\" is not met: the vehicle did not climb after 2016 mode 21",
             ));
         }
-        // A climb that does not end where it was commanded ends by the next mode, or not at all.
+        // The commanded altitude must end the climb by itself, before the next mode does; a vehicle that ignores it
+        // climbs past 75 m.
         let ends = fly_until(t, &a, t.timers().begin, |fix| {
             fix.down > -0.3 || fix.altitude > home.altitude + 75.0
         })
@@ -479,7 +480,8 @@ pub fn airborne(t: &Trial) -> Judged<Player> {
             "precondition \"in flight, mode 12\" is not met: 3001 does not show mode 12",
         ));
     }
-    // The rule before may have left it sinking. What a VSM makes of a mission that begins so is no part of a rule.
+    // The rule before may have left it sinking. How a VSM handles a mission that begins in a descent is not part of
+    // any rule.
     fly_until(t, &a, t.timers().begin, |fix| fix.down.abs() < 0.5)?;
     Ok(a)
 }
@@ -501,7 +503,7 @@ pub fn hold(t: &Trial, station: &Station) -> Judged<bool> {
     Ok(false)
 }
 
-/// Lands the vehicle; whether it is down.
+/// Lands the vehicle; true once it is on the ground.
 ///
 /// # Errors
 /// The rights cannot be had, or no position comes.
@@ -515,7 +517,7 @@ pub fn land(t: &Trial) -> Judged<bool> {
     let down = fly_until(t, &a, t.timers().flight, |fix| {
         fix.altitude < home.altitude + 2.0
     })?;
-    // Disarming takes a moment after the touch.
+    // Disarming follows touchdown by a moment.
     t.pause(
         Duration::from_secs_f64(3.0 / t.bench.profile.figures.speed_factor.max(1.0))
             .max(Duration::from_millis(500)),

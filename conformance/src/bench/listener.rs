@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// A socket that hands on what it receives; closed when dropped.
+/// A socket that passes on what it receives; closed when dropped.
 #[derive(Debug)]
 pub struct Listener {
     socket: Arc<UdpSocket>,
@@ -32,8 +32,8 @@ pub fn towards(remote: SocketAddr) -> io::Result<UdpSocket> {
 }
 
 impl Listener {
-    /// Receives in a thread of its own. `take` is given the socket to answer by, the sender, and the datagram. The socket is free
-    /// again within `notice` of the drop.
+    /// Receives in a thread of its own. `take` is given the socket to answer by, the sender, and the datagram. After
+    /// the drop the port is free within `notice`.
     ///
     /// # Errors
     /// The socket has no address, or takes no time-out.
@@ -47,11 +47,12 @@ impl Listener {
         let socket = Arc::new(socket);
         let closing = Arc::new(AtomicBool::new(false));
         let (of_thread, closes) = (socket.clone(), closing.clone());
-        // Not joined: the thread ends within its time-out, and nothing waits for it.
+        // Not joined: the thread ends within its read timeout, and a join would make every drop wait for it.
         std::thread::spawn(move || {
             let mut buffer = vec![0; 65_536];
             while !closes.load(Ordering::SeqCst) {
-                // A refused datagram (ICMP) is an error of the next call: the subject may come back.
+                // A refused datagram (ICMP) is reported as an error of the next receive: the loop continues, since
+                // the subject may come back.
                 if let Ok((length, from)) = of_thread.recv_from(&mut buffer) {
                     take(&of_thread, from, &buffer[..length]);
                 }
@@ -64,7 +65,7 @@ impl Listener {
         })
     }
 
-    /// Sends a datagram. That the network refuses it (no listener, too long) is for the missing answer to show.
+    /// Sends a datagram. An error (no listener, too long) is ignored: the rule sees that no answer comes.
     pub fn send(&self, bytes: &[u8], to: SocketAddr) {
         let _ = self.socket.send_to(bytes, to);
     }

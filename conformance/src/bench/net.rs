@@ -1,7 +1,7 @@
 //! Sockets, the clock of the run, and the recording of every datagram.
 //!
-//! Each socket has a thread that receives and records; a scene waits on the recording. What a scene has not asked for is
-//! recorded as well: the judges of passive rules look at everything.
+//! Each socket has a thread that receives and records; a scene waits on the recording. Everything is recorded, also
+//! what no scene waits for, because the judges of passive rules read all of it.
 
 use std::io;
 use std::net::SocketAddr;
@@ -17,11 +17,12 @@ use crate::wire::{self, Direction, Seen};
 
 /// Seconds from 1970 to 2000.
 const EPOCH_2000_S: u64 = 946_684_800;
-/// A socket that is dropped is free again within this time.
+/// How long after a drop the port may still be in use.
 const NOTICE: Duration = Duration::from_millis(100);
-/// Datagrams a second that are looked at. What a subject may answer to the floods of the suite's own rules is below it.
+/// Received datagrams a second that are parsed: above anything that a lawful subject answers to the suite's own
+/// floods.
 const MAX_RECEIVED_PER_S: usize = 10_000;
-/// How far stamps may be ahead of the clock, ms: far less than any VSM allows.
+/// How far stamps may be ahead of the clock, ms: far less than the future that any VSM tolerates.
 const MAX_AHEAD_MS: u64 = 100;
 
 /// A datagram of the run.
@@ -103,14 +104,15 @@ pub struct Recording {
     /// In the order of time.
     pub datagrams: Vec<Datagram>,
     bytes: usize,
-    /// Datagrams that were not looked at: of a flood, or because there was no room.
+    /// Datagrams that were not parsed: those of a flood, or after the recording was full.
     pub dropped: usize,
-    /// The second of the run, and how many were received in it.
+    /// The current second of the run, and how many datagrams were received in it.
     second: (u64, usize),
 }
 
 impl Recording {
-    /// Whether one datagram more is looked at.
+    /// Whether one more datagram is parsed. What the suite sends has twice the room, so that a flood of the subject
+    /// cannot push it out.
     fn has_room(&mut self, direction: Direction, at: Duration) -> bool {
         if direction == Direction::Received {
             if self.second.0 != at.as_secs() {
@@ -148,7 +150,7 @@ impl Net {
     pub fn new(edition: &str, role: Role) -> Arc<Self> {
         Arc::new(Self {
             dialect: (edition == "2.5").then_some(role),
-            // An instance is not used again, also not by the next run.
+            // Starts at the clock, so that neither this run nor the next uses an instance twice.
             instances: AtomicU32::new(
                 SystemTime::now()
                     .duration_since(UNIX_EPOCH)
@@ -160,7 +162,7 @@ impl Net {
         })
     }
 
-    /// The suite's side, where Edition 2.5 is spoken.
+    /// The side that the suite plays, where Edition 2.5 is judged.
     #[must_use]
     pub fn dialect(&self) -> Option<Role> {
         self.dialect
@@ -171,7 +173,7 @@ impl Net {
         self.instances.fetch_add(1, Ordering::SeqCst)
     }
 
-    /// What could not be sent, since Edition 2.5 has nothing for it.
+    /// Notes what could not be sent, because Edition 2.5 has no message or field for it.
     pub fn note_missing(&self, what: Vec<String>) {
         let mut missing = self.missing.lock().unwrap_or_else(PoisonError::into_inner);
         for one in what {
@@ -195,8 +197,8 @@ impl Net {
         (now.as_millis() as u64).saturating_sub(EPOCH_2000_S * 1000)
     }
 
-    /// A time stamp for a message: the time, but later than every one before. Waits a millisecond where more messages than
-    /// milliseconds have gone by: a VSM may refuse what comes from the future, and that is no part of the rule that is played next.
+    /// A time stamp for a message: the time, but later than every stamp before. Waits a millisecond where stamps have
+    /// run ahead of the clock: a VSM may refuse stamps from the future, and that would disturb the next rule.
     pub fn stamp(&self) -> i64 {
         if self.last_stamp.load(Ordering::SeqCst) > self.wall_ms() + MAX_AHEAD_MS {
             std::thread::sleep(Duration::from_millis(1));
@@ -209,13 +211,13 @@ impl Net {
         now.max(last.unwrap_or_default() + 1) as i64
     }
 
-    /// Whether nothing more can be recorded, so that nothing more can be judged.
+    /// Whether the recording is full, so that nothing later can be judged.
     #[must_use]
     pub fn full(&self) -> bool {
         self.recording().bytes > MAX_RECORDED_BYTES
     }
 
-    /// How many datagrams were not looked at: more than none is a flood.
+    /// How many datagrams were not parsed: any number above 0 means a flood.
     #[must_use]
     pub fn dropped(&self) -> usize {
         self.recording().dropped
@@ -260,7 +262,7 @@ impl Net {
             originals: datagram.originals.clone(),
         };
         let mut recording = self.recording();
-        // The parsed form takes a few times the bytes.
+        // The parsed form takes several times the memory of the bytes.
         recording.bytes += 500 + 4 * bytes.len();
         recording.datagrams.push(datagram);
         drop(recording);
@@ -333,8 +335,9 @@ pub struct Socket {
 }
 
 impl Socket {
-    /// Opens a socket on a fresh port, from which `remote` is reached. `acknowledge` makes the answer to a message, as it is,
-    /// that requests an acknowledgement: a CUCS that never acknowledges has not proved its address.
+    /// Opens a socket on a fresh port, from which `remote` is reached. `acknowledge` makes the answer to a received
+    /// message that requests an acknowledgement: a subject may send little to a CUCS that has never acknowledged,
+    /// since its address is not proved.
     ///
     /// # Errors
     /// The system has no socket, or no way to the address.

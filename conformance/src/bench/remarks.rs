@@ -1,5 +1,5 @@
-//! What a scene wants to have remarked, and what became of it: shared by the programs of the suite. `S` is a message as it was
-//! seen.
+//! What a scene remarks, and the verdict that results: shared by the programs of the suite. `S` is a received or sent
+//! message.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -26,12 +26,12 @@ impl<S> Default for Remarks<S> {
 }
 
 impl<S> Remarks<S> {
-    /// A broken "should", a late answer, an odd value: remarked, and the scene continues.
+    /// Warns: a broken "should", a late answer, an odd value. The scene continues.
     pub fn warn(&self, reason: impl Into<String>) {
         self.warnings.borrow_mut().push(reason.into());
     }
 
-    /// Something to report that is not judged.
+    /// Reports something that is not judged.
     pub fn note(&self, text: impl Into<String>) {
         self.notes.borrow_mut().push(text.into());
     }
@@ -68,7 +68,7 @@ impl<S> Remarks<S> {
         self.notes.borrow().clone()
     }
 
-    /// The judgement of a scene that plays with these remarks: a panic is the suite's own defect.
+    /// Runs the scene and judges it. A panic in it is a defect of the suite, and never a verdict about the subject.
     pub fn judge(&self, play: impl FnOnce() -> Judged) -> Judgement {
         match catch_unwind(AssertUnwindSafe(play)) {
             Ok(Ok(())) => match self.warnings.borrow().first() {
@@ -111,7 +111,8 @@ impl<S> Remarks<S> {
     }
 }
 
-/// A fail is repeated twice, and unequal results are flaky. `again` plays once more; none where that is not possible.
+/// Repeats a fail twice; unequal results are flaky. `again` plays once more, and returns `None` where that is not
+/// possible.
 pub fn repeated(
     first: Judgement,
     attempts: &mut Vec<Verdict>,

@@ -1,8 +1,8 @@
 //! A CUCS of the suite: one id on one socket, and what an operator would do with it.
 //!
-//! Requests are repeated, the same bytes, up to three times, because UDP may lose them; a rule about a single datagram
-//! uses [`Station::send`]. A method that returns [`Judged`] fails in the sense of a rule whose point it is; where it is
-//! only a precondition, the scene says so with `precondition`.
+//! Requests are repeated, the same bytes, up to three times, because UDP may lose them; a rule about a single
+//! datagram uses [`Station::send`]. A method that returns [`Judged`] fails as the rule that is about it would; where
+//! it is only a precondition, the scene calls `precondition` on the result.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,7 +19,7 @@ use crate::wire::dialect::writing::{self, Writer};
 use crate::wire::dialect::{self, Role};
 use crate::wire::{Direction, Draft, HEADER, Seen, WRAPPER_25};
 
-/// LOI bits of messages 1 and 2 in the suite's own reading.
+/// LOI bits of messages 1 and 2, as the suite reads them.
 pub mod loi {
     /// Monitoring.
     pub const LOI2: i64 = 1;
@@ -42,7 +42,8 @@ pub enum Access {
     Override = 2,
 }
 
-/// How high above the place where the vehicle was first seen #41 says to loiter, metres: where the suite flies.
+/// Altitude that #41 commands for a loiter, in metres above the place where the vehicle was first seen: where the
+/// suite flies.
 const LOITER_UP_M: f64 = 50.0;
 
 /// A CUCS of the suite.
@@ -54,13 +55,13 @@ pub struct Station {
     /// The vehicle that it addresses.
     pub vehicle: Id,
     socket: Socket,
-    /// In Edition 2.5: the message types that it has asked to be acknowledged.
+    /// In Edition 2.5: the message types for which it has requested acknowledgements (#1401).
     acknowledged: Mutex<BTreeSet<u16>>,
-    /// In Edition 2.5: whether a mode preference of it may rule over what it commands next.
+    /// In Edition 2.5: whether a mode preference set by it may still override what it commands next.
     preferred: AtomicBool,
 }
 
-/// What was sent, to find what came after it.
+/// What was sent, so that what came after it can be found.
 #[derive(Clone, Debug)]
 pub struct Sent {
     /// Number of datagrams before it.
@@ -163,7 +164,7 @@ impl Station {
         }
     }
 
-    /// Bytes of a message around its data, by the edition.
+    /// The whole message around these data, in the judged edition.
     #[must_use]
     pub fn wrapper_bytes(&self) -> usize {
         match self.bench.net.dialect() {
@@ -172,7 +173,7 @@ impl Station {
         }
     }
 
-    /// Bytes of the data of a message, by the edition.
+    /// The data of a message, in the judged edition.
     #[must_use]
     pub fn data_length(&self, draft: &Draft) -> u16 {
         match self.bench.net.dialect() {
@@ -181,7 +182,7 @@ impl Station {
         }
     }
 
-    /// What Edition 2.5 has before a message: the request to acknowledge its type, and no preference before a mode.
+    /// Sends what Edition 2.5 needs before a message: #1401 for its type, and #48 without a preference before a mode.
     fn prepare(&self, draft: &Draft) {
         let net = &self.bench.net;
         let elsewhere = draft.source.or(draft.destination).is_some();
@@ -214,7 +215,7 @@ impl Station {
         }
     }
 
-    /// Edition 2.5: sends #48 with what rules over altitude, speed, course and heading.
+    /// Edition 2.5: sends #48, which sets what overrides altitude, speed, and course and heading.
     pub fn prefer(&self, parts: [i64; 3]) -> usize {
         let net = &self.bench.net;
         self.preferred.store(parts != [0; 3], Ordering::SeqCst);
@@ -236,7 +237,7 @@ impl Station {
         ))
     }
 
-    /// Edition 2.5: of the messages that a draft becomes sends the one of this type.
+    /// Edition 2.5: of the messages that a draft becomes, sends only the one of this type.
     pub fn send_only(&self, draft: Draft, number: u16) -> usize {
         let draft = self.stamped(draft);
         let made = writing::encode(&draft, &self.writer(), || self.bench.net.instance());
@@ -307,7 +308,7 @@ impl Station {
             return draft;
         }
         if self.bench.net.dialect().is_some() && draft.message_type == 2016 {
-            // It becomes up to three messages, each with a stamp of its own.
+            // It becomes up to three messages, each with its own stamp, so three stamps are taken.
             self.bench.net.stamp();
             self.bench.net.stamp();
         }
@@ -328,7 +329,7 @@ impl Station {
         }
     }
 
-    /// Whether a message came to this station: to its socket, for its id or for everybody.
+    /// Whether a message came to this station: to its socket, for its id or the broadcast id.
     fn mine(&self, datagram: &Datagram, seen: &Seen) -> bool {
         datagram.direction == Direction::Received
             && seen.socket == self.socket.number
@@ -489,7 +490,7 @@ impl Station {
         if granted & levels == levels {
             return Ok(answer);
         }
-        // A release that is being carried out, or a busy disk, may be answered by the state before.
+        // While a release is carried out, or the disk is busy, the first answer may show the state before it.
         let late = self.wait(
             self.bench.net.mark(),
             self.bench.timers.answer / 2,
@@ -532,7 +533,7 @@ impl Station {
         )
     }
 
-    /// Sets the loiter radius: a setting without effect on a vehicle that does not loiter, by which the suite sees whose
+    /// Sets the loiter radius. A vehicle that does not loiter is not moved by it, so the suite uses it to see whose
     /// commands are obeyed.
     pub fn set_radius(&self, radius_m: f64) -> Sent {
         self.send(Draft::new(2017).set("Loiter Radius", radius_m))
@@ -590,7 +591,8 @@ pub fn about(seen: &Seen, kind: u16, stamp: i64) -> bool {
         && seen.raw("Original Message Time Stamp") == Some(stamp)
 }
 
-/// What a CUCS of Edition 2.5 answers by itself: #1400 to what the VSM wants acknowledged, and #1202 where it is requested.
+/// What a CUCS of Edition 2.5 answers by itself: #1400 to what the VSM wants acknowledged, and #1202 when it is
+/// requested.
 fn answer_25(
     net: &Net,
     id: Id,

@@ -1,6 +1,6 @@
 //! What a discovery showed: vehicles, ids, levels, payload stations; and whether the run may begin at all.
 //!
-//! Claims of the profile are added to what was found.
+//! What the profile claims is added to what was found.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use stanag_msgs::Id;
 /// What the subject is and whom it knows.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
-    /// Vehicles that were offered, or that the profile names.
+    /// Vehicles that the subject offered, or that the profile names.
     pub vehicles: Vec<VehicleFound>,
     /// CUCS ids that the subject knows.
     pub cucs: Vec<CucsFound>,
@@ -19,11 +19,11 @@ pub struct Survey {
     pub broadcast: bool,
     /// Whether a data link answered to a broadcast request.
     pub data_links: bool,
-    /// Whether one of them was free.
+    /// Whether one of these data links was free.
     pub links_available: bool,
     /// Share of round trips that were lost, 0 to 1.
     pub loss: f64,
-    /// What another side holds, where the run must not begin.
+    /// Who else is in control, where the run must not begin.
     pub occupied: Option<String>,
 }
 
@@ -36,7 +36,7 @@ pub struct VehicleFound {
     pub kind: i64,
     /// Vehicle Subtype.
     pub subtype: i64,
-    /// Payload stations, as bits.
+    /// Payload stations, a bit for each.
     pub stations: i64,
 }
 
@@ -45,11 +45,11 @@ pub struct VehicleFound {
 pub struct CucsFound {
     /// The id.
     pub id: Id,
-    /// LOI Authorised.
+    /// LOI Authorised of message 2, as bits.
     pub authorised: i64,
-    /// Whether the profile says that it may override.
+    /// Whether the profile lets it override.
     pub overrides: bool,
-    /// What the profile says it may have, as bits.
+    /// The levels that the profile claims for it, as bits.
     pub claimed: Option<i64>,
 }
 

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What is recorded at most: a subject that floods must not fill the memory.
+/// Bytes that are recorded at most: a subject that floods must not fill the memory.
 pub const MAX_RECORDED_BYTES: usize = 256 << 20;
 
 /// A recording of the form `R`, with the clock of the run.
@@ -55,18 +55,18 @@ impl<R> Tape<R> {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Wakes who waits: something has arrived.
+    /// Wakes all waiters: something has arrived.
     pub fn notify(&self) {
         self.arrived.notify_all();
     }
 
-    /// A number for one socket more.
+    /// The number for the next socket.
     pub fn next_socket(&self) -> usize {
         self.sockets.fetch_add(1, Ordering::SeqCst)
     }
 
-    /// What `find` finds in the recording, looked for at each arrival until `deadline` (time of the run). It keeps its own place,
-    /// so that nothing is looked at twice.
+    /// What `find` returns from the recording, called at each arrival until `deadline` (time of the run). `find`
+    /// keeps its own position, so that nothing is searched twice.
     pub fn wait_for<T>(
         &self,
         deadline: Duration,

@@ -1,7 +1,8 @@
-//! What the scene of a rule is given: stations with the rights that it begins with, and what it wants to have remarked.
+//! What the scene of a rule is given: stations with the rights that it begins with, and a place for its remarks.
 //!
-//! A scene begins with nobody in control, plays, and returns; [`Trial::clean_up`] then releases what its stations hold and
-//! cancels what they scheduled. Each scene opens its own sockets.
+//! A scene begins with nobody in control, plays, and returns; [`Trial::clean_up`] then releases what its stations
+//! hold and cancels what they scheduled. Each scene opens its own sockets, so that late datagrams of one scene cannot
+//! reach the next.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
@@ -31,7 +32,7 @@ pub struct Trial {
     pub mark: usize,
     remarks: Remarks<Seen>,
     players: RefCell<Vec<Player>>,
-    /// The ids that it may play; all where empty. Two trials side by side have ids of their own.
+    /// The ids that it may play; all where empty. Two trials that run at the same time have disjoint ids.
     cast: BTreeSet<Id>,
     /// Whether a plan was loaded, so that the end of the run clears it.
     pub loaded: Cell<bool>,
@@ -319,7 +320,7 @@ impl Trial {
             .map(|cucs| cucs.id)
             .collect();
         let mut released = Vec::new();
-        // The latest socket of an id is where its rights are.
+        // Newest first: an id's rights are bound to the latest socket that used it.
         for player in self.players.borrow().iter().rev() {
             for (_, kind) in sent.iter().filter(|(socket, _)| *socket == player.socket()) {
                 player.send(
@@ -334,7 +335,7 @@ impl Trial {
             released.push(player.id);
             let answer = player.release()?;
             if answer.raw("LOI Granted").unwrap_or_default() & 0x0F != 0 {
-                // Some subjects confirm before they release.
+                // Some subjects confirm a release before they carry it out, so its effect is checked.
                 let answer = player.release()?;
                 let granted = answer.raw("LOI Granted").unwrap_or_default();
                 if granted & 0x0F != 0 {

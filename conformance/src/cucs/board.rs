@@ -1,4 +1,4 @@
-//! The board: the card that the operator sees now, and the reply to it. Terminal and page share it.
+//! The board: the card that the operator sees now, and the reply to it. Shared by terminal and page.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::scripted::{Scenario, Step};
 
-/// What is shown.
+/// What is shown: the card of one step.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Card {
     /// Its number in the session, from 1.
     pub number: usize,
-    /// How many the session has.
+    /// How many steps the session has.
     pub of: usize,
     /// The scenario.
     pub scenario: String,
-    /// What the vehicle does.
+    /// What the vehicle does, in a sentence.
     pub about: String,
     /// What to do.
     pub card: String,
-    /// What to answer, where something is asked.
+    /// The question to answer, where there is one.
     pub question: Option<String>,
     /// Whether the session is over.
     pub finished: bool,
@@ -50,10 +50,10 @@ struct State {
     reply: Option<(Reply, String)>,
 }
 
-/// Why a reply is not taken.
+/// Why a reply is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReplyError {
-    /// It is to another card.
+    /// It is a reply to another card.
     #[error("this card is no longer shown")]
     Stale,
     /// The card asks nothing.
@@ -94,13 +94,13 @@ impl Board {
         self.state().card.finished = true;
     }
 
-    /// The card of now.
+    /// The current card.
     #[must_use]
     pub fn card(&self) -> Card {
         self.state().card.clone()
     }
 
-    /// A reply to the card of this number, by `name` or by the operator of the session.
+    /// Accepts a reply to the card of this number, in the name of `name` or of the session's operator.
     ///
     /// # Errors
     /// Another card is shown, or the card asks nothing.

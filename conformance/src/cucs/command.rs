@@ -1,11 +1,12 @@
-//! A command of the profile's `[on]`: a shell in a process group of its own, so that nothing of it stays behind.
+//! A command of the profile's `[on]`: a shell in its own process group, so that ending it ends everything that it
+//! started.
 
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process_group};
 
-/// A running command; ended with all that it started when dropped.
+/// A running command; dropping it ends it with everything that it started.
 #[derive(Debug)]
 pub(super) struct Child(std::process::Child);
 
@@ -33,7 +34,8 @@ impl Child {
 impl Drop for Child {
     fn drop(&mut self) {
         let group = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw);
-        // A shell that has ended and was waited for has given its number back: the group may be another's by now.
+        // Only while the shell has not been waited for: after that its process group number may belong to another
+        // program.
         if let (Some(group), Ok(None)) = (group, self.0.try_wait()) {
             let _ = kill_process_group(group, Signal::KILL);
         }

@@ -1,8 +1,9 @@
 //! A CUCS under test: the scenarios one after the other, the steps of each, and what they prove.
 //!
 //! A step is done by the operator, who reads its card in the terminal or on a page ([`page`]), or by a command of the
-//! profile's `[on]`. What was sent is judged from the wire; a question that only eyes can answer is recorded with the name
-//! of who answered and when, as the operator's word. What nobody does is skipped, and said to be.
+//! profile's `[on]`. What the CUCS sent is judged from the wire; a question that only eyes can answer is recorded
+//! with the name of who answered and when, as the operator's word. A step that nobody does is skipped, and reported
+//! as skipped.
 
 mod board;
 mod command;
@@ -29,9 +30,9 @@ use crate::scripted::{Answer, Scenario, Step, VEHICLE, Vehicle};
 use crate::verdict::{Judgement, Verdict};
 use crate::wire::{Direction, Seen};
 
-/// Between two looks at what has come.
+/// How often the session looks at what has arrived.
 const TICK: Duration = Duration::from_millis(50);
-/// What was sent last may still be on its way when a command ends.
+/// How long after a command's end its last datagrams may still arrive.
 const LAST_WORDS: Duration = Duration::from_millis(700);
 const NOT_SEEN: &str = "not seen: nothing that this rule is about occurred in the traffic";
 
@@ -52,23 +53,23 @@ pub struct Session<'a> {
     pub strict: bool,
     /// Only these rules; all where empty.
     pub only: Vec<String>,
-    /// How long a scenario lasts whose CUCS is started by one command for all of it.
+    /// How long a scenario lasts where one command plays the CUCS from beginning to end.
     pub time: Duration,
     /// Rules with their verdicts so far.
     pub rules: BTreeMap<String, RuleReport>,
-    /// What the session as a whole has to say.
+    /// Remarks about the session as a whole.
     pub remarks: Vec<String>,
 }
 
 /// How a step ended.
 enum Ended {
-    /// The wire shows it, or its time has passed.
+    /// The wire shows that it was done, or its time has passed.
     Done,
-    /// The wire does not show it.
+    /// The wire does not show that it was done.
     Missing,
-    /// A question was answered: by whom.
+    /// A question was answered, and by whom.
     Answered(Answer, String),
-    /// Nobody does it or looks, with the reason.
+    /// Nobody does it, or nobody looks; with the reason.
     Left(String),
 }
 
@@ -132,7 +133,7 @@ impl Session<'_> {
         })
     }
 
-    /// Every rule of a CUCS that is judged by something here stands in the report, also where nothing occurs.
+    /// Every rule of a CUCS that something here can judge is in the report, also where nothing occurs that shows it.
     fn expect_rules(&mut self, scenarios: &[Scenario]) {
         let steps = scenarios.iter().flat_map(|scenario| &scenario.step);
         let ids: Vec<String> = judges_of(&self.profile.subject.edition, Subject::Cucs)
@@ -161,7 +162,7 @@ impl Session<'_> {
         Child::begin(&command)
     }
 
-    /// The CUCS runs a script of its own: the vehicle serves until it has ended.
+    /// The CUCS runs its own script: the vehicle serves until the script has ended.
     fn serve_script(&self, vehicle: &mut Vehicle, child: &mut Child) {
         let end = self.net.now() + self.time;
         while self.net.now() < end && !self.net.interrupted() {
@@ -182,7 +183,7 @@ impl Session<'_> {
         begin: usize,
     ) -> Ended {
         let command = self.profile.on.get(&step.id);
-        // A card that asks for nothing that could be seen or answered only takes its time.
+        // A card with neither a sign on the wire nor a question only has to last its time.
         let waits = step.done.is_none() && step.question.is_none();
         if command.is_none() && self.board.is_none() && !waits {
             return Ended::Left(format!(
@@ -270,7 +271,7 @@ impl Session<'_> {
         let grace = self.net.now() + LAST_WORDS;
         while !self.shown(done, mark) {
             if self.net.now() >= grace || self.net.interrupted() {
-                // The wire decides; how the command ended only helps to find out why.
+                // The wire decides; the command's exit status only helps to explain a failure.
                 let ended = match status {
                     Some(status) => format!("ended with status {status}"),
                     None => "did not end in time".into(),
@@ -302,12 +303,12 @@ impl Session<'_> {
                 (Some(Reply::Skip), ..) => return Ended::Left(format!("skipped by {by}")),
                 (Some(Reply::Yes), Some(_), _) => return Ended::Answered(Answer::Yes, by),
                 (Some(Reply::No), Some(_), _) => return Ended::Answered(Answer::No, by),
-                // The wire says whether it was done; the operator only says that there is nothing more to wait for.
+                // The wire shows whether it was done; the operator only ends the wait.
                 (_, None, Some(done)) if self.net.now() >= least && self.shown(done, mark) => {
                     return Ended::Done;
                 }
                 (Some(_), None, None) if self.net.now() >= least => return Ended::Done,
-                // What has no end of its own continues by itself, where nothing is to be done.
+                // A step that nothing ends, and in which nothing is to be done, ends after its time.
                 (None, None, None) if step.lasts_s >= 2.0 && self.net.now() >= least => {
                     return Ended::Done;
                 }
@@ -431,7 +432,7 @@ impl Session<'_> {
     }
 }
 
-/// Adds a judgement to what is known of a rule; whether it changed anything.
+/// Adds a judgement to a rule's report; true where that changed it.
 fn add(report: &mut RuleReport, judgement: Judgement) -> bool {
     let unjudged = report.reason == NOT_SEEN || report.verdict == Verdict::Skipped;
     let before = Judgement::new(report.verdict, report.reason.clone());

@@ -1,7 +1,8 @@
-//! The cards on a page of this computer: `/` is the page, `/card` the card of now, `/reply` takes the reply to it.
+//! The operator's cards as a local web page: `/` is the page, `/card` the current card, `/reply` accepts the reply to
+//! it.
 //!
-//! Only this computer may ask, by a name of the loopback: a web page whose own name points here (DNS rebinding) sends that
-//! name as Host and is refused, and a reply from another page's script by its Origin.
+//! Only this computer may use it, under a name of the loopback. A web page whose own name points here (DNS rebinding)
+//! sends that name as Host and is refused; a reply sent by another page's script is refused by its Origin.
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
@@ -27,7 +28,7 @@ const MAX_REPLY_BYTES: usize = 4_096;
 const MAX_CONNECTIONS: usize = 32;
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
-/// Serves the board on a thread of its own until the program ends; where it listens.
+/// Serves the board on its own thread until the program ends; returns the address.
 ///
 /// # Errors
 /// The address is not one of the loopback, or cannot be bound; in a sentence.
@@ -136,8 +137,8 @@ async fn answer(
     }
 }
 
-/// Whether the request names this page by the loopback, and is made by no other page. What changes something has to say so:
-/// a browser sends Origin with every POST.
+/// Whether the request names this page by the loopback, and comes from no other page. A request that changes
+/// something must carry Origin: a browser sends it with every POST.
 fn check_source<T>(
     request: &Request<T>,
     here: SocketAddr,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::board::{Board, Card, Reply};
 
-/// Takes replies from standard input until it ends.
+/// Reads replies from standard input until it ends.
 pub fn listen(board: &Arc<Board>) {
     let board = board.clone();
     std::thread::spawn(move || {

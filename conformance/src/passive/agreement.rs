@@ -1,5 +1,5 @@
-//! Judges of two things that have to agree: two reports of one state, a report and the time at which it was taken, an answer and
-//! who asked, a value and the profile.
+//! Judges of two things that have to agree: two reports of one state, a report and the time it was taken, an answer
+//! and the CUCS that requested it, a value and the profile.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub(super) const JUDGES: &[Judge] = &[
     },
     Judge {
         rule: "ALERT-003",
-        judge: alerts_say_what_and_how_long,
+        judge: alerts_have_a_text_and_a_time,
     },
     Judge {
         rule: "PAYL-005",
@@ -65,7 +65,7 @@ fn ends(seen: &Seen) -> Ends {
     (seen.piece.source.0, seen.socket)
 }
 
-/// How many of the looks at one thing were wrong, and the last that was.
+/// How many observations of one thing were wrong, and the last wrong one.
 #[derive(Default)]
 struct Tally {
     looks: usize,
@@ -82,8 +82,8 @@ impl Tally {
         }
     }
 
-    /// Fails where nearly all looks were wrong: single ones are gusts, or two moments.
-    fn settle(self, found: &mut Found, fewest: usize, reason: &str) {
+    /// Fails where nearly all observations were wrong: single ones are gusts, or two reports of different moments.
+    fn judge(self, found: &mut Found, fewest: usize, reason: &str) {
         if self.looks < fewest {
             return;
         }
@@ -99,7 +99,7 @@ impl Tally {
     }
 }
 
-/// 4000 and 3009 report one motion: a turn leans to its side, and climbs and airspeeds are those of both.
+/// 4000 and 3009 report one motion: the bank is to the side of the turn, and climb rate and airspeed agree.
 fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
     let mut latest: BTreeMap<Ends, Arc<Seen>> = BTreeMap::new();
     let (mut banks, mut climbs, mut speeds) =
@@ -142,28 +142,28 @@ fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
             speeds.look(seen, (air / through - 1.0).abs() < 0.4);
         }
     }
-    banks.settle(
+    banks.judge(
         found,
         8,
         "expected Roll and Turn Rate of 4000 to the same side in a turn in flight, right wing down to the right; they are opposed",
     );
-    climbs.settle(
+    climbs.judge(
         found,
         2,
         "expected Barometric Altitude Rate of 3009 up where W_Speed of 4000 is up; they are opposed",
     );
-    speeds.settle(
+    speeds.judge(
         found,
         2,
         "expected True Airspeed of 3009 to be the speed of 4000 less the wind of 3009; it differs by more than 40 %",
     );
 }
 
-/// A field of 4000 that is there in one message and not in the next, again and again, is left out for its value: where there is a
-/// position, what else is known of the motion does not come and go.
+/// A field of 4000 that is present in one message, absent in the next, and so on, is left out because of its value
+/// (0, say). While the position is known, the other fields of the motion are known too.
 fn fields_do_not_come_and_go(view: &View<'_>, found: &mut Found) {
     const MAX_CHANGES: usize = 3;
-    // After a silence of the vehicle its data come back one after the other.
+    // After a gap in the vehicle's data its fields return one after the other.
     const GAP: Duration = Duration::from_millis(1_500);
     const SETTLED: Duration = Duration::from_secs(5);
     let mut last: BTreeMap<u32, (u64, Duration)> = BTreeMap::new();
@@ -204,9 +204,9 @@ fn fields_do_not_come_and_go(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// The speeds of the same report say that it moves; then a position with a later stamp is another one.
+/// Where the speeds of a report show motion, a position with a later stamp has to differ from the one before.
 fn positions_are_as_new_as_their_stamps(view: &View<'_>, found: &mut Found) {
-    /// Between samples of a slow vehicle link.
+    /// The longest time between samples of a slow vehicle link, ms.
     const BETWEEN_MS: i64 = 900;
     let mut last: BTreeMap<Ends, (i64, [Option<i64>; 2])> = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 4000) {
@@ -230,7 +230,7 @@ fn positions_are_as_new_as_their_stamps(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// UA State 1 to 4 are states before a launch.
+/// UA State 1 to 4 are states before a launch, so they contradict a report of flight.
 fn no_ground_state_in_flight(view: &View<'_>, found: &mut Found) {
     let mut flying: BTreeMap<Ends, u32> = BTreeMap::new();
     for seen in view.messages() {
@@ -259,12 +259,12 @@ fn no_ground_state_in_flight(view: &View<'_>, found: &mut Found) {
     }
 }
 
-fn alerts_say_what_and_how_long(view: &View<'_>, found: &mut Found) {
+fn alerts_have_a_text_and_a_time(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 16000) {
         let Some(priority) = seen.raw("Priority").filter(|&priority| priority >= 2) else {
             continue;
         };
-        // What more there is may be asked for by its reference.
+        // An alert with a reference may leave the details to the state report that the reference names.
         let more = seen
             .raw("Subsystem State Report Reference")
             .is_some_and(|reference| reference >= 0);
@@ -296,7 +296,7 @@ fn limits_of_the_camera(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// What a camera sees below the horizon lies below it.
+/// What a camera sees below the horizon lies below the aircraft.
 fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
     let mut latest: BTreeMap<Ends, Fix> = BTreeMap::new();
     for seen in view.messages() {
@@ -315,7 +315,8 @@ fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
         ) else {
             continue;
         };
-        // Of one datum: 21101 names none, and those of 4000 differ by less than a mountain.
+        // Only with altitude type 3: 21101 names no datum, and the other types of 4000 may differ from it by more
+        // than the 5 m that are allowed here.
         if elevation < -0.1 && vehicle.altitude_type == 3 {
             found.check(seen, ground < vehicle.altitude + 5.0, || {
                 format!(
@@ -343,7 +344,8 @@ fn the_answer_names_the_request(view: &View<'_>, found: &mut Found) {
             }
             (Direction::Received, 2) => {
                 let key = (seen.piece.destination.0, seen.socket);
-                // At once, so that it is no news of something else; an access of 0 may stand for none.
+                // Only soon after the request: a later #2 may report something else. An access of 0 is not compared:
+                // some subjects mean "none" by it.
                 if let (Some(named), Some((asked, at))) =
                     (seen.raw("Access Requested"), requests.remove(&key))
                     && asked != 0
@@ -355,7 +357,7 @@ fn the_answer_names_the_request(view: &View<'_>, found: &mut Found) {
             _ => {}
         }
     }
-    answers.settle(
+    answers.judge(
         found,
         3,
         "expected #2 to name in Access Requested what the request that it answers has in Requested/Handover Access",
@@ -390,7 +392,7 @@ fn acknowledgements_and_alerts_are_the_vehicles(view: &View<'_>, found: &mut Fou
                 });
             }
             16000 => {
-                // The VSM may speak for itself: subsystem 9.
+                // The VSM may report on itself: subsystem 9.
                 let own = seen
                     .raw("Subsystem ID")
                     .is_none_or(|subsystem| subsystem == 9);
@@ -403,7 +405,7 @@ fn acknowledgements_and_alerts_are_the_vehicles(view: &View<'_>, found: &mut Fou
     }
 }
 
-/// A configuration phase is for the CUCS that began it, and has one end.
+/// A configuration phase is sent to the CUCS that began it, and ends once.
 fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
     let mut asked: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     let mut ended: BTreeMap<(u32, u32), BTreeSet<i64>> = BTreeMap::new();
@@ -419,7 +421,7 @@ fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
                 askers.insert(source);
                 *asked.entry((destination, source)).or_default() += 1;
             }
-            // What is vehicle-specific (41002) is described to whoever is sent it.
+            // Vehicle-specific values (41002) are described to every CUCS that is sent them.
             (Direction::Received, kind @ (41_000 | 41_001 | 41_003 | 41_005))
                 if seen.piece.destination != Id::BROADCAST =>
             {
@@ -454,7 +456,7 @@ fn the_tail_number_of_the_profile(view: &View<'_>, found: &mut Found) {
         ) else {
             continue;
         };
-        // A logical id says "0".
+        // A logical id is named by "0".
         found.check(seen, named == *expected || named == "0", || {
             format!("expected the tail number {expected:?} of the profile in #3, got {named:?}")
         });

@@ -1,6 +1,7 @@
-//! Judges of what belongs together: an acknowledgement and its message, a grant and its request, a report and who asked.
+//! Judges of what belongs together: an acknowledgement and its message, a grant and its request, a report and the
+//! CUCS that requested it.
 //!
-//! They look at whole runs, so that a fault shows that appears only the second time, only to one CUCS, or only beside
+//! They read whole runs, and so find faults that appear only the second time, only to one CUCS, or only beside
 //! something else.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -81,7 +82,7 @@ fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let receiver = seen.piece.destination.0;
-        // Discoveries of a flood are not recorded, and messages that were broken on purpose have no stamp.
+        // Discoveries of a flood are not recorded, and messages broken on purpose have no stamp.
         if kind == 1 {
             continue;
         }
@@ -116,7 +117,7 @@ fn a_command_ends_once(view: &View<'_>, found: &mut Found) {
         let Some((times, contents)) = sent.get(&key) else {
             continue;
         };
-        // The same stamp with other content is another message; a doubled message is answered twice.
+        // The same stamp with other content is another message; a duplicate is answered twice.
         if *times != 1 || contents.len() != 1 {
             continue;
         }
@@ -155,7 +156,7 @@ fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
                 let Some(granted) = seen.raw("LOI Granted") else {
                     continue;
                 };
-                // Whoever has sent nothing yet may hold what it held before the run; LOI 2 comes with every level.
+                // A CUCS that has sent nothing yet may hold what it held before the run; every level includes LOI 2.
                 let Some(&requested) = requested.get(&seen.piece.destination.0) else {
                     continue;
                 };
@@ -172,7 +173,8 @@ fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// Each 14000 names the Mission ID and the plan mode of one of the commands before it, of refused and cancelled ones too.
+/// Each 14000 names the Mission ID and the plan mode of one of the commands before it, also where that was refused or
+/// cancelled.
 fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
     let mut commands: BTreeSet<(String, i64)> = BTreeSet::new();
     let mut broken = false;
@@ -184,7 +186,8 @@ fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
         match (seen.direction, seen.kind()) {
             (Direction::Sent, 13000) => {
                 let text = seen.text("Mission ID").unwrap_or_default();
-                // Sent on purpose without an end, or with bytes that are no characters: what is echoed then is another rule's.
+                // Sent on purpose without a NUL, or with bytes that are not characters: how that is echoed is judged
+                // by another rule.
                 broken |= text.len() >= 20 || !text.is_ascii();
                 commands.extend(
                     seen.raw("Mission Plan Mode")
@@ -206,7 +209,7 @@ fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// A vehicle is behind one VSM, whichever message says so.
+/// A vehicle is behind one VSM, and every message names that one.
 fn one_vsm_for_one_vehicle(view: &View<'_>, found: &mut Found) {
     let mut vsms: BTreeMap<u32, (u16, i64)> = BTreeMap::new();
     for seen in view
@@ -242,7 +245,7 @@ fn one_type_for_one_vehicle(view: &View<'_>, found: &mut Found) {
         else {
             continue;
         };
-        // Not identified yet, as after a restart.
+        // 0 and 0: not identified yet, as after a restart.
         if (kind, subtype) == (0, 0) {
             continue;
         }
@@ -318,7 +321,7 @@ fn stamps_are_recent(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 4000) {
         let Some(stamp) = seen.stamp() else { continue };
         let age = seen.wall_ms as i64 - stamp;
-        // Another epoch or time zone is TIME-002's.
+        // A wrong epoch or time zone is judged by TIME-002.
         if (0..1_200_000).contains(&age) {
             ages.push((age, seen));
         }

@@ -1,5 +1,5 @@
-//! Judges of Edition 2.5: its wrapper, its full vectors, its numbers. What later editions share with it is judged by the
-//! other judges on its counterpart in Edition 4 ([`SHARED`]).
+//! Judges of Edition 2.5: its wrapper, its full vectors, its numbers. Rules that it shares with later editions are
+//! judged by the other judges, on the counterparts of its messages in Edition 4 ([`SHARED`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -53,9 +53,9 @@ pub(super) const JUDGES: &[Judge] = &[
     },
 ];
 
-/// Rules whose judges look at bytes, texts, or values by the table: they run on the messages as they are.
+/// Rules whose judges read bytes, texts, or values by the table: they run on the messages of Edition 2.5 themselves.
 pub(super) const AS_THEY_ARE: &[&str] = &["WRAP-004", "SCALAR-005", "SCALAR-006"];
-/// Rules whose judges know messages of Edition 4: they run on the counterparts.
+/// Rules whose judges are written in messages of Edition 4: they run on the counterparts.
 pub(super) const SHARED: &[&str] = &[
     "DISC-006",
     "DISC-010",
@@ -70,7 +70,7 @@ pub(super) const SHARED: &[&str] = &[
     "ALERT-003",
 ];
 
-/// #1400 and #1401.
+/// Number of the acknowledgement; #1401 configures it.
 const ACKNOWLEDGEMENT: u16 = 1400;
 const CONFIGURATION: u16 = 1401;
 /// Seconds from 1970 to 2000.
@@ -95,7 +95,7 @@ fn wrapper_of_34_bytes(view: &View<'_>, found: &mut Found) {
             }
             continue;
         };
-        // Six words of 32 bits, the version as a number: the text's own arithmetic, and that of skylight-uas.
+        // Six words of 32 bits, the version as a number: the arithmetic of the text, and of skylight-uas.
         let word = datagram.bytes.get(12..16).map_or(0, |word| {
             word.iter()
                 .fold(0, |value, &byte| value << 8 | usize::from(byte))
@@ -167,7 +167,7 @@ fn instances_and_sequence(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let key = (seen.piece.source.0, seen.kind(), wrapped.instance);
-        // The same bytes again are a copy of the network, or of several interfaces.
+        // The same bytes again are a duplicate by the network, or by several interfaces.
         let again = known
             .get(&key)
             .is_some_and(|before| before.piece.bytes != seen.piece.bytes);
@@ -240,7 +240,7 @@ fn seconds_since_1970(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let off = stamp - (seen.wall_ms as f64 / 1000.0 + EPOCH_2000_S);
-        // Only a live run has one clock for both ends; on a recording an offset of years is no matter of clocks.
+        // Only in a live run one clock stamps both ends; in a recording an offset of days is not the subject's fault.
         let most = if view.live { 5.0 } else { 30.0 * 86_400.0 };
         let named = if (off + EPOCH_2000_S).abs() < 86_400.0 {
             ": seconds since 2000"
@@ -255,7 +255,7 @@ fn seconds_since_1970(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// Which message a #1400 is about: type and instance, by the names that the table gives them.
+/// Which message a #1400 is about: type and instance.
 fn about(seen: &Seen) -> (Option<i64>, Option<i64>) {
     let named = |part: &str| {
         let field = seen

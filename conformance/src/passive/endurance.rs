@@ -1,7 +1,7 @@
 //! Judges of a CUCS under hostile and impossible input: whether it still sends, and answers, afterwards.
 //!
-//! The scripted vehicle sends what no vehicle should, then asks for an acknowledgement. A CUCS from which nothing comes any
-//! more has stopped, whether its program ended, hangs, or has closed its socket.
+//! The scripted vehicle sends what no vehicle should, then requests an acknowledgement. A CUCS that sends nothing
+//! after that has stopped: its program ended, hangs, or has closed its socket.
 
 use super::view::{Found, Judge, View};
 use crate::bench::net::Datagram;
@@ -38,9 +38,9 @@ pub(super) const JUDGES: &[Judge] = &[
     },
 ];
 
-/// Nothing later than this after the input: what was on its way when it came says nothing.
+/// What arrives within this time after the input may have been sent before it, and proves nothing.
 const ON_ITS_WAY_S: f64 = 0.15;
-/// How long a recording has to continue for its silence to mean something.
+/// How long a recording has to continue for silence in it to mean something.
 const SILENCE_S: f64 = 0.4;
 
 fn hostile(datagram: &Datagram) -> bool {
@@ -52,10 +52,11 @@ fn hostile(datagram: &Datagram) -> bool {
         || impossible(datagram)
 }
 
-/// The CUCS sends something after the first datagram of this kind. Where several kinds come close together, the first of
-/// them answers for the silence.
+/// Fails unless the CUCS sends something after the first datagram of this kind. Where several kinds follow closely,
+/// the silence is charged to the first of them.
 fn continues_after(view: &View<'_>, found: &mut Found, what: &str, kind: fn(&Datagram) -> bool) {
-    // A CUCS that is played step by step may be silent between two steps: there the next step shows whether it continues.
+    // A CUCS that is played step by step may be silent between two steps, so it is not judged here; the next step
+    // shows whether it continues.
     if !view.profile.on.keys().eq(["start"]) {
         return;
     }
@@ -69,13 +70,13 @@ fn continues_after(view: &View<'_>, found: &mut Found, what: &str, kind: fn(&Dat
     };
     found.saw();
     let at = |datagram: &Datagram| datagram.at.as_secs_f64();
-    let heard = view.of_subject().map(at).fold(f64::MIN, f64::max);
+    let last_received = view.of_subject().map(at).fold(f64::MIN, f64::max);
     let end = view.datagrams.last().map_or(0.0, at);
-    let silent = heard < at(first) + ON_ITS_WAY_S && end - at(first) > SILENCE_S;
-    // What was sent before, and since the last sign of life, is the cause.
+    let silent = last_received < at(first) + ON_ITS_WAY_S && end - at(first) > SILENCE_S;
+    // A hostile datagram after the last sign of life, and before this one, is the cause instead.
     let earlier = of_vehicle()
         .take_while(|datagram| datagram.at < first.at)
-        .any(|datagram| hostile(datagram) && at(datagram) + ON_ITS_WAY_S > heard);
+        .any(|datagram| hostile(datagram) && at(datagram) + ON_ITS_WAY_S > last_received);
     if silent && !earlier {
         found.fail_at(
             first,
@@ -156,7 +157,7 @@ fn impossible(datagram: &Datagram) -> bool {
     })
 }
 
-/// What only a VSM may send never comes from a CUCS, and what only a CUCS may send is not answered by it.
+/// A CUCS never sends what only a VSM may send, and does not answer what only a CUCS may send.
 fn the_other_sides_messages(view: &View<'_>, found: &mut Found) {
     let wrong_way = |seen: &Seen| matches!(seen.kind(), 1 | 2016 | 2017 | 13_000);
     for asked in view.requests().filter(|seen| wrong_way(seen)) {

@@ -77,7 +77,8 @@ fn form_of_ids(view: &View<'_>, found: &mut Found) {
         }
         for (place, id) in ids {
             let owner = id.owner();
-            // #1304 has no source but its Vehicle ID, which names all vehicles of its VSM.
+            // #1304 has no source field: its Vehicle ID is read as the source, and the broadcast value there means
+            // all vehicles of the VSM.
             let of_all = seen.original.is_some() && seen.kind() == 43_000;
             let broadcast_source = place == "source" && owner == 0xFF && !of_all;
             found.check(seen, !broadcast_source, || {
@@ -115,14 +116,15 @@ fn never_more_than_authorised(view: &View<'_>, found: &mut Found) {
 fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
     let mut last = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 16002) {
-        // One that requests an acknowledgement asks whether somebody is there (a VSM proves an address so): it comes beside the beat.
+        // A heartbeat that requests an acknowledgement checks an address (a VSM proves one so): it is sent in
+        // addition to the periodic ones.
         if seen.piece.ack() {
             continue;
         }
         let key = (seen.piece.source.0, seen.piece.destination.0, seen.socket);
         if let Some(before) = last.insert(key, seen.at) {
             let gap = (seen.at.saturating_sub(before)).as_secs_f64();
-            // Several groups and a reconnection make gaps that are no rate.
+            // Several groups, or a reconnection, make gaps that are not the sender's period.
             if gap < 3.0 {
                 found.check(seen, (0.8..=1.2).contains(&gap), || {
                     format!("expected heartbeats 0.8 to 1.2 s apart, got {gap:.2} s")
@@ -133,12 +135,12 @@ fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
 }
 
 fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
-    // By receiver: each CUCS learns of an alert for itself.
+    // By receiver: each CUCS is sent every alert in messages of its own.
     let mut open: BTreeMap<(u32, usize), BTreeSet<i64>> = BTreeMap::new();
     let mut first: BTreeMap<(u32, usize, i64), Vec<u8>> = BTreeMap::new();
     let mut parts = BTreeSet::new();
     let mut ever = BTreeSet::new();
-    // Who gives up its levels is sent nothing of an alert that changes: when it connects again, what stands is new to it.
+    // A CUCS without levels is sent no updates of an alert: when it connects again, an active alert is new to it.
     let levels = |seen: &&Arc<Seen>| {
         seen.kind() == 1 && seen.raw("Requested/Handover LOI").unwrap_or_default() != 0
     };
@@ -157,7 +159,7 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
         };
         let receiver = (seen.piece.destination.0, seen.socket);
         let known = open.entry(receiver).or_default();
-        // A long text comes in parts, which are one message of the alert: each part once.
+        // A long text is sent in parts, which together are one message of the alert: each part occurs once.
         let of_several = seen
             .raw("Append Total Number")
             .is_some_and(|total| total > 1);
@@ -170,7 +172,7 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
         if id < 0 {
             ever.insert(-id);
             let again = !known.insert(-id);
-            // The same bytes again are a repetition of the network or of the sender, not a new alert.
+            // The same bytes again are a duplicate by the network or a repetition by the sender, and not a new alert.
             let same = first
                 .get(&(receiver.0, receiver.1, id))
                 .is_some_and(|bytes| *bytes == seen.piece.bytes);
@@ -179,7 +181,7 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
                 format!("expected a new negative id for a new alert; {id} was used before")
             });
         } else {
-            // A receiver that joined later, or that lost the first one, sees an update only.
+            // A receiver that joined later, or that lost the first message, sees an update only.
             let elsewhere = ever.contains(&id);
             found.check(seen, id != 0 && (elsewhere || !view.live), || format!("expected the first message of an alert to have a negative id; got {id}, and -{id} was never sent"));
         }
@@ -242,8 +244,8 @@ fn no_storms(view: &View<'_>, found: &mut Found) {
 }
 
 fn no_acknowledgement_unasked(view: &View<'_>, found: &mut Found) {
-    // A message that is in the traffic and did not ask. A 17000 with a stamp that no message has is another rule's, and floods
-    // are not recorded.
+    // A message that is in the traffic and requested no acknowledgement. A 17000 with a stamp of no message is judged
+    // by another rule; floods are not recorded.
     let mut asked = BTreeSet::new();
     let mut unasked = BTreeSet::new();
     for seen in view.requests() {
@@ -294,7 +296,7 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
     let mut ends: BTreeMap<(u32, usize, Option<i64>), i64> = BTreeMap::new();
     for seen in view.messages().filter(|seen| seen.kind() == 14000) {
         let at = seen.at.as_secs_f64();
-        // A new transfer begins at 0 again.
+        // A new transfer starts at 0 %.
         if commands
             .iter()
             .any(|&(time, _)| time > previous && time <= at)
@@ -303,10 +305,10 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
             ends.clear();
         }
         previous = at;
-        // What cancels a transfer has an end of its own beside that of the transfer.
+        // The command that cancels a transfer ends by itself, apart from the transfer.
         let mode = seen.raw("Mission Plan Mode");
         let key = (seen.piece.destination.0, seen.socket, mode);
-        // The same end twice is a repetition; another one takes it back.
+        // The same end twice is a repetition; a different one contradicts the first.
         if let Some(end) = seen.raw("Status").filter(|&status| status != 0) {
             let first = *ends.entry(key).or_insert(end);
             found.check(seen, first == end, || {
@@ -319,7 +321,7 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
         found.check(seen, percent <= 100, || {
             format!("expected Percent Complete 0 to 100, got {percent}")
         });
-        // Of a plan that was transferred; what clears or cancels one has no parts.
+        // Only of loads and downloads: a clear or a cancel has no parts to count.
         let whole =
             seen.raw("Status") == Some(1) && matches!(seen.raw("Mission Plan Mode"), Some(2 | 3));
         found.check(seen, !whole || percent == 100, || {
@@ -375,13 +377,13 @@ fn limits_make_sense(view: &View<'_>, found: &mut Found) {
                 let [(low, a), (high, b)] = pair else {
                     continue;
                 };
-                // Edition 2.5 cannot leave out what there is no display for.
+                // Edition 2.5 always sends the display range, also where there is no display.
                 let undisplayed = seen.value("Max Display Value") == Some(0.0)
                     && seen.value("Min Display Value") == Some(0.0);
                 if undisplayed && (low.contains("Display") || high.contains("Display")) {
                     continue;
                 }
-                // Limits of 0 on both sides are how some subjects leave them out.
+                // Some subjects mean "no limit" by 0 on both sides.
                 found.check(
                     seen,
                     a <= b

@@ -1,8 +1,8 @@
 //! Judges of passive rules: pure functions over recorded traffic.
 //!
-//! They run on the recording of a run, beside the scenes, and on a capture file. A judge gives no pass for what did not
-//! occur. To add one: write a function in the file of its subject, which looks at [`View::messages`] and calls
-//! [`Found`]'s methods, and name it in that file's `JUDGES`.
+//! They run on the recording of a run, beside the scenes, and on a capture file. A judge never passes a rule for what
+//! did not occur. To add one: write a function in the file of its subject, which reads [`View::messages`] and calls
+//! the methods of [`Found`], and name it in that file's `JUDGES`.
 
 mod agreement;
 mod dialogue;
@@ -37,7 +37,7 @@ pub fn judges() -> Vec<&'static Judge> {
     .collect()
 }
 
-/// All judges of a CUCS: its own, and those of the wire.
+/// All judges of a CUCS: those of `station` and `endurance`, and those of the wire.
 #[must_use]
 pub fn cucs_judges() -> Vec<&'static Judge> {
     [
@@ -52,7 +52,7 @@ pub fn cucs_judges() -> Vec<&'static Judge> {
     .collect()
 }
 
-/// A judge, and which messages it looks at where Edition 2.5 is judged.
+/// A judge, and which messages it reads where Edition 2.5 is judged.
 #[derive(Clone, Copy)]
 pub struct Applied {
     /// The judge.
@@ -75,7 +75,7 @@ impl Applied {
     }
 }
 
-/// All judges of the traffic of a VSM, or of a CUCS, in an edition.
+/// All judges for the traffic of a VSM, or of a CUCS, in an edition.
 #[must_use]
 pub fn judges_of(edition: &str, subject: Subject) -> Vec<Applied> {
     let of_cucs = subject == Subject::Cucs;
@@ -85,7 +85,7 @@ pub fn judges_of(edition: &str, subject: Subject) -> Vec<Applied> {
         return all.into_iter().map(|judge| applied(judge, false)).collect();
     }
     let own = ed25::JUDGES.iter().map(|judge| applied(judge, true));
-    // A dialogue is judged from the side of who answers.
+    // A dialogue is judged from the side that answers: the VSM's.
     let of_vsms = dialogue::JUDGES.iter().filter(|_| !of_cucs);
     let of_both = [wrapper::JUDGES, values::JUDGES, meaning::JUDGES];
     let shared = of_both.into_iter().flatten().chain(of_vsms);

@@ -1,4 +1,4 @@
-//! Judges of a CUCS: what it sends, beside what the scripted vehicle sent it before.
+//! Judges of a CUCS: what it sends, compared with what the scripted vehicle sent before.
 //!
 //! In these views the CUCS is the subject: its messages are the received ones, those of the vehicle the sent ones.
 
@@ -69,7 +69,7 @@ pub(super) const JUDGES: &[Judge] = &[
     },
 ];
 
-/// What a CUCS may need for a message: the bits of LOI, of which it has to hold one.
+/// The LOI bits for a message: a CUCS has to hold at least one of them to send it.
 fn needed(seen: &Seen) -> Option<i64> {
     match seen.kind() {
         // Launch and recovery.
@@ -99,7 +99,7 @@ fn grants(view: &View<'_>) -> Vec<(f64, Id, i64)> {
         .collect()
 }
 
-/// What this CUCS held at this time, and since when.
+/// The LOI bits that this CUCS held at this time, and since when.
 fn held(grants: &[(f64, Id, i64)], cucs: Id, at: f64) -> (i64, f64) {
     let mut now = (0, 0.0);
     for &(time, id, levels) in grants {
@@ -151,7 +151,7 @@ fn form_of_a_discovery(view: &View<'_>, found: &mut Found) {
 
 fn sends_what_its_loi_allows(view: &View<'_>, found: &mut Found) {
     let grants = grants(view);
-    // To be granted or denied and to send nothing beyond it is what the rule asks for.
+    // A CUCS that was granted or denied something, and sends nothing beyond it, keeps the rule.
     if !grants.is_empty() {
         found.saw();
     }
@@ -177,7 +177,7 @@ fn sends_what_its_loi_allows(view: &View<'_>, found: &mut Found) {
                 )
             });
         }
-        // What was on its way when the rights changed is nobody's fault.
+        // Half a second of grace: what was sent just before the rights changed is no fault.
         found.check(
             seen,
             levels & needed != 0 || held(&grants, seen.piece.source, at - 0.5).0 & needed != 0,
@@ -255,7 +255,7 @@ fn the_holder_is_asked(view: &View<'_>, found: &mut Found) {
     for request in view.requests().filter(|seen| seen.kind() == 4) {
         let at = request.at.as_secs_f64();
         found.saw();
-        // The operator of a scripted session refuses; on a recording he may have consented.
+        // The operator of a scripted session refuses; in a recording the operator may have consented.
         let consents = |seen: &&Arc<Seen>| {
             seen.kind() == 4
                 && seen.at > request.at
@@ -280,7 +280,7 @@ fn the_holder_is_asked(view: &View<'_>, found: &mut Found) {
 fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
     let mut numbers: BTreeSet<i64> = BTreeSet::new();
     let mut named: Vec<(Arc<Seen>, &str, i64)> = Vec::new();
-    // Waypoints that announce what belongs to them, and those of which something came.
+    // Waypoints whose Optional Messages announce 13003 to 13006, and those for which one of these came.
     let (mut announced, mut followed) = (BTreeMap::new(), BTreeSet::new());
     let mut heads = 0;
     let mut load: Option<Arc<Seen>> = None;
@@ -292,7 +292,7 @@ fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
                     .info
                     .and_then(|info| info.field("Waypoint Number"))
                     .and_then(|_| seen.raw("Waypoint Number"));
-                // The same message again, for a network that loses some, is no new one.
+                // The same bytes again, for a network that loses some, are not a new message.
                 let again = view
                     .messages()
                     .any(|other| other.at < seen.at && other.piece.bytes == seen.piece.bytes);
@@ -335,7 +335,7 @@ fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
                         format!("expected one of 13003 to 13006 for waypoint {number}, whose Optional Messages for Waypoint announces it, before the load command; none came")
                     });
                 }
-                // A route begins somewhere, and every other waypoint is some waypoint's next.
+                // A route has a first waypoint, and every other waypoint is the Next Waypoint of some other.
                 let reached: BTreeSet<i64> = named
                     .iter()
                     .filter(|(_, field, number)| *field != "Waypoint Number" && *number != 0)
@@ -347,7 +347,7 @@ fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
                 found.check(seen, heads == 0 || begins || numbers.is_empty(), || {
                     "expected a route message with the waypoint at which the route begins; Initial Waypoint Number 0 deletes it".into()
                 });
-                // Without a route message the first is named by none.
+                // Without a route message nothing names the first waypoint: one is allowed to be unnamed.
                 let lost = numbers.difference(&reached).count();
                 found.check(seen, lost <= usize::from(heads == 0), || {
                     format!("expected each waypoint to be the Next Waypoint of another, or the first of a route; {lost} of {} are neither", numbers.len())
@@ -415,8 +415,8 @@ fn only_what_is_available(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// Every value of a command, beside what 41000, 41001 and 41003 declared of its field: integers in steps on the wire, floats
-/// in the unit of the field.
+/// Compares every value of a command with what 41000, 41001 and 41003 declared for its field: integers in steps of
+/// the wire, floats in the unit of the field.
 fn declared_ranges(view: &View<'_>, found: &mut Found) {
     for declared in view
         .requests()
@@ -532,7 +532,8 @@ fn acknowledges_when_asked(view: &View<'_>, found: &mut Found) {
 }
 
 fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
-    // By content without the stamp: what was sent again with another stamp while nothing had acknowledged the first.
+    // Compared without the stamp: the same content with another stamp, while nothing had acknowledged the first, is a
+    // repetition made wrong.
     let acknowledged: BTreeSet<i64> = view
         .requests()
         .filter(|seen| seen.kind() == 17_000)
@@ -571,14 +572,15 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
                 seen.kind()
             )
         });
-        // Lost, and never sent again: neither these bytes nor, which is judged above, the same with another stamp.
+        // The first was lost and never sent again: neither these bytes nor, as judged above, the same content with
+        // another stamp.
         let stamp = seen.stamp().unwrap_or_default();
         let waited = end - seen.at.as_secs_f64();
-        let sent_anew = view.messages().any(|other| {
+        let sent_again = view.messages().any(|other| {
             other.kind() == seen.kind() && other.at > seen.at && other.stamp() != seen.stamp()
         });
         let lost = !acknowledged.contains(&stamp) && *count == 1 && waited > 6.0;
-        found.check(seen, !lost || sent_anew, || {
+        found.check(seen, !lost || sent_again, || {
             format!("expected a {} that nothing acknowledged to be sent again; it was not in {waited:.0} s", seen.kind())
         });
     }
@@ -601,7 +603,7 @@ fn waypoints_in_the_west(view: &View<'_>, found: &mut Found) {
         ) else {
             continue;
         };
-        // A relative position is none on the globe.
+        // A relative position is not a place on the globe.
         if seen.raw("Location Type").unwrap_or_default() != 0 {
             continue;
         }
@@ -621,7 +623,7 @@ fn waypoints_in_the_west(view: &View<'_>, found: &mut Found) {
         found.check(seen, raw != i64::from(i32::MAX), || {
             "expected a longitude in two's complement; the largest angle was sent, as where a longitude beyond 180 degrees is cut off".into()
         });
-        // A route near the vehicle, seen through each of the ways to get an angle wrong.
+        // A route near the vehicle, tried with each of the usual mistakes with angles.
         let near = |a: f64, b: f64| (a - b).abs() < 0.02;
         for (what, wrong_north, wrong_east) in [
             ("latitude and longitude exchanged", longitude, latitude),
@@ -656,7 +658,7 @@ fn waypoints_in_the_west(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// Commands go to one vehicle, and come from the CUCS itself.
+/// Commands name a single vehicle as destination and the CUCS itself as source.
 fn commands_are_addressed(view: &View<'_>, found: &mut Found) {
     let vehicles: BTreeSet<Id> = view.requests().map(|seen| seen.piece.source).collect();
     for seen in view.messages() {
@@ -677,7 +679,7 @@ fn commands_are_addressed(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// 17000 goes to whoever asked, with what it asked about.
+/// 17000 goes to the station that requested it, and names the message it is about.
 fn acknowledges_to_whom_it_may_concern(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 17_000) {
         let (kind, stamp) = (

@@ -74,7 +74,7 @@ fn vehicle_type_byte_order(view: &View<'_>, found: &mut Found) {
         found.check(seen, complete.is_none_or(|other| other != swapped || other == value), || {
             format!("expected Vehicle Type with its most significant byte first; {} has 0x{value:04x}, 41005 has 0x{swapped:04x}", seen.kind())
         });
-        // Types are small numbers of a list.
+        // The list of types has small numbers only, so a low byte of 0 shows swapped bytes.
         found.check(seen, value & 0xFF != 0 || complete == Some(value), || {
             format!("expected Vehicle Type with its most significant byte first; 0x{value:04x} is a number of the custodian's list only the other way round")
         });
@@ -96,7 +96,7 @@ fn positions_are_on_the_globe(view: &View<'_>, found: &mut Found) {
         found.check(seen, latitude.abs() <= FRAC_PI_2 + 1e-6, || {
             format!("expected a latitude of -90 to 90 degrees, got {:.4}; offset binary in place of two's complement gives such values", latitude.to_degrees())
         });
-        // The claim is where the vehicle stands when the run begins.
+        // The profile's position is where the vehicle is when the run begins, so only the first 4000 is compared.
         if let (Some([north, east]), true) = (claim, first) {
             let fix = Fix::of(seen);
             let away = fix.map_or(0.0, |fix| {
@@ -191,7 +191,8 @@ fn reserved_values_are_not_sent(view: &View<'_>, found: &mut Found) {
                     .iter()
                     .filter(|(_, _, text)| *text != "reserved")
                     .fold(0, |all, (bit, _, _)| all | bit);
-                // Stations, subsystems and the like are numbered by their bits; there all of a width are defined.
+                // Only these two bit fields have reserved bits: stations, subsystems and the like define every bit of
+                // their width.
                 let named = matches!(bits.name, "lights_bitmap" | "loi_bitmap");
                 found.check(seen, !named || value & !defined == 0, || {
                     format!(
@@ -210,14 +211,14 @@ fn reserved_values_are_not_sent(view: &View<'_>, found: &mut Found) {
             let Some(value) = seen.raw(field.name) else {
                 continue;
             };
-            // A refusal repeats what was asked for.
+            // A refusal repeats the requested mode, defined or not.
             if seen.kind() == 14_000
                 && field.name == "Mission Plan Mode"
                 && seen.raw("Status") == Some(2)
             {
                 continue;
             }
-            // 23 to 25 are inferred, and this project's own private values are nobody's business.
+            // Values 23 to 25 are inferred, and this project's private values concern no foreign subject.
             let known = values.text(value).filter(|text| *text != "reserved");
             let range = values.ranges.iter().find(|(range, _)| within(range, value));
             match (known, range) {
@@ -238,7 +239,7 @@ fn reserved_values_are_not_sent(view: &View<'_>, found: &mut Found) {
                         );
                     }
                 }
-                // Enumerations that the sources have only in part are not judged by what they lack.
+                // Where the sources have only part of an enumeration, a value outside that part is not judged.
                 (None, None) if values.values.is_empty() || values.source == "none" => {}
                 (None, range) => {
                     let what = range.map_or("undefined", |_| "reserved");
@@ -261,7 +262,7 @@ fn width_of_the_vector(view: &View<'_>, found: &mut Found) {
                 found.fail(seen, format!("expected a presence vector of {expected} bytes in message {}, which has {got} bytes of data", seen.kind()));
             }
             Err(error) => {
-                // Another width that would fit tells what the sender did.
+                // If another width fits, the reason names it: that is what the sender did.
                 let data = &seen.piece.data;
                 let fits = (1..=8).find(|&width| {
                     Some(width) != seen.info.map(|info| usize::from(info.presence_bytes))
@@ -293,7 +294,7 @@ fn fits_with(seen: &crate::wire::Seen, data: &[u8], width: usize) -> bool {
             .map(|field| field.wire.bytes().unwrap_or_default())
             .sum::<usize>()
     };
-    // Of a vector that is too short the fields beyond it are not known to be there or not.
+    // A vector that is too short leaves the presence of the fields beyond it unknown: each combination is tried.
     let unknown = info.fields.len().saturating_sub(8 * width).min(8);
     (0..1_u64 << unknown).any(|beyond| width + size(bits | beyond << (8 * width)) == data.len())
 }
@@ -305,7 +306,7 @@ fn first_bit_is_the_time_stamp(view: &View<'_>, found: &mut Found) {
         .filter(|seen| seen.info.is_some() && seen.kind() < 50_000)
     {
         let Ok(fields) = &seen.fields else {
-            // The same vector one bit on: a time stamp that is thought always present.
+            // The same vector shifted by one bit: a sender that takes the time stamp as always present.
             let info = seen.info.map_or(0, |info| usize::from(info.presence_bytes));
             let bits = seen
                 .piece
@@ -389,7 +390,7 @@ fn milliseconds_since_2000(view: &View<'_>, found: &mut Found) {
         } else {
             "no known error"
         };
-        // A vehicle that fell silent has old data, and a stamp may repeat a question's.
+        // Data of a vehicle without link are old, and the stamp of an answer may repeat that of its request.
         if offset < 0.0 && offset > -600.0 && matches!(seen.kind(), 3000..=4001) {
             found.saw();
             continue;
@@ -402,7 +403,7 @@ fn stamps_are_not_in_the_future(view: &View<'_>, found: &mut Found) {
     if !view.live {
         return;
     }
-    // On one computer the clocks are the same.
+    // On a loopback address both ends have one clock.
     let same = view
         .datagrams
         .first()
@@ -412,7 +413,7 @@ fn stamps_are_not_in_the_future(view: &View<'_>, found: &mut Found) {
         let Some(stamp) = seen.stamp() else { continue };
         let ahead = stamp - seen.wall_ms as i64;
         if ahead > 5_000 {
-            // Another epoch is TIME-002's.
+            // A wrong epoch is judged by TIME-002.
             continue;
         }
         found.check(seen, ahead <= allowed, || {

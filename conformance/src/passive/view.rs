@@ -1,4 +1,4 @@
-//! The traffic that a judge looks at, and what it finds.
+//! The traffic that a judge reads, and what it finds.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::profile::Profile;
 use crate::verdict::{Judgement, Verdict, also};
 use crate::wire::{Direction, Seen};
 
-/// Kinds of findings that a reason shows.
+/// Kinds of findings that a reason lists at most.
 const MAX_KINDS: usize = 4;
 
 /// A judge and its rule.
@@ -30,9 +30,9 @@ pub struct View<'a> {
     pub profile: &'a Profile,
     /// What the discovery showed, where there was one.
     pub survey: Option<&'a Survey>,
-    /// Whether clocks of the two ends are the same: not on a capture.
+    /// Whether both ends have the same clock: true in a live run, false for a capture.
     pub live: bool,
-    /// Messages of Edition 2.5 as they are, not as their counterparts in Edition 4.
+    /// Whether messages of Edition 2.5 are read themselves, and not their counterparts in Edition 4.
     pub as_they_are: bool,
 }
 
@@ -109,7 +109,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// Something that the rule is about occurred.
+    /// Notes that something which the rule is about occurred.
     pub fn saw(&mut self) {
         self.seen += 1;
     }
@@ -119,7 +119,7 @@ impl Found {
         self.fails.push((reason.into(), Some(seen.clone())));
     }
 
-    /// The rule is broken by what is no message.
+    /// The rule is broken by bytes that are not a message.
     pub fn fail_at(&mut self, datagram: &Datagram, reason: impl Into<String>) {
         let reason = format!(
             "{} (datagram {})",
@@ -135,7 +135,7 @@ impl Found {
         self.warnings.push((reason.into(), Some(seen.clone())));
     }
 
-    /// Fails unless `holds`; either way the rule's matter occurred.
+    /// Fails unless `holds`; either way what the rule is about has occurred.
     pub fn check(&mut self, seen: &Arc<Seen>, holds: bool, reason: impl FnOnce() -> String) {
         self.saw();
         if !holds {
@@ -143,7 +143,8 @@ impl Found {
         }
     }
 
-    /// The judgement with its messages. Of many alike the first is shown, with the number of all, and what is of another kind.
+    /// The judgement with its messages. Of many similar findings the first is shown, with their number, then one of
+    /// each other kind.
     #[must_use]
     pub fn judgement(self) -> (Judgement, Vec<Arc<Seen>>) {
         let (verdict, found) = if !self.fails.is_empty() {
@@ -167,7 +168,7 @@ impl Found {
             String::new()
         };
         let mut reason = format!("{}{more}", found[0].0);
-        // What differs by its numbers only is of one kind.
+        // Findings that differ only in numbers are of one kind.
         let kind =
             |text: &str| -> String { text.chars().filter(|c| !c.is_ascii_digit()).collect() };
         let mut kinds = vec![kind(&found[0].0)];

@@ -39,7 +39,7 @@ pub(super) const JUDGES: &[Judge] = &[
     },
     Judge {
         rule: "WRAP-016",
-        judge: who_speaks_and_to_whom,
+        judge: sources_and_destinations,
     },
     Judge {
         rule: "SCALAR-001",
@@ -47,7 +47,7 @@ pub(super) const JUDGES: &[Judge] = &[
     },
 ];
 
-/// Bytes after the last message that are its checksum, though its properties name none.
+/// Bytes after the last message that match a checksum, though its properties name none.
 fn unnamed_checksum(bytes: &[u8]) -> Option<u8> {
     let length = usize::from(u16::from_be_bytes([*bytes.get(2)?, *bytes.get(3)?]));
     let style = bytes.get(15)? >> 6;
@@ -71,7 +71,7 @@ fn header_of_16_bytes(view: &View<'_>, found: &mut Found) {
             let length = datagram.bytes.get(2..4).map_or(0, |word| {
                 usize::from(u16::from_be_bytes([word[0], word[1]]))
             });
-            // Reading T: four bytes more of header.
+            // Reading T of the header: four bytes longer.
             let reading = if datagram.bytes.len() >= 20
                 && length + 20 <= datagram.bytes.len()
                 && datagram.bytes.len() - length - 20 <= 4
@@ -103,7 +103,7 @@ fn length_counts_data_only(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let length = usize::from(u16::from_be_bytes([word[0], word[1]]));
-        // The checksum at the end tells where the data really end.
+        // The checksum at the end shows where the data really end.
         let sum = bytes
             .get(15)
             .map_or(0, |properties| trailer(properties >> 6));
@@ -189,7 +189,8 @@ fn crc_32(view: &View<'_>, found: &mut Found) {
 
 fn version_number(view: &View<'_>, found: &mut Found) {
     let expected = view.profile.idd();
-    // Who has asked in another version may be answered in it: for a while, and until it asks otherwise.
+    // A CUCS that sent a request in another version may be answered in it: for a while, and until it sends one in the
+    // profile's version.
     let mut asked: BTreeMap<usize, Vec<(Duration, u8)>> = BTreeMap::new();
     for seen in view.requests() {
         let of_socket = asked.entry(seen.socket).or_default();
@@ -229,13 +230,14 @@ fn reserved_parts(view: &View<'_>, found: &mut Found) {
     }
 }
 
-fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
+fn sources_and_destinations(view: &View<'_>, found: &mut Found) {
     let (vehicles, vsm_ids) = (view.vehicles(), view.vsm_ids());
     let mut cucs: Vec<Id> = view.requests().map(|seen| seen.piece.source).collect();
     cucs.sort();
     cucs.dedup();
-    // By address: one that is free again may be that of the next socket, to which what was sent late to the one before comes.
-    let spoken: BTreeSet<(SocketAddr, Id)> = view
+    // By address and not by socket: the system may give a released port to the next socket, which then receives late
+    // datagrams for the one before.
+    let senders: BTreeSet<(SocketAddr, Id)> = view
         .datagrams
         .iter()
         .filter(|datagram| datagram.direction == Direction::Sent)
@@ -244,7 +246,7 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
             seen.map(move |seen| (datagram.local, seen.piece.source))
         })
         .collect();
-    let mut strayed: BTreeMap<(usize, Id, u16), usize> = BTreeMap::new();
+    let mut misdirected: BTreeMap<(usize, Id, u16), usize> = BTreeMap::new();
     let received = view.of_subject().flat_map(|datagram| {
         let seen = datagram.seen(view.as_they_are).iter();
         seen.map(move |seen| (datagram.local, seen))
@@ -257,27 +259,28 @@ fn who_speaks_and_to_whom(view: &View<'_>, found: &mut Found) {
             ![Id::NULL, Id::BROADCAST, Id(0)].contains(&source),
             || format!("expected the vehicle or VSM as source; got {place}"),
         );
-        // Responses to a flood, which is not recorded, go to ids that nothing else shows; what a restarted subject or a late
-        // answer sends may come to the socket that the id had before.
+        // Not 2 and 16002: responses to an unrecorded flood go to ids that occur nowhere else, and those of a
+        // restarted subject, or late ones, may reach the socket that the id had before.
         if destination != Id::BROADCAST && !cucs.is_empty() && !matches!(seen.kind(), 2 | 16002) {
             found.check(seen, cucs.contains(&destination), || {
                 format!("expected a CUCS or the broadcast id as destination; got {place}")
             });
-            let there = spoken.contains(&(local, destination));
+            let there = senders.contains(&(local, destination));
             found.check(seen, there || !view.live, || {
                 format!("expected messages for {destination} at its own address only; got {place} at that of another CUCS")
             });
         }
-        // A response to a damaged question, or a heartbeat that asks whether its sender is there, may go astray twice, and no more.
+        // A response to a damaged request, or a heartbeat that checks an address, may reach a wrong address twice,
+        // but not more often.
         if view.live && matches!(seen.kind(), 2 | 16002) && cucs.contains(&destination) {
             let key = (seen.socket, destination, seen.kind());
-            let count = strayed.entry(key).or_default();
-            *count += usize::from(!spoken.contains(&(local, destination)));
+            let count = misdirected.entry(key).or_default();
+            *count += usize::from(!senders.contains(&(local, destination)));
             found.check(seen, *count < 3, || {
                 format!("expected messages to {destination} at its own address only; got {place} at that of another CUCS")
             });
         }
-        // Reports about a vehicle, by which a CUCS draws it.
+        // Reports about a vehicle: a CUCS draws the vehicle that is the source.
         if matches!(seen.kind(), 3000..=4001 | 13001..=14000) && !vehicles.is_empty() {
             let only_vsm = vsm_ids.contains(&source) && !vsm_ids.contains(&Id::NULL);
             found.check(seen, vehicles.contains(&source) && !only_vsm, || {

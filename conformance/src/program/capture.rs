@@ -313,7 +313,7 @@ mod tests {
             .collect()
     }
 
-    /// Writes the checksum again.
+    /// Recomputes the checksum.
     fn summed(mut bytes: Vec<u8>) -> Vec<u8> {
         let end = bytes.len() - 4;
         let sum: u32 = bytes[..end].iter().map(|&byte| u32::from(byte)).sum();

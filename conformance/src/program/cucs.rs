@@ -163,7 +163,7 @@ fn scenarios(names: &[String]) -> Result<Vec<Scenario>, String> {
         .collect()
 }
 
-/// A command for a step that no scenario has would never be run, and nobody would know.
+/// Refuses a command for a step that no scenario has: it would never run, and nobody would notice.
 fn check_commands(profile: &Profile, scenarios: &[Scenario]) -> Result<(), String> {
     let mut known: Vec<String> = scenarios
         .iter()
@@ -186,7 +186,7 @@ fn check_commands(profile: &Profile, scenarios: &[Scenario]) -> Result<(), Strin
     }
 }
 
-/// Where the cards are shown: always where no command acts, else where an operator is named.
+/// Where the cards are shown: always where no command acts, otherwise where an operator is named.
 fn board(arguments: &CucsArguments, profile: &Profile) -> Result<Option<Arc<Board>>, String> {
     let headless = !profile.on.is_empty();
     if headless && arguments.operator.is_none() && arguments.page.is_none() {

@@ -1,4 +1,4 @@
-//! What the subcommands share: the profile of a file.
+//! What the subcommands share: reading the profile.
 
 use std::path::Path;
 

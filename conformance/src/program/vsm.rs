@@ -1,4 +1,4 @@
-//! `dli-check vsm`: judge a VSM.
+//! `dli-check vsm`: judge a VSM by playing a CUCS against it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -121,7 +121,7 @@ fn hazards(arguments: &VsmArguments, profile: &Profile) -> BTreeSet<Hazard> {
     released
 }
 
-/// A real vehicle is released by its tail number, as it reports it itself, typed once more.
+/// Releases a real vehicle: its tail number, as message 3 reports it, is typed once more.
 fn confirm(arguments: &VsmArguments, bench: &Arc<Bench>) -> Result<(), String> {
     let Some(tail) = &arguments.real_vehicle else {
         return Ok(());
@@ -175,7 +175,7 @@ fn options(
     })
 }
 
-/// Runs and reports; the exit status.
+/// Runs and reports; returns the exit status.
 pub(super) fn judge(arguments: &VsmArguments) -> Result<u8, String> {
     let catalogue = Catalogue::embedded();
     let (address, profile) = subject(arguments)?;

@@ -43,8 +43,8 @@ fn remark(rule: &RuleReport) -> String {
     format!("{} {}", rule.id, rule.verdict.name())
 }
 
-/// What rules that fail or warn cite, by its time in microseconds: those that look at all traffic have no datagrams of
-/// their own.
+/// The rules that fail or warn and cite a datagram, by its time in microseconds: rules that read all traffic have no
+/// datagrams of their own.
 fn cited(report: &Report) -> BTreeMap<u64, Vec<String>> {
     let mut cited: BTreeMap<u64, Vec<String>> = BTreeMap::new();
     let judged = |rule: &&RuleReport| rule.verdict.is_fail() || rule.verdict == Verdict::Warning;
@@ -94,7 +94,7 @@ pub struct Captured {
 /// The UDP datagrams of a pcap or pcapng file.
 ///
 /// # Errors
-/// It is neither, in a sentence.
+/// It is neither, or is damaged; in a sentence.
 pub fn read(file: &[u8]) -> Result<Vec<Captured>, String> {
     match file.get(..4) {
         Some([0x0A, 0x0D, 0x0D, 0x0A]) => Ok(read_pcapng(file)),

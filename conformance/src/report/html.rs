@@ -1,5 +1,5 @@
-//! `report.html`: one file without network: what fails first, a matrix by group, a filter, and a section for each rule with
-//! its evidence and both readings of what is disputed.
+//! `report.html`: one file that loads nothing: the fails first, a matrix by group, a filter, and a section for each
+//! rule with its evidence and both readings of a disputed point.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -21,7 +21,7 @@ const SCRIPT: &str = include_str!("script.js");
 pub enum Detail {
     /// All of it.
     Full,
-    /// Only of what is no pass, and only the last messages: for documents.
+    /// Only of rules that did not pass, and only the last messages: for documents.
     Brief,
 }
 
@@ -115,7 +115,7 @@ fn title(out: &mut String, report: &Report) {
     }
 }
 
-/// What fails, first what nobody expects.
+/// Lists the fails, unexpected ones first.
 fn fails(out: &mut String, report: &Report) {
     let mut failed: Vec<(bool, &RuleReport)> = Verdict::ALL
         .into_iter()
@@ -324,7 +324,7 @@ fn section(
     out.push_str("</div></details>\n");
 }
 
-/// The reading that was judged by, and the other, with who has which.
+/// The reading that was judged by, and the other one, with the sources that have each.
 fn disputed(key: &str, readings: &BTreeMap<String, String>) -> String {
     if let Some(point) = Settled::find(key) {
         return format!("{}: {}, by {}.", point.question, point.meaning, point.by);

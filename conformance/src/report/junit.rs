@@ -65,7 +65,7 @@ pub fn junit(report: &Report) -> String {
     out
 }
 
-/// Text for XML and HTML. Control characters, which neither may hold, become spaces.
+/// Escapes text for XML and HTML. Control characters, which neither may contain, become spaces.
 #[must_use]
 pub fn escape(text: &str) -> String {
     text.chars()

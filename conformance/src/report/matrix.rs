@@ -1,4 +1,4 @@
-//! Several systems beside each other: the matrix of `dli-check compare`, as Markdown and as one page.
+//! Several systems side by side: the matrix of `dli-check compare`, as Markdown and as one page.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -53,7 +53,7 @@ pub fn rows(reports: &[Report]) -> Vec<Row> {
     rows.into_values().collect()
 }
 
-/// Names of the systems: of the profile, or else of the file, with a number where two are alike.
+/// Names of the systems: from the profile, otherwise from the file, with a number where two are equal.
 #[must_use]
 pub fn names(reports: &[Report], files: &[String]) -> Vec<String> {
     let own = |(report, file): (&Report, &String)| {
@@ -76,7 +76,7 @@ pub fn names(reports: &[Report], files: &[String]) -> Vec<String> {
         .collect()
 }
 
-/// The matrix as a table in Markdown; rules that differ have a star.
+/// The matrix as a table in Markdown; a star marks rules on which the systems differ.
 #[must_use]
 pub fn markdown(names: &[String], rows: &[Row]) -> String {
     let mut out = format!(

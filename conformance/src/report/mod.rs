@@ -1,7 +1,7 @@
 //! The result of a run: one model, from which every form of report is made.
 //!
-//! `report.json` is the model itself; [`html`], [`junit`], [`statement`] and [`capture`] read nothing else but the
-//! recording.
+//! `report.json` is the model itself; [`html`], [`junit`], [`statement`] and [`capture`] are made from it and the
+//! recording alone.
 
 pub mod capture;
 pub mod html;
@@ -33,7 +33,7 @@ pub struct Report {
     /// Which suite, for headings.
     #[serde(default)]
     pub suite: String,
-    /// Which program made it.
+    /// The program that made it, with its version.
     pub program: String,
     /// The catalogue.
     pub catalogue: Release,
@@ -49,7 +49,7 @@ pub struct Report {
     pub profile: String,
     /// SHA-256 of profile, catalogue and recording.
     pub hashes: BTreeMap<String, String>,
-    /// What the run as a whole has to say: network loss, an occupied vehicle, an interruption.
+    /// Remarks about the run as a whole: network loss, an occupied vehicle, an interruption.
     pub remarks: Vec<String>,
     /// How many rules have which verdict.
     pub counts: BTreeMap<String, usize>,
@@ -68,7 +68,7 @@ pub struct Subject {
     pub name: String,
     /// From the profile.
     pub version: String,
-    /// Where it was.
+    /// Its address.
     pub address: String,
     /// Edition of the interface.
     pub edition: String,
@@ -119,7 +119,7 @@ pub struct RuleReport {
     pub datagrams: Option<(usize, usize)>,
 }
 
-/// An expected departure, with how it went.
+/// An expected departure, and whether it occurred.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Departure {
     /// Rule id, or a pattern with `*`.
@@ -128,7 +128,7 @@ pub struct Departure {
     pub verdict: Verdict,
     /// Why.
     pub reason: String,
-    /// What the rule finds has to contain this, or it is another departure; anything where it is left out.
+    /// Text that the rule's finding has to contain, or it is another departure; absent accepts every finding.
     #[serde(default)]
     pub finding: Option<String>,
     /// Whether a rule had it.
@@ -136,7 +136,7 @@ pub struct Departure {
 }
 
 impl Departure {
-    /// Whether it is about this rule, and about everything that the rule finds.
+    /// Whether it is about this rule, and expects everything that the rule finds.
     #[must_use]
     pub fn covers(&self, rule: &RuleReport) -> bool {
         let finding = self.finding.as_deref().unwrap_or_default();
@@ -277,7 +277,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::catalogue::Catalogue;
 
-    /// A report with something of everything, and with texts that want to be markup.
+    /// A report with something of everything, and texts that look like markup.
     pub(crate) fn report(catalogue: &Catalogue) -> Report {
         let mut rules: Vec<RuleReport> = catalogue.rule[..40]
             .iter()
@@ -347,7 +347,7 @@ pub(crate) mod tests {
         for rule in &report.rules {
             assert!(page.contains(&format!("id=\"{}\"", rule.id)), "{}", rule.id);
         }
-        // No request leaves the page.
+        // The page loads nothing.
         for outside in ["http://", "https://", "src=", "@import", "url("] {
             assert!(!page.contains(outside), "{outside}");
         }
@@ -366,7 +366,7 @@ pub(crate) mod tests {
         assert!(brief.len() <= page.len());
     }
 
-    /// Judges a value by the part of JSON Schema that `report.schema.json` uses.
+    /// Checks a value by the part of JSON Schema that `report.schema.json` uses.
     fn misfits(schema: &Value, root: &Value, value: &Value, place: &str, found: &mut Vec<String>) {
         if let Some(name) = schema["$ref"].as_str() {
             let part = name.trim_start_matches("#/$defs/");

@@ -41,7 +41,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// Whether 17000 type 3 came about a message within the time of an acknowledgement.
+/// Whether a 17000 type 3 about a message came within the time of an acknowledgement.
 pub(super) fn refused(t: &Trial, a: &Station, sent: &Sent) -> bool {
     a.wait(sent.mark, t.timers().ack, |seen| {
         about(seen, sent.kind, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
@@ -49,8 +49,8 @@ pub(super) fn refused(t: &Trial, a: &Station, sent: &Sent) -> bool {
     .is_some()
 }
 
-/// The 17000 that says that a message was carried out, where one comes within `time`. A refusal ends the wait, but for what it
-/// may have done all the same.
+/// The 17000 that reports a message as carried out, where one comes within `time`. A refusal ends the wait shortly
+/// after it: [`AFTER_REFUSAL`] is left to see whether it was carried out all the same.
 pub(super) fn carried_out(
     t: &Trial,
     station: &Station,
@@ -73,7 +73,7 @@ pub(super) fn carried_out(
     Ok(None)
 }
 
-/// How long after a refusal the state is looked at.
+/// How long after a refusal the state is checked.
 const AFTER_REFUSAL: Duration = Duration::from_millis(250);
 
 fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
@@ -102,7 +102,7 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
             found = late;
         }
         if found.is_none() {
-            // Lost on the way, perhaps: once more, the same bytes.
+            // One of the two may have been lost: the same bytes once more.
             a.send_bytes(&one.bytes);
             found = a.wait(one.mark, t.timers().ack, |seen| {
                 about(seen, one.kind, one.stamp)
@@ -122,7 +122,8 @@ fn acknowledgement_when_asked_for(t: &Trial) -> Judged {
             )
         })?;
     }
-    // Not a setting only: every command that asks, whether it can be carried out here or not.
+    // Every command that requests an acknowledgement, whether or not it can be carried out here; settings alone would
+    // not show that.
     let home = home(t, &a)?;
     let point = waypoint(&home, 5, 0, home.latitude, home.longitude, 40.0);
     for draft in [
@@ -266,7 +267,7 @@ fn shows_altitude(t: &Trial, a: &Station, raw: i64) -> Judged<bool> {
 }
 
 fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
-    // On a setting first: no flight is needed to see whether an old command acts again.
+    // First with a setting: it shows whether an old command acts again, and needs no flight.
     let a = t.controller()?;
     let (r1, r2, r3) = (
         t.bench.fresh_radius(),
@@ -277,8 +278,8 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
     if !a.radius_becomes(r1)? {
         return Err(Stop::inconclusive("2017 does not change 3004"));
     }
-    // The same stamp with other content is a new message. Not after one with a later stamp: that would be overtaken, and
-    // a subject that lets it undo the later one does what this rule is about.
+    // The same stamp with other content is a new message. It is sent before anything with a later stamp: behind that
+    // it would be an overtaken message, and whether those act is judged below.
     a.send(
         Draft::new(2017)
             .raw("Time Stamp", first.stamp)
@@ -330,8 +331,8 @@ fn a_repetition_is_not_carried_out_again(t: &Trial) -> Judged {
     })
 }
 
-/// Settings and waypoints are carried out, or refused, at once.
-fn settings_are_settled_at_once(t: &Trial) -> Judged {
+/// Settings and waypoints are carried out, or refused, at once: only storing them is commanded.
+fn settings_are_answered_at_once(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
     let cases = [
@@ -354,16 +355,16 @@ fn settings_are_settled_at_once(t: &Trial) -> Judged {
     for (what, draft, expected) in cases {
         let kind = draft.message_type;
         let sent = a.send(draft.acked());
-        let settled = |seen: &Seen| {
+        let answered = |seen: &Seen| {
             about(seen, kind, sent.stamp)
                 && seen
                     .raw("Acknowledgement Type")
                     .is_some_and(|kind| kind != 1)
         };
-        let mut last = a.wait(sent.mark, t.timers().ack * 2, settled);
+        let mut last = a.wait(sent.mark, t.timers().ack * 2, answered);
         if last.is_none() {
             a.send_bytes(&sent.bytes);
-            last = a.wait(sent.mark, t.timers().ack * 2, settled);
+            last = a.wait(sent.mark, t.timers().ack * 2, answered);
         }
         let Some(last) = last else {
             return Err(Stop::fail(format!(
@@ -381,9 +382,9 @@ fn settings_are_settled_at_once(t: &Trial) -> Judged {
 }
 
 fn received_then_done_or_refused(t: &Trial) -> Judged {
-    settings_are_settled_at_once(t)?;
+    settings_are_answered_at_once(t)?;
     let a = airborne(t)?;
-    // Out of mode 12 first, so that it has to be entered.
+    // First into another mode, so that mode 12 has to be entered.
     let other = a.send(
         mode_command(mode::AUTOPILOT)
             .raw("Altitude Command Type", 0)
@@ -412,7 +413,7 @@ fn received_then_done_or_refused(t: &Trial) -> Judged {
             "expected 17000 within the acknowledgement time of 2016 mode 12".into()
         })?;
     }
-    // A mode that no vehicle has.
+    // Modes that no vehicle has.
     for wanted in [mode::WAYPOINT + 6, 22] {
         let sent = a.send(mode_command(wanted).acked());
         let done = a.wait(

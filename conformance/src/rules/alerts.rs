@@ -21,7 +21,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
     Scene {
         rule: "ALERT-004",
-        play: a_refusal_says_why,
+        play: a_refusal_has_a_reason,
     },
     Scene {
         rule: "ALERT-005",
@@ -50,8 +50,8 @@ fn id_of(seen: &Seen) -> i64 {
     seen.raw("Alert (Warning) ID").unwrap_or_default().abs()
 }
 
-/// The alerts that stand now, of those that came since `before`: none of them is about a link that is cut later. What stands is
-/// sent to who has just connected, by some subjects a moment later.
+/// The ids of alerts that are active now, of those received since `before`: none of them is about a link that is cut
+/// later. A CUCS that connects is sent the active alerts, by some subjects a moment later, hence the pause.
 fn standing(t: &Trial, station: &Station, before: usize) -> Judged<BTreeSet<i64>> {
     t.pause(Duration::from_millis(1_200))?;
     let mut standing = BTreeSet::new();
@@ -83,7 +83,7 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
         let raised = raised.ok_or_else(|| {
             Stop::inconclusive("no lasting alert came when the vehicle's link was cut")
         })?;
-        // As long as its cause lasts it stands.
+        // The alert stays active as long as its cause lasts.
         let id = raised.raw("Alert (Warning) ID").unwrap_or_default().abs();
         let early = station.wait(mark, Duration::from_millis(2_500), |seen| {
             seen.kind() == 16000
@@ -103,7 +103,7 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
             && seen.raw("Alert (Warning) ID") == Some(id)
     });
     t.expect(cleared.is_some(), || format!("expected alert {id} to be cleared with priority 0 once the vehicle's link was back; it was not"))?;
-    // For everybody who was sent it.
+    // It is cleared for every CUCS that was sent it.
     let Some(other) = other else { return Ok(()) };
     let ends = |seen: &Seen, priorities: std::ops::RangeInclusive<i64>| {
         seen.kind() == 16000
@@ -123,7 +123,7 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
             )
         })?;
     }
-    // It is over for who connects now as well.
+    // A CUCS that connects after the end is not sent it.
     other.release()?;
     let Ok(b) = t.b() else { return Ok(()) };
     let mark = t.bench.net.mark();
@@ -140,7 +140,7 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     })
 }
 
-/// -1 where nothing more can be asked: any other reference is answered when 15001 names it.
+/// The reference is -1 where there is nothing more to request; any other is answered when 15001 names it.
 fn the_reference_can_be_asked_for(t: &Trial) -> Judged {
     let a = t.controller()?;
     let mark = t.bench.net.mark();
@@ -171,17 +171,17 @@ fn the_reference_can_be_asked_for(t: &Trial) -> Judged {
     })
 }
 
-fn a_refusal_says_why(t: &Trial) -> Judged {
+fn a_refusal_has_a_reason(t: &Trial) -> Judged {
     let a = t.controller()?;
     let mark = t.bench.net.mark();
     a.send(mode_command(17).acked());
-    let said = a.wait(mark, t.timers().answer * 2, |seen| {
+    let alert = a.wait(mark, t.timers().answer * 2, |seen| {
         seen.kind() == 16000 && seen.text("Text").is_some_and(|text| !text.is_empty())
     });
-    t.expect(said.is_some(), || {
+    t.expect(alert.is_some(), || {
         "expected a 16000 with the reason after the refusal of mode 17; none came".into()
     })?;
-    let first = said.and_then(|seen| seen.text("Text")).unwrap_or_default();
+    let first = alert.and_then(|seen| seen.text("Text")).unwrap_or_default();
     let home = home(t, &a)?;
     let mut gap = Plan::zigzag(&home, "WHY", &[71, 72, 73]);
     gap.points.remove(1);
@@ -190,10 +190,10 @@ fn a_refusal_says_why(t: &Trial) -> Judged {
     if found.status == Some(1) {
         return Err(Stop::inconclusive("a route with a gap was accepted"));
     }
-    let said = a.wait(mark, t.timers().answer * 2, |seen| {
+    let alert = a.wait(mark, t.timers().answer * 2, |seen| {
         seen.kind() == 16000 && seen.text("Text").is_some_and(|text| !text.is_empty())
     });
-    t.expect(said.is_some(), || {
+    t.expect(alert.is_some(), || {
         "expected a 16000 with the reason after the refusal of a route with a gap; none came".into()
     })?;
     let other = a.received(mark, |seen| {
@@ -213,20 +213,20 @@ fn no_storms(t: &Trial) -> Judged {
         t.pause(Duration::from_millis(10))?;
     }
     t.pause(Duration::from_secs(1))?;
-    // Of a long text the parts behind the first are no alerts of their own, and the end of an earlier one is no new one.
+    // Not counted: the further parts of a long text, and the end of an earlier alert.
     let first = |seen: &Seen| {
         seen.kind() == 16000
             && seen.raw("Append Order").unwrap_or_default() <= 1
             && seen.raw("Priority") != Some(0)
     };
     let count = a.received(mark, first).len() as f64;
-    // About two a second: where the 300 take longer than the 3 s that they should, more may come.
+    // About two a second are allowed; where sending the 300 takes longer than the 3 s that it should, more.
     let took = (t.bench.net.now() - began).as_secs_f64();
     let most = (2.0 * took).max(20.0);
     t.expect(count <= most, || {
         format!("expected at most {most:.0} alerts in the {took:.0} s of 300 refused commands, got {count}")
     })?;
-    // A storm must not keep another alert from coming through.
+    // A flood of alerts must not keep another one from arriving.
     let storm: Vec<_> = a
         .received(mark, |seen| seen.kind() == 16000)
         .iter()
@@ -278,7 +278,7 @@ fn standing_alerts_reach_the_newcomer(t: &Trial) -> Judged {
                 b.id
             )
         })?;
-        // Each time that it connects.
+        // At every connection, not only the first.
         b.release()?;
         let again = t.bench.net.mark();
         b.take(loi::LOI2)?;

@@ -81,7 +81,7 @@ fn granted(seen: &crate::wire::Seen) -> i64 {
     seen.raw("LOI Granted").unwrap_or_default()
 }
 
-/// A station's plain request for LOI 4 has to be denied, and its 2017 without effect.
+/// A station's plain request for LOI 4 has to be denied, and its 2017 must change nothing.
 fn denied(t: &Trial, station: &Station) -> Judged {
     let answer = station.request(loi::LOI4, Access::Request)?;
     t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || {
@@ -93,7 +93,7 @@ fn denied(t: &Trial, station: &Station) -> Judged {
     })
 }
 
-/// A station's 2017 changes nothing that the holder sees.
+/// A station's 2017 must change nothing that the holder sees.
 fn powerless(t: &Trial, holder: &Station, other: &Station, why: &str) -> Judged {
     let before = holder.radius()?;
     let radius = t.bench.fresh_radius();
@@ -130,7 +130,7 @@ fn free_control_is_granted(t: &Trial) -> Judged {
         format!("expected #2 to {}, got {}", a.id, answer.piece.destination)
     })?;
     obeyed(t, &a, "granted LOI 4")?;
-    // The second time, and together with other levels; never what was not requested.
+    // The second time too, and together with other levels; a grant never has what was not requested.
     a.release()?;
     let all = t.bench.surveyed()?.with(loi::LOI4 | loi::LOI5);
     let five = if all.iter().any(|cucs| cucs.id == a.id) {
@@ -191,7 +191,7 @@ fn override_by_who_may(t: &Trial) -> Judged {
     })?;
     t.grant(&a, loi::LOI2 | loi::LOI4)?;
     obeyed(t, &a, "the holder").precondition("commands work")?;
-    // Who may not, gets nothing.
+    // A CUCS that may not override gets nothing by it.
     let weak = t.find("one that may not override", |cucs| {
         !cucs.overrides && cucs.id != a.id && cucs.id != b.id && cucs.authorised & loi::LOI4 != 0
     });
@@ -213,7 +213,7 @@ fn override_by_who_may(t: &Trial) -> Judged {
             granted(&answer)
         )
     })?;
-    // At once: a former holder that is obeyed for some seconds more makes two captains.
+    // At once: a former holder that is obeyed for some more seconds means two CUCSs in control.
     let radius = t.bench.fresh_radius();
     let before = b.radius()?;
     a.set_radius(radius);
@@ -222,9 +222,9 @@ fn override_by_who_may(t: &Trial) -> Judged {
     t.expect(after == before, || format!("expected 2017 of the former holder {} to change nothing; the radius went from {before:?} to {after:?}", a.id))?;
     obeyed(t, &b, "the new holder")?;
     powerless(t, &b, &a, "overridden")?;
-    let told = a.wait(mark, Duration::from_millis(10), |seen| seen.kind() == 2);
-    let asked = match told {
-        Some(told) => told,
+    let notice = a.wait(mark, Duration::from_millis(10), |seen| seen.kind() == 2);
+    let asked = match notice {
+        Some(notice) => notice,
         None => a.request(0, Access::Request)?,
     };
     t.expect_of(&asked, granted(&asked) & loi::LOI4 == 0, || {
@@ -257,7 +257,7 @@ fn control_lasts(t: &Trial) -> Judged {
     obeyed(t, &a, "the holder that was quiet")
 }
 
-/// A message that comes by a schedule only.
+/// A message that is sent only by a schedule.
 const SCHEDULED: u16 = 3004;
 
 fn release_is_granted(t: &Trial) -> Judged {
@@ -278,7 +278,8 @@ fn release_is_granted(t: &Trial) -> Judged {
     b.take(loi::LOI2 | loi::LOI4)?;
     obeyed(t, &b, "granted after the release of another")?;
     powerless(t, &b, &a, "released")?;
-    // What is given back with everything else is the status: it would continue for ever, to an address that may be another's.
+    // A release of all levels also ends the status: it would otherwise continue for ever, to an address that another
+    // CUCS may have by then.
     let mark = t.bench.net.mark();
     t.pause(t.timers().status / 10)?;
     let status = a.received(mark, |seen| {
@@ -383,7 +384,7 @@ fn commands_need_their_loi(t: &Trial) -> Judged {
     }
 }
 
-/// Between the holder's waypoints and its load command another changes one of them, and cancels.
+/// Between the holder's waypoints and its load command another CUCS changes one waypoint, and sends a cancel.
 fn an_upload_is_the_holders(t: &Trial, a: &Station, monitor: &Station) -> Judged {
     let home = home(t, a)?;
     clear(t, a)?;
@@ -459,7 +460,7 @@ fn never_more_than_authorised(t: &Trial) -> Judged {
         })?;
         station.release()?;
     }
-    // Who may not override gets nothing by it.
+    // A CUCS that may not override gets nothing by it.
     let a = t.controller()?;
     let b = t.find("one that may not override", |cucs| {
         !cucs.overrides
@@ -486,7 +487,7 @@ fn loi_bits(t: &Trial) -> Judged {
             seen_any = true;
             if let Some(claimed) = cucs.claimed {
                 let payload = survey.stations().is_empty();
-                // LOI 3 means a payload station; without one a VSM need not offer it.
+                // LOI 3 concerns payload stations: a VSM without any need not offer it.
                 let expected = if payload {
                     claimed & !loi::LOI3
                 } else {
@@ -503,7 +504,7 @@ fn loi_bits(t: &Trial) -> Judged {
                 })?;
             }
             t.expect_of(&answer, raw & !0x0F == 0, || format!("expected LOI bits 1, 2, 4 and 8; got 0x{raw:02x} in LOI Authorised of {} (2, 4, 8, 16 would be reading M)", cucs.id))?;
-            // LOI 2 comes with every higher level: bits that begin at 2 are another reading's.
+            // Every higher level includes LOI 2: a subject whose bits start at 2 uses the other reading.
             t.expect_of(&answer, raw & loi::LOI2 != 0 || raw == 0, || format!("expected LOI 2 (bit 1) in LOI Authorised 0x{raw:02x} of {}, since every higher level contains it", cucs.id))?;
         }
     }
@@ -538,7 +539,7 @@ fn launch_needs_loi_5(t: &Trial) -> Judged {
     if !t.bench.flight_released.load(Ordering::SeqCst) {
         return Ok(());
     }
-    // In flight the landing, which a vehicle on the ground refuses for another reason.
+    // The landing is tried in flight: on the ground it would be refused for another reason.
     let Ok(a) = airborne(t) else { return Ok(()) };
     let answer = a.request(loi::LOI5, Access::Release)?;
     let result = if granted(&answer) & (loi::LOI4 | loi::LOI5) == loi::LOI4 {
@@ -552,7 +553,7 @@ fn launch_needs_loi_5(t: &Trial) -> Judged {
     result
 }
 
-/// A mode of launch and recovery, commanded with LOI 4 only, changes nothing.
+/// A mode of launch and recovery, commanded with LOI 4 alone, changes nothing.
 fn not_without_loi_5(t: &Trial, a: &Station, wanted: i64) -> Judged {
     let before = reported_mode(a)?;
     let sent = a.send(mode_command(wanted).raw("Altitude Command Type", 1).acked());
@@ -612,7 +613,7 @@ fn every_request_gets_its_answer(t: &Trial) -> Judged {
         "expected #2 to a request that comes a second time with the same bytes; none came".into()
     })?;
     powerless(t, &a, &b, "LOI Granted shows LOI 2 only")?;
-    // The holder asks again: whatever it is shown to hold has to work.
+    // The holder requests again: whatever LOI Granted shows it to hold has to work.
     for levels in [loi::LOI4, loi::LOI2, 0] {
         let answer = a.request(levels, Access::Request)?;
         let shown = granted(&answer) & loi::LOI4 != 0;
@@ -640,7 +641,7 @@ fn only_the_holder_can_release(t: &Trial) -> Judged {
             granted(&held)
         )
     })?;
-    // Not with a level of its own to give up either.
+    // Also not when B gives up a level of its own.
     b.take(loi::LOI2).precondition("B has LOI 2")?;
     b.release()?;
     let held = a.request(0, Access::Request)?;
@@ -663,14 +664,14 @@ fn control_survives_a_restart(t: &Trial) -> Judged {
     let answer = first_answer(t, &b)?;
     t.expect_of(&answer, granted(&answer) & loi::LOI4 == 0, || "expected B's request to be denied after the restart, because A was in control; it was granted".into())?;
     obeyed(t, &a, "the holder before the restart")?;
-    // What was given up before it is free after it.
+    // What was released before the restart is free after it.
     a.release()?;
     crate::means::shell(&command).map_err(Stop::Inconclusive)?;
     let answer = first_answer(t, &b)?;
     t.expect_of(&answer, granted(&answer) & loi::LOI4 != 0, || "expected B's request to be granted after a restart, because A had released control before it; it was denied".into())
 }
 
-/// The answer to a request for LOI 4 of a subject that is just starting.
+/// The first answer to a request for LOI 4, from a subject that is still starting.
 fn first_answer(t: &Trial, station: &Station) -> Judged<std::sync::Arc<crate::wire::Seen>> {
     let mark = t.bench.net.mark();
     for _ in 0..20 {
@@ -698,12 +699,12 @@ fn another_port_the_same_cucs(t: &Trial) -> Judged {
     t.expect(came.is_some(), || {
         "expected 4000 at the new port within 2 s; none came".into()
     })?;
-    // What is wrong is said where the station is now.
+    // Alerts go to the address where the station is now.
     let mark = t.bench.net.mark();
     new.send(mode_command(17).acked());
     let alert = |seen: &crate::wire::Seen| seen.kind() == 16000;
-    let said = new.wait(mark, t.timers().answer, alert);
-    t.expect(said.is_some() || old.received(mark, alert).is_empty(), || {
+    let moved = new.wait(mark, t.timers().answer, alert);
+    t.expect(moved.is_some() || old.received(mark, alert).is_empty(), || {
         "expected the alert about a refused command at the port from which it was sent; it came to the port before".into()
     })
 }

@@ -32,7 +32,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
     Scene {
         rule: "CONF-005",
-        play: a_change_of_availability_is_said,
+        play: a_change_of_availability_is_sent,
     },
     Scene {
         rule: "CONF-006",
@@ -78,7 +78,7 @@ pub(super) fn full(t: &Trial, station: &Station, kind: i64) -> Judged<Vec<Arc<Se
     Ok(station.received(sent, is_answer))
 }
 
-/// Indices of an enumerated field that 44003 or 41002 say the vehicle lacks.
+/// Indices of an enumerated field that 44003 or 41002 list as unavailable.
 pub(super) fn availability(configuration: &[Arc<Seen>], message: i64, field: i64) -> BTreeSet<i64> {
     configuration
         .iter()
@@ -147,7 +147,7 @@ fn configuration_ends_with_complete(t: &Trial) -> Judged {
             station.vehicle, complete.piece.source
         )
     })?;
-    // Every level that this CUCS may have, and each of them again.
+    // Every level that this CUCS may have, and each of them twice.
     let authorised = response.raw("LOI Authorized").unwrap_or_default();
     let payload = if stations > 0 { loi::LOI3 } else { 0x100 };
     for (kind, level, commands) in [
@@ -217,7 +217,7 @@ fn single_parameter(t: &Trial) -> Judged {
             format!("expected an answer for field 3 of 2017 only, got one for {named:?}")
         })?;
     }
-    // A field that no message has: nothing can say that it is supported.
+    // A field number that no message has: nothing may report it as supported.
     let mark = t.bench.net.mark();
     station.send(
         request(0)
@@ -241,7 +241,7 @@ fn single_parameter(t: &Trial) -> Judged {
     one_field_as_all_of_them(t, &station)
 }
 
-/// What is said of one field is what the whole configuration says of it, support included.
+/// The answer about one field is the same as in the whole configuration, support included.
 fn one_field_as_all_of_them(t: &Trial, station: &Station) -> Judged {
     let whole = full(t, station, 3).precondition("a full configuration")?;
     let mut judged = 0;
@@ -295,7 +295,7 @@ fn one_field_as_all_of_them(t: &Trial, station: &Station) -> Judged {
 }
 
 fn generic_lists_are_not_altered(t: &Trial) -> Judged {
-    // Judged on the messages, by the judge of this rule; here they are caused.
+    // The messages are judged by the passive judge of this rule; here they are caused.
     let station = t.any()?;
     full(t, &station, 3).precondition("a full configuration")?;
     Ok(())
@@ -305,7 +305,7 @@ fn missing_values_are_listed(t: &Trial) -> Judged {
     let a = t.controller()?;
     let configuration = full(t, &a, 3).precondition("a full configuration")?;
     let listed = availability(&configuration, 2016, 2);
-    // Modes of which 2016 is refused though they are not listed. On the ground none of them moves anything.
+    // A mode that is refused must be listed as unavailable. On the ground none of these moves anything.
     for wanted in [16, 17, 22] {
         if listed.contains(&wanted) {
             continue;
@@ -323,7 +323,7 @@ fn missing_values_are_listed(t: &Trial) -> Judged {
     values_work_or_are_listed(t, &a, &configuration)
 }
 
-/// Each generic value of these fields works, or is listed; what is listed is refused.
+/// Each generic value of these fields works, or is listed as unavailable; what is listed is refused.
 fn values_work_or_are_listed(t: &Trial, a: &Station, configuration: &[Arc<Seen>]) -> Judged {
     if t.of_edition_25() {
         t.note("loiter types and directions were not tried: #1400 says that #41 came, never that it is refused");
@@ -355,8 +355,8 @@ fn values_work_or_are_listed(t: &Trial, a: &Station, configuration: &[Arc<Seen>]
     Ok(())
 }
 
-/// What a new configuration phase says otherwise than the one before has to have been said at once.
-fn a_change_of_availability_is_said(t: &Trial) -> Judged {
+/// Where a new configuration phase differs from the one before, the change has to have been sent when it happened.
+fn a_change_of_availability_is_sent(t: &Trial) -> Judged {
     if !t
         .bench
         .flight_released
@@ -378,7 +378,7 @@ fn a_change_of_availability_is_said(t: &Trial) -> Judged {
     }
     t.pause(t.timers().answer / 2)?;
     let unasked = about_modes(&a, mark);
-    let said: BTreeSet<i64> = unasked
+    let reported_modes: BTreeSet<i64> = unasked
         .iter()
         .filter_map(|seen| seen.raw("Reported Enumerated Index"))
         .collect();
@@ -389,19 +389,19 @@ fn a_change_of_availability_is_said(t: &Trial) -> Judged {
             "no mode becomes available by a plan, as the configuration says",
         ));
     }
-    t.expect(changed.is_subset(&said), || {
-        format!("expected 44003 at once about the modes {changed:?}, which the configuration lists otherwise since a plan is aboard; it came about {said:?}")
+    t.expect(changed.is_subset(&reported_modes), || {
+        format!("expected 44003 at once about the modes {changed:?}, which the configuration lists otherwise since a plan is aboard; it came about {reported_modes:?}")
     })?;
-    says_which_way(t, &unasked, &changed, &after)?;
-    // And the other way, when the plan goes.
+    expect_change_reported(t, &unasked, &changed, &after)?;
+    // And the reverse, when the plan is cleared.
     let mark = t.bench.net.mark();
     crate::bench::flight::clear(t, &a)?;
     t.pause(t.timers().answer / 2)?;
-    // Before the configuration says the same when it is asked for.
+    // Read before the configuration is requested, which would report the same.
     let unasked = about_modes(&a, mark);
     let gone = phase()?;
     let changed: BTreeSet<i64> = after.symmetric_difference(&gone).copied().collect();
-    says_which_way(t, &unasked, &changed, &gone)
+    expect_change_reported(t, &unasked, &changed, &gone)
 }
 
 /// The flight modes that a configuration phase of this type lists as unavailable.
@@ -414,13 +414,13 @@ fn phase(t: &Trial, a: &Station, kind: i64) -> Judged<BTreeSet<i64>> {
         |seen| seen.kind() == 41005,
     )
     .precondition("a full configuration")?;
-    // Some say what is available right behind 41005.
+    // Some subjects send availability just behind 41005.
     t.pause(Duration::from_millis(200))?;
     Ok(availability(&a.received(mark, is_answer), 2016, 2))
 }
 
-/// A launch makes modes available and others unavailable; whoever has control is sent which. Where the vehicle flies already nothing is
-/// looked at.
+/// A launch makes modes available and others unavailable; the CUCS in control is sent these changes. Not judged where
+/// the vehicle flies already.
 fn off_the_ground(t: &Trial) -> Judged {
     let a = t.launcher()?;
     let home = home(t, &a)?;
@@ -464,8 +464,9 @@ fn about_modes(a: &Station, mark: usize) -> Vec<Arc<Seen>> {
     a.received(mark, is_about_modes)
 }
 
-/// The last 44003 about each of these modes says that it is unavailable where the configuration lists it so, else available.
-fn says_which_way(
+/// The last 44003 about each of these modes has to report it as unavailable where the configuration lists it so,
+/// otherwise as available.
+fn expect_change_reported(
     t: &Trial,
     unasked: &[Arc<Seen>],
     changed: &BTreeSet<i64>,
@@ -490,7 +491,8 @@ fn says_which_way(
 
 fn abort_stops_the_answers(t: &Trial) -> Judged {
     let station = t.any()?;
-    // As many as there are in all: a subject that sends them at once has nothing left to stop.
+    // The number of messages of a whole configuration: a subject that sends them all at once has nothing left to
+    // stop.
     let mark = t.bench.net.mark();
     full(t, &station, 3).precondition("a full configuration")?;
     let whole = station
@@ -514,7 +516,7 @@ fn abort_stops_the_answers(t: &Trial) -> Judged {
         return Err(Stop::inconclusive("no configuration message came"));
     }
     station.send(request(6));
-    // What was on its way comes at once.
+    // What was sent before the abort arrives within half a second.
     t.pause(Duration::from_millis(500))?;
     let mark = t.bench.net.mark();
     t.pause(t.timers().quiet + Duration::from_millis(500))?;
@@ -540,7 +542,7 @@ fn limits_make_sense(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// The CUCS warns by the declared limits: the VSM does not do the same by an alert of its own.
+/// The CUCS warns by the declared limits; the VSM does not raise an alert of its own for them.
 fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
     let means = &t.bench.profile.means;
     let (Some(lower), Some(restore)) = (&means.lower_energy, &means.restore_energy) else {
@@ -570,7 +572,7 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
             "the energy level is below its declared caution limit already, or absent",
         ));
     }
-    // The VSM (subsystem 9) may have something else to say meanwhile.
+    // Alerts about the VSM itself (subsystem 9) may come meanwhile, and do not count.
     let own_alert = |seen: &Seen| {
         seen.kind() == 16000
             && seen.raw("Priority").is_some_and(|priority| priority >= 2)
@@ -582,7 +584,8 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
         let low = station.wait(mark, t.timers().status, |seen| {
             seen.kind() == 3002 && level(seen).is_some_and(|level| level < limit)
         });
-        // Whoever watches a level lets a dip pass: an alert about it may come seconds after the first report below the limit.
+        // A subject that watches the level may ignore a short dip: its alert may come seconds after the first report
+        // below the limit.
         station.wait(mark, t.timers().status.max(t.timers().quiet), own_alert);
         Ok((low.is_some(), level(&*station.query(3002)?)))
     })();
@@ -631,8 +634,8 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
             "the declared loiter radius has no minimum and maximum",
         ));
     };
-    // Integers are steps of the field on the wire, as this project reads it; a float is in its unit. Where a profile does
-    // not settle that, both readings are lawful, and what lies within, or beyond, both is judged.
+    // Integers are steps of the field on the wire, as this project reads it; a float is in the field's unit. Where
+    // the profile does not settle that, both readings are lawful: only what is within, or beyond, both is judged.
     let reported = !t.of_edition_25();
     if !reported {
         t.note("the declared loiter radius was not tried: Edition 2.5 reports none");
@@ -650,7 +653,7 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
     }
     altitudes_within_what_is_declared(t, &a, &configuration)?;
     speeds_within_what_is_declared(t, &a, &configuration)?;
-    // Below both readings of the minimum.
+    // Below the minimum in both readings.
     let below = (low * 0.5 / 1.5).floor() * 1.5;
     if reported && below >= 1.5 {
         a.set_radius(below);
@@ -668,7 +671,8 @@ fn what_is_declared_is_accepted(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// A speed of a waypoint beyond what is declared, in steps of 0.5 m/s or in m/s: beyond both.
+/// A waypoint's speed beyond the declared range is refused, be the range in steps of 0.5 m/s or in m/s: it is beyond
+/// both.
 fn speeds_within_what_is_declared(t: &Trial, a: &Station, configuration: &[Arc<Seen>]) -> Judged {
     let declared = configuration.iter().find(|seen| {
         matches!(seen.kind(), 41000 | 41001 | 41003)
@@ -679,14 +683,14 @@ fn speeds_within_what_is_declared(t: &Trial, a: &Station, configuration: &[Arc<S
     let Some(high) = declared.and_then(|seen| seen.value("Max Value")) else {
         return Ok(());
     };
-    // A 41003 has integers, which are steps; of a float the unit is meant.
+    // The integers of 41000 and 41003 are taken as steps; a float of 41001 is in the unit.
     let integers = declared.is_some_and(|seen| seen.kind() != 41001);
     let beyond = if integers { high * 0.5 } else { high } * 1.3 + 3.0;
     if high <= 0.0 || beyond > 32_000.0 {
         return Ok(());
     }
     let home = home(t, a)?;
-    // What is declared can be flown, in steps or in m/s; whoever leaves room for more than it takes announces too much.
+    // The declared maximum must be accepted: a subject that declares more than it accepts misleads its CUCS.
     let fastest = if integers { high * 0.5 } else { high };
     let mut plan = Plan::zigzag(&home, "FASTEST", &[95, 96]);
     plan.points[1] = plan.points[1].clone().set("Waypoint to Speed", fastest);
@@ -702,8 +706,8 @@ fn speeds_within_what_is_declared(t: &Trial, a: &Station, configuration: &[Arc<S
     })
 }
 
-/// The same for the altitude of a waypoint: one beyond the declared range is refused with its route. The range is in the
-/// altitude type that the configuration starts from, where it names one; else in that of 4000.
+/// The same for the altitude of a waypoint: one beyond the declared range is refused with its route. The range is in
+/// the altitude type that the configuration names as the initial one, otherwise in that of 4000.
 fn altitudes_within_what_is_declared(
     t: &Trial,
     a: &Station,
@@ -719,7 +723,8 @@ fn altitudes_within_what_is_declared(
         return Ok(());
     };
     let home = home(t, a)?;
-    // Edition 2.5 names no altitude type that the range is in: beyond it in each, so much higher as the ground is.
+    // Edition 2.5 does not name the altitude type of the range: the ground's altitude is added, so that the value is
+    // beyond it in each type.
     let ground = if t.of_edition_25() {
         home.altitude.abs()
     } else {

@@ -46,7 +46,7 @@ pub(super) fn curve(t: &Trial, a: &Station, from: i64, to: i64) -> Judged<Draft>
         .set("P3 Longitude", east2))
 }
 
-/// Whether the subject knows the curve messages: a foreign VSM need not.
+/// Whether the subject knows the curve messages; another maker's VSM need not.
 fn known(t: &Trial, a: &Station) -> Judged {
     let sent = a.send(curve(t, a, 1, 2)?.acked());
     let answer = a.wait(sent.mark, t.timers().ack * 2, |seen| {
@@ -164,7 +164,7 @@ fn repeated_and_contradicting_curves(t: &Trial) -> Judged {
         "expected two curve legs from one waypoint to be refused; 14000 status 1 came".into()
     })?;
     a.send(transfer(5, "TWOLEGS"));
-    // 50001 names vehicle and CUCS itself: both have to be those of the wrapper.
+    // 50001 names vehicle and CUCS itself: both have to equal those of the wrapper.
     let (north, east) = home.offset(80.0, -15.0);
     let foreign = Draft::new(50001)
         .set("Time Stamp", 1.0)
@@ -189,7 +189,7 @@ fn repeated_and_contradicting_curves(t: &Trial) -> Judged {
     })
 }
 
-/// A curve leg is flown as a curve: the track comes by its middle, which lies well off the straight line.
+/// A curve leg is flown as a curve: the track passes the middle of the curve, well off the straight line.
 fn curve_legs_are_flown(t: &Trial) -> Judged {
     let a = crate::bench::flight::airborne(t)?;
     known(t, &a)?;
@@ -229,7 +229,7 @@ fn curve_legs_are_flown(t: &Trial) -> Judged {
     if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
         return Err(Stop::inconclusive("mode 11 was not entered"));
     }
-    // Three quarters of 100 m north of the straight line, half way.
+    // The middle of the curve is three quarters of 100 m north of the straight line.
     let (north, east) = home.offset(135.0, 120.0);
     let (end_north, end_east) = home.offset(60.0, 240.0);
     fly_until(t, &a, t.timers().flight.div_f64(2.0), |fix| {
@@ -253,7 +253,7 @@ fn curves_harm_nothing(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
     if known(t, &a).is_ok() {
-        // It says so; what it has carried out comes back.
+        // The subject claims to know curves; what it accepted has to come back in a download.
         let plan = Plan::zigzag(&home, "KNOWN", &[1, 2, 3]);
         let status = send(t, &a, &plan, &curve(t, &a, 1, 2)?.acked(), 4)?;
         let aboard = curves_aboard(t, &a, "KNOWN")?;

@@ -56,7 +56,7 @@ fn broadcast_request_is_answered(t: &Trial) -> Judged {
         |seen| seen.kind() == 2,
     )?;
     t.cite(&found);
-    // Each time, and each CUCS that may connect.
+    // Answered every time, and to each CUCS that may connect.
     let known: Vec<Id> = t
         .bench
         .surveyed()?
@@ -107,7 +107,7 @@ fn offer_is_not_a_grant(t: &Trial) -> Judged {
             "expected LOI Authorised other than 0 for a CUCS that is authorised".into()
         })?;
     }
-    // The directed question of one that was never granted anything is no grant either.
+    // A directed request for nothing by a CUCS that was never granted anything grants nothing either.
     let again = station.request(0, Access::Release)?;
     let granted = again.raw("LOI Granted").unwrap_or_default();
     t.expect_of(&again, granted == 0, || {
@@ -211,7 +211,7 @@ fn logical_ids_without_a_vehicle(t: &Trial) -> Judged {
     })();
     let mark = t.bench.net.mark();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
-    // What the cut showed decides first: nothing is waited for that could not change it.
+    // A fail seen during the cut ends the rule: waiting longer could not change it.
     let logical = match result {
         Ok(logical) => logical,
         Err(stop) => {
@@ -259,7 +259,8 @@ fn asking_does_not_release(t: &Trial) -> Judged {
         t.expect_of(&answer, granted & loi::LOI4 != 0, || format!("expected LOI 4 still granted in the answer to the holder's discovery, got 0x{granted:02x}"))?;
     }
     if !t.of_edition_25() {
-        // Nor does that of another. (To the vehicle itself LOI 0 with access 0 may stand for "all levels".)
+        // Another CUCS's discovery takes nothing either. (Sent to the vehicle itself, LOI 0 with access 0 may mean
+        // "all levels".)
         if let Ok(b) = t.b() {
             b.discover()?;
         }
@@ -288,7 +289,7 @@ fn vehicle_id_on_request_and_on_change(t: &Trial) -> Judged {
     {
         t.note("#3 has no tail number");
     }
-    // It names itself, or the id that it is to have from now on: that of a vehicle that is on offer.
+    // It names its own id, or the one it will have from now on, which is that of a vehicle on offer.
     let update = first.raw("Vehicle ID Update").map(|raw| Id(raw as u32));
     let offered = &t.bench.surveyed()?.vehicles;
     t.expect_of(

@@ -1,5 +1,5 @@
-//! Rules of Edition 2.5 alone: acknowledgements by configuration (#1401), the mode preference (#48, #109), and remote displays
-//! after the resource report (#1202).
+//! Rules of Edition 2.5 alone: acknowledgements configured by #1401, the mode preference (#48, #109), and remote
+//! displays after the resource report (#1202).
 
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub(super) const SCENES: &[Scene] = &[
 /// #1304.
 const SERVICES: u16 = 1304;
 
-/// #41 that changes nothing in flight: a loiter to be flown later.
+/// #41 that changes nothing in flight: a loiter for later.
 fn loiter(t: &Trial) -> Draft {
     Draft::new(2017)
         .raw("Loiter Type", 1)
@@ -38,7 +38,7 @@ fn loiter(t: &Trial) -> Draft {
 
 fn acknowledged_by_configuration(t: &Trial) -> Judged {
     let a = t.controller()?;
-    // #41 has an altitude, which must be one that can be flown.
+    // #41 always has an altitude, and it must be one that can be flown.
     home(t, &a)?;
     let sent = a.send(loiter(t).acked());
     let instance = sent.bytes.get(10..14).unwrap_or_default().to_vec();
@@ -72,7 +72,7 @@ fn acknowledged_by_configuration(t: &Trial) -> Judged {
             "expected the instance id of the original in #1400, {instance:02x?}; got {named:02x?}"
         )
     })?;
-    // Relinquishing control ends it.
+    // Relinquishing control ends the preference.
     a.release()?;
     t.grant(
         &a,

@@ -1,6 +1,7 @@
 //! Rules that are judged in flight: motion, routes, loiters, steering.
 //!
-//! The first of them launches the vehicle by mode 21; all begin in mode 12 and leave the vehicle to the next.
+//! The first of them launches the vehicle by mode 21; each begins in mode 12, and leaves the vehicle in flight for
+//! the next.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -62,7 +63,7 @@ pub(super) struct Track {
     pub(super) distance: f64,
     /// Radians from true north.
     pub(super) course: f64,
-    /// What 4000 showed half way.
+    /// Heading that 4000 reports at the end, radians; `None` where it could not be compared with the course.
     pub(super) heading: Option<f64>,
     /// Metres north, east and up by positions.
     moved: [f64; 3],
@@ -70,9 +71,9 @@ pub(super) struct Track {
     integrated: [f64; 3],
 }
 
-/// Commands the vehicle to a place so many metres from where it is, by mode 12.
+/// Commands the vehicle by mode 12 to a place this many metres from where it is.
 ///
-/// The place and the altitude are those of where it was when it was commanded, which is returned: it may still move.
+/// Returns the fix to which the offsets were added: the vehicle may still have been moving then.
 fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged<Fix> {
     let now = fix(t, a)?;
     let (latitude, longitude) = now.offset(north, east);
@@ -83,7 +84,8 @@ fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged<Fix> {
             .raw("Altitude Command Type", 1)
             .set("Commanded Altitude", now.altitude + up)
             .raw("Altitude Type", now.altitude_type)
-            // As the waypoints of plans: an autopilot's own speed for this may be a crawl, of which a course is noise.
+            // The speed of the plans' waypoints: an autopilot's own speed for this may be so low that the course is
+            // noise.
             .set("Commanded Speed", 5.0)
             .raw("Speed Type", 2)
             .acked(),
@@ -91,7 +93,7 @@ fn go(t: &Trial, a: &Station, north: f64, east: f64, up: f64) -> Judged<Fix> {
     Ok(now)
 }
 
-/// Fixes of this much time from now, as they come.
+/// Collects fixes for this long.
 fn fixes(t: &Trial, a: &Station, time: Duration) -> Judged<Vec<Fix>> {
     let mark = t.bench.net.mark();
     t.pause(time)?;
@@ -101,7 +103,8 @@ fn fixes(t: &Trial, a: &Station, time: Duration) -> Judged<Vec<Fix>> {
         .collect())
 }
 
-/// The track between the first and the last of these fixes, in the vehicle's time: stamps of a simulation run faster.
+/// The track between the first and the last of these fixes, in the vehicle's time: the stamps of a simulation may run
+/// faster than the clock.
 fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
     let (first, last) = (fixes.first()?, fixes.last()?);
     let (north, east) = last.from(first.latitude, first.longitude);
@@ -118,8 +121,8 @@ fn track(t: &Trial, fixes: &[Fix]) -> Option<Track> {
         air: None,
         distance: north.hypot(east),
         course: last.east.atan2(last.north).rem_euclid(TAU),
-        // Course and heading of one moment, when the leg is steady: a mean over a turn is neither.
-        // Nor that of a climb: PX4 flies past the place that it climbs at, its nose toward it.
+        // Course and heading at one moment, since a mean over a turn is neither. None in a climb: PX4 flies past the
+        // place at which it climbs, with its nose toward it.
         heading: last.heading.filter(|_| {
             last.north.hypot(last.east) > 2.5 && (last.altitude - first.altitude).abs() < 5.0
         }),
@@ -139,7 +142,7 @@ pub(super) fn tracks(t: &Trial, a: &Station) -> Judged<Vec<Track>> {
     for (north, east, up) in [(0.0, 250.0, 0.0), (-250.0, 0.0, 0.0), (0.0, 0.0, 40.0)] {
         let began = fix(t, a)?;
         go(t, a, north, east, up)?;
-        // Past the turn: a course is that of steady flight.
+        // Past the turn: the course is compared in steady flight.
         let away = fly_until(t, a, t.timers().flight.div_f64(4.0), |fix| {
             let moved = fix.distance(began.latitude, began.longitude);
             if up > 0.0 {
@@ -162,7 +165,7 @@ pub(super) fn tracks(t: &Trial, a: &Station) -> Judged<Vec<Track>> {
     Ok(found)
 }
 
-/// 3009 says the same of the way over the ground as 4000, and through the air what the wind leaves of it.
+/// 3009 agrees with 4000 on the motion over the ground, and through the air it differs by the wind.
 fn air_and_ground_agree(t: &Trial, air: &Arc<Seen>, fix: &Fix) -> Judged {
     for (name, other, expected) in [
         ("U_Ground", "U_Speed", fix.north),
@@ -175,7 +178,7 @@ fn air_and_ground_agree(t: &Trial, air: &Arc<Seen>, fix: &Fix) -> Judged {
         }
     }
     let wind = air.value("U_Wind").zip(air.value("V_Wind"));
-    // Edition 2.5 cannot leave out what is not measured: there 0 is nothing.
+    // Edition 2.5 cannot leave out what is not measured: there 0 means nothing was measured.
     let measured = air
         .value("True Airspeed")
         .filter(|found| air.original.is_none() || *found != 0.0);
@@ -193,7 +196,7 @@ fn velocity_axes(t: &Trial) -> Judged {
     let tracks = tracks(t, &a)?;
     let mut judged = 0;
     for track in &tracks {
-        // In steady flight alone: of a vehicle that brakes the two are of different moments.
+        // In steady flight only: while the vehicle brakes, 3009 and 4000 are of different moments.
         if let Some((air, fix)) = track.air.as_ref().filter(|_| track.heading.is_some()) {
             air_and_ground_agree(t, air, fix)?;
         }
@@ -229,7 +232,7 @@ fn velocity_axes(t: &Trial) -> Judged {
 
 fn mode_report_follows_the_command(t: &Trial) -> Judged {
     let a = match airborne(t) {
-        // Here that is the rule itself.
+        // Not entering mode 12 is a failed precondition elsewhere; here it breaks the rule itself.
         Err(Stop::Inconclusive(reason)) if reason.contains("3001 does not show mode 12") => {
             return Err(Stop::fail(
                 "expected 3001 to show mode 12 after 2016 mode 12; it does not",
@@ -307,7 +310,7 @@ fn waypoint_mode_flies_the_plan(t: &Trial) -> Judged {
         nearer.is_some() || before.distance(latitude, longitude) < 30.0,
         || "expected the distance to waypoint 20 to fall in mode 11".into(),
     )?;
-    // From the start, the route goes by Next Waypoint: 10, then 40.
+    // From the start the route is flown by Next Waypoint: 10, then 40.
     t.expect(hold(t, &a)?, || "expected mode 12".into())?;
     a.send(
         mode_command(mode::WAYPOINT)
@@ -328,7 +331,8 @@ fn waypoint_mode_flies_the_plan(t: &Trial) -> Judged {
     t.expect(next == Some(40), || {
         format!("expected waypoint 40 after 10, as Next Waypoint says; 4001 shows To = {next:?}")
     })?;
-    // Without a number it begins at the start, or continues where it left the route: both are read from the texts.
+    // Without a number, mode 11 starts the route at its beginning or continues where it was left: the texts allow
+    // both readings.
     let left = to_number(&a)?;
     hold(t, &a)?;
     a.send(mode_command(mode::WAYPOINT).acked());
@@ -344,7 +348,7 @@ fn waypoint_mode_flies_the_plan(t: &Trial) -> Judged {
     if to != Some(10) {
         t.note("mode 11 without a Commanded Waypoint Number continues the route where it was left");
     }
-    // A number that is not aboard.
+    // A waypoint number that is not in the loaded plan.
     hold(t, &a)?;
     a.send(
         mode_command(mode::WAYPOINT)
@@ -359,10 +363,10 @@ fn waypoint_mode_flies_the_plan(t: &Trial) -> Judged {
     })
 }
 
-/// What the waypoints of MODE-004 have as their speed over the ground.
+/// Ground speed of the waypoints of MODE-004, m/s.
 const PACE_MPS: f64 = 9.0;
 
-/// The leg to waypoint 10, which is longer than it takes to reach its speed.
+/// The leg to waypoint 10, which is long enough to reach its speed.
 fn speed_of_the_leg(t: &Trial, a: &Station, mark: usize) -> Judged {
     let paces: Vec<f64> = a
         .received(mark, |seen| seen.kind() == 4000)
@@ -442,7 +446,7 @@ fn the_uploaders_numbers(t: &Trial) -> Judged {
                 seen.value(&format!("{prefix} Altitude")),
                 seen.raw("Altitude Type"),
             );
-            // In the datum of the upload alone; a step more or less is the autopilot's.
+            // Only in the datum of the upload; one step of difference is the autopilot's rounding.
             if let Some(altitude) = altitude.filter(|_| kind == Some(home.altitude_type)) {
                 t.expect_of(&seen, (altitude - home.altitude - 50.0).abs() < 3.0, || {
                     format!("expected waypoint {value} at {:.0} m as uploaded; 4001 shows {altitude:.0} m", home.altitude + 50.0)
@@ -466,7 +470,7 @@ fn the_uploaders_numbers(t: &Trial) -> Judged {
                 t.expect_of(&seen, off < 3.0, || format!("expected waypoint {value} where it was uploaded; 4001 shows it {off:.0} m away"))?;
             }
         }
-        // From, To and Next follow one another as the route does; what does not apply is 0.
+        // From, To and Next follow one another as in the route; 0 where one does not apply.
         let to = seen.raw("To Waypoint Number").unwrap_or_default();
         let order = [(10, 0, 40), (40, 10, 20), (20, 40, 0)];
         if let Some((_, from, next)) = order.into_iter().find(|(number, _, _)| *number == to) {
@@ -489,7 +493,7 @@ fn the_uploaders_numbers(t: &Trial) -> Judged {
 fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
     let a = airborne(t)?;
     let home = home(t, &a)?;
-    // From where it is: a short leg to the first, so that the one that is judged has a waypoint behind it.
+    // The route begins where the vehicle is, with a short first leg, so that the judged leg has a waypoint before it.
     let now = fix(t, &a)?;
     let mut plan = Plan::zigzag(&home, "TIMES", &[1, 2, 3]);
     for (point, north) in plan.points.iter_mut().zip([40.0, 440.0, 840.0]) {
@@ -510,7 +514,7 @@ fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
     }
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
     to_becomes(t, &a, 2, t.timers().flight.div_f64(4.0))?;
-    // In steady flight, so that distance over speed is a time.
+    // In steady flight distance divided by speed is the time.
     t.pause(Duration::from_secs_f64((8.0 / speed).clamp(1.0, 8.0)))?;
     let seen = a.query(4001)?;
     let now = fix(t, &a)?;
@@ -535,7 +539,7 @@ fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
     if let Some(to) = to.filter(|_| over_ground > 1.5) {
         let (latitude, longitude) = place(&plan, to);
         let takes = now.distance(latitude, longitude) / over_ground;
-        // In the vehicle's own time, or in that of the clock: a simulation may be faster.
+        // In the vehicle's time or in the clock's: a simulation may run faster, and both are accepted.
         let near = |expected: f64| (ahead - expected).abs() <= 0.35 * expected + 3.0 + 2.0 / speed;
         t.expect_of(&seen, near(takes) || near(takes / speed), || {
             format!("expected To Waypoint Time {takes:.0} s after the stamp, the distance over the speed; it is {ahead:.1} s")
@@ -560,7 +564,7 @@ fn loiter_waypoints_are_flown(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     let mut plan = Plan::zigzag(&home, "LOITER", &[1, 2, 3]);
     let seconds = 20;
-    // A duration of 0 is no loiter.
+    // A duration of 0 is not a loiter.
     plan.points.insert(
         1,
         Draft::new(13003)
@@ -592,7 +596,7 @@ fn loiter_waypoints_are_flown(t: &Trial) -> Judged {
     }
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
     let (latitude, longitude) = place(&plan, 2);
-    // How long the vehicle stays about the second waypoint, in its own time.
+    // How long the vehicle stays near the second waypoint, in its own time.
     a.send(crate::bench::station::schedule(
         4000,
         t.bench.profile.figures.largest_rate_hz.min(10),
@@ -652,10 +656,12 @@ fn loiter_waypoints_are_flown(t: &Trial) -> Judged {
 }
 
 fn altitude_type_is_honoured(t: &Trial) -> Judged {
-    // Where the launch itself went too high, its altitude type ignored, a second look finds the vehicle in the air.
+    // The launch itself may have climbed too high because its altitude type was ignored: the second call then finds
+    // the vehicle in the air.
     let a = airborne(t).or_else(|_| airborne(t))?;
     let home = home(t, &a)?;
-    // Above ground: 45 m is 45 m over home, whatever the datum of 4000. Then in that datum, then above the sea.
+    // First above ground: 45 m is 45 m over home, whatever the datum of 4000. Then in the datum of 4000, then above
+    // sea level.
     let mut levels = vec![
         (2, 45.0, 45.0),
         (home.altitude_type, home.altitude + 65.0, 65.0),
@@ -671,9 +677,9 @@ fn altitude_type_is_honoured(t: &Trial) -> Judged {
     }
     for (round, (kind, altitude, expected)) in levels.into_iter().enumerate() {
         let mut plan = Plan::zigzag(&home, &format!("ALT{kind}"), &[1, 2]);
-        // Each further away: the vehicle must not stand where it is to arrive.
+        // Each further out: the vehicle must not already be where it has to arrive.
         stretch(&home, &mut plan, 90.0 + 60.0 * round as f64);
-        // The first in the datum of 4000, so that each waypoint's own type counts.
+        // The first waypoint in the datum of 4000, so that each waypoint's own type counts.
         let of = [
             (home.altitude_type, home.altitude + expected),
             (kind, altitude),
@@ -708,7 +714,7 @@ fn altitude_type_is_honoured(t: &Trial) -> Judged {
             None => fix(t, &a)?,
         };
         let above = reached.altitude - home.altitude;
-        // Out of danger before the verdict.
+        // Back to level before the verdict, so that a wrong altitude ends here.
         hold(t, &a)?;
         t.expect((above - expected).abs() <= 12.0, || {
             let ignored = if above < 15.0 { ": the type is ignored" } else { "" };
@@ -779,7 +785,7 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
     t.expect((height - 12.0).abs() < 6.0, || {
         format!("expected the loiter 12 m above where it was commanded, as its altitude says; it is flown at {height:.0} m")
     })?;
-    // A commanded place has no number of the uploader's.
+    // The commanded place is not a waypoint, so it has no waypoint number.
     let shown = a.query(4001)?;
     let to = shown.raw("To Waypoint Number");
     if to == Some(65_535)
@@ -800,7 +806,7 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
             "4001 shows To = {to:?} at a commanded loiter place, expected 65535 (or 0)"
         ));
     }
-    // One that circles circles the other way round as well.
+    // A vehicle that circles is also commanded to circle the other way.
     if there.distance(latitude, longitude) > 40.0 {
         return the_other_way_round(t, &a, (latitude, longitude), &there);
     }

@@ -67,7 +67,7 @@ fn handover_is_reported(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
     b.take(loi::LOI2).precondition("B has LOI 2")?;
-    // Before it there is none: 0, how the last one ended, or no answer.
+    // Before a handover 35000 reports none: status 0, how the last one ended, or no answer at all.
     let mark = t.bench.net.mark();
     a.send(information_request(35000));
     let idle = a.wait(mark, t.timers().answer / 2, |seen| seen.kind() == 35000);
@@ -119,7 +119,7 @@ fn handover_is_reported(t: &Trial) -> Judged {
             )
         },
     )?;
-    // Neither of the two is left without it.
+    // 35000 goes to both stations.
     let reported = a.wait(mark, Duration::from_millis(10), |seen| seen.kind() == 35000);
     let reported = reported.map_or_else(|| a.query(35000), Ok)?;
     let taking = reported
@@ -142,7 +142,7 @@ fn never_two_never_none(t: &Trial) -> Judged {
         "expected 2017 of the holder in 3004".into()
     })
     .precondition("commands work")?;
-    // A's radii are odd multiples of the step, B's even ones: 3004 shows whose command counted.
+    // A's radii are odd multiples of the step, B's even ones, so that 3004 shows whose command counted.
     let step =
         |station_b: bool, count: i64| 1.5 * (70 + 2 * (count % 8) + i64::from(station_b)) as f64;
     let mut owners = Vec::new();
@@ -154,7 +154,7 @@ fn never_two_never_none(t: &Trial) -> Judged {
             b.send(authorisation(loi::LOI4, Access::Request));
         }
         if count == 8 {
-            // Lost, perhaps.
+            // The request may have been lost.
             b.send(authorisation(loi::LOI4, Access::Request));
         }
         t.pause(Duration::from_millis(100))?;
@@ -171,7 +171,7 @@ fn never_two_never_none(t: &Trial) -> Judged {
         "expected B's commands after the handover".into()
     })?;
     drop(a);
-    // By override, where one may: the former holder's commands stop at once.
+    // By override, where B may: the former holder's commands must stop acting at once.
     let b_id = b.id;
     b.release()?;
     let over = t.find("one that may override", |cucs| {
@@ -214,7 +214,7 @@ fn positive_handover(t: &Trial) -> Judged {
     t.expect(a.commands_work()?, || {
         "expected the holder's commands to work after a #4 that it did not answer".into()
     })?;
-    // The holder gives up what was requested of it: that is its consent.
+    // The holder's release of what was requested is its consent.
     let mark = t.bench.net.mark();
     b.send(
         Draft::new(4)
@@ -225,7 +225,7 @@ fn positive_handover(t: &Trial) -> Judged {
     t.pause(Duration::from_millis(300))?;
     still_denied(t, &b, "a second #4 without the holder's consent")?;
     if !t.of_edition_25() {
-        // The holder answers, and gives nothing.
+        // The holder answers without releasing.
         a.send(
             Draft::new(4)
                 .id("VSM ID", stanag_msgs::Id::BROADCAST)
@@ -247,22 +247,22 @@ fn positive_handover(t: &Trial) -> Judged {
         t.pause(Duration::from_millis(300))?;
     }
     a.request(loi::LOI4, Access::Release)?;
-    let said = b.wait(mark, t.timers().answer, |seen| {
+    let grant = b.wait(mark, t.timers().answer, |seen| {
         seen.kind() == 5 && seen.raw("LOI Authorized").unwrap_or_default() != 0
     });
-    let Some(said) = said else {
+    let Some(grant) = grant else {
         return Err(Stop::fail(
             "expected #5 to the requester of #4 once the holder consented; none came",
         ));
     };
-    let (levels, to) = (said.raw("LOI Authorized"), said.raw("Requesting CUCS ID"));
+    let (levels, to) = (grant.raw("LOI Authorized"), grant.raw("Requesting CUCS ID"));
     t.expect_of(
-        &said,
+        &grant,
         levels.is_some_and(|levels| levels & loi::LOI4 != 0),
         || format!("expected LOI 4 in LOI Authorized of #5, got {levels:?}"),
     )?;
     t.expect_of(
-        &said,
+        &grant,
         to.map(|to| stanag_msgs::Id(to as u32)) == Some(b.id),
         || format!("expected {} as Requesting CUCS ID in #5, got {to:?}", b.id),
     )?;
@@ -301,7 +301,7 @@ fn waits_for_the_data_link(t: &Trial) -> Judged {
             )
         })?;
     }
-    // The transition, by the CUCS that is to have the link.
+    // 34000 is sent by the CUCS that will have the link.
     b.send(Draft::new(34000).id("Acquiring CUCS ID", b.id));
     let passed = b.wait(mark, t.timers().answer, |seen| {
         seen.kind() == 2 && granted(seen) & loi::LOI4 != 0
@@ -324,7 +324,7 @@ fn a_handover_that_lapses(t: &Trial) -> Judged {
             .raw("Requested/Handover LOI", loi::LOI4)
             .id("Requesting CUCS ID", b.id),
     );
-    // B does not answer any more, and A never does.
+    // B no longer answers, and A never does.
     let status = |wanted: i64| {
         move |seen: &crate::wire::Seen| seen.kind() == 35000 && seen.raw("Status") == Some(wanted)
     };
@@ -350,7 +350,7 @@ fn a_handover_that_lapses(t: &Trial) -> Judged {
     t.pause(Duration::from_millis(300))?;
     let after = a.radius()?;
     t.expect(after == before, || format!("expected 2017 of {}, whose handover lapsed, to change nothing; the radius went from {before:?} to {after:?}", b.id))?;
-    // What has lapsed does not come true by a later release.
+    // A later release does not revive a handover that has lapsed.
     a.request(loi::LOI4 | loi::LOI5, Access::Release)?;
     still_denied(
         t,
@@ -411,7 +411,7 @@ fn no_heartbeats_no_loss(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
     let silence = t.bench.profile.figures.act_s * 1.5;
-    // One that monitors does send them, and falls silent: that is nobody's loss of control.
+    // B, which only monitors, sends heartbeats and then stops: that is no loss of control.
     b.take(loi::LOI2).precondition("B has LOI 2")?;
     for _ in 0..2 {
         b.send(Draft::new(16002));
@@ -435,9 +435,9 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     let figures = &t.bench.profile.figures;
     let began = t.bench.net.now();
     let mark = t.bench.net.mark();
-    // The last heartbeat was a second ago.
+    // The last heartbeat was one second ago.
     t.pause(Duration::from_secs_f64((figures.offer_s - 2.5).max(0.0)))?;
-    // Those of another are not the holder's.
+    // Another station's heartbeats do not count as the holder's.
     b.send(Draft::new(16002));
     let early = b.request(loi::LOI4, Access::Request)?;
     t.expect_of(&early, granted(&early) & loi::LOI4 == 0, || {
@@ -458,7 +458,8 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
             figures.offer_s + 1.6
         )
     })?;
-    // In a second run nobody asks, and it comes back: nothing is offered any more, and what was said about it is over.
+    // In the second run nobody requests control, and the holder's heartbeats return: nothing is offered any longer,
+    // and the alert about the silence is cleared.
     b.release()?;
     t.grant(&a, loi::LOI2 | loi::LOI4)?;
     let mark = t.bench.net.mark();
@@ -486,7 +487,7 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     t.expect_of(&denied, granted(&denied) & loi::LOI4 == 0, || {
         "expected B's request to be denied once the heartbeats of the holder came again; it was granted".into()
     })?;
-    // In a third it does not: then control is taken.
+    // In the third run they do not return: control is taken.
     let last = t.bench.net.now();
     let mark = t.bench.net.mark();
     a.send(Draft::new(16002));
@@ -503,13 +504,13 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
         )
     })?;
     let taken = last + Duration::from_secs_f64((figures.act_s - 1.0).max(0.0));
-    let said = [&a, &b].into_iter().any(|station| {
+    let reported = [&a, &b].into_iter().any(|station| {
         let came = station.received(mark, |seen| {
             matches!(seen.kind(), 2 | 16000 | 35_000) && seen.at > taken && seen.at < sent.at
         });
         !came.is_empty()
     });
-    t.expect(said, || {
+    t.expect(reported, || {
         format!("expected a word (16000, #2 or 35000) when control was taken {:.0} s after the last heartbeat; none came to either CUCS", figures.act_s)
     })
 }

@@ -44,7 +44,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// The holder sends heartbeats, then nothing, on a long route: another CUCS watches what follows.
+/// The holder sends heartbeats, then stops, on a long route: another CUCS watches what follows.
 fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
     let figures = &t.bench.profile.figures;
     let Some(planned) = figures.on_loss else {
@@ -101,7 +101,7 @@ fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
         let moved = fix.distance(from.latitude, from.longitude);
         match planned {
             OnLoss::Return => fix.distance(home.latitude, home.longitude) < (far - 10.0).max(5.0),
-            // A hovering vehicle comes to rest, a circling one stays near.
+            // A hovering vehicle stops, a circling one stays near.
             OnLoss::Hold => moved > 400.0,
             OnLoss::Continue | OnLoss::Contingency => moved > 20.0,
         }
@@ -111,10 +111,10 @@ fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
             "expected 4000 to show the vehicle {planned:?} after the loss of the CUCS; it does not"
         )
     })?;
-    let said = b.received(mark, |seen| {
+    let alerts = b.received(mark, |seen| {
         seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
     });
-    t.expect(!said.is_empty(), || {
+    t.expect(!alerts.is_empty(), || {
         "expected a 16000 of priority 2 or more about the loss of the CUCS in control; none came"
             .into()
     })
@@ -146,7 +146,7 @@ fn data_links_are_found_by_broadcast(t: &Trial) -> Judged {
         t.expect_of(&seen, matches!(availability, Some(0 | 1)), || {
             format!("expected 'available' (0) or 'unavailable' (1) in 28001 to a broadcast, got {availability:?}; 2 is 'granted'")
         })?;
-        // All but the stamp tells one link from another.
+        // Everything but the stamp identifies the link.
         let width = seen.info.map_or(0, |info| usize::from(info.presence_bytes)) + 5;
         let content = seen.piece.data.get(width..).unwrap_or_default().to_vec();
         *links.entry((seen.piece.source, content)).or_default() += 1;
@@ -179,7 +179,7 @@ fn a_link_is_held_by_one(t: &Trial) -> Judged {
     let first = directed(&a, link, 0);
     if !matches!(first, Ok(Some(2))) {
         let _ = directed(&a, link, 1);
-        // An answer to the request shows that the link is known, and 0 that it is free.
+        // An answer to the directed request shows that the link is known; 0 in it, that the link is free.
         t.expect(!matches!(first, Ok(Some(0))), || {
             "expected a directed request (0) for a free link to be granted (2); 28001 says that the link is still available".into()
         })?;
@@ -243,24 +243,26 @@ fn the_state_of_a_link_on_request(t: &Trial) -> Judged {
 /// The subsystem of alerts about links.
 const COMMS: i64 = 3;
 
-/// How long the loss of a vehicle may take to be said.
-const LOSS_SAID: Duration = Duration::from_secs(10);
+/// How long after the loss of the vehicle the alert about it may come.
+const LOSS_REPORTED_WITHIN: Duration = Duration::from_secs(10);
 
-/// The first alert of this kind since the link was cut, within the time that the loss may take to be said.
+/// The first alert of this kind since the link was cut, within the time that a loss may take to be reported.
 pub(super) fn loss_alert(
     t: &Trial,
     station: &Station,
     mark: usize,
     wanted: impl Fn(&Seen) -> bool,
 ) -> Judged<Option<Arc<Seen>>> {
-    let found = station.wait(mark, LOSS_SAID, |seen| seen.kind() == 16000 && wanted(seen));
-    // Other alerts of the same cause come with it.
+    let found = station.wait(mark, LOSS_REPORTED_WITHIN, |seen| {
+        seen.kind() == 16000 && wanted(seen)
+    });
+    // Other alerts of the same cause may follow it.
     t.pause(Duration::from_millis(300))?;
     Ok(found)
 }
 
-/// Waits until positions of the vehicle come with new stamps, as they do once its link is back; 5 s at most, since the next rule
-/// finds out by itself.
+/// Waits until positions of the vehicle come with new stamps, as they do once its link is back; 5 s at most, since
+/// the next rule finds out by itself if they do not.
 pub(super) fn fresh_again(t: &Trial) -> Judged {
     let station = t.any()?;
     station.take(loi::LOI2)?;
@@ -276,10 +278,10 @@ pub(super) fn fresh_again(t: &Trial) -> Judged {
     t.pause(Duration::from_millis(500))
 }
 
-/// How many stamps the positions, or the waypoints that are flown to, have that come in two seconds; the fewest of several looks up to the end of the time that a loss
-/// may take.
+/// The stamps of the positions, or of 4001, that come within two seconds; the set with the fewest of several looks,
+/// up to the end of the time that a loss may take to be reported. A vehicle without link has at most one.
 pub(super) fn stamps_of_the_silent(t: &Trial, station: &Station) -> Judged<BTreeSet<i64>> {
-    let deadline = t.bench.net.now() + LOSS_SAID;
+    let deadline = t.bench.net.now() + LOSS_REPORTED_WITHIN;
     loop {
         let mark = t.bench.net.mark();
         t.pause(Duration::from_secs(2))?;
@@ -314,7 +316,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
     let mark = t.bench.net.mark();
     crate::means::shell(cut).map_err(Stop::Inconclusive)?;
     let result = (|| {
-        // Others may come meanwhile, of what has nothing to do with it.
+        // Alerts about something else may come meanwhile.
         let about_links = |seen: &Seen| {
             seen.raw("Subsystem ID")
                 .is_none_or(|subsystem| subsystem == COMMS)
@@ -344,7 +346,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
         t.expect(refused.is_some(), || {
             "expected 17000 type 3 to a 2016 while the vehicle is silent; it did not come".into()
         })?;
-        // A route cannot have come to a vehicle that does not answer.
+        // A route cannot have reached a vehicle that does not answer, so its load must not end as complete.
         if let Some(home) = t.bench.home.get() {
             let mark = t.bench.net.mark();
             for message in Plan::zigzag(home, "SILENT", &[1, 2]).messages() {
@@ -377,7 +379,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
     fresh_again(t)?;
     result?;
-    // What was refused stays undone.
+    // What was refused is not carried out once the link is back.
     let engines = a.query(3007).ok();
     if let (Some(engines), false) = (&engines, was_running) {
         let status = engines.raw("Engine Status");
@@ -405,12 +407,12 @@ fn a_wrong_clock_is_not_ignored_silently(t: &Trial) -> Judged {
                 .set("Loiter Radius", radius)
                 .acked(),
         );
-        let said = a.wait(mark, t.timers().answer, |seen| {
+        let refusal = a.wait(mark, t.timers().answer, |seen| {
             seen.kind() == 16000
                 || seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
         });
-        let carried_out = said.is_none() && a.radius_becomes(radius)?;
-        t.expect(said.is_some() || carried_out, || format!("expected a 2017 with a stamp {what} to be carried out or refused by 17000 type 3 or 16000; nothing came and 3004 does not show it"))?;
+        let carried_out = refusal.is_none() && a.radius_becomes(radius)?;
+        t.expect(refusal.is_some() || carried_out, || format!("expected a 2017 with a stamp {what} to be carried out or refused by 17000 type 3 or 16000; nothing came and 3004 does not show it"))?;
         a.release()?;
     }
     Ok(())

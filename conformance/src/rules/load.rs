@@ -79,7 +79,7 @@ fn many_commands_a_second(t: &Trial) -> Judged {
             share * 100.0
         )
     })?;
-    // One message more or less in the two seconds before is no rate.
+    // A window of two seconds may have one message more or less: it is subtracted.
     t.expect(status >= before * 0.7 - 0.5, || {
         format!("expected 4000 at {before:.1} Hz under {rate} commands a second as without them, got {status:.1} Hz")
     })?;
@@ -88,7 +88,7 @@ fn many_commands_a_second(t: &Trial) -> Judged {
     })
 }
 
-/// As many as every vehicle has to take, and more than a byte counts.
+/// As many as every vehicle has to accept, and more than a byte can count.
 fn long_routes(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
@@ -114,7 +114,7 @@ fn long_routes(t: &Trial) -> Judged {
             found.status
         ));
         if found.status != Some(1) && count > 100 {
-            // What it declares may be less.
+            // The limit that the subject declares may be lower.
             return Ok(());
         }
         t.expect(found.status == Some(1), || {
@@ -149,7 +149,8 @@ fn a_flood_by_strangers(t: &Trial) -> Judged {
         while t.bench.net.now() < began + Duration::from_secs(1) {
             for _ in 0..20 {
                 id += 1;
-                // More than one in a millisecond: with stamps that differ, those of later rules would be in the future.
+                // Several have the stamp of one millisecond. With rising stamps the flood would run ahead of the
+                // clock, and the stamps of later rules would be in the future.
                 let draft = authorisation(loi::LOI4, Access::Request)
                     .from(Id(0x1b00_8000 + (id + round) % 1000))
                     .raw("Time Stamp", t.bench.net.wall_ms() as i64);

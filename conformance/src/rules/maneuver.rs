@@ -36,8 +36,8 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// Positions that have to lie on a circle, and go round it the right way: 1 clockwise, -1 counter-clockwise. A vehicle that
-/// can only hover stays at the place itself.
+/// Fails unless the positions lie on a circle and go round it in this direction: 1 clockwise, -1 counter-clockwise. A
+/// vehicle that can only hover stays at the place itself.
 pub(super) fn circled(
     t: &Trial,
     fixes: &[Fix],
@@ -135,7 +135,7 @@ fn numbers_need_not_be_contiguous(t: &Trial) -> Judged {
     }
     let flown = order();
     hold(t, &a)?;
-    // A waypoint may be passed between two reports of a fast simulation, but none comes before its turn.
+    // A fast simulation may pass a waypoint between two reports, but none is reached before its turn.
     let places: Vec<usize> = flown
         .iter()
         .filter_map(|number| numbers.iter().position(|other| other == number))
@@ -183,7 +183,7 @@ fn speed_types(t: &Trial) -> Judged {
     let (blows, course) = (north.hypot(east), east.atan2(north));
     let over_ground = flown_at(t, &a, 2, course)?;
     let through_air = flown_at(t, &a, 1, course)?;
-    // What no wind tells from a ground speed is not looked at again.
+    // Without wind, airspeed and ground speed are the same: indicated airspeed is tried in a wind only.
     let indicated = if blows > 2.5 {
         flown_at(t, &a, 0, course)?
     } else {
@@ -214,7 +214,7 @@ fn speed_types(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// The smallest distance of the track from the second of three waypoints, with this turn type there.
+/// The smallest distance, in metres, of the track from the second of three waypoints, with this turn type there.
 fn closest(t: &Trial, a: &Station, turn: i64) -> Judged<f64> {
     let home = home(t, a)?;
     let mut plan = Plan::zigzag(&home, &format!("TURN{turn}"), &[1, 2, 3]);
@@ -238,7 +238,7 @@ fn closest(t: &Trial, a: &Station, turn: i64) -> Judged<f64> {
     }
     let (latitude, longitude) = home.offset(corners[1].0, corners[1].1);
     let mut closest = f64::MAX;
-    // The rule before may have left the vehicle far away, or high.
+    // The rule before may have left the vehicle far away or high up.
     let deadline = t.bench.net.now() + t.timers().flight;
     while t.bench.net.now() < deadline {
         closest = closest.min(fix(t, a)?.distance(latitude, longitude));
@@ -261,7 +261,7 @@ fn turn_type(t: &Trial) -> Judged {
     ));
     let over = closest(t, &a, 1)?;
     let speed = t.bench.profile.figures.speed_factor.max(1.0);
-    // Between two positions of a fast simulation lies this much.
+    // The distance that a fast simulation flies between two positions.
     let blind = 8.0 * speed / f64::from(t.bench.profile.figures.largest_rate_hz.max(1));
     t.expect(over <= 10.0 + blind, || format!("expected the track to pass over the waypoint with turn type 1, its smallest distance was {over:.0} m"))
 }
@@ -284,7 +284,7 @@ fn loops_by_limit_type_and_count(t: &Trial) -> Judged {
     for point in &mut plan.points {
         *point = point.clone().set("Waypoint to Speed", 8.0);
     }
-    // The end of a loop names its beginning as next.
+    // The last waypoint of a loop names its first one as next.
     plan.points[2] = plan.points[2]
         .clone()
         .raw("Waypoint Type", 1)
@@ -309,7 +309,7 @@ fn loops_by_limit_type_and_count(t: &Trial) -> Judged {
     while t.bench.net.now() < deadline && order.last() != Some(&4) {
         let to = to_number(&a)?.filter(|number| (1..=4).contains(number));
         if to.is_none() && !order.is_empty() && reported_mode(&a)? != Some(mode::WAYPOINT) {
-            // Flown to its end, which may be that of the last loop.
+            // The route is flown to its end, which may be that of the last loop.
             break;
         }
         if let Some(number) = to

@@ -56,7 +56,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// The plan aboard has to be this one.
+/// Fails unless the loaded plan is this one.
 pub(super) fn aboard(t: &Trial, a: &Station, plan: &Plan, when: &str) -> Judged {
     let found = download(t, a, &plan.mission)?;
     match difference(plan, &found, &t.bench) {
@@ -68,7 +68,7 @@ pub(super) fn aboard(t: &Trial, a: &Station, plan: &Plan, when: &str) -> Judged 
     }
 }
 
-/// A controller with a plan aboard, on the ground.
+/// A controller whose plan is loaded, on the ground.
 pub(super) fn with_plan(t: &Trial, numbers: &[i64]) -> Judged<(Player, Plan)> {
     let a = t.controller()?;
     let home = home(t, &a)?;
@@ -91,7 +91,7 @@ fn a_good_route_is_loaded(t: &Trial) -> Judged {
         )
     })?;
     aboard(t, &a, &plan, "aboard once 14000 said complete")?;
-    // The second route takes the place of the first.
+    // The second route replaces the first.
     let second = Plan::zigzag(&home, "GOOD2", &[1, 2, 3]);
     let found = load(t, &a, &second)?;
     t.expect(found.status == Some(1), || {
@@ -143,7 +143,7 @@ fn nothing_is_loaded_before_the_load_command(t: &Trial) -> Judged {
 fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
-    // A loiter before its waypoint as well: 3 is the loiter of the waypoint that is 2.
+    // A loiter may come before its waypoint too. (3 is the index of the loiter of the waypoint with index 2.)
     for (round, order) in [[5, 3, 2, 0, 4, 1], [1, 4, 2, 3, 5, 0], [0, 5, 4, 3, 2, 1]]
         .into_iter()
         .enumerate()
@@ -176,7 +176,7 @@ fn order_of_arrival_does_not_matter(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// A plan that has to be refused, and that leaves the one aboard as it was.
+/// Fails unless a plan is refused, and leaves the loaded plan as it was.
 fn refused(t: &Trial, a: &Station, aboard_before: &Plan, bad: &Plan, what: &str) -> Judged {
     let mark = t.bench.net.mark();
     let found = load(t, a, bad)?;
@@ -221,7 +221,8 @@ fn waypoint_0_and_65535_are_none(t: &Trial) -> Judged {
         let mut bad = Plan::zigzag(&home, &format!("N{number}"), &[11, 12]);
         bad.points[0] = bad.points[0].clone().raw("Next Waypoint", number);
         bad.points[1] = bad.points[1].clone().raw("Waypoint Number", number);
-        // A Next Waypoint of 0 ends the route: its first waypoint alone would be good.
+        // Next Waypoint 0 ends the route: with it the first waypoint alone would be a good plan, so the route message
+        // names waypoint 0.
         if number == 0 {
             bad.head = Some(route_head(&bad.route, 0, 2));
             bad.points.remove(0);
@@ -259,7 +260,7 @@ fn a_route_with_a_gap_is_refused(t: &Trial) -> Judged {
             format!("expected waypoint 22, which is missing, or none as Waypoint Request of 14000; got {named}")
         })?;
     }
-    // The route message names a waypoint as well.
+    // The route message names a missing waypoint too.
     let mut headless = Plan::zigzag(&home, "GAP2", &[24, 25]);
     headless.head = Some(route_head(&headless.route, 26, 2));
     refused(
@@ -274,7 +275,7 @@ fn a_route_with_a_gap_is_refused(t: &Trial) -> Judged {
 fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let home = home(t, &a)?;
-    // Waypoint 97 belongs to no plan of this run: a subject that edits plans in part has it from nowhere.
+    // Waypoint 97 is in no plan of this run: a subject that edits plans in part cannot have it from an earlier one.
     let mut gap = Plan::zigzag(&home, "BAD1", &[1, 2]);
     gap.points[1] = gap.points[1].clone().raw("Next Waypoint", 97);
     refused(
@@ -300,7 +301,7 @@ fn a_refused_upload_leaves_the_old_plan(t: &Trial) -> Judged {
     a_refusal_does_not_end_the_flight(t)
 }
 
-/// The route that is flown continues when another upload is refused.
+/// A refused upload does not end the flight of the loaded route.
 fn a_refusal_does_not_end_the_flight(t: &Trial) -> Judged {
     if !t
         .bench
@@ -347,11 +348,11 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     clear(t, &a)?;
     let mut plan = Plan::zigzag(&home, "VALUES", &[10, 40, 20, 65_534]);
-    // As long as a name may well be: what keeps fewer characters gives another one back.
+    // A name of the full length: a subject that keeps fewer characters returns a different one.
     plan.route = "R-VALUES-TO-THE-NORTH".to_owned();
     plan.head = Some(route_head(&plan.route, 10, 2));
     for (index, point) in plan.points.iter_mut().enumerate() {
-        // Values that a float of 32 bits, degrees times 1e7 or whole metres do not keep.
+        // Values that do not survive a float of 32 bits, degrees times 1e7, or whole metres.
         *point = point
             .clone()
             .set(
@@ -371,7 +372,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
             .raw("Loiter Duration", 60)
             .raw("Loiter Duration Units", 0),
     );
-    // With every field that a lawful vehicle may not have first; without them where that is refused.
+    // First with every field that a lawful vehicle may lack; without them where that is refused.
     let mut rich = plan.clone();
     for (index, point) in rich.points.iter_mut().enumerate() {
         if point.message_type == 13002 && !t.of_edition_25() {
@@ -433,7 +434,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     if load(t, &a, &plan)?.status != Some(1) {
         return Err(Stop::inconclusive("the plan was not loaded a second time"));
     }
-    // A second download is the same.
+    // A second download returns the same.
     let again = download(t, &a, "VALUES")?;
     if let Some(difference) = difference(&plan, &again, &t.bench) {
         return Err(Stop::fail(format!(
@@ -443,7 +444,7 @@ fn download_returns_what_was_uploaded(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// To one command; the same message by multicast and unicast both, or twice by the network, is one.
+/// One command is answered once; the same message by multicast and unicast, or doubled by the network, counts as one.
 fn each_message_comes_once(t: &Trial, found: &Transfer, mark: usize) -> Judged {
     let commands = t.bench.net.recording().datagrams[mark..]
         .iter()
@@ -471,8 +472,8 @@ fn each_message_comes_once(t: &Trial, found: &Transfer, mark: usize) -> Judged {
     )
 }
 
-/// A waypoint with a value that a lawful vehicle may refuse: where it is accepted, it comes back as it was sent, not as the
-/// vehicle has it.
+/// A waypoint with a value that a lawful vehicle may refuse: where it is accepted, it comes back as it was sent, and
+/// not as the vehicle rounds it.
 fn values_that_may_be_refused(t: &Trial, a: &Station, plan: &Plan) -> Judged {
     type Change = fn(Draft) -> Draft;
     let cases: [(&str, Change); 4] = [
@@ -521,7 +522,7 @@ fn route_type_and_its_default(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     clear(t, &a)?;
     let mut plan = Plan::zigzag(&home, "TYPES", &[1, 2]);
-    // The contingency route beside the flight route.
+    // The contingency route is kept beside the flight route.
     let contingency = Plan::zigzag(&home, "TYPES", &[101, 102]);
     plan.points.push(route_head("R-CONT", 101, 3));
     let extra = contingency.points.clone();
@@ -549,7 +550,7 @@ fn route_type_and_its_default(t: &Trial) -> Judged {
             format!("expected route {route} back with initial waypoint {first}, got {back_first:?}")
         })?;
     }
-    // The others, where the vehicle takes them.
+    // The other route types, where the vehicle accepts them.
     for (route, first, kind) in [
         ("R-LAUNCH", 201, 0),
         ("R-APPROACH", 203, 1),
@@ -574,7 +575,7 @@ fn route_type_and_its_default(t: &Trial) -> Judged {
             format!("expected route {route} back with type {kind}, got {back_kind:?}")
         })?;
     }
-    // Without a route message it is a flight.
+    // Without a route message it is a flight route.
     clear(t, &a)?;
     let mut plain = Plan::zigzag(&home, "PLAIN", &[1, 2, 3]);
     plain.head = None;
@@ -655,7 +656,7 @@ fn unflyable_waypoints_are_refused(t: &Trial) -> Judged {
             ));
         }
     }
-    // Of the finer fields it is enough that they are looked at.
+    // The finer fields only have to be checked: a refusal of any of them is enough.
     let loiter = |field: &str, value: i64| {
         Draft::new(13003)
             .raw("Waypoint Number", 32)

@@ -1,8 +1,8 @@
 //! Active rules: each a scene that the suite plays with the subject.
 //!
-//! A scene reads like its rule's text. It is given a [`Trial`](crate::bench::trial::Trial), plays, and returns: `Ok` is a pass, a [`Stop`](crate::verdict::Stop)
-//! carried out by `?` is anything else. To add one: write the function in the file of its group, name it in that file's
-//! `SCENES`, and show with a mutant that it can fail.
+//! A scene reads like its rule's text. It is given a [`Trial`](crate::bench::trial::Trial), plays, and returns: `Ok`
+//! is a pass, a [`Stop`](crate::verdict::Stop) returned by `?` is anything else. To add one: write the function in
+//! the file of its group, name it in that file's `SCENES`, and show with a mutant that it can fail.
 
 mod acknowledgement;
 mod agreement;
@@ -67,7 +67,7 @@ pub fn scenes() -> Vec<&'static Scene> {
     .collect()
 }
 
-/// What else is played for a rule once its scene has passed; in Edition 2.5 nothing.
+/// What else is played for a rule once its scene has passed; nothing in Edition 2.5.
 pub fn further(rule: &str) -> impl Iterator<Item = &'static Scene> {
     agreement::scenes().filter(move |scene| scene.rule == rule)
 }

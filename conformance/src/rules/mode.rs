@@ -49,12 +49,12 @@ pub(super) const SCENES: &[Scene] = &[
 
 /// Every defined light of 2007.
 const ALL_LIGHTS: i64 = 0xDF;
-/// The bit of 2007 that is none.
+/// The bit of 2007 that is reserved.
 const RESERVED_LIGHT: i64 = 0x20;
 
 fn no_mode_is_reported_that_was_not_entered(t: &Trial) -> Judged {
     let a = t.controller()?;
-    // Without a plan aboard there is nothing to fly in mode 11; on the ground nothing to loiter about.
+    // Without a plan mode 11 has nothing to fly; on the ground mode 12 has nothing to loiter around.
     run_transfer(
         t,
         &a,
@@ -78,11 +78,11 @@ fn no_mode_is_reported_that_was_not_entered(t: &Trial) -> Judged {
             about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(2)
         });
         t.expect(done.is_empty(), || format!("expected no 'carried out' for mode {wanted}, which 3001 does not show; 17000 type 2 came"))?;
-        let said = a.wait(sent.mark, t.timers().answer, |seen| {
+        let refusal = a.wait(sent.mark, t.timers().answer, |seen| {
             about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
                 || seen.kind() == 16000
         });
-        if said.is_none() {
+        if refusal.is_none() {
             t.warn(format!(
                 "the refusal of mode {wanted} was said neither by 17000 type 3 nor by 16000"
             ));
@@ -115,7 +115,7 @@ fn modes_it_lacks_are_refused(t: &Trial) -> Judged {
     if !t.bench.flight_released.load(Ordering::SeqCst) {
         return Ok(());
     }
-    // In flight a mode that the vehicle lacks could be taken for another that it has.
+    // In flight a mode that the vehicle lacks could be mistaken for one that it has.
     a.release()?;
     let Ok(a) = airborne(t) else { return Ok(()) };
     for wanted in [16, 17, 22] {
@@ -171,7 +171,7 @@ fn termination_takes_two_steps(t: &Trial) -> Judged {
     execute_after_arm(t)
 }
 
-/// After 'arm' it is executed: on the ground, or in flight where there it is a flight that ends.
+/// 'Execute' after 'arm' is carried out: on the ground, or in flight where 'arm' is refused on the ground.
 fn execute_after_arm(t: &Trial) -> Judged {
     let Some(a) = armed(t)? else {
         t.note("'arm' is refused: 'execute' after it is not tried");
@@ -209,8 +209,8 @@ fn terminate(state: i64) -> Draft {
         .acked()
 }
 
-/// A station that has armed the termination: on the ground, or in flight where it is refused there; none where it is refused
-/// everywhere.
+/// A station that has armed the termination: on the ground, or in flight where that is refused on the ground; `None`
+/// where it is refused everywhere.
 fn armed(t: &Trial) -> Judged<Option<Player>> {
     let a = t.launcher()?;
     if arms(t, &a, t.timers().ack)? {
@@ -221,7 +221,7 @@ fn armed(t: &Trial) -> Judged<Option<Player>> {
     }
     a.release()?;
     let Ok(a) = airborne(t) else { return Ok(None) };
-    // A station that has just come may be refused until its clock is known.
+    // A station that has just connected may be refused until its clock is known.
     Ok(arms(t, &a, t.timers().begin / 2)?.then_some(a))
 }
 
@@ -229,7 +229,7 @@ fn arms(t: &Trial, a: &Station, time: Duration) -> Judged<bool> {
     let deadline = t.bench.net.now() + time;
     loop {
         let sent = a.send(terminate(1));
-        // #1400 says that the order came, never that it is refused: the state shows it.
+        // #1400 reports that a message came, never that it is refused: only the state shows that it was armed.
         if t.of_edition_25() {
             t.pause(t.timers().ack)?;
             let state = a.query(3005)?.raw("Reported Flight Termination State");
@@ -295,7 +295,7 @@ fn termination_state_is_reported(t: &Trial) -> Judged {
 
 fn launch_landing_and_wave_off(t: &Trial) -> Judged {
     let a = match airborne(t) {
-        // Here that is the rule itself.
+        // A launch that does not climb is a failed precondition elsewhere; here it breaks the rule itself.
         Err(Stop::Inconclusive(reason)) if reason.contains("did not climb") => {
             return Err(Stop::fail(if reason.contains("beyond") {
                 "expected 2016 mode 21 to climb to the commanded altitude, 50 m above home; the vehicle climbed beyond 75 m"
@@ -364,7 +364,7 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
             },
         )
     };
-    // The last of them first, so that a number off by one shows; some vehicles start all by the first.
+    // The last engine first, so that a number off by one shows; some vehicles start all engines by the first number.
     let start = |engine: i64| -> Judged<Option<bool>> {
         let sent = a.send(
             Draft::new(2008)
@@ -372,7 +372,8 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
                 .raw("Engine Command", 1)
                 .acked(),
         );
-        // Looked at from the command on: an autopilot stops what is armed and does not fly, after a second in a fast simulation.
+        // Polled from the command on: an autopilot disarms what does not take off, in a fast simulation after one
+        // second.
         let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 5);
         while t.bench.net.now() < deadline {
             let refused = a.received(sent.mark, |seen| {
@@ -488,7 +489,7 @@ fn lights_are_set_as_a_whole(t: &Trial) -> Judged {
         })?;
         Ok(lights)
     };
-    // Those that come on are there; each has to answer to its own bit, and to go out.
+    // The lights that come on are there; each has to come on, and go off, by its own bit.
     let aboard = set(ALL_LIGHTS)?;
     for bit in (0..8).map(|bit| 1 << bit).filter(|bit| aboard & bit != 0) {
         let shown = set(bit)?;

@@ -62,7 +62,7 @@ fn stations(t: &Trial) -> Judged<Vec<u8>> {
     Ok(t.bench.surveyed()?.stations().into_iter().collect())
 }
 
-/// Where 21101 says that the sensor points.
+/// Where 21101 reports the sensor to point: azimuth in radians.
 fn pointing(a: &Station, station: u8) -> Judged<Option<f64>> {
     let time = a.bench().timers.answer;
     let report = a.ask(
@@ -79,7 +79,7 @@ fn pointing(a: &Station, station: u8) -> Judged<Option<f64>> {
     Ok(report.value("Actual Centreline Azimuth Angle"))
 }
 
-/// 19001 to this azimuth.
+/// 19001 to this azimuth in radians.
 fn steer(station: u8, azimuth: f64) -> Draft {
     Draft::new(19001)
         .raw("Station Number 1-16", bit(station))
@@ -149,7 +149,7 @@ fn one_configuration_for_each_station(t: &Trial) -> Judged {
         t.expect(found.contains(&bit(station)), || {
             format!("expected 21000 for station {station}; got those of the bits {found:02x?}")
         })?;
-        // And its own only, when it alone is named.
+        // A request that names one station is answered for that station only.
         let mark = t.bench.net.mark();
         a.send(information_request(21000).raw("Station Number 1-16", bit(station)));
         let one = a.wait(mark, t.timers().answer, |seen| seen.kind() == 21000);
@@ -253,7 +253,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
         .is_none_or(|(before, after)| wrapped(before - after).abs() < 0.05);
     t.expect(same, || format!("expected station {first} to stay when station {second} is addressed; its azimuth went from {before:?} to {after:?}"))?;
     lens_of_the_other(t, &a, first, second, target)?;
-    // And every one whose bit is set.
+    // A command for several stations acts on every station whose bit is set.
     let both = bit(first) | bit(second);
     let sent = a.send(by_angles(first).raw("Station Number 1-16", both));
     let refused = |kind: u16, stamp: i64| {
@@ -267,7 +267,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
     }
     let before = sent.mark;
     let sent = a.send(steer(first, 0.2).raw("Station Number 1-16", both).acked());
-    // #1400 of Edition 2.5 says that a command came; why it is refused is an alert.
+    // #1400 of Edition 2.5 reports that a command came; the reason of a refusal is in an alert.
     let alerted = || {
         let alerts = a.received(before, |seen| {
             seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
@@ -289,7 +289,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// A field of view for the second station leaves that of the first.
+/// A field of view commanded for the second station leaves that of the first unchanged.
 fn lens_of_the_other(t: &Trial, a: &Station, first: u8, second: u8, azimuth: f64) -> Judged {
     let view = |number: u8| -> Judged<Option<f64>> {
         let report = a.ask(
@@ -339,7 +339,7 @@ fn pointing_mode_decides(t: &Trial) -> Judged {
     ground_point(t, &a, station)
 }
 
-/// Pointing mode 2 turns by the slew rate, to the right where it is above 0, whatever the angles of the message say.
+/// Pointing mode 2 turns by the slew rate, to the right for positive rates, whatever angles the message has.
 fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
     let refused = |sent: &crate::bench::station::Sent| {
         a.wait(sent.mark, t.timers().ack, |seen| {
@@ -400,14 +400,14 @@ fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
     field_of_view(t, a, station)
 }
 
-/// A commanded field of view is the one that is reported, or nothing changes: not every lens zooms.
+/// A commanded field of view is reported, or nothing changes: not every lens zooms.
 fn field_of_view(t: &Trial, a: &Station, station: u8) -> Judged {
     let view =
         || -> Judged<Option<f64>> { Ok(a.query(21101)?.value("Actual Horizontal Field of View")) };
     let Some(before) = view()? else {
         return Ok(());
     };
-    // What is hardly a field of view may be one in another unit.
+    // A value this small is hardly a field of view in radians, so the subject may use another unit.
     let wide = before > 0.02;
     for wanted in if wide {
         [before * 0.7, before]
@@ -436,7 +436,7 @@ fn field_of_view(t: &Trial, a: &Station, station: u8) -> Judged {
     Ok(())
 }
 
-/// Pointing mode 4 looks at the ground point, whatever the angles of the same message say.
+/// Pointing mode 4 points at the ground place, whatever angles the message has.
 fn ground_point(t: &Trial, a: &Station, station: u8) -> Judged {
     let now = fix(t, a)?;
     let Some(heading) = now.heading else {
@@ -519,7 +519,7 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
         )
     };
     let before = lasing(&*state().precondition("the payload reports its state")?);
-    // A message for other fields leaves it as it is.
+    // A message with other fields leaves it unchanged.
     a.send(by_angles(station));
     a.send(steer(station, 0.1).acked());
     t.pause(Duration::from_millis(150))?;
@@ -532,10 +532,10 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
         "Fire Laser Rangefinder",
         "Initiate Laser Designator",
     ] {
-        // One bit away from 238 and 85, the codes for firing, and what a careless test for "not 0" takes.
+        // One bit away from 238 and 85, the codes for firing; and 0xFF, 1, 2, which a careless "not 0" would accept.
         let near = |code: i64| (0..8).map(move |bit| code ^ (1 << bit));
         for code in [0xFF, 1, 2].into_iter().chain(near(238)).chain(near(85)) {
-            // Codes that are defined for something else.
+            // Codes that have a defined meaning are left out.
             if [0, 51, 68, 85, 238].contains(&code) {
                 continue;
             }
@@ -587,7 +587,8 @@ fn no_image_centre_above_the_horizon(t: &Trial) -> Judged {
     ))
 }
 
-/// In flight the centre of the image lies where the line of sight meets the ground. Far from flat ground that is not known.
+/// In flight the centre of the image is where the line of sight meets the ground. Away from flat ground that is not
+/// known, so it is judged near home only.
 fn image_centre_in_flight(t: &Trial, station: u8) -> Judged {
     if !t
         .bench
@@ -680,7 +681,7 @@ fn stations_are_given_singly(t: &Trial) -> Judged {
         &a,
         "LOI 3 of another station",
     )?;
-    // Given back, it is free for the other, and obeys its former holder no more.
+    // Once released, the station is free for the other CUCS, and no longer obeys its former holder.
     a.release()?;
     take_station(t, &b, first)?;
     t.grant(&a, loi::LOI2)?;

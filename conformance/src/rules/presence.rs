@@ -34,7 +34,7 @@ pub(super) const SCENES: &[Scene] = &[
 
 fn width_of_the_vector(t: &Trial) -> Judged {
     let a = t.controller()?;
-    // 37 fields: a vector of five bytes.
+    // 3007 has 37 fields, hence a vector of five bytes.
     let mark = t.bench.net.mark();
     a.send(information_request(3007));
     let Some(found) = a.wait(mark, t.timers().answer, |seen| seen.kind() == 3007) else {
@@ -51,7 +51,7 @@ fn width_of_the_vector(t: &Trial) -> Judged {
 
 fn least_bit_is_the_time_stamp(t: &Trial) -> Judged {
     let station = t.any()?;
-    // Three known fields, and nothing else.
+    // Three present fields that every subject knows, and no other.
     let draft = Draft::new(1)
         .raw("Requested/Handover LOI", loi::LOI2)
         .raw("Requested/Handover Access", Access::Request as i64);
@@ -69,7 +69,8 @@ fn least_bit_is_the_time_stamp(t: &Trial) -> Judged {
     requested_fields(t, &station)
 }
 
-/// A subject that sends the requested fields only, has to send those: bit 0 of the vector stands for field 1 there as well.
+/// A subject that sends only the requested fields has to send exactly those: bit 0 of the vector means field 1 there
+/// too.
 fn requested_fields(t: &Trial, station: &Station) -> Judged {
     let whole = station.query(3)?;
     for (bit, name) in [(3, "Vehicle Type"), (6, "Tail Number")] {
@@ -111,7 +112,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
             })?;
         }
         if field == "Loiter Direction" {
-            // The other direction: one that is shown already would say nothing.
+            // The other direction than the one shown: commanding the same again would show nothing.
             let other = if report.raw(field) == Some(1) { 2 } else { 1 };
             let sent = a.send(Draft::new(2017).raw(field, other).acked());
             t.pause(t.timers().answer / 4)?;
@@ -124,7 +125,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
             })?;
             report = turned;
         }
-        // Each setting for itself: none of the others goes with it.
+        // Each setting alone: the others must not change with it.
         for other in [
             "Loiter Type",
             "Loiter Direction",
@@ -164,7 +165,7 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
     let mut positioned = false;
     let mut vectors: BTreeMap<u16, BTreeSet<Vec<u8>>> = BTreeMap::new();
     for seen in station.received(mark, |seen| matches!(seen.kind(), 3002 | 4000 | 4001)) {
-        // A position that becomes known, a waypoint that becomes active.
+        // Fields that appear later: a position once it is known, a waypoint once it is active.
         positioned |= seen.kind() == 4000 && seen.has("Latitude");
         if seen.kind() == 4001 || seen.kind() == 4000 && !positioned {
             continue;
@@ -175,7 +176,7 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
             .or_default()
             .insert(seen.piece.data[..width.min(seen.piece.data.len())].to_vec());
     }
-    // What is sent on request only.
+    // Messages that are sent on request only.
     for kind in [3, 3004, 3006, 3009, 3010] {
         let width = |seen: &crate::wire::Seen| {
             let width = seen.info.map_or(1, |info| usize::from(info.presence_bytes));
@@ -193,7 +194,7 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
     if vectors.is_empty() {
         return Err(Stop::inconclusive("no status message came"));
     }
-    // What was there before must not be left out because it has not changed since.
+    // A field that was present must not be left out because it has not changed since.
     for (kind, now) in vectors
         .iter()
         .filter(|(kind, _)| [3, 3002, 3004].contains(*kind))
@@ -252,7 +253,7 @@ fn vector_and_data_must_agree(t: &Trial) -> Judged {
     let missing = data[..data.len() - 2].to_vec();
     let mut left_over = data.clone();
     left_over.extend([0x11, 0x22]);
-    // The vector names all fields, of which few are there.
+    // The vector names all fields, but only a few follow.
     let mut all_named = data.clone();
     all_named[..2].copy_from_slice(&[0x07, 0xFF]);
     let sent: Vec<_> = [
@@ -268,7 +269,7 @@ fn vector_and_data_must_agree(t: &Trial) -> Judged {
     })
     .collect();
     t.pause(t.timers().quiet)?;
-    // What is carried out names the stamp in its acknowledgement; those of what is broken may be misread.
+    // An acknowledgement of type 2 with one of these stamps shows that a broken message was carried out.
     let mark = sent.first().map_or(0, |(_, first)| first.mark);
     let done = a.received(mark, |seen| {
         seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(2)

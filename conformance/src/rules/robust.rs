@@ -1,6 +1,6 @@
 //! Malformed and hostile input: ROBUST.
 //!
-//! After each the subject has to answer a discovery, and its status has to have continued.
+//! After each input the subject has to answer a discovery, and its status has to have continued.
 
 use std::time::Duration;
 
@@ -60,7 +60,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// A monitor whose status shows that the subject lives: the player, and the mark from which gaps are measured.
+/// A monitor whose status shows that the subject lives: the station, and the mark from which gaps are measured.
 fn watched(t: &Trial) -> Judged<(Player, usize)> {
     let station = match t.controller() {
         Ok(station) => station,
@@ -71,7 +71,7 @@ fn watched(t: &Trial) -> Judged<(Player, usize)> {
     Ok((station, t.bench.net.mark()))
 }
 
-/// The subject answers a discovery, and its status had no gap.
+/// Fails unless the subject answers a discovery, and its status had no gap.
 fn unharmed(t: &Trial, station: &Station, mark: usize, what: &str) -> Judged {
     t.pause(Duration::from_millis(600))?;
     if !alive(&t.bench) {
@@ -103,7 +103,7 @@ fn unharmed(t: &Trial, station: &Station, mark: usize, what: &str) -> Judged {
     Ok(())
 }
 
-/// A deterministic sequence of numbers: the same seed, the same bytes.
+/// A deterministic sequence of numbers: the same seed gives the same bytes, so that a fail can be repeated.
 struct Sequence(u64);
 
 impl Sequence {
@@ -170,7 +170,7 @@ fn lying_lengths(t: &Trial) -> Judged {
             let mut draft = base.clone();
             draft.length = Some(wrong);
             a.send_bytes(&a.encode(&draft));
-            // As the first of two: what follows must not be read as its data, nor its data as what follows.
+            // As the first of two messages: neither may be read as part of the other.
             let mut both = a.encode(&draft);
             both.extend(a.encode(&a.stamped(discovery())));
             a.send_bytes(&both);
@@ -257,7 +257,7 @@ fn datagrams_of_unusual_size(t: &Trial) -> Judged {
     unharmed(t, &a, mark, "empty and oversized datagrams")
 }
 
-/// A curve of which one coordinate has this value.
+/// A curve with one coordinate set to this value.
 fn curve(a: &Station, value: f64) -> Draft {
     Draft::new(50001)
         .set("Time Stamp", 1.0)
@@ -280,7 +280,7 @@ fn nan_and_infinities(t: &Trial) -> Judged {
                 .set("Set Forward Link Carrier Frequency (ADT)", value)
                 .acked(),
         );
-        // Edition 2.5 has floats in every waypoint, and no curves.
+        // Edition 2.5 has floats in every waypoint, and no curve messages.
         let route = if t.of_edition_25() {
             Draft::new(13002)
                 .raw("Waypoint Number", 1)
@@ -425,7 +425,7 @@ fn duplicated_and_reordered_datagrams(t: &Trial) -> Judged {
         )));
     }
     let _ = waypoint;
-    // A later repetition of an older setting must not win.
+    // A late repetition of an older setting must not replace a newer one.
     let (r1, r2) = (t.bench.fresh_radius(), t.bench.fresh_radius());
     let first = a.set_radius(r1);
     if !a.radius_becomes(r1)? {

@@ -36,7 +36,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// A plan that came back from the subject as it went there, or was refused.
+/// Whether a plan came back as it was sent; false where it was refused.
 fn returns(t: &Trial, a: &crate::bench::station::Station, plan: &Plan, what: &str) -> Judged<bool> {
     clear(t, a)?;
     let loaded = load(t, a, plan)?;
@@ -64,7 +64,7 @@ fn angles_are_twos_complement(t: &Trial) -> Judged {
     let home = home(t, &a)?;
     let mut plan = Plan::zigzag(&home, "ANGLES", &[1, 2]);
     returns(t, &a, &plan, "a plan near home")?;
-    // West and south, refused by most vehicles as too far away: then 14000 says so.
+    // West and south; most vehicles refuse these as too far away, which 14000 then reports.
     for (north, east) in [(-0.5, -3.1413), (1.55, -2.0)] {
         plan.points = vec![
             waypoint(
@@ -219,7 +219,7 @@ fn values_out_of_range_are_not_used(t: &Trial) -> Judged {
         }
         let sent = a.send(draft.acked());
         let done = carried_out(t, &a, &sent, t.timers().quiet)?;
-        // A radius of 0 may stand for the vehicle's own.
+        // A radius of 0 may mean the vehicle's default.
         if value == 0 {
             if done.is_some() {
                 t.warn(format!("{what} is carried out"));
@@ -249,7 +249,7 @@ fn bearings_from_true_north(t: &Trial) -> Judged {
         if track.distance < 10.0 {
             continue;
         }
-        // A multicopter may fly sideways; then its course says nothing about its heading.
+        // A multicopter may fly sideways; then its course does not show its heading.
         let Some(heading) = track.heading else {
             continue;
         };
@@ -305,7 +305,7 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
     t.expect_of(&states, found == Some(500), || {
         format!("expected the raw turn rate 500 in 3002, got {found:?}")
     })?;
-    // The scale is disputed, the way is not: clockwise, in the heading and in the turn rate of 4000.
+    // The scale of the turn rate is disputed, the sign is not: positive is clockwise, in the heading and in 4000.
     a.send(crate::bench::station::schedule(
         4000,
         t.bench.profile.figures.largest_rate_hz.min(10),
@@ -326,10 +326,10 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
         .filter_map(|seen| seen.raw("Turn Rate"))
         .filter(|rate| *rate != 0)
         .collect();
-    // While it still turns: what the body does is asked for.
+    // Queried while it still turns: the body rates of 3010 have the same sign.
     let body = a.query(3010).ok();
     hold(t, &a)?;
-    // Where half a turn may lie between two positions of a fast simulation, neither way can be excluded.
+    // Where a fast simulation may turn half a circle between two positions, the direction cannot be seen.
     let Some(moved) = moved.filter(|fix| turned(fix).abs() < 2.0) else {
         t.note("the way of the turn is not seen between two positions");
         return Ok(());

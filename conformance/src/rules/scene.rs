@@ -1,4 +1,4 @@
-//! What a rule's scene is: an id and a function.
+//! What a rule's scene is: the rule's id and a function.
 
 use crate::bench::trial::Trial;
 use crate::verdict::Judged;

@@ -42,7 +42,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
     Scene {
         rule: "STAT-008",
-        play: altitude_says_its_datum,
+        play: altitude_has_its_datum,
     },
     Scene {
         rule: "STAT-009",
@@ -73,7 +73,7 @@ pub(super) const SCENES: &[Scene] = &[
 /// Rate in Hz of a message at a station, over this time that began with `mark`.
 pub(super) fn rate_since(station: &Station, mark: usize, kind: u16, time: Duration) -> f64 {
     let vehicle = station.vehicle;
-    // By multicast and unicast both: the same message twice is one.
+    // The same message by multicast and unicast counts once.
     let stamps: BTreeSet<_> = station
         .received(mark, |seen| {
             seen.kind() == kind && seen.piece.source == vehicle
@@ -84,7 +84,7 @@ pub(super) fn rate_since(station: &Station, mark: usize, kind: u16, time: Durati
     stamps.len() as f64 / time.as_secs_f64()
 }
 
-/// The same from now.
+/// The rate in Hz of a message at a station, measured for this time from now.
 pub(super) fn rate(t: &Trial, station: &Station, kind: u16, time: Duration) -> Judged<f64> {
     let mark = t.bench.net.mark();
     t.pause(time)?;
@@ -97,7 +97,7 @@ fn position_comes_by_itself(t: &Trial) -> Judged {
     t.pause(t.timers().status / 2)?;
     let count = station.received(mark, |seen| seen.kind() == 4000).len();
     t.expect(count >= 2, || format!("expected at least two 4000 in {:.0} s after LOI 2 was granted, without asking; got {count}", t.timers().status.as_secs_f64() / 2.0))?;
-    // Given back and granted again, it begins again.
+    // After a release and a second grant it starts again.
     station.release()?;
     t.pause(Duration::from_millis(1_600))?;
     station.take(loi::LOI2)?;
@@ -108,7 +108,7 @@ fn position_comes_by_itself(t: &Trial) -> Judged {
     t.expect(count >= 2, || {
         format!("expected 4000 by itself after LOI 2 was granted a second time; got {count}")
     })?;
-    // None of before: a state that was kept is shown as if it were that of now.
+    // None from before the release: a stored state would be shown as if it were current.
     let stamps: Vec<i64> = came.iter().filter_map(|seen| seen.stamp()).collect();
     let oldest = stamps.iter().min().zip(stamps.iter().max());
     let back = oldest.map_or(0, |(oldest, newest)| newest - oldest);
@@ -155,19 +155,20 @@ fn default_rate_2_hz(t: &Trial) -> Judged {
 fn scheduled_rate_is_kept(t: &Trial) -> Judged {
     let station = t.monitor()?;
     let largest = t.bench.profile.figures.largest_rate_hz;
-    // Another pushed message, and one that is sent on request only, beside each.
+    // Each rate is tried beside the rates of another pushed message, and of one that is otherwise sent on request
+    // only.
     for (hertz, others) in [(3_u16, (1_u16, 4_u16)), (1, (5, 1)), (10, (1, 2))] {
         if hertz > largest {
             continue;
         }
-        // One more or less in the window is no fault: of few messages it is a longer one.
+        // One message more or less is no fault: at a low rate the window is longer, so that it weighs less.
         let time = if hertz > 1 {
             t.timers().status.mul_f64(0.35)
         } else {
             t.timers().status / 2
         };
         let expected = [(4000, hertz), (3001, others.0), (3, others.1)];
-        // Twice, as a CUCS does that has seen no answer: the second takes the place of the first.
+        // Each schedule twice, as a CUCS does that has seen no answer: the second replaces the first.
         for (kind, hertz) in expected.into_iter().chain(expected) {
             station.send(schedule(kind, hertz));
         }
@@ -188,7 +189,7 @@ fn scheduled_rate_is_kept(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// Of a burst nearly all gaps are nothing, whatever the rate is.
+/// Fails where messages come in bursts: then nearly all gaps are close to zero, whatever the rate is.
 fn one_by_one(t: &Trial, station: &Station, mark: usize, hertz: u16) -> Judged {
     let came = station.received(mark, |seen| seen.kind() == 4000);
     let mut gaps: Vec<f64> = came
@@ -196,7 +197,7 @@ fn one_by_one(t: &Trial, station: &Station, mark: usize, hertz: u16) -> Judged {
         .map(|pair| (pair[1].at - pair[0].at).as_secs_f64())
         .collect();
     gaps.sort_by(f64::total_cmp);
-    // The same message by multicast and unicast is one.
+    // The same message by multicast and unicast counts once.
     let stamps: BTreeSet<_> = came.iter().map(|seen| seen.stamp()).collect();
     let median = gaps.get(gaps.len() / 2).copied().unwrap_or_default();
     let judged = hertz >= 4 && gaps.len() > 8 && stamps.len() * 4 > came.len() * 3;
@@ -245,7 +246,7 @@ fn asked_once_answered_once(t: &Trial) -> Judged {
     t.expect(unasked == 0, || {
         format!("expected no 3000 unless it is asked for, got {unasked}")
     })?;
-    // A push of another time would look like a second answer.
+    // A periodic message would look like a second answer.
     t.pause(Duration::from_millis(500))?;
     let other = t.b().ok();
     if let Some(other) = &other {
@@ -308,7 +309,7 @@ fn higher_status_for_a_lower_loi(t: &Trial) -> Judged {
     let answer = station.request(0, Access::Request)?;
     let granted = answer.raw("LOI Granted").unwrap_or_default();
     if granted & loi::LOI2 == 0 {
-        // The rule is a "may"; losing the right is none.
+        // The rule is a "may", but losing the right breaks a "must".
         t.note("LOI 2 was lost");
         return Err(Stop::fail(format!(
             "expected LOI 2 to stay after a request for status of a higher LOI, got LOI Granted 0x{granted:02x}"
@@ -325,7 +326,7 @@ fn higher_status_for_a_lower_loi(t: &Trial) -> Judged {
     })
 }
 
-fn altitude_says_its_datum(t: &Trial) -> Judged {
+fn altitude_has_its_datum(t: &Trial) -> Judged {
     let station = t.monitor()?;
     let claim = t.bench.profile.vehicle.first().cloned().unwrap_or_default();
     let now = fix(t, &station)?;
@@ -354,7 +355,7 @@ fn altitude_says_its_datum(t: &Trial) -> Judged {
             if geoid_reading { ": height above sea level under type 3, the geoid reading" } else { "" }
         )
     })?;
-    // 3009 has a field for each datum.
+    // 3009 has one altitude field for each datum.
     let Ok(air) = station.query(3009) else {
         return Ok(());
     };
@@ -396,7 +397,7 @@ fn waypoint_number_0_means_no_data(t: &Trial) -> Judged {
             found.raw(&format!("{group} - Latitude")),
             found.raw(&format!("{group} - Longitude")),
         );
-        // 0 marks the group as not valid; a number goes with its place.
+        // 0 and 0 mark the place as not valid; a waypoint number needs a place.
         let placed = latitude.is_some()
             && longitude.is_some()
             && !(latitude == Some(0) && longitude == Some(0));
@@ -406,7 +407,7 @@ fn waypoint_number_0_means_no_data(t: &Trial) -> Judged {
     no_number_of_a_plan_that_is_gone(t)
 }
 
-/// A route is flown, left, and cleared: no number of it is left.
+/// A route is flown, left, and cleared: 4001 shows none of its numbers afterwards.
 fn no_number_of_a_plan_that_is_gone(t: &Trial) -> Judged {
     if !t.bench.flight_released.load(Ordering::SeqCst) {
         return Ok(());
@@ -439,7 +440,7 @@ fn no_number_of_a_plan_that_is_gone(t: &Trial) -> Judged {
         t.pause(Duration::from_millis(100))?;
         shown = a.query(4001)?;
     }
-    // Without a route message there is nothing to clear by in Edition 2.5, where a refusal leaves it.
+    // In Edition 2.5 a mission without a route message cannot be cleared; a refusal leaves it loaded.
     let still = download(t, &a, "GONE")?;
     if still.messages.iter().any(|seen| seen.kind() == 13002) {
         t.note("the mission was not cleared: its numbers are not judged");
@@ -454,10 +455,10 @@ fn no_number_of_a_plan_that_is_gone(t: &Trial) -> Judged {
     })
 }
 
-/// So high that the climb is seen on its way.
+/// Climb in metres, high enough to be seen on its way.
 const CLIMB_M: f64 = 40.0;
 
-/// In flight, what is accepted is shown, with its type.
+/// In flight an accepted value is reported, with its type.
 fn accepted_values_are_shown(t: &Trial) -> Judged {
     if !t.bench.flight_released.load(Ordering::SeqCst) {
         return Ok(());
@@ -475,7 +476,7 @@ fn accepted_values_are_shown(t: &Trial) -> Judged {
     let sent = a.send(good);
     let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 3);
     let mut shown = a.query(3002)?;
-    // A value that moves is where the vehicle is, not what it was commanded.
+    // A "commanded" altitude that changes on the way is the vehicle's position, and not the command.
     let mut before = BTreeSet::new();
     while shown.raw("Commanded Altitude") != raw && t.bench.net.now() < deadline {
         before.extend(shown.raw("Commanded Altitude"));
@@ -510,7 +511,7 @@ fn accepted_values_are_shown(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// Course, speed and their types of a command that was carried out, and the place of a loiter.
+/// Course, speed and their types after a command that was carried out, and the place of a loiter.
 fn steering_is_shown(t: &Trial, a: &Station) -> Judged {
     let now = fix(t, a)?;
     let (latitude, longitude) = now.offset(60.0, 40.0);
@@ -656,7 +657,7 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
             "expected a 16000 (caution or worse) within 10 s of the loss of the vehicle; none came"
                 .into()
         })?;
-        // Whoever is connected is as blind as the first.
+        // Every connected CUCS is without data, and has to be alerted.
         if let Some(other) = &other {
             let informed = other.received(mark, |seen| seen.kind() == 16000 && warned(seen));
             t.expect(!informed.is_empty(), || {
@@ -678,7 +679,7 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
     })();
     crate::means::shell(restore).map_err(Stop::Inconclusive)?;
     let mark = t.bench.net.mark();
-    // Unasked, as before the loss.
+    // Status restarts without a request, as it was before the loss.
     let mut stamps = BTreeSet::new();
     let again = station.wait(mark, Duration::from_secs(8), |seen| {
         seen.kind() == 4000 && seen.has("Latitude") && {
@@ -693,7 +694,7 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
     })
 }
 
-/// Whoever asks for the position of a silent vehicle gets none, or the last one with its own stamp.
+/// A request for the position of a vehicle without link is answered by none, or by the last one with its own stamp.
 fn nothing_new_on_request(t: &Trial, station: &Station) -> Judged {
     let stamps = |mark: usize| {
         let came = station.received(mark, |seen| seen.kind() == 4000 && seen.has("Latitude"));
@@ -706,7 +707,7 @@ fn nothing_new_on_request(t: &Trial, station: &Station) -> Judged {
     station.send(information_request(4000));
     t.pause(t.timers().answer / 4)?;
     let shown = stamps(mark).unwrap_or(last);
-    // A stamp that only tells it from the one before is no new one.
+    // A stamp that is only just later than the last one (stamps have to rise) is not a new one.
     t.expect(shown <= last + 100, || {
         format!("expected no position, or the last one with its stamp, to a 17002 for 4000 of a silent vehicle; its stamp is {:.1} s later", (shown - last) as f64 / 1000.0)
     })
@@ -730,7 +731,7 @@ fn subsystems_answer_for_themselves(t: &Trial) -> Judged {
         .iter()
         .map(|seen| seen.raw("Subsystem ID"))
         .collect();
-    // Each alone, whose report has to be its own.
+    // Each subsystem alone: the report has to be about that one.
     for bit in asked {
         let mark = t.bench.net.mark();
         station.send(Draft::new(15000).raw("Subsystem ID", 1_i64 << bit));
@@ -738,7 +739,7 @@ fn subsystems_answer_for_themselves(t: &Trial) -> Judged {
         t.pause(Duration::from_millis(300))?;
         let came = station.received(mark, |seen| seen.kind() == 16001);
         let found: BTreeSet<_> = came.iter().map(|seen| seen.raw("Subsystem ID")).collect();
-        // By multicast and unicast both: the same message twice is one.
+        // The same message by multicast and unicast counts once.
         let stamps: BTreeSet<_> = came.iter().map(|seen| seen.stamp()).collect();
         t.expect(stamps.len() <= 1, || {
             format!(

@@ -1,4 +1,4 @@
-//! Commanded values in flight: which field of 2016 counts, what a part of one leaves alone, what a handover leaves alone.
+//! Commanded values in flight: which fields of 2016 count, and what partial commands and a handover leave unchanged.
 
 use std::f64::consts::TAU;
 
@@ -32,7 +32,7 @@ pub(super) const SCENES: &[Scene] = &[
 fn steering_obeys_the_command_types(t: &Trial) -> Judged {
     let a = airborne(t)?;
     let began = fix(t, &a)?;
-    // Course east, with a misleading heading; altitude left alone, with a misleading altitude.
+    // Course east, with a heading that must not count; altitude unchanged, with an altitude that must not count.
     let east = TAU / 4.0;
     let sent = a.send(
         mode_command(mode::AUTOPILOT)
@@ -54,7 +54,7 @@ fn steering_obeys_the_command_types(t: &Trial) -> Judged {
             "mode 15 with a commanded course is refused",
         ));
     }
-    // What it flew before fades first.
+    // The motion from before the command fades first.
     let speed = t.bench.profile.figures.speed_factor.max(1.0);
     t.pause(std::time::Duration::from_secs_f64((6.0 / speed).max(0.6)))?;
     let climbed_from = began.altitude;
@@ -90,7 +90,7 @@ fn steering_obeys_the_command_types(t: &Trial) -> Judged {
     climb_by_speed(t, &a)
 }
 
-/// Altitude command type 1 holds the altitude, whatever the vertical speed says.
+/// Altitude command type 1 holds the altitude, whatever vertical speed the message has.
 fn altitude_alone(t: &Trial, a: &Station) -> Judged {
     let began = fix(t, a)?;
     let sent = a.send(
@@ -118,7 +118,7 @@ fn altitude_alone(t: &Trial, a: &Station) -> Judged {
     })
 }
 
-/// Heading command type 1 turns to the heading, whatever the course field says.
+/// Heading command type 1 turns to the heading, whatever course the message has.
 fn heading_alone(t: &Trial, a: &Station) -> Judged {
     let began = fix(t, a)?;
     let Some(heading) = began.heading else {
@@ -153,7 +153,7 @@ fn heading_alone(t: &Trial, a: &Station) -> Judged {
     })
 }
 
-/// Altitude command type 2 climbs and descends by the vertical speed, whatever the altitude field says.
+/// Altitude command type 2 climbs and descends by the vertical speed, whatever altitude the message has.
 fn climb_by_speed(t: &Trial, a: &Station) -> Judged {
     for (up, what) in [(2.0, "climb"), (-1.5, "descend")] {
         let began = fix(t, a)?;
@@ -266,14 +266,14 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
     let a = airborne(t)?;
     let home = home(t, &a)?;
     let mut plan = Plan::zigzag(&home, "HANDOVER", &[1, 2, 3]);
-    // So long that it does not end while control changes hands, however slow the computer is.
+    // So long that it does not end during the handover, however slow the computer is.
     stretch(&home, &mut plan, 1_500.0);
     loaded(t, &a, &plan)?;
     a.send(mode_command(mode::WAYPOINT).acked());
     if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
         t.note("mode 11 was not entered: judged in mode 12");
     }
-    // Where it has lights, some of them on.
+    // Some lights on, where the vehicle has lights.
     let sent = a.send(Draft::new(2007).raw("Set Lights", 0x45));
     let lit = a
         .wait(sent.mark, t.timers().answer / 4, |seen| seen.kind() == 3006)
@@ -287,7 +287,7 @@ fn the_flight_continues_through_a_handover(t: &Trial) -> Judged {
             "Commanded Speed",
             "Speed Type",
         ];
-        // What 2017 set counts as commanded; Edition 2.5 reports no loiter.
+        // What 2017 set is part of it; Edition 2.5 has no report of the loiter.
         let mut values: Vec<_> = commanded.iter().map(|name| states.raw(name)).collect();
         if !t.of_edition_25() {
             let loiter = station.query(3004)?;

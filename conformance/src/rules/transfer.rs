@@ -171,7 +171,7 @@ fn cancel_stops_a_transfer(t: &Trial) -> Judged {
     aboard(t, &a, &plan, "unchanged after a cancelled upload")
 }
 
-/// A download that the vehicle sends bit by bit ends when it is cancelled; one that came at once cannot be stopped.
+/// A download that is sent in parts ends when it is cancelled; one that came at once cannot be stopped.
 fn cancel_stops_a_download(t: &Trial) -> Judged {
     let (a, plan) = with_plan(t, &(1..=100).collect::<Vec<i64>>())?;
     let sent = a.send(transfer(3, &plan.mission));
@@ -212,7 +212,7 @@ fn cancel_stops_a_download(t: &Trial) -> Judged {
 }
 
 fn progress_ends(t: &Trial) -> Judged {
-    // The values are judged on the traffic of the whole run; here is a transfer of each kind.
+    // The passive judge of this rule judges the values in all traffic; here each kind of transfer is caused.
     let (a, plan) = with_plan(t, &[1, 2, 3])?;
     let found = download(t, &a, &plan.mission)?;
     t.expect(found.status.is_some(), || {
@@ -246,7 +246,7 @@ fn progress_ends(t: &Trial) -> Judged {
 fn status_echoes_what_it_is_about(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
-    // As long as the field allows: what keeps fewer characters echoes another one.
+    // A name of the field's full length: a subject that keeps fewer characters echoes a different one.
     let name = "M1-TO-THE-NORTH-EAS";
     let plan = Plan::zigzag(&home, name, &[1, 2]);
     let up = load(t, &a, &plan)?;

@@ -14,7 +14,7 @@ pub(super) const SCENES: &[Scene] = &[Scene {
     play: commands_reach_their_vehicle_only,
 }];
 
-/// While the link of the first vehicle is cut, that of the second keeps its status.
+/// While the link of the first vehicle is cut, the status of the second continues.
 fn the_loss_of_one_leaves_the_other(t: &Trial, stations: &[Station], before: f64) -> Judged {
     let means = &t.bench.profile.means;
     let (Some(cut), Some(restore)) = (&means.cut_vehicle_link, &means.restore_vehicle_link) else {
@@ -71,7 +71,7 @@ fn commands_reach_their_vehicle_only(t: &Trial) -> Judged {
                 vehicles[0], vehicles[1]
             )
         })?;
-        // A plan of one is no plan of the other.
+        // A plan of one vehicle is not a plan of the other.
         let home = home(t, &stations[0])?;
         let plan = Plan::zigzag(&home, "ONLY1", &[211, 212]);
         if load(t, &stations[0], &plan)?.status == Some(1) {
@@ -91,7 +91,7 @@ fn commands_reach_their_vehicle_only(t: &Trial) -> Judged {
         let mark = t.bench.net.mark();
         t.pause(time)?;
         the_loss_of_one_leaves_the_other(t, &stations, rate_since(&stations[1], mark, 4000, time))?;
-        // What is given back of one is not given back of the other.
+        // Rights released for one vehicle stay held for the other.
         stations[1].request(loi::LOI4, Access::Release)?;
         let held = stations[0].request(0, Access::Request)?;
         let granted = held.raw("LOI Granted").unwrap_or_default();

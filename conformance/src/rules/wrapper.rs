@@ -9,7 +9,7 @@ use crate::bench::trial::{Player, Trial};
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::{Draft, trailer};
 
-/// The largest datagram that every side has to take, bytes.
+/// The largest datagram that every side has to accept, bytes.
 const MAX_DATAGRAM: usize = 548;
 
 pub(super) const SCENES: &[Scene] = &[
@@ -51,10 +51,10 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// Bytes before the data in either edition's wrapper.
+/// Bytes before the data in the wrapper of Edition 2.5.
 const HEADER_25: usize = stanag_msgs::ed25::HEADER_BYTES;
 
-/// Whether any message 2 comes to the station within `quiet` of sending these bytes.
+/// Whether any message 2 is sent to the station within `quiet` of these bytes.
 fn answered(t: &Trial, station: &Player, bytes: &[u8]) -> bool {
     let mark = station.send_bytes(bytes);
     station
@@ -134,7 +134,7 @@ fn several_messages_in_one_datagram(t: &Trial) -> Judged {
             )));
         }
     }
-    // As many as fit: the last of them counts like the first.
+    // As many as fit in a datagram: the last of them counts like the first.
     for attempt in 1..=2 {
         let last = information_request(3);
         let room =
@@ -179,8 +179,8 @@ fn every_style_is_understood(t: &Trial) -> Judged {
     for style in [0, 1, 2] {
         ask_in_style(t, &station, style)?;
     }
-    // A byte sum beyond 16 bits in style 2: an unknown message of bytes 0xFF before a good one. The same of bytes 0 shows
-    // whether the subject takes what follows an unknown message at all.
+    // A byte sum beyond 16 bits in style 2: an unknown message of bytes 0xFF before a good one. The same with bytes 0
+    // shows whether the subject reads past an unknown message at all.
     let behind = |byte: u8| {
         let mut long = Draft::new(50_555);
         long.data = Some(vec![byte; 480]);
@@ -231,7 +231,7 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
         draft.style = Some(style);
         let bytes = a.encode(&draft);
         for bit in 0..16 {
-            // Damage in source, destination and data: lengths, versions and styles are other rules'.
+            // Damage in source, destination and data only: lengths, versions and styles are judged by other rules.
             let header = if t.of_edition_25() { 10..14 } else { 4..12 };
             let data = a.wrapper_bytes().min(HEADER_25)..bytes.len();
             let places = header.chain(data).collect::<Vec<_>>();
@@ -240,7 +240,7 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
             damaged[place] ^= 1 << (bit % 8);
             a.send_bytes(&damaged);
         }
-        // Each byte of the sum counts, and each message of a datagram has its own.
+        // Each byte of the sum counts, and each message of a datagram has its own sum.
         for place in bytes.len() - trailer(style)..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[place] ^= 1;
@@ -259,7 +259,7 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
     }
     let after = a.radius()?;
     t.expect(after == before, || format!("expected the loiter radius to stay {before:?} after damaged 2017s; 3004 shows {after:?}"))?;
-    // A request for control with a wrong sum.
+    // A request for control with a wrong sum must grant nothing.
     let b = t.b().ok();
     if let Some(b) = &b {
         let mut bytes = b.encode(&b.stamped(discovery_of(b)));
@@ -328,7 +328,8 @@ fn foreign_version_is_not_guessed_at(t: &Trial) -> Judged {
     the_version_of_one_is_not_everybodys(t, &a)
 }
 
-/// A CUCS may be answered in the version in which it asks; what the others are sent has that of the profile, by the judge of WRAP-012.
+/// A CUCS may be answered in the version in which it sends; what the others are sent keeps the profile's version,
+/// which WRAP-012 judges.
 fn the_version_of_one_is_not_everybodys(t: &Trial, a: &Player) -> Judged {
     let version = t.bench.profile.idd();
     let Some(c) = t.b().ok().filter(|_| (31..=32).contains(&version)) else {
@@ -385,7 +386,7 @@ fn only_what_is_addressed_to_it(t: &Trial) -> Judged {
     }
     let after = a.radius()?;
     t.expect(after == before, || format!("expected a 2017 for {foreign} to change nothing; the radius of {} went from {before:?} to {after:?}", a.vehicle))?;
-    // To everybody, to nobody, to the station itself: a setting is for one vehicle.
+    // To the broadcast id, the null id, and the station itself: a setting needs a single vehicle as destination.
     for (to, what) in [
         (Id::BROADCAST, "everybody"),
         (Id::NULL, "nobody"),

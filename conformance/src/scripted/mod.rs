@@ -1,7 +1,7 @@
 //! The scripted vehicle: a VSM and its aircraft, played for a CUCS under test.
 //!
 //! It answers discoveries and requests, reports at 2 Hz, acknowledges, loads routes and declares a configuration. A
-//! [`Scenario`] is what it does to the CUCS besides: what it denies, loses, damages, delays, and what happens to it.
+//! [`Scenario`] adds what it does to the CUCS: what it denies, loses, damages or delays, and the events that happen.
 
 mod scenario;
 
@@ -25,13 +25,14 @@ pub use scenario::{Answer, Done, Scenario, ScenarioError, Step};
 pub const VEHICLE: Id = Id(0x1b00_0101);
 /// The VSM's id.
 pub const VSM: Id = Id(0x1b00_0001);
-/// Where the vehicle stands: in the western hemisphere, so that signs count.
+/// Where the vehicle is, latitude and longitude in radians and altitude in metres: in the western hemisphere, so that
+/// a lost sign shows.
 const PLACE: (f64, f64, f64) = (0.679, -1.345, 120.0);
 /// LOI 4 and 5: control of the vehicle.
 const CONTROL: i64 = 0x0C;
 /// Between two rounds of status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
-/// A CUCS that invents ids must not fill the memory.
+/// CUCS ids that are remembered at most: a CUCS that invents ids must not fill the memory.
 const MAX_STATIONS: usize = 64;
 
 /// The vehicle.
@@ -43,7 +44,7 @@ pub struct Vehicle {
     scenario: Scenario,
     stations: BTreeMap<u32, Ground>,
     reports: Vec<Values>,
-    /// Which events have happened to which CUCS: kept over a restart, or it would restart for ever.
+    /// Which events have happened to which CUCS: kept over a restart, or a restart event would repeat for ever.
     happened: BTreeSet<(u32, usize)>,
     steps: BTreeMap<String, Duration>,
     late: Vec<(Duration, SocketAddr, Vec<u8>)>,
@@ -60,7 +61,7 @@ pub struct Vehicle {
 struct Ground {
     address: SocketAddr,
     style: u8,
-    /// In Edition 2.5: the message types that it wants acknowledged.
+    /// In Edition 2.5: the message types for which it has requested acknowledgements (#1401).
     acknowledged: BTreeSet<u16>,
     granted: i64,
     revoked: bool,
@@ -104,7 +105,7 @@ impl Vehicle {
         self.local
     }
 
-    /// A step of the operator begins: events may wait for it.
+    /// A step of the operator begins: events may be tied to it.
     pub fn begin_step(&mut self, id: &str) {
         self.steps.insert(id.to_owned(), self.net.now());
     }
@@ -144,7 +145,7 @@ impl Vehicle {
         } else {
             draft.encode(VEHICLE, to, 32, if damaged { 1 } else { ground.style })
         };
-        // What Edition 2.5 has no message for is not sent.
+        // A draft that has no message in Edition 2.5 becomes no bytes: nothing is sent.
         if bytes.is_empty() {
             return;
         }
@@ -213,7 +214,7 @@ impl Vehicle {
 
     fn acknowledge(&mut self, to: Id, ground: &Ground, seen: &Seen, steps: &[i64]) {
         if let Some(original) = &seen.original {
-            // That it arrived is all that Edition 2.5 says of a message.
+            // Edition 2.5 acknowledges only that a message arrived.
             if ground.acknowledged.contains(&original.kind()) && steps.contains(&1) {
                 let (stamp, instance) = (self.net.stamp(), self.net.instance());
                 let bytes = writing::acknowledgement(original, &writer(to), stamp, instance);
@@ -282,7 +283,7 @@ impl Vehicle {
             self.acknowledge(source, ground, seen, &[3]);
             return;
         }
-        // An upload that does not end well is received and never "carried out".
+        // A load that does not end well is acknowledged as received, but never as carried out.
         let unloaded = kind == 13_000 && self.scenario.upload != Upload::Loaded;
         if matches!(kind, 2016 | 2017) {
             ground.command.get_or_insert(self.net.now());
@@ -319,7 +320,7 @@ impl Vehicle {
             ground.control.get_or_insert(self.net.now());
         }
         if ground.granted == 0 {
-            // The connection has ended, and with it what #1401 has configured.
+            // A disconnection also ends what #1401 has configured.
             ground.acknowledged.clear();
         }
         self.respond(source, ground);
@@ -395,7 +396,7 @@ impl Vehicle {
         Some(values.fold(draft, |draft, values| values.apply(draft)))
     }
 
-    /// Status by itself, to who holds anything or has just lost it.
+    /// Sends status to each CUCS that holds anything, or has just lost it.
     fn push(&mut self) {
         let now = self.net.now();
         if now < self.next_status {
@@ -414,7 +415,7 @@ impl Vehicle {
         }
     }
 
-    /// The events whose time has come.
+    /// Carries out the events whose time has come.
     fn happen(&mut self) {
         let now = self.net.now();
         for index in 0..self.scenario.event.len() {
@@ -475,7 +476,7 @@ fn writer(to: Id) -> Writer {
     }
 }
 
-/// Whether this message is one of the first so many that the scenario names.
+/// Whether this message is one of the first few that the scenario loses.
 fn lost(list: &[scenario::Times], counted: &mut BTreeMap<u16, u32>, kind: u16) -> bool {
     let Some(times) = list.iter().find(|times| times.message == kind) else {
         return false;

@@ -1,8 +1,9 @@
-//! A scenario: what the scripted vehicle does to the CUCS, and what is asked of its operator, as TOML.
+//! A scenario as TOML: what the scripted vehicle does to the CUCS, and what its operator is asked to do.
 //!
-//! The built-in ones are the files of `conformance/scenarios`; a file of one's own has the same keys. Values of fields
-//! are integers as on the wire, numbers with a decimal point in the unit of the table, or texts (of an id: `1b:00:00:b7`).
-//! A file is checked as a whole before anything is sent, so that no mistake in it shows first beside an operator.
+//! The built-in ones are the files of `conformance/scenarios`; a user's own file has the same keys. Values of fields
+//! are integers as on the wire, numbers with a decimal point in the unit of the table, or texts (`1b:00:00:b7` for an
+//! id). A file is checked as a whole before anything is sent, so that a mistake in it does not first show in front of
+//! an operator.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -34,7 +35,7 @@ pub struct Scenario {
     /// Commands that are refused by 17000 type 3.
     #[serde(default)]
     pub refuse: Vec<Times>,
-    /// Messages of the vehicle that come late.
+    /// Messages of the vehicle that are delayed.
     #[serde(default)]
     pub delay: Vec<Delay>,
     /// Answers to 40000 before 41005.
@@ -43,10 +44,10 @@ pub struct Scenario {
     /// Reports with other values than those of a healthy vehicle on the ground.
     #[serde(default)]
     pub report: Vec<Values>,
-    /// What happens of itself.
+    /// Events: what happens to a CUCS.
     #[serde(default)]
     pub event: Vec<Event>,
-    /// What is asked of the operator, in this order.
+    /// The operator's steps, in this order.
     #[serde(default)]
     pub step: Vec<Step>,
 }
@@ -77,13 +78,13 @@ pub enum Upload {
     /// 50 %, then complete.
     #[default]
     Loaded,
-    /// 50 %, and nothing more.
+    /// 50 %, and nothing after that.
     Stuck,
     /// 50 %, then rejected (status 2).
     Rejected,
 }
 
-/// The first so many of a message.
+/// The first few of a message are lost.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Times {
@@ -94,13 +95,13 @@ pub struct Times {
     pub times: u32,
 }
 
-/// A message of the vehicle that comes late.
+/// A message of the vehicle that is delayed.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Delay {
     /// Message type.
     pub message: u16,
-    /// How late, in seconds.
+    /// The delay in seconds.
     pub seconds: f64,
 }
 
@@ -129,7 +130,7 @@ pub struct Event {
     pub seconds: f64,
     /// What happens.
     pub action: Action,
-    /// Message type, to `send` or to `report` otherwise from here on.
+    /// Message type to `send`, or to `report` with other values from then on.
     #[serde(default)]
     pub message: u16,
     /// Its values.
@@ -147,7 +148,7 @@ pub struct Event {
     /// Bytes of a datagram, in hexadecimal.
     #[serde(default)]
     pub hex: String,
-    /// Up to how many bytes of zero it is filled.
+    /// The number of bytes to which it is filled with zeros.
     #[serde(default)]
     pub length: usize,
     /// How long a restart or a silence lasts, in seconds.
@@ -177,15 +178,15 @@ pub enum After {
 pub enum Action {
     /// A message is sent.
     Send,
-    /// A report has other values from here on.
+    /// A report has other values from then on.
     Report,
     /// Bytes are sent that are no message.
     Datagram,
-    /// Control is taken away, and denied to all from then on: another CUCS has it.
+    /// Control is revoked, and denied to all from then on: another CUCS has it.
     Revoke,
-    /// The vehicle is silent, and has then forgotten everybody.
+    /// The vehicle is silent for a while, and has forgotten every CUCS afterwards.
     Restart,
-    /// The vehicle is silent, and forgets nothing.
+    /// The vehicle is silent for a while, and forgets nothing.
     Silence,
 }
 
@@ -201,16 +202,17 @@ pub struct Step {
     pub done: Option<Done>,
     /// A question that only eyes can answer.
     pub question: Option<String>,
-    /// The answer of a CUCS without a fault.
+    /// The answer that a correct CUCS gives.
     #[serde(default)]
     pub expect: Answer,
-    /// Rules that the question is about, or that hold where the wire shows the step done, and are broken where it does not.
+    /// Rules that the question is about; without a question, rules that pass where the wire shows the step done, and
+    /// fail where it does not.
     #[serde(default)]
     pub rules: Vec<String>,
-    /// How long the step has at least, so that there is something to see or to be answered, in seconds.
+    /// How long the step lasts at least, in seconds, so that there is something to see.
     #[serde(default)]
     pub lasts_s: f64,
-    /// How long the CUCS has, in seconds.
+    /// How long the CUCS has at most, in seconds.
     #[serde(default = "patience")]
     pub within_s: f64,
 }
@@ -224,7 +226,7 @@ pub struct Done {
     /// Values as on the wire.
     #[serde(default)]
     pub fields: BTreeMap<String, i64>,
-    /// Whether it counts also where it came before the step, in the same scenario.
+    /// Whether a message from before the step, in the same scenario, counts too.
     #[serde(default)]
     pub earlier: bool,
 }
@@ -241,7 +243,7 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// As it is written.
+    /// The answer as it is written in files and reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -279,7 +281,7 @@ pub enum ScenarioError {
         /// Why.
         source: std::io::Error,
     },
-    /// It is no scenario.
+    /// It is not a scenario.
     #[error("scenario {name}: {source}")]
     Form {
         /// The scenario.
@@ -287,22 +289,22 @@ pub enum ScenarioError {
         /// Where and why.
         source: Box<toml::de::Error>,
     },
-    /// A value is none that can be used.
+    /// A value cannot be used.
     #[error("scenario {name}: {key} is {found}, expected {expected}")]
     Value {
         /// The scenario.
         name: String,
         /// The key.
         key: String,
-        /// What it is.
+        /// Its value.
         found: String,
-        /// What it has to be.
+        /// What was expected.
         expected: String,
     },
     /// There is neither a built-in scenario nor a file of this name.
     #[error("scenario {name:?} is neither a file that exists nor one of {known}")]
     Unknown {
-        /// What was asked for.
+        /// What was requested.
         name: String,
         /// The built-in ones.
         known: String,
@@ -363,7 +365,7 @@ impl Scenario {
     /// A scenario of a text.
     ///
     /// # Errors
-    /// It is no scenario, or a value in it is none that can be used.
+    /// It is not a scenario, or a value in it cannot be used.
     pub fn parse(name: &str, text: &str) -> Result<Self, ScenarioError> {
         let mut scenario: Self = toml::from_str(text).map_err(|source| ScenarioError::Form {
             name: name.to_owned(),
@@ -576,7 +578,7 @@ impl Values {
     }
 }
 
-/// Key, what it is, what it has to be.
+/// Key, value, and what was expected.
 type Wrong = (String, String, String);
 
 fn wrong(
@@ -727,7 +729,7 @@ mod tests {
         }
     }
 
-    /// Each mistake with what its message has to name.
+    /// Each mistake, with what its error has to name.
     const MISTAKES: &[(&str, &[&str])] = &[
         ("speed = 3", &["unknown field `speed`", "line 2"]),
         (

@@ -1,5 +1,5 @@
-//! Edition 2.5 byte by byte: its wrapper without belief in anything but lengths. The codec of `stanag_msgs::ed25` refuses what
-//! has to be judged here, as in Edition 4.
+//! Edition 2.5 byte by byte: its wrapper, of which nothing but lengths is trusted. The codec of `stanag_msgs::ed25`
+//! refuses what has to be judged here, as in Edition 4.
 
 use stanag_msgs::ed25;
 use stanag_msgs::table::{self, Direction, MessageInfo};
@@ -8,7 +8,7 @@ use stanag_msgs::{DecodeError, Id};
 /// Bytes of the wrapper before and behind the data.
 pub const WRAPPER: usize = ed25::HEADER_BYTES + ed25::TRAILER_BYTES;
 
-/// What the wrapper of Edition 2.5 has and that of later editions has not.
+/// The fields of the wrapper of Edition 2.5 that later editions lack.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrapped {
     /// The ten bytes of the version.
@@ -35,7 +35,7 @@ impl Wrapped {
 /// One message: wrapper, data, and all of its bytes.
 pub(super) type Part = (Wrapped, Vec<u8>, Vec<u8>);
 
-/// The messages of a datagram, and why the rest of it is none.
+/// The messages of a datagram, and why the rest of it is not one.
 pub(super) fn split(datagram: &[u8]) -> (Vec<Part>, Option<String>) {
     let mut parts = Vec::new();
     let mut rest = datagram;
@@ -80,7 +80,7 @@ pub(super) fn info(wrapped: &Wrapped) -> Option<&'static MessageInfo> {
     ed25::message(wrapped.message_type, version)
 }
 
-/// Who sent it and to whom: fields of the data, which side is which by the row.
+/// Source and destination: fields of the data; the row of the table shows which field is whose.
 pub(super) fn ends(info: Option<&'static MessageInfo>, data: &[u8]) -> (Id, Id) {
     let id = |name: &str| -> Id {
         let found: Option<Result<_, DecodeError>> = info.and_then(|info| {

@@ -1,7 +1,7 @@
-//! Messages as the suite sees and makes them: byte by byte, so that it can judge bytes that are wrong and send some.
+//! Messages as the suite reads and makes them: byte by byte, so that it can judge wrong bytes and send some.
 //!
-//! [`split`] takes a datagram apart without believing more than lengths; [`Seen`] is a message of it with its fields,
-//! by their names in the table; [`Draft`] makes a message, right or wrong on purpose. `stanag_msgs` has the table; its
+//! [`split`] takes a datagram apart and trusts nothing but lengths; [`Seen`] is a message of it with its fields, by
+//! their names in the table; [`Draft`] makes a message, right or wrong on purpose. `stanag_msgs` has the table; its
 //! strict codec is not used here, because what it refuses is what has to be judged.
 
 pub mod dialect;
@@ -21,7 +21,7 @@ pub use ed25::{WRAPPER as WRAPPER_25, Wrapped};
 /// Bytes of the header.
 pub const HEADER: usize = 16;
 
-/// A message as it lies in a datagram, nothing verified but that its bytes are there.
+/// A message as it is in a datagram; only that its bytes are there was checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
     /// The first word.
@@ -30,7 +30,7 @@ pub struct Piece {
     pub length: u16,
     /// Who sent it.
     pub source: Id,
-    /// Whom it is for.
+    /// The destination.
     pub destination: Id,
     /// Message type.
     pub message_type: u16,
@@ -45,7 +45,7 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// A message of this type without anything.
+    /// An empty message of this type.
     #[must_use]
     pub fn empty(message_type: u16) -> Self {
         Self {
@@ -89,7 +89,7 @@ impl Piece {
         (self.properties >> 6 & 3) as u8
     }
 
-    /// The checksum that the message carries, and the one that it should.
+    /// The checksum that the message carries, and the correct one.
     #[must_use]
     pub fn checksums(&self) -> (u64, u64) {
         if self.wrapped.is_some() {
@@ -132,7 +132,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     })
 }
 
-/// The messages of a datagram, and why the rest of it is none.
+/// The messages of a datagram, and why the rest of it is not one.
 #[must_use]
 pub fn split(datagram: &[u8]) -> (Vec<Piece>, Option<String>) {
     if stanag_msgs::ed25::is_ed25(datagram) {
@@ -197,9 +197,9 @@ fn piece_25((wrapped, data, bytes): ed25::Part) -> Piece {
 /// Who sent a datagram, seen from the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// The suite, or on a recording the CUCS.
+    /// The suite; in a recording, the CUCS.
     Sent,
-    /// The subject, or on a recording the VSM.
+    /// The subject; in a recording, the VSM.
     Received,
 }
 
@@ -264,7 +264,8 @@ impl Seen {
         self.piece.message_type
     }
 
-    /// The row of a field; that Edition 2.5 has none for it is remembered, since it is absent for that reason.
+    /// The row of a field. A field that Edition 2.5 lacks is noted, since a rule may find it absent for that reason
+    /// alone.
     fn field(&self, name: &str) -> Option<&'static FieldInfo> {
         let info = field_of(self.info?, name);
         if self.original.is_some() && !dialect::places::has_field(self.kind(), name) {
@@ -380,7 +381,7 @@ pub struct Draft {
     pub message_type: u16,
     /// Fields by their bit.
     fields: BTreeMap<u8, Vec<u8>>,
-    /// What fields were set to, before it was rounded to the step of Edition 4: Edition 2.5 has floats.
+    /// Values before they were rounded to the step of Edition 4: Edition 2.5 has floats.
     exact: BTreeMap<u8, f64>,
     /// Whether an acknowledgement is requested.
     pub ack: bool,
@@ -463,7 +464,7 @@ impl Draft {
         self.fields.get(&field.bit).map(Vec::as_slice)
     }
 
-    /// The draft as one would see it in Edition 4.
+    /// The draft as a message of Edition 4.
     #[must_use]
     pub fn seen(&self) -> Seen {
         let piece = Piece {
@@ -536,7 +537,7 @@ impl Draft {
         self
     }
 
-    /// Vector and fields.
+    /// The data: vector and fields.
     #[must_use]
     pub fn data(&self) -> Vec<u8> {
         if let Some(data) = &self.data {
@@ -549,7 +550,7 @@ impl Draft {
         data
     }
 
-    /// The whole message; `source`, `destination`, `idd` and `style` where the draft does not say.
+    /// The whole message; `source`, `destination`, `idd` and `style` count where the draft sets none.
     #[must_use]
     pub fn encode(&self, source: Id, destination: Id, idd: u8, style: u8) -> Vec<u8> {
         let data = self.data();

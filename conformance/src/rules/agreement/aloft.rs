@@ -1,4 +1,4 @@
-//! Second looks in flight: routes to their end, the finer fields of 2016.
+//! Second looks in flight: routes up to their end, and the finer fields of 2016.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -101,7 +101,8 @@ fn turns_are_no_seconds(t: &Trial) -> Judged {
     })?;
     let speed = t.bench.profile.figures.speed_factor.max(1.0);
     let began = t.bench.net.now();
-    // Two turns of 380 m take more than a minute at the 5 m/s of the plan.
+    // Two turns of 380 m take more than a minute at the plan's 5 m/s; 40 s are clearly less, so a vehicle that has
+    // left by then did not loiter.
     let least = Duration::from_secs_f64(40.0 / speed);
     while near.is_some() && t.bench.net.now() < began + least && to_number(&a)? == Some(1) {
         t.pause(Duration::from_millis(50))?;
@@ -145,9 +146,9 @@ fn to_the_end_and_from_elsewhere(t: &Trial) -> Judged {
     t.expect(there.is_some(), || {
         "expected the route to be flown to its last waypoint; the vehicle never came within 25 m of it".into()
     })?;
-    // On its way to the first, it is sent to the third.
+    // While it flies to the first waypoint it is sent to the third.
     let mut elsewhere = route("ELSEWHERE", 600.0);
-    // Without a speed of their own, which is no speed of 0.
+    // Without a commanded speed: an absent speed does not mean a speed of 0.
     let paced = elsewhere.clone();
     for point in &mut elsewhere.points {
         *point = point.clone().set("Waypoint to Speed", 0.0);
@@ -185,7 +186,7 @@ fn to_the_end_and_from_elsewhere(t: &Trial) -> Judged {
     the_flight_route_is_flown(t, &a, &home)
 }
 
-/// Mode 11 flies the flight route, not the contingency route that lies beside it and was sent last.
+/// Mode 11 flies the flight route, and not the contingency route, which was sent last.
 fn the_flight_route_is_flown(t: &Trial, a: &Station, home: &Fix) -> Judged {
     let mut plan = Plan::zigzag(home, "BESIDE", &[1, 2]);
     stretch(home, &mut plan, 400.0);
@@ -214,7 +215,7 @@ fn the_flight_route_is_flown(t: &Trial, a: &Station, home: &Fix) -> Judged {
     })
 }
 
-/// Where a plan's waypoint lies.
+/// Latitude and longitude of a plan's waypoint.
 fn place(plan: &Plan, index: usize) -> (f64, f64) {
     let point = plan.points[index].seen();
     let value = |name: &str| point.value(name).unwrap_or_default();
@@ -224,7 +225,8 @@ fn place(plan: &Plan, index: usize) -> (f64, f64) {
     )
 }
 
-/// How far the heading turned, to the right above 0, in this much of the vehicle's time after a command; none where it is refused.
+/// How far the heading turned, positive to the right, in this many seconds of the vehicle's time after a command;
+/// `None` where it is refused.
 fn turned(t: &Trial, a: &Station, command: Draft, seconds: f64) -> Judged<Option<f64>> {
     let sent = a.send(command.acked());
     if refused(t, a, &sent) || !mode_becomes(a, mode::AUTOPILOT, t.timers().begin)? {
@@ -276,7 +278,7 @@ fn banks_turns_and_climb_limits(t: &Trial) -> Judged {
     }
     magnetic_headings(t, &a)?;
     course_beside_heading(t, &a)?;
-    // Type 3: the altitude, no faster than the vertical speed.
+    // Altitude command type 3: the altitude, at most at the vertical speed.
     let began = fix(t, &a)?;
     let sent = a.send(
         mode_command(mode::AUTOPILOT)
@@ -293,7 +295,7 @@ fn banks_turns_and_climb_limits(t: &Trial) -> Judged {
     let speed = t.bench.profile.figures.speed_factor.max(1.0);
     t.pause(Duration::from_secs_f64((5.0 / speed).max(1.0)))?;
     hold(t, &a)?;
-    // From the command on: a climb without a limit may be over before it is looked at.
+    // Recorded from the command on: a climb without the limit could be over before the first query.
     let fastest = a
         .received(sent.mark, |seen| seen.kind() == 4000)
         .iter()
@@ -304,7 +306,7 @@ fn banks_turns_and_climb_limits(t: &Trial) -> Judged {
     })
 }
 
-/// Where magnetic north lies elsewhere, a heading of that reference is another one.
+/// Where magnetic north differs from true north, a heading of that reference differs too.
 fn magnetic_headings(t: &Trial, a: &Station) -> Judged {
     let variation = a
         .query(4000)?
@@ -334,7 +336,7 @@ fn magnetic_headings(t: &Trial, a: &Station) -> Judged {
         fix.heading
             .is_some_and(|heading| wrapped(heading - target).abs() < 0.05)
     })?;
-    // It may pass through on its way: it has to stay.
+    // It may pass through the heading on its way: it has to stay there.
     t.pause(Duration::from_millis(500))?;
     let stays = fix(t, a)?.heading.unwrap_or(target);
     hold(t, a)?;
@@ -349,7 +351,7 @@ fn magnetic_headings(t: &Trial, a: &Station) -> Judged {
     })
 }
 
-/// Heading command type 3: the nose along the heading, the way along the course.
+/// Heading command type 3: the nose along the heading, the track along the course.
 fn course_beside_heading(t: &Trial, a: &Station) -> Judged {
     let Some(heading) = fix(t, a)?.heading else {
         return Ok(());
@@ -420,7 +422,7 @@ fn a_part_acts_and_the_rest_stays(t: &Trial) -> Judged {
         }
     }
     hold(t, &a)?;
-    // In mode 15 the heading that is turned to is still turned to.
+    // In mode 15 the turn to the commanded heading continues.
     let now = fix(t, &a)?;
     let Some(heading) = now.heading else {
         return Ok(());
@@ -451,7 +453,7 @@ fn a_part_acts_and_the_rest_stays(t: &Trial) -> Judged {
     a_speed_alone_is_flown(t, &a)
 }
 
-/// In mode 15 on a course.
+/// In mode 15, on a course: a commanded speed alone is flown.
 fn a_speed_alone_is_flown(t: &Trial, a: &Station) -> Judged {
     let heading = fix(t, a)?.heading.unwrap_or_default();
     let sent = a.send(
@@ -488,7 +490,7 @@ fn a_speed_alone_is_flown(t: &Trial, a: &Station) -> Judged {
     })
 }
 
-/// Of two speeds the one with the later stamp, whichever arrives last.
+/// Of two speeds the one with the later stamp counts, whichever arrives last.
 fn the_later_2016_stays(t: &Trial, a: &Station) -> Judged {
     let speed = |speed: f64| {
         Draft::new(2016)
@@ -513,7 +515,7 @@ fn the_later_2016_stays(t: &Trial, a: &Station) -> Judged {
     })
 }
 
-/// In flight, where nothing but the value itself is a reason to refuse it.
+/// Tried in flight, where only the value itself can be the reason of a refusal.
 fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
     if !t.may_fly() {
         return Ok(());
@@ -550,7 +552,7 @@ fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
     for (field, values, make) in cases {
         let listed = availability(&listed_by, 2016, number(field));
         for value in values {
-            // Refused is a type that is refused whatever its value.
+            // A type counts as refused where each of its values is refused.
             let mut last = None;
             for draft in make(value) {
                 let sent = a.send(draft.acked());
@@ -581,9 +583,9 @@ fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
     result
 }
 
-/// Where the vehicle is, as altitudes of this type to be tried in turn: one where its datum is known here. What the others are above is
-/// not, and two of them are up to 107 m apart (the geoid above the ellipsoid): they are tried on a simulated vehicle alone, about as high as
-/// the number of 4000, so that one of them is near the vehicle whatever lies between the two.
+/// Altitudes of this type that may be where the vehicle is, to be tried in turn: a single one where its datum is
+/// known. The others differ from 4000's by an unknown amount, up to 107 m (the geoid above the ellipsoid). They are
+/// tried on a simulated vehicle only, around the number in 4000, so that one of them is near the vehicle.
 fn levels(t: &Trial, now: &Fix, kind: i64) -> Vec<f64> {
     let home = t.bench.home.get();
     let above_home = home.map_or(0.0, |home| now.altitude - home.altitude);
@@ -593,7 +595,7 @@ fn levels(t: &Trial, now: &Fix, kind: i64) -> Vec<f64> {
         _ if kind == now.altitude_type => vec![now.altitude],
         1 if let Some(amsl) = vehicle.and_then(|vehicle| vehicle.amsl_m) => vec![amsl + above_home],
         _ if t.is_simulated() => {
-            // Upwards first: away from the ground.
+            // Above first: away from the ground.
             [0.0, 45.0, 90.0, -45.0, -90.0]
                 .map(|up| now.altitude + up)
                 .to_vec()
@@ -602,7 +604,7 @@ fn levels(t: &Trial, now: &Fix, kind: i64) -> Vec<f64> {
     }
 }
 
-/// Nothing is judged here: a climb and two turns, for the judge who compares 3009 and 4000.
+/// Judges nothing: it makes a climb and two turns for the judge that compares 3009 and 4000.
 fn climbs_and_turns_are_reported_alike(t: &Trial) -> Judged {
     if !t.may_fly() {
         return Ok(());

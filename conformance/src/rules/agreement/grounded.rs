@@ -1,4 +1,4 @@
-//! Second looks on the ground: rights, acknowledgements, plans, rates, who is sent what.
+//! Second looks on the ground: rights, acknowledgements, plans, rates, and who is sent what.
 
 use std::time::Duration;
 
@@ -52,7 +52,7 @@ pub(super) const FURTHER: &[Scene] = &[
     },
     Scene {
         rule: "ROUTE-003",
-        play: stamps_do_not_tell_messages_apart,
+        play: equal_stamps_do_not_make_messages_equal,
     },
     Scene {
         rule: "ROUTE-010",
@@ -110,7 +110,7 @@ fn a_denial_changes_nothing(t: &Trial) -> Judged {
             granted(&answer)
         )
     })?;
-    // A plain request is none to override, whoever sends it.
+    // A plain request never overrides, also not from a CUCS that may.
     let strong = t.find("another that may override", |cucs| {
         cucs.overrides && cucs.id != a.id && cucs.authorised & loi::LOI4 != 0
     });
@@ -121,7 +121,7 @@ fn a_denial_changes_nothing(t: &Trial) -> Judged {
             format!("expected a plain request (access 1) of {} to be denied while {} holds LOI 4, whether it may override or not", station.id, a.id)
         })?;
     }
-    // What was denied is not given later.
+    // What was denied is not granted later by itself.
     a.release()?;
     t.pause(t.timers().quiet)?;
     for station in &denied {
@@ -241,7 +241,7 @@ fn both_sides_are_informed(t: &Trial) -> Judged {
 fn the_later_command_stays(t: &Trial) -> Judged {
     let a = t.controller()?;
     let (early, late) = (t.bench.fresh_radius(), t.bench.fresh_radius());
-    // Made first, sent last: the network has turned them round.
+    // Made first, sent last: the network has swapped them.
     let overtaken = a.stamped(Draft::new(2017).set("Loiter Radius", early));
     let overtaken = a.encode(&overtaken);
     t.pause(Duration::from_millis(30))?;
@@ -259,7 +259,7 @@ fn the_later_command_stays(t: &Trial) -> Judged {
 
 fn what_cannot_be_done_is_not_done(t: &Trial) -> Judged {
     let a = t.controller()?;
-    // A number that no edition has given out.
+    // A number that no edition assigns.
     let nothing = 29_999;
     let drafts = [information_request(nothing), schedule(nothing, 1)];
     let sent = drafts.map(|draft| a.send(draft.acked()));
@@ -280,11 +280,11 @@ fn what_cannot_be_done_is_not_done(t: &Trial) -> Judged {
     Ok(())
 }
 
-fn stamps_do_not_tell_messages_apart(t: &Trial) -> Judged {
+fn equal_stamps_do_not_make_messages_equal(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
     clear(t, &a)?;
-    // Within one millisecond all have one stamp.
+    // Sent within one millisecond, all have one stamp.
     let plan = Plan::zigzag(&home, "ONEMS", &[1, 2, 3, 4]);
     let stamp = t.bench.net.stamp();
     for message in plan.messages() {
@@ -295,7 +295,7 @@ fn stamps_do_not_tell_messages_apart(t: &Trial) -> Judged {
         format!("expected 14000 status 1 for a route whose messages were made in one millisecond, got {:?}", found.status)
     })?;
     aboard(t, &a, &plan, "aboard, though its messages have one stamp")?;
-    // Of two messages for one waypoint the later is what its operator wants.
+    // Of two messages for one waypoint the later one is what the operator wants.
     clear(t, &a)?;
     let twice = Plan::zigzag(&home, "TWICE", &[1, 2]);
     let mut changed = twice.clone();
@@ -385,7 +385,7 @@ fn the_termination_mode_is_shown(t: &Trial) -> Judged {
     result
 }
 
-/// Nothing is judged here: a configuration phase beside another CUCS, for the judge of who is sent what.
+/// Judges nothing: it makes a configuration phase beside another CUCS, for the judge of who is sent what.
 fn while_others_are_connected(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;

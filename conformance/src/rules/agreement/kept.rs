@@ -1,5 +1,5 @@
-//! Second looks at what a VSM keeps of each CUCS: rights, schedules, plans, transfers, alerts, while another asks, gives back, falls
-//! silent, or comes again.
+//! Second looks at what a VSM keeps for each CUCS (rights, schedules, plans, transfers, alerts) while another CUCS
+//! requests, releases, falls silent, or connects again.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -118,7 +118,7 @@ fn another_ones_control_is_no_grant(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// Between the holder's waypoints and its load command a CUCS with LOI 2 bends one of its legs.
+/// Between the holder's waypoints and its load command, a CUCS with LOI 2 sends a curve for one of its legs.
 fn a_curve_is_part_of_the_plan(t: &Trial) -> Judged {
     let a = t.controller()?;
     let Ok(b) = t.b() else { return Ok(()) };
@@ -228,7 +228,7 @@ fn the_next_handover_is_reported_as_well(t: &Trial) -> Judged {
     })
 }
 
-/// Half a route of one CUCS, the other half of the one that overrides it.
+/// One CUCS sends half a route, and the CUCS that overrides it the other half.
 fn an_override_ends_an_upload(t: &Trial) -> Judged {
     let over = t.find("one that may override", |cucs| {
         cucs.overrides && cucs.authorised & loi::LOI4 != 0
@@ -258,7 +258,7 @@ fn an_override_ends_an_upload(t: &Trial) -> Judged {
         b.send(transfer(5, "HALVES"));
         return Ok(());
     }
-    // The half of the second alone may be a route of its own.
+    // The second half alone may be a valid route.
     let back = download(t, &b, "HALVES")?;
     let numbers: Vec<_> = back
         .messages
@@ -303,7 +303,7 @@ fn several_subsystems_are_all_answered(t: &Trial) -> Judged {
         alone.extend(ask(1 << number)?);
     }
     let mask = asked.iter().fold(0, |mask, number| mask | 1_i64 << number);
-    // Twice: one may be lost.
+    // Twice, since one may be lost.
     let mut together = ask(mask)?;
     together.extend(ask(mask)?);
     let missing: Vec<_> = alone.difference(&together).collect();
@@ -343,7 +343,7 @@ fn each_message_of_a_datagram_is_acknowledged(t: &Trial) -> Judged {
     ))
 }
 
-/// Beside a CUCS in control another asks: what it asked for comes to it.
+/// Another CUCS requests something while one is in control: the answer goes to the CUCS that requested it.
 fn who_asked_is_answered(t: &Trial) -> Judged {
     let Ok(b) = t.b() else { return Ok(()) };
     t.grant(&b, loi::LOI2)?;
@@ -365,7 +365,7 @@ fn who_asked_is_answered(t: &Trial) -> Judged {
     )))
 }
 
-/// Commands that no state orders, such as a clear, act once for their bytes, however late the repetition comes.
+/// Commands that set no state, such as a clear, act once for their bytes, however late the repetition arrives.
 fn a_transfer_is_not_carried_out_again(t: &Trial) -> Judged {
     let a = t.controller()?;
     let home = home(t, &a)?;
@@ -381,7 +381,7 @@ fn a_transfer_is_not_carried_out_again(t: &Trial) -> Judged {
         );
         return Ok(());
     }
-    // Later than what a short memory keeps.
+    // Later than a short memory of duplicates lasts.
     t.pause((sent.at + Duration::from_secs(3)).saturating_sub(t.bench.net.now()))?;
     a.send_bytes(&sent.bytes);
     t.pause(t.timers().quiet / 2)?;
@@ -432,7 +432,7 @@ fn a_gap_in_a_contingency_route(t: &Trial) -> Judged {
     })
 }
 
-/// What was wrong with one upload is not held against the next.
+/// The fault of one upload does not count against the next.
 fn a_good_route_right_after_a_refused_one(t: &Trial) -> Judged {
     let (a, _) = with_plan(t, &[1, 2, 3])?;
     let home = home(t, &a)?;
@@ -441,7 +441,7 @@ fn a_good_route_right_after_a_refused_one(t: &Trial) -> Judged {
     if load(t, &a, &bad)?.status == Some(1) {
         return Ok(());
     }
-    // Under the numbers of the refused one, so that nothing of it is left.
+    // Under the numbers of the refused plan, so that anything left of it shows.
     let found = load(t, &a, &Plan::zigzag(&home, "RIGHT", &[1, 2]))?;
     t.expect(found.status == Some(1), || {
         format!("expected a good route right after a refused one, under its numbers, to load; got 14000 status {:?}", found.status)

@@ -1,14 +1,14 @@
 //! A harmless setting whose effect is reported: in Edition 4 the loiter radius (2017, 3004), in Edition 2.5 the mode preference
 //! (#48, #109), since nothing reports the loiter of #41 there.
 //!
-//! A preference has three parts of three values, so 27 radii stand for the 27 preferences. One that is left behind rules over
-//! later steering, therefore a station takes it back before it commands a mode.
+//! A preference has three parts of three values, so 27 radii stand for the 27 preferences. A preference that stays
+//! set overrides later steering, so a station resets it before it commands a mode.
 
-/// How many values there are.
+/// How many radii there are.
 pub const COUNT: u32 = 27;
-/// The radius of the first, metres.
+/// The first radius, metres.
 const FIRST_M: f64 = 90.0;
-/// From one to the next, metres.
+/// The step from one radius to the next, metres.
 const STEP_M: f64 = 1.5;
 
 /// The radius that stands for this number, in metres.

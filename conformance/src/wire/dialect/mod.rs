@@ -1,19 +1,20 @@
 //! Edition 2.5 at the border of the wire: the rules are written in messages of Edition 4, whatever edition is judged.
 //!
-//! [`encode`](writing::encode) makes of a draft the messages that say the same in Edition 2.5; [`counterparts`] makes of a
-//! message of Edition 2.5 the messages of Edition 4 that the rules look at, each with the original behind it for the
-//! evidence. Most fields go over by the place that the table of Edition 2.5 names for them (`stanag_msgs::ed25`, which is
-//! checked against an oracle of its own). What has another form is written here and shares nothing with the translator of the
-//! bridge, so that no error of the bridge is judged by the same error:
+//! [`encode`](writing::encode) turns a draft into the messages of Edition 2.5 with the same meaning; [`counterparts`]
+//! turns a message of Edition 2.5 into the messages of Edition 4 that the rules read, each with the original behind
+//! it for the evidence. Most fields are mapped by the place that the table of Edition 2.5 names for them
+//! (`stanag_msgs::ed25`, which is checked against an oracle of its own). What has another form is written here and
+//! shares nothing with the translator of the bridge, so that an error of the bridge is not hidden by the same error
+//! here:
 //!
 //! - Messages that name messages and fields do so by the numbers of their edition ([`places`]).
 //! - 2016 is the mode (#42), the demands (#43) and which of them rules (#48).
 //! - 3004 does not exist: nothing reports the loiter of #41. The harmless setting by which the suite sees whose commands are
 //!   obeyed is the mode preference instead, which #48 sets and #109 reports ([`marker`]).
-//! - An acknowledgement is requested by message type (#1401), and #1400 only says that a message arrived.
+//! - An acknowledgement is requested by message type (#1401), and #1400 only reports that a message arrived.
 //!
-//! What has no place is never passed over in silence: a draft names what it could not send ([`writing::Made::missing`]), and
-//! a rule that looks at a field without a place leaves a note ([`take_unplaced`]).
+//! What has no place is always reported: a draft names what it could not send ([`writing::Made::missing`]), and a
+//! rule that reads a field without a place leaves a note ([`take_unplaced`]).
 
 pub mod marker;
 pub mod places;
@@ -28,7 +29,7 @@ pub use reading::counterparts;
 /// Which side the suite plays: fields 2 and 3 of a message that goes both ways do not show who sent it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// A CUCS, or on a recording the side of the CUCS is called the suite's.
+    /// A CUCS; in a recording the CUCS's side counts as the suite's.
     Cucs,
     /// The scripted vehicle.
     Vehicle,
@@ -51,23 +52,23 @@ pub const STEERING: u16 = 43;
 pub const PREFERENCE: u16 = 48;
 /// The report of the preference.
 pub const PREFERENCE_REPORT: u16 = 109;
-/// Messages of Edition 4 that the suite means by [`PREFERENCE`] and its report.
+/// Message of Edition 4 (with 3004) for which [`PREFERENCE`] and its report stand in.
 const LOITER: u16 = 2017;
 /// #201, which commands what a camera does.
 const PAYLOAD_COMMAND: u16 = 201;
 const LOITER_REPORT: u16 = 3004;
 
 thread_local! {
-    /// Fields that were looked at on this thread though Edition 2.5 has none for them.
+    /// Fields that were read on this thread though Edition 2.5 has none for them.
     static UNPLACED: RefCell<BTreeSet<(u16, String)>> = RefCell::default();
 }
 
-/// A field was looked at that Edition 2.5 has not.
+/// Notes that a field was read that Edition 2.5 lacks.
 pub(super) fn looked_at(kind: u16, field: &str) {
     UNPLACED.with_borrow_mut(|fields| fields.insert((kind, field.to_owned())));
 }
 
-/// The fields that were looked at on this thread since the last call though Edition 2.5 has none for them.
+/// The fields that were read on this thread since the last call though Edition 2.5 has none for them.
 #[must_use]
 pub fn take_unplaced() -> BTreeSet<(u16, String)> {
     UNPLACED.take()
@@ -167,7 +168,7 @@ mod tests {
         let stamps: Vec<_> = seen.iter().map(|seen| seen.stamp()).collect();
         assert_eq!(stamps, [Some(7), Some(8), Some(9)]);
         assert_eq!(seen[2].value("Commanded Altitude"), Some(120.0));
-        // All fields are there; those that do not count are none of the rule's.
+        // All fields are on the wire; those that do not count must not reach the rules.
         assert!(!seen[2].has("Commanded Speed"));
     }
 
@@ -182,7 +183,7 @@ mod tests {
                 .raw("Loop Limit", 3),
         );
         assert_eq!(looped.missing, ["field Loop Limit of 13002"]);
-        // And what is looked for in vain.
+        // And what was read in vain is noted.
         let _ = take_unplaced();
         let seen = back(&made(&Draft::new(13_002).raw("Waypoint Number", 1)));
         assert_eq!(seen[0].raw("Loop Limit"), None);

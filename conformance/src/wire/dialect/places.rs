@@ -1,4 +1,4 @@
-//! Which message and field of one edition is which of the other, where one message names another.
+//! Which message and field of one edition is which of the other, for messages that name messages.
 
 use stanag_msgs::ed25;
 use stanag_msgs::table::{Direction, MessageInfo};
@@ -52,7 +52,7 @@ pub fn field_of(kind: u16, number: u8) -> Option<(u16, u8)> {
     }
     let known = stanag_msgs::table::message(kind);
     if known.is_some_and(|info| usize::from(number) > info.fields.len()) {
-        // A field that does not exist is one that does not exist there either.
+        // A field number that does not exist is kept, since it does not exist there either.
         return field_of(kind, 0).map(|(message, _)| (message, number));
     }
     all.find_map(|info| {
@@ -96,7 +96,7 @@ pub(super) const NAMING: &[Naming] = &[
     Naming::new(44_003, (5, 6), 1303, (7, 8)),
 ];
 
-/// A message that names a message, and where.
+/// A message that names a message, and in which fields.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Naming {
     pub(super) ed4: u16,

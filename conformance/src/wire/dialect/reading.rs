@@ -58,7 +58,7 @@ fn draft(seen: &Seen, kind: u16) -> Option<Draft> {
     Some(draft)
 }
 
-/// Whether a field says something. All are always sent; the text says which of #43 count.
+/// Whether the value of a field counts. #43 always sends all its fields; its type fields show which count.
 fn counts(seen: &Seen, field: &FieldInfo) -> bool {
     if seen.kind() != STEERING {
         return true;
@@ -145,7 +145,7 @@ fn stamp_ms(seconds: f64) -> Option<i64> {
         .then_some(ms as i64)
 }
 
-/// Carries one field over; what has no number or text, or does not fit the step of Edition 4, is left out.
+/// Copies one field; a value without number or text, or that does not fit the step of Edition 4, is left out.
 fn carry(seen: &Seen, field: &FieldInfo, target: &FieldInfo, draft: Draft) -> Draft {
     if matches!(target.wire, Wire::Char(_)) {
         return match seen.text(field.name) {

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::wire::{Draft, Seen, checksum, ed25 as wrapper};
 
-/// Who writes: what the wrapper of a later edition would say.
+/// Who writes: what the wrapper of a later edition would carry.
 #[derive(Clone, Copy, Debug)]
 pub struct Writer {
     /// Which side.
@@ -31,7 +31,7 @@ pub struct Writer {
 /// What a draft became.
 #[derive(Clone, Debug, Default)]
 pub struct Made {
-    /// Its messages, one after the other.
+    /// Its messages, in the order in which they are sent.
     pub messages: Vec<Vec<u8>>,
     /// What of it Edition 2.5 has no message or field for.
     pub missing: Vec<String>,
@@ -45,16 +45,17 @@ impl Made {
     }
 }
 
-/// Fields that may be left behind: they say nothing that Edition 2.5 does not say by what it has.
+/// Fields that may be dropped: Edition 2.5 expresses their meaning by other fields.
 const NEEDLESS: &[(u16, &str)] = &[(13_000, "Route ID"), (14_000, "Mission Plan Mode")];
 
-/// What the draft is in Edition 2.5. `instance` gives each message its own number.
+/// The draft in Edition 2.5. `instance` returns a new Message Instance ID for each message.
 #[must_use]
 pub fn encode(draft: &Draft, writer: &Writer, mut instance: impl FnMut() -> u32) -> Made {
     let mut made = Made::default();
     let kind = draft.message_type;
     if let Some(data) = &draft.data {
-        // Data that are wrong on purpose go as they are, under the number that the table has for them, or their own.
+        // Data that are wrong on purpose are sent unchanged, under the type that the table has for them, or their
+        // own.
         let number = rows_of(kind).first().map_or(kind, |info| info.id);
         made.messages
             .push(wrap(draft, number.into(), data, instance()));
@@ -102,7 +103,7 @@ pub fn encode(draft: &Draft, writer: &Writer, mut instance: impl FnMut() -> u32)
         steer(draft, &seen, &mut records);
     }
     if records[0].info.id == PAYLOAD_COMMAND && !draft.has("Image Output") {
-        // #201 cannot leave it out, and 0 switches the picture off: that of the EO sensor.
+        // #201 cannot leave this out, and 0 would switch the picture off: the EO sensor is chosen.
         records[0].integer(9, 1);
     }
     if kind == LOITER && records[0].info.id == LOITER_CONFIGURATION {
@@ -117,7 +118,7 @@ pub fn encode(draft: &Draft, writer: &Writer, mut instance: impl FnMut() -> u32)
         }
     }
     if kind == 13_003 && seen.raw("Loiter Duration Units").unwrap_or_default() == 0 {
-        // Seconds, the only unit of #803.
+        // #803 has seconds only, so the unit needs no place.
         placed.push("Loiter Duration Units");
     }
     for info in seen.info.map_or(&[][..], |info| info.fields) {
@@ -133,7 +134,7 @@ pub fn encode(draft: &Draft, writer: &Writer, mut instance: impl FnMut() -> u32)
         let destination = draft.destination.unwrap_or(writer.destination);
         record.address(writer, source, destination);
         if let Some(stamp) = stamp {
-            // Several messages of one: each has a stamp of its own, the last that of the draft.
+            // Several messages from one draft: each has its own stamp, the last one that of the draft.
             record.stamp(stamp - (last - index) as i64);
         }
         let bytes = wrap(draft, record.info.id.into(), &record.data(), instance());
@@ -163,7 +164,7 @@ pub fn acknowledge(
     all
 }
 
-/// #48: what rules over altitude, speed, course and heading; 0 for the configuration.
+/// #48: what overrides altitude, speed, course and heading; 0 leaves the configuration in charge.
 #[must_use]
 pub fn preference(parts: [i64; 3], writer: &Writer, stamp: i64, instance: u32) -> Vec<u8> {
     let [altitude, speed, course] = parts;
@@ -218,7 +219,7 @@ fn plain(number: u16, fields: &[(u8, i64)], writer: &Writer, stamp: i64, instanc
     wrap(&Draft::new(17_000), number.into(), &record.data(), instance)
 }
 
-/// The messages that a draft becomes.
+/// The message types of Edition 2.5 that a draft becomes.
 fn chosen(draft: &Draft, seen: &Seen, role: Role) -> Vec<&'static MessageInfo> {
     let kind = draft.message_type;
     if preference_of(draft, seen).is_some() {
@@ -240,15 +241,16 @@ fn chosen(draft: &Draft, seen: &Seen, role: Role) -> Vec<&'static MessageInfo> {
         Role::Cucs => Direction::ToVsm,
         Role::Vehicle => Direction::ToCucs,
     };
-    // A message of the other direction is sent as well, where a rule is about that.
+    // A message of the other direction is sent too, where a rule is about that.
     let fitting =
         |info: &&&'static MessageInfo| info.direction == own || info.direction == Direction::Both;
     let first = rows.iter().find(fitting).or(rows.first());
     first.into_iter().copied().collect()
 }
 
-/// #48, #42 and #43, as far as a 2016 needs them. #48 says of waypoint and loiter mode only what rules there. There and in
-/// steering a demand counts at once, so that it follows its mode; a launch or a landing begins with the values before it.
+/// #48, #42 and #43, as far as a 2016 needs them. In waypoint and loiter mode #48 has only what overrides the route.
+/// There, and in steering, a demand acts at once, so #43 follows the mode; a launch or a landing starts with the
+/// values sent before it.
 fn mode_messages(draft: &Draft, seen: &Seen) -> Vec<&'static MessageInfo> {
     let steers = STEERING_FIELDS.iter().any(|name| draft.has(name));
     let mode = seen.raw(MODE);
@@ -256,7 +258,7 @@ fn mode_messages(draft: &Draft, seen: &Seen) -> Vec<&'static MessageInfo> {
         .iter()
         .any(|name| *name != WAYPOINT && draft.has(name));
     let numbers: &[u16] = match (steers, mode) {
-        // Where to begin is named before the flight is started.
+        // The first waypoint is named before the flight is started.
         (true, Some(11)) if names_only => &[STEERING, MODE_COMMAND],
         (false, _) => &[MODE_COMMAND],
         (true, None) => &[PREFERENCE, STEERING],
@@ -306,7 +308,7 @@ fn preference_of(draft: &Draft, seen: &Seen) -> Option<[i64; 3]> {
     marker::preference(seen.value("Loiter Radius")?)
 }
 
-/// Writes which message and field a message names, by the numbers of Edition 2.5; what has none.
+/// Writes which message and field a message names, by the numbers of Edition 2.5; returns what has no such number.
 fn name(seen: &Seen, naming: &places::Naming, record: &mut Record) -> Option<String> {
     let field = |number: u8| {
         let index = usize::from(number).checked_sub(1)?;
@@ -321,7 +323,7 @@ fn name(seen: &Seen, naming: &places::Naming, record: &mut Record) -> Option<Str
             ACKNOWLEDGEMENT => rows_of(kind).first().map(|info| info.id),
             _ => places::report_of(kind),
         };
-        // A schedule or request of what does not exist asks for a number that does not exist.
+        // A schedule or request for what does not exist keeps its number, which does not exist here either.
         record.integer(message, number.unwrap_or(kind).into());
         return (number.is_none() && stanag_msgs::table::message(kind).is_some())
             .then_some(missing);
@@ -337,7 +339,7 @@ fn name(seen: &Seen, naming: &places::Naming, record: &mut Record) -> Option<Str
     }
 }
 
-/// Wrapper, data and checksum; version and length wrong where the draft says so.
+/// Wrapper, data and checksum; version and length are wrong where the draft requests it.
 fn wrap(draft: &Draft, number: u32, data: &[u8], instance: u32) -> Vec<u8> {
     let mut out = Vec::with_capacity(wrapper::WRAPPER + data.len());
     let version = match draft.idd {
@@ -359,7 +361,7 @@ fn wrap(draft: &Draft, number: u32, data: &[u8], instance: u32) -> Vec<u8> {
 const LOITER_CONFIGURATION: u16 = 41;
 const WAYPOINT: &str = "Commanded Waypoint Number";
 const MODE: &str = "Select Flight Path Control Mode";
-/// What #43 has of a 2016.
+/// Fields of 2016 that #43 carries.
 const STEERING_FIELDS: &[&str] = &[
     "Altitude Command Type",
     "Commanded Altitude",
@@ -379,7 +381,7 @@ const STEERING_FIELDS: &[&str] = &[
     "Loiter Position Longitude",
 ];
 
-/// A message of Edition 2.5 being made: every field is there, 0 where nothing is set.
+/// A message of Edition 2.5 in the making: every field is there, 0 where nothing is set.
 struct Record {
     info: &'static MessageInfo,
     fields: BTreeMap<u8, Vec<u8>>,
@@ -415,12 +417,12 @@ impl Record {
         }
     }
 
-    /// Milliseconds since 2000 into field 1.
+    /// Writes milliseconds since 2000 into field 1.
     fn stamp(&mut self, ms: i64) {
         self.real(1, ms as f64 / 1000.0 + EPOCH_2000_S);
     }
 
-    /// Vehicle and CUCS; the VSM where it is named and the draft did not.
+    /// Writes vehicle and CUCS; also the VSM where a field names it and the draft did not set it.
     fn address(&mut self, writer: &Writer, source: Id, destination: Id) {
         let towards = match (self.info.direction, writer.role) {
             (Direction::ToVsm, _) | (Direction::Both, Role::Cucs) => (destination, source),
@@ -442,12 +444,12 @@ impl Record {
         }
     }
 
-    /// Carries a field of the draft over. False where its value does not fit.
+    /// Copies a field of the draft; false where its value does not fit.
     fn carry(&mut self, field: &FieldInfo, draft: &Draft, source: &FieldInfo, seen: &Seen) -> bool {
         let number = field.bit + 1;
         match field.wire {
             Wire::Char(length) => {
-                // As it is, so that a text without an end stays one.
+                // Copied as bytes, so that a text without a NUL stays one.
                 let mut bytes = draft.field_bytes(source).unwrap_or_default().to_vec();
                 bytes.resize(length.into(), 0);
                 self.fields.insert(number, bytes);
