@@ -38,7 +38,7 @@ pub struct Rule {
     pub observable: String,
     /// What goes wrong in the field.
     pub breaks: String,
-    /// What has to be there, by the names of [`NEEDS`].
+    /// What the subject or the run must provide, by the names of [`NEEDS`].
     #[serde(default)]
     pub needs: Vec<String>,
     /// The worst that a faulty subject could do.
@@ -53,7 +53,7 @@ pub enum Role {
     Autopilot,
     /// The ground's side.
     Station,
-    /// What lies between.
+    /// What forwards between them.
     Router,
 }
 
@@ -69,7 +69,7 @@ impl Role {
     }
 }
 
-/// What a rule may need, and how it is given.
+/// What a rule may need, and the option that provides it.
 pub const NEEDS: &[(&str, &str)] = &[
     ("key", "the subject's signing key (--key-file)"),
     ("second", "a second link of the subject (--second)"),

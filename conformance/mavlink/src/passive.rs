@@ -1,4 +1,5 @@
-//! Rules that are judged by looking at what the subject has sent, whatever was played: of an autopilot and of a station alike.
+//! Rules that are judged from the frames that the subject has sent, whatever was played: for autopilots and stations
+//! alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
@@ -15,7 +16,7 @@ use crate::bench::Seen;
 use crate::catalogue::Role;
 use crate::wire::{Key, STAMP_HZ, table};
 
-/// What was seen.
+/// What the judges are given.
 pub struct View<'a> {
     /// Frames of the subject, in the order of time.
     pub frames: &'a [Arc<Seen>],
@@ -23,9 +24,10 @@ pub struct View<'a> {
     pub role: Role,
     /// The key at the beginning of the run.
     pub key: Option<Key>,
-    /// Since when the suite has changed keys, or restarted the subject, in this run: from then on not every frame is of the run's key.
+    /// When the suite first changed keys, or restarted the subject: from then on not every frame verifies with the
+    /// run's key.
     pub rekeyed: Option<Duration>,
-    /// Since when the suite has sent times of the future: from then on the subject's stamps may be odd.
+    /// When the suite first sent times in the future: from then on the subject's timestamps may be ahead.
     pub shifted: Option<Duration>,
     /// Files of the subject.
     pub logs: &'a [PathBuf],
@@ -37,7 +39,7 @@ pub struct View<'a> {
 pub struct Judge {
     /// Rule id.
     pub rule: &'static str,
-    /// Looks; the frames are evidence.
+    /// Judges; returns the frames that are evidence.
     pub judge: fn(&View<'_>) -> (Judgement, Vec<Arc<Seen>>),
 }
 
@@ -121,7 +123,7 @@ fn lacking(reason: &str) -> Found {
     (Judgement::new(Verdict::NotApplicable, reason), Vec::new())
 }
 
-/// Frames in one sequence: a sender numbers each of its links for itself.
+/// Frames by sequence: a sender numbers each of its links separately.
 fn by_sender(frames: &[Arc<Seen>]) -> BTreeMap<(usize, u8, u8), Vec<&Arc<Seen>>> {
     let mut senders: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for seen in frames {
@@ -187,7 +189,7 @@ fn sequence(view: &View<'_>) -> Found {
     if steps < 20 {
         return unseen("fewer than 20 frames in sequence");
     }
-    // Lost datagrams and restarts leave gaps; a sender that does not count leaves one each time.
+    // Lost datagrams and restarts leave single gaps; a sender that does not count leaves one at each frame.
     if odd.len() * 10 > steps {
         return fail(
             format!(
@@ -262,7 +264,7 @@ fn heartbeats(view: &View<'_>) -> Found {
             .map(|pair| pair[1].at.saturating_sub(pair[0].at).as_secs_f64())
             .collect();
         gaps.sort_by(f64::total_cmp);
-        // Restarts make single gaps long: the median is looked at.
+        // Restarts make single gaps long, so the median counts.
         let median = gaps[gaps.len() / 2];
         if !(0.05..1.6).contains(&median) {
             return fail(
@@ -293,7 +295,7 @@ fn before(mut frames: Vec<&Arc<Seen>>, time: Option<Duration>) -> Vec<&Arc<Seen>
 
 fn time_passes(view: &View<'_>) -> Found {
     if view.role == Role::Autopilot {
-        // Its stamps are lifted by ours; SIGN-040 looks while the suite is silent.
+        // The suite's frames raise an autopilot's timestamps; SIGN-040 judges them while the suite is silent.
         return lacking("judged of an autopilot by SIGN-040");
     }
     let frames = signed(view);
@@ -331,7 +333,8 @@ fn rising(view: &View<'_>) -> Found {
             seen,
         ) && stamp(seen) <= stamp(before)
         {
-            // After a restart PX4 begins lower: that is another rule's (SIGN-019), and shows as a leap of many packets.
+            // After a restart PX4 begins with a lower timestamp: SIGN-019 judges that. It shows as a step back by
+            // more than single packets.
             if view.role == Role::Autopilot && stamp(before) - stamp(seen) > STAMP_HZ / 10 {
                 continue;
             }
@@ -355,7 +358,7 @@ fn rising(view: &View<'_>) -> Found {
 
 fn epoch(view: &View<'_>) -> Found {
     let frames = before(before(signed(view), view.shifted), view.rekeyed);
-    // The last: PX4 begins low, and is lifted by the first signed frame of its peer.
+    // The last frame: PX4 begins low, and the first signed frame of its peer raises its timestamp.
     let Some(seen) = frames.last() else {
         return unseen("no signed frame of the subject");
     };
@@ -419,7 +422,7 @@ fn all_signed(view: &View<'_>) -> Found {
     }
 }
 
-/// The texts in which a key may stand in a log.
+/// The spellings in which a key may occur in a log.
 fn spellings(key: &Key) -> Vec<Vec<u8>> {
     let hex = conformance::wire::hex(&key.0);
     vec![
@@ -547,7 +550,7 @@ fn one_source(view: &View<'_>) -> Found {
             seen.frame.signature.map(|signature| signature.link),
         );
         let known = sources.entry(stream).or_default();
-        // A restart may come with a new port; two processes speak in turn.
+        // One change of address may be a restart on a new port; two senders alternate.
         if last
             .insert(stream, seen.remote)
             .is_some_and(|before| before != seen.remote)

@@ -1,4 +1,5 @@
-//! Rules of a router: the suite plays a vehicle at one end and a ground station at the other, and looks at what passes.
+//! Rules of a router: the suite plays a vehicle at one end and a ground station at the other, and judges what is
+//! forwarded.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -91,7 +92,7 @@ fn ends(bench: &Bench) -> (Peer, Peer) {
 /// Makes both ends known to the router.
 ///
 /// # Errors
-/// Nothing passes from one end to the other.
+/// Nothing is forwarded from one end to the other; in a sentence.
 pub fn begin(bench: &Bench) -> Result<(), String> {
     let (vehicle, station) = ends(bench);
     for _ in 0..12 {
@@ -115,7 +116,7 @@ pub fn begin(bench: &Bench) -> Result<(), String> {
     Err("no HEARTBEAT passed from one end to the other within 12 tries: are both links the router's, and does it need longer?".into())
 }
 
-/// Frames with these bytes that came out at a port.
+/// How many frames with these bytes came out at a port.
 fn came_out(t: &Trial<'_>, mark: usize, port: &Port, bytes: &[u8]) -> usize {
     t.bench
         .net
@@ -127,7 +128,7 @@ fn came_out(t: &Trial<'_>, mark: usize, port: &Port, bytes: &[u8]) -> usize {
         .len()
 }
 
-/// Sends a frame, and waits for it at the other end, byte by byte.
+/// Sends a frame and waits until it comes out at the other end, byte by byte the same.
 fn passes(
     t: &Trial<'_>,
     from: &Peer,
@@ -156,7 +157,7 @@ fn passes(
     )))
 }
 
-/// Fails where such a frame comes out at the other end.
+/// Fails where a frame that must be held back comes out at the other end.
 fn held_back(
     t: &Trial<'_>,
     from: &Peer,
@@ -173,7 +174,7 @@ fn held_back(
     heartbeat_passes(t, from, to, "an honest frame")
 }
 
-/// The HEARTBEAT of an end passes to the other.
+/// Fails unless the HEARTBEAT of one end is forwarded to the other.
 fn heartbeat_passes(t: &Trial<'_>, from: &Peer, to: &Peer, what: &str) -> Judged {
     let heartbeat = if from.system == 1 {
         vehicle_heartbeat()
@@ -218,7 +219,7 @@ fn addressed(t: &Trial<'_>) -> Judged {
 
 fn signed_untouched(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
-    // The router need not have the key; where it has one, the frame is signed with it.
+    // The router needs no key; where the run has one, the frame is signed with it.
     let key = t
         .bench
         .net
@@ -285,7 +286,7 @@ fn wrong_checksum(t: &Trial<'_>) -> Judged {
     )
 }
 
-/// Sends several frames by `send`; how many of them come out, and whether in their order.
+/// Sends several frames by `send`; returns how many of them come out, and whether in order.
 fn through(
     t: &Trial<'_>,
     from: &Peer,
@@ -381,7 +382,7 @@ fn once(t: &Trial<'_>) -> Judged {
 fn setup_signing(t: &Trial<'_>) -> Judged {
     let (vehicle, station) = ends(t.bench);
     heartbeat_passes(t, &vehicle, &station, "a vehicle's HEARTBEAT")?;
-    // For another vehicle than the one at the other end: a key for one must not be shown to all.
+    // Addressed to a vehicle that is not at the other end: the key of one vehicle must not be sent to all.
     let setup = Draft::new("SETUP_SIGNING")
         .to((77, 1))
         .text("secret_key", [7; 32])

@@ -25,7 +25,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Whether this rule is asked for.
+    /// Whether this rule was requested.
     #[must_use]
     pub fn wants(&self, rule: &Rule) -> bool {
         (self.rules.is_empty() || self.rules.contains(&rule.id))
@@ -35,7 +35,7 @@ impl Options {
 
 /// Frames of evidence.
 const MAX_EVIDENCE: usize = 40;
-/// Messages that say nothing in evidence: telemetry.
+/// Telemetry, which is left out of evidence.
 const TELEMETRY: [&str; 3] = ["HEARTBEAT", "STATUSTEXT", "MISSION_CURRENT"];
 
 /// A run in progress.
@@ -48,12 +48,13 @@ pub struct Run<'a> {
     pub catalogue: &'a Catalogue,
     /// What is run.
     pub options: &'a Options,
-    /// Is shown each judged rule.
+    /// Called with each judged rule.
     pub show: &'a mut dyn FnMut(&RuleReport),
 }
 
 impl Run<'_> {
-    /// Plays these scenes in their order, judges the passive rules; reports in the order of the catalogue.
+    /// Plays these scenes in their order, then judges the passive rules; returns reports in the order of the
+    /// catalogue.
     pub fn rules(&mut self, peer: &Peer, scenes: &[&Scene]) -> Vec<RuleReport> {
         let mut judged: Vec<RuleReport> = Vec::new();
         let mut dead: Option<String> = None;
@@ -168,7 +169,7 @@ impl Run<'_> {
     ) {
         let (began, first) = (self.bench.net.now(), self.bench.net.datagrams());
         let first_attempt = self.attempt(play, peer, report);
-        // What may leave the subject changed is not done three times.
+        // A rule that may leave the subject changed is not played three times.
         let repeats = self.options.repeat && rule.hazard < Hazard::Destructive;
         let mut attempts = Vec::new();
         let judgement = repeated(first_attempt, &mut attempts, || {
@@ -211,13 +212,14 @@ impl Run<'_> {
     }
 
     fn judge_passive(&mut self, judged: &mut Vec<RuleReport>) {
-        // Of an autopilot the link that is judged: to a second one it may forward what scenes have sent in its name.
+        // For an autopilot only the link that is judged: to a second link it may forward what scenes have sent in its
+        // name.
         let frames = self.bench.net.all(0, |seen| {
             seen.direction == Direction::Received
                 && seen.socket == self.bench.port.number
                 && (seen.frame.system, seen.frame.component) == self.bench.subject
         });
-        // When the first of these was played.
+        // When the first of these rules was played.
         let since = |wanted: &dyn Fn(&RuleReport) -> bool| {
             let first = judged
                 .iter()

@@ -1,4 +1,5 @@
-//! A ground station under test: the suite plays a vehicle with habits that a station has to stand, and judges what it sends.
+//! A ground station under test: the suite plays a vehicle with the faults and attacks that a station has to survive,
+//! and judges what the station sends.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::{Child, Command, Stdio};
@@ -15,10 +16,10 @@ use crate::passive::{JUDGES, View};
 use crate::runner::Options;
 use crate::wire::{Draft, Key, STAMP_HZ, wall_stamp};
 
-/// What became of the play, for the judges.
+/// What happened during the play, for the judges. Positions are those of the recording.
 #[derive(Debug, Default)]
 pub struct Played {
-    /// About the run as a whole.
+    /// Remarks about the run as a whole.
     pub remarks: Vec<String>,
     /// When a command was left without an answer: command, position.
     unanswered: Vec<(i64, usize)>,
@@ -28,22 +29,22 @@ pub struct Played {
     acknowledged: Vec<(i64, usize)>,
     /// When which item was requested.
     requested: Vec<(i64, usize)>,
-    /// A MISSION_COUNT that was left without an answer.
+    /// A MISSION_COUNT that was left unanswered.
     uncounted: Option<usize>,
     /// When the parameter list was sent with a gap.
     gap: Option<usize>,
-    /// When strangers spoke.
+    /// When frames of foreign systems were sent.
     strangers: Option<usize>,
-    /// When a time of ten years ahead was sent.
+    /// When a time ten years ahead was sent.
     wrong_time: Option<usize>,
-    /// When a frame of a year ahead was sent.
+    /// When a frame with a timestamp one year ahead was sent.
     year_ahead: Option<usize>,
-    /// When a new key was taken in silence.
+    /// When a new key was accepted without an answer.
     rekeyed: Option<(usize, Key)>,
     end: usize,
 }
 
-/// Systems of strangers: unsigned, badly signed.
+/// System ids of the foreign systems: one unsigned, one wrongly signed.
 const STRANGERS: [u8; 2] = [77, 78];
 /// How long a station may take to repeat.
 const RETRY: Duration = Duration::from_secs(6);
@@ -128,7 +129,7 @@ impl Vehicle<'_> {
                 continue;
             };
             next = self.position(&seen) + 1;
-            // What does not verify is not acted on; unsigned where no key was given.
+            // The played vehicle acts only on what verifies; on everything where no key was given.
             let believed = match self.bench.net.key() {
                 Some(_) => seen.verified == Some(true),
                 None => true,
@@ -207,7 +208,7 @@ impl Vehicle<'_> {
         );
     }
 
-    /// What a station has to stand, each at its part of the time.
+    /// Sends what a station has to survive, each at its part of the play.
     fn hostile(&mut self, part: f64) {
         let foreign = |system: u8| Peer::new(&self.bench.net, &self.bench.port, (system, 1), 0);
         let vehicle = Draft::new("HEARTBEAT")
@@ -271,7 +272,7 @@ impl Vehicle<'_> {
                 );
             }
             "PARAM_REQUEST_LIST" => {
-                // Index 1 is lost the first time.
+                // Index 1 is left out the first time.
                 for index in [0, 2] {
                     self.parameter(index);
                 }
@@ -317,7 +318,7 @@ impl Vehicle<'_> {
             "MISSION_COUNT" => {
                 let count = frame.int("count");
                 if self.played.uncounted.is_none() {
-                    // The first is lost.
+                    // The first MISSION_COUNT is treated as lost.
                     self.played.uncounted = Some(position);
                 } else if count == 0 {
                     self.mission_ack(from, kind);
@@ -342,7 +343,8 @@ impl Vehicle<'_> {
             self.played.unanswered.push((command, position));
             return;
         }
-        // A command that was acknowledged before, and is sent again: first the old answer, which is a replay.
+        // Where a command that was acknowledged before is sent again, the old acknowledgement is sent first: a
+        // replay.
         if let Some(old) = self.old_acks.get(&command)
             && self.bench.net.key().is_some()
             && !self
@@ -413,7 +415,7 @@ impl Vehicle<'_> {
         if seq != expected {
             return;
         }
-        // The first item is asked for twice, as if it had been lost.
+        // The first item is requested twice, as if it had been lost.
         if !self.asked_twice {
             self.asked_twice = true;
             self.request(from, seq, kind);
@@ -431,7 +433,7 @@ impl Vehicle<'_> {
         }
     }
 
-    /// Takes a key and says nothing for four seconds: the answer was lost.
+    /// Accepts a key and stays silent for four seconds, as if the answer had been lost.
     fn take_key(&mut self, seen: &Seen, position: usize) {
         let Some(bytes) = seen.frame.payload.get(10..42) else {
             return;
@@ -452,7 +454,7 @@ const PARAMETERS: [(&str, f32); 3] = [
 
 type Judge = fn(&Bench, &Played) -> Option<Judgement>;
 
-/// Rules that are judged by how the station answered what was played; `None` where it did not occur.
+/// Rules that are judged by the station's answers to what was played; `None` where it did not occur.
 const PLAYED: &[(&str, Judge)] = &[
     ("CMD-101", repeats_unanswered),
     ("CMD-102", stops_when_answered),
@@ -639,7 +641,7 @@ fn highest(bench: &Bench, from: usize) -> Option<u64> {
 
 fn own_time(bench: &Bench, played: &Played) -> Option<Judgement> {
     let stamp = highest(bench, played.wrong_time?)?;
-    // A station that follows a frame of next year is SIGN-012's.
+    // A station that follows a frame of next year is judged by SIGN-012.
     verdict(stamp < wall_stamp() + 5 * 365 * 86_400 * STAMP_HZ, || {
         "after a SYSTEM_TIME of ten years ahead the station stamps years ahead".into()
     })

@@ -72,7 +72,7 @@ const REQUEST_MESSAGE: u16 = 512;
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const DO_SET_MODE: u16 = 176;
 const MISSION_START: u16 = 300;
-/// In no dialect.
+/// A command that no dialect defines.
 const UNKNOWN: u16 = 59_999;
 
 pub(super) const RESULTS: [&str; 10] = [
@@ -146,7 +146,7 @@ fn unknown_command(t: &Trial<'_>) -> Judged {
     })
 }
 
-/// Fails where a command for somebody else is answered.
+/// Fails where a command for another system or component is answered.
 fn not_answered(t: &Trial<'_>, target: (u8, u8)) -> Judged {
     t.alive()?;
     let mark = t
@@ -182,7 +182,7 @@ fn command_int(t: &Trial<'_>) -> Judged {
         .set("command", REQUEST_MESSAGE)
         .set("param1", 148);
     let ack = acknowledged(t, &t.peer, REQUEST_MESSAGE, &draft)?;
-    // A subject may say that it takes the command as COMMAND_LONG only; silence is no answer.
+    // A subject may answer that it accepts the command as COMMAND_LONG only; no answer at all breaks the rule.
     t.expect_of(&ack, matches!(ack.frame.int("result"), 0 | 7), || {
         format!(
             "expected ACCEPTED or COMMAND_LONG_ONLY for REQUEST_MESSAGE as COMMAND_INT; got {}",
@@ -270,7 +270,7 @@ fn message_interval(t: &Trial<'_>) -> Judged {
         )
     })?;
     let found = rate(t, "ATTITUDE");
-    // 0 is the default rate again: nothing is left changed.
+    // An interval of 0 restores the default rate, so nothing is left changed.
     let restored = set(0.0);
     let found = found?;
     t.expect((5.0..20.0).contains(&found), || {
@@ -313,7 +313,8 @@ fn heartbeat(t: &Trial<'_>) -> Judged<Arc<Seen>> {
         .ok_or_else(|| Stop::inconclusive("no HEARTBEAT of the subject within 3 s"))
 }
 
-/// DO_SET_MODE with the main and sub mode of a packed custom mode, as PX4 has it; ArduPilot takes the number as it is.
+/// DO_SET_MODE with the main and sub mode of a packed custom mode, as PX4 expects it; ArduPilot expects the plain
+/// number.
 fn set_mode(t: &Trial<'_>, custom: i64) -> Draft {
     let draft = long(t, DO_SET_MODE).set("param1", 1);
     if t.bench.autopilot == 12 {
@@ -352,7 +353,7 @@ fn acknowledged_mode_is_shown(t: &Trial<'_>) -> Judged {
         return Err(Stop::not_applicable("mode numbers are known for PX4 only"));
     }
     let before = heartbeat(t)?.frame.int("custom_mode");
-    // AUTO.LOITER and AUTO.MISSION: of these two the one that is not set.
+    // AUTO.LOITER or AUTO.MISSION, whichever is not the current mode.
     let wanted = if before == 0x0304_0000 {
         0x0404_0000
     } else {

@@ -1,4 +1,4 @@
-//! FRAME and HB: what has to be taken and what dropped before any signature is looked at.
+//! FRAME and HB: which frames a subject must accept, and which it must drop before it checks any signature.
 
 use conformance::verdict::{Judged, Stop};
 
@@ -50,7 +50,8 @@ pub(super) const SCENES: &[Scene] = &[
 ];
 
 fn wrong_checksum(t: &Trial<'_>) -> Judged {
-    // Unsigned subjects have only the checksum; of signed ones the signature would hide whether it is looked at: SIGN-009.
+    // For unsigned subjects, which have only the checksum. On signed ones the signature would hide whether the
+    // checksum is verified: SIGN-009 judges those.
     t.refuses("a frame with a wrong checksum", |craft| {
         craft.crc_flip = 0x0101
     })
@@ -70,7 +71,7 @@ fn unknown_compatibility(t: &Trial<'_>) -> Judged {
     )
 }
 
-/// Sends honest probes with bytes around them in one datagram; how many of `count` are answered.
+/// Sends honest probes with other bytes around them in one datagram; returns how many of `count` are answered.
 fn answered_within(
     t: &Trial<'_>,
     count: usize,
@@ -92,7 +93,7 @@ fn answered_within(
             }
         }
         t.pause(t.quiet())?;
-        // Answers of COMMAND have no number: they are counted.
+        // Answers to COMMAND carry no number, so they are counted.
         let answered = if t.bench.probe == crate::bench::trial::Probe::Command {
             t.from_subject(mark, |seen| {
                 t.peer.is_mine(seen) && t.bench.probe.is_answer(0, seen)
@@ -169,7 +170,7 @@ fn unknown_message(t: &Trial<'_>) -> Judged {
 }
 
 fn longer_payload(t: &Trial<'_>) -> Judged {
-    // A later revision of a message has more extension fields than the receiver knows.
+    // A later revision of a message may have more extension fields than the receiver knows.
     t.takes(
         "a message that is 12 bytes longer than its definition",
         |craft| {

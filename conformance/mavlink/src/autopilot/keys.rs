@@ -1,4 +1,4 @@
-//! KEY: SETUP_SIGNING. Every scene ends with the key that the run began with.
+//! KEY: SETUP_SIGNING. Every scene ends with the key with which the run began.
 
 use std::time::Duration;
 
@@ -42,7 +42,8 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// The key that scenes change to. It follows from the run's key, so that a subject on which a run was cut off can be brought back.
+/// The key that scenes change to. It is derived from the run's key, so that a later run can restore a subject on
+/// which a run was interrupted.
 #[must_use]
 pub(crate) fn other_key(key: Key) -> Key {
     let digest = Sha256::new()
@@ -73,7 +74,7 @@ fn signs_with(t: &Trial<'_>, key: Key, time: Duration) -> bool {
         .is_some()
 }
 
-/// Plays, and brings the subject back to the run's key.
+/// Plays a scene, then restores the run's key whatever its result.
 fn preserving(t: &Trial<'_>, play: impl FnOnce(Key, Key) -> Judged) -> Judged {
     let key = t.key()?;
     t.alive()?;
@@ -83,7 +84,7 @@ fn preserving(t: &Trial<'_>, play: impl FnOnce(Key, Key) -> Judged) -> Judged {
     judged
 }
 
-/// Brings a subject back to `key` that has `key`, `other`, or a key of zeros.
+/// Restores `key` on a subject that has `key`, `other`, or a key of zeros.
 pub(crate) fn bring_back(t: &Trial<'_>, key: Key, other: Key) -> Judged {
     for current in [key, other, Key([0; 32])] {
         t.bench.net.set_key(Some(current));
@@ -117,7 +118,8 @@ fn new_key_at_once(t: &Trial<'_>) -> Judged {
             "the subject signs with the new key, but does not answer frames that are signed with it"
                 .into()
         })?;
-        // Half-changed would be both.
+        // From here every frame has to carry the new key: a subject that changed only some of its links would send
+        // both.
         let mark = t.bench.net.mark();
         t.pause(t.seconds(1.2))?;
         let stale = t
@@ -145,7 +147,7 @@ fn unsigned_setup(t: &Trial<'_>) -> Judged {
                 },
             )?;
         }
-        // Off by an unsigned key of zeros.
+        // Signing is switched off by a key of zeros, here sent unsigned.
         t.peer
             .send_with(&Draft::new("SETUP_SIGNING").to(t.bench.subject), |craft| {
                 craft.key = None
@@ -221,7 +223,7 @@ fn while_armed(t: &Trial<'_>) -> Judged {
             t.bench.net.set_key(Some(other));
         }
         arm(0.0).precondition("the vehicle can be disarmed")?;
-        // The next scene looks at the HEARTBEAT, which comes once a second.
+        // The next scene waits for a HEARTBEAT, which comes once a second.
         t.pause(t.seconds(1.5))?;
         t.expect(kept, || {
             "SETUP_SIGNING was taken while the vehicle is armed".into()
@@ -236,7 +238,7 @@ fn survives_restart(t: &Trial<'_>) -> Judged {
         if !signs_with(t, other, t.seconds(2.5)) {
             return Err(Stop::inconclusive("the new key was not taken: KEY-001"));
         }
-        // At once: the key file may be half written.
+        // Restarted at once, while the subject may still be writing its key file.
         let restarted = signing::restart(t);
         signing::resume(t);
         restarted?;

@@ -1,4 +1,4 @@
-//! MISS: upload, download and clearing as the protocol has them. What was aboard is put back.
+//! MISS: upload, download and clearing by the mission protocol. The mission that the subject had is restored.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,7 +40,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// An item as it is sent and comes back.
+/// An item as it is sent and read back.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Item {
     pub(super) command: i64,
@@ -88,7 +88,8 @@ impl Item {
         draft
     }
 
-    /// Whether both are flown alike: NaN is 0 is "as it is" where PX4 normalises, `current` and the altitude's notation may change.
+    /// Whether both are flown alike. PX4 normalises NaN and 0, both "unchanged", in either direction; `current` and
+    /// the notation of the altitude frame may differ.
     fn like(&self, other: &Self) -> bool {
         let near = |a: f32, b: f32| {
             (a.is_nan() || a == 0.0) && (b.is_nan() || b == 0.0) || (a - b).abs() < 0.01
@@ -112,7 +113,7 @@ impl Item {
     }
 }
 
-/// A plan of `count` waypoints in a small polygon: take-off is not in it, and nothing is begun.
+/// A plan of `count` waypoints in a small polygon. It has no take-off, and nothing starts it.
 pub(super) fn plan(t: &Trial<'_>, count: usize) -> Vec<Item> {
     let place = t.from_subject(0, |seen| seen.frame.is("GLOBAL_POSITION_INT"));
     let (lat, lon) = place
@@ -120,7 +121,7 @@ pub(super) fn plan(t: &Trial<'_>, count: usize) -> Vec<Item> {
         .map(|seen| (seen.frame.int("lat"), seen.frame.int("lon")))
         .filter(|place| *place != (0, 0))
         .unwrap_or((473_977_434, 85_455_939));
-    // Other numbers in every scene: a plan of an earlier one must not pass for this.
+    // Different coordinates in every scene: a plan of an earlier scene must not pass for this one.
     let salt = i64::from(t.number() % 50);
     (0..count)
         .map(|index| Item {
@@ -143,7 +144,7 @@ pub(super) fn count_draft(t: &Trial<'_>, count: usize, kind: u8) -> Draft {
         .set("mission_type", kind)
 }
 
-/// A request for an item of this type, in either notation.
+/// A request for an item of this mission type, as MISSION_REQUEST or MISSION_REQUEST_INT.
 pub(super) fn is_request(seen: &Seen, kind: u8) -> bool {
     (seen.frame.is("MISSION_REQUEST_INT") || seen.frame.is("MISSION_REQUEST"))
         && seen.frame.int("mission_type") == i64::from(kind)
@@ -163,7 +164,7 @@ pub(super) struct Upload {
 }
 
 impl Upload {
-    /// The ack's type, or that none came.
+    /// The type of the MISSION_ACK, or that none came.
     pub(super) fn outcome(&self) -> String {
         match &self.ack {
             Some(ack) => format!("MISSION_ACK type {}", ack.frame.int("type")),
@@ -178,7 +179,7 @@ impl Upload {
     }
 }
 
-/// Uploads; `answer` sends what answers each request (item drafts through the peer), so that a scene can do it wrong.
+/// Uploads; `answer` answers each request through the peer, so that a scene can answer wrongly.
 pub(super) fn upload_with(
     t: &Trial<'_>,
     peer: &Peer,
@@ -217,7 +218,7 @@ pub(super) fn upload_with(
         }
         let seq = seen.frame.int("seq");
         if done.requested.last() != Some(&seq) {
-            // Progress: a long plan takes its time.
+            // The subject made progress: a long plan may take long.
             deadline = t.bench.net.now() + t.seconds(6.0);
         }
         done.requested.push(seq);
@@ -234,7 +235,7 @@ fn position(t: &Trial<'_>, seen: &Arc<Seen>) -> usize {
         .unwrap_or_default()
 }
 
-/// Uploads as it should be.
+/// Uploads as the protocol requires.
 pub(super) fn upload(t: &Trial<'_>, peer: &Peer, items: &[Item], kind: u8) -> Upload {
     upload_with(t, peer, items.len(), kind, |peer, seq| {
         if let Some(item) = usize::try_from(seq).ok().and_then(|seq| items.get(seq)) {
@@ -257,7 +258,7 @@ pub(super) fn aboard(t: &Trial<'_>, items: &[Item], kind: u8) -> Judged {
     }
 }
 
-/// What is aboard.
+/// Downloads the plan of this mission type.
 pub(super) fn download(t: &Trial<'_>, peer: &Peer, kind: u8) -> Judged<Vec<Item>> {
     let own = t.bench.subject;
     let list = Draft::new("MISSION_REQUEST_LIST")
@@ -327,7 +328,7 @@ pub(super) fn clear(t: &Trial<'_>, kind: u8) -> Judged {
     })
 }
 
-/// Puts back what was aboard.
+/// Restores the saved plan.
 pub(super) fn restore(t: &Trial<'_>, kind: u8, saved: &[Item]) -> Judged {
     let done = if saved.is_empty() {
         clear(t, kind)
@@ -343,7 +344,7 @@ pub(super) fn restore(t: &Trial<'_>, kind: u8, saved: &[Item]) -> Judged {
     Ok(())
 }
 
-/// Plays with the mission, and puts back what was aboard.
+/// Plays with the mission, then restores the one from before.
 pub(super) fn preserving(t: &Trial<'_>, play: impl FnOnce() -> Judged) -> Judged {
     let saved = download(t, &t.peer, 0).precondition("the mission aboard can be saved")?;
     let judged = play();
@@ -351,7 +352,7 @@ pub(super) fn preserving(t: &Trial<'_>, play: impl FnOnce() -> Judged) -> Judged
     judged
 }
 
-/// Fails unless this plan is aboard.
+/// Fails unless this plan is the one on the vehicle.
 pub(super) fn expect_aboard(t: &Trial<'_>, items: &[Item]) -> Judged {
     let found = download(t, &t.peer, 0)?;
     t.expect(found.len() == items.len(), || {
@@ -394,7 +395,7 @@ fn upload_in_order(t: &Trial<'_>) -> Judged {
 fn comes_back_as_sent(t: &Trial<'_>) -> Judged {
     preserving(t, || {
         let mut items = plan(t, 12);
-        // A delay at the fourth, another frame and a yaw at the fifth.
+        // The fourth item has a delay, the fifth another frame and a yaw.
         items[3].params[0] = 4.0;
         items[4].params[3] = 90.0;
         items[5].x = -items[5].x;
@@ -479,7 +480,7 @@ fn request_out_of_range(t: &Trial<'_>) -> Judged {
             ));
         }
         t.peer.send(&Draft::new("MISSION_ACK").to(t.bench.subject));
-        // The transfer that was disturbed must not be in the way of the next.
+        // The disturbed transfer must have ended before the next begins.
         t.pause(t.quiet())?;
         download(t, &t.peer, 0).map(|_| ())
     })
@@ -506,14 +507,14 @@ fn download_twice(t: &Trial<'_>) -> Judged {
     preserving(t, || {
         let items = plan(t, 4);
         aboard(t, &items, 0).precondition("a plan of four items is taken")?;
-        // The last MISSION_ACK is lost: the subject must not be stuck in the first download.
+        // The last MISSION_ACK is lost: the subject must accept a new download all the same.
         let list = Draft::new("MISSION_REQUEST_LIST").to(t.bench.subject);
         t.peer.request(&list, t.answer(), "MISSION_COUNT", |seen| {
             seen.frame.is("MISSION_COUNT")
         })?;
         for seq in 0..4 {
             request_item(t, &t.peer, seq, 0)?;
-            // Asked for again: the item was lost.
+            // The same item once more, as if it had been lost.
             request_item(t, &t.peer, seq, 0)?;
         }
         t.pause(Duration::from_millis(100))?;

@@ -107,7 +107,7 @@ fn lost_item(t: &Trial<'_>) -> Judged {
 fn repeated_count(t: &Trial<'_>) -> Judged {
     preserving(t, || {
         let items = plan(t, 3);
-        // The answer to the first count was lost: the station sends it again.
+        // As if the answer to the first count had been lost, the station sends it again.
         t.peer.send(&count_draft(t, 3, 0));
         t.pause(t.quiet() / 2)?;
         let done = upload(t, &t.peer, &items, 0);
@@ -127,7 +127,7 @@ fn wrong_sequence(t: &Trial<'_>) -> Judged {
         let once = Cell::new(false);
         let done = upload_with(t, &t.peer, 4, 0, |peer, seq| {
             if seq == 1 && !once.replace(true) {
-                // Item 3 in the place of item 1: overtaken on the way.
+                // Item 3 in place of item 1, as a network that reorders delivers it.
                 send_item(t, peer, &items, 3);
             }
             send_item(t, peer, &items, seq);
@@ -151,14 +151,15 @@ fn disorder(t: &Trial<'_>) -> Judged {
         let done = upload_with(t, &t.peer, 20, 0, |peer, seq| {
             step.set(step.get() + 1);
             match step.get() % 5 {
-                // Lost.
+                // This answer is lost.
                 1 if step.get() > 1 => {}
-                // Twice.
+                // This one is doubled.
                 2 => {
                     send_item(t, peer, &items, seq);
                     send_item(t, peer, &items, seq);
                 }
-                // Behind an older one that was held up. A signed receiver drops what was overtaken: the station sends again.
+                // This one comes behind an older, delayed one. A signed receiver drops the overtaken frame, and the
+                // station sends it again.
                 3 => {
                     if let Some(old) = held.borrow_mut().replace(seq) {
                         send_item(t, peer, &items, old);
@@ -166,7 +167,7 @@ fn disorder(t: &Trial<'_>) -> Judged {
                     send_item(t, peer, &items, seq);
                 }
                 4 => {
-                    // Two frames that overtake each other: the later stamp arrives first.
+                    // Two frames are swapped: the later timestamp arrives first.
                     let _held = t.bench.net.hold();
                     let first = peer
                         .craft(&items[seq as usize].draft(t, seq as usize, 0))
@@ -187,7 +188,7 @@ fn disorder(t: &Trial<'_>) -> Judged {
     })
 }
 
-/// Fails where a plan that must be refused is accepted; what it is is in `what`.
+/// Fails where a plan that must be refused is accepted; `what` describes the plan.
 fn refused(
     t: &Trial<'_>,
     what: &str,
@@ -304,7 +305,7 @@ fn stalled(t: &Trial<'_>) -> Judged {
         t.peer
             .wait(mark, t.answer(), |seen| is_request(seen, 0))
             .ok_or_else(|| Stop::inconclusive("the upload was not begun"))?;
-        // Half of an upload: then the station is gone.
+        // Half an upload, then the station stops.
         t.pause(t.seconds(6.0))?;
         expect_aboard(t, &kept).map_err(|stop| match stop {
             Stop::Fail(reason) => Stop::Fail(format!("an upload was begun and not continued for 6 s; the plan before it is gone or cannot be read: {reason}")),
@@ -401,8 +402,8 @@ fn item_without_upload(t: &Trial<'_>) -> Judged {
     preserving(t, || {
         let kept = plan(t, 3);
         aboard(t, &kept, 0).precondition("a plan of three items is taken")?;
-        let stray = plan(t, 3);
-        t.peer.send(&stray[1].draft(t, 1, 0));
+        let unrequested = plan(t, 3);
+        t.peer.send(&unrequested[1].draft(t, 1, 0));
         t.pause(t.quiet())?;
         expect_aboard(t, &kept).map_err(|stop| match stop {
             Stop::Fail(reason) => Stop::Fail(format!(

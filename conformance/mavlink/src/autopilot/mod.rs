@@ -1,8 +1,8 @@
 //! Rules of an autopilot: a scene each, in which the suite plays a ground station.
 //!
-//! A scene is given a [`Trial`](crate::bench::Trial), plays, and returns: `Ok` is a pass, a `Stop` carried out by `?` is anything else. To add one: write
-//! the rule into `rules.toml`, the function in the file of its group, name it in that file's `SCENES`, and show with a fault of
-//! `tests/interop/mavlink_peers` that it can fail.
+//! A scene is given a [`Trial`](crate::bench::Trial), plays, and returns: `Ok` is a pass, a `Stop` returned by `?` is
+//! anything else. To add one: write the rule into `rules.toml`, the function in the file of its group, name it in
+//! that file's `SCENES`, and show with a fault of `tests/interop/mavlink_peers` that it can fail.
 
 mod command;
 mod frame;

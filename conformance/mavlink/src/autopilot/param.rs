@@ -1,4 +1,4 @@
-//! PARAM: the parameter protocol. What is changed is restored.
+//! PARAM: the parameter protocol. A changed parameter is restored.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -52,9 +52,9 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
-/// In no autopilot.
+/// A parameter that no autopilot has.
 const UNKNOWN: &str = "XQ_NO_SUCH_PAR";
-/// Changed where the operator names none: takes effect at a take-off only.
+/// The parameters that may be changed where the operator names none: they count at a take-off or a return only.
 const CHANGED: [&str; 2] = ["MIS_TAKEOFF_ALT", "RTL_RETURN_ALT"];
 /// MAV_PARAM_TYPE_REAL32.
 const REAL32: i64 = 9;
@@ -199,7 +199,7 @@ fn whole_list(t: &Trial<'_>) -> Judged {
     let missing: Vec<i64> = (0..count)
         .filter(|index| !names.contains_key(index))
         .collect();
-    // UDP may lose some; each must be there when asked for.
+    // UDP may lose some of a list; each has to be answered on request.
     for index in missing.iter().take(20) {
         first(t, *index).map_err(|_| {
             Stop::fail(format!(
@@ -346,12 +346,13 @@ fn encoding_as_announced(t: &Trial<'_>) -> Judged {
     let mut judged = 0;
     for index in 0..count.min(60) {
         let Ok(found) = first(t, index) else { continue };
-        // 1 to 8: integers up to 64 bit. 0 reads the same either way.
+        // Integer types up to 32 bits (1 to 6). A value of 0 has the same bytes in both encodings.
         if !(1..=6).contains(&found.frame.int("param_type")) || bits(&found) == 0 {
             continue;
         }
         judged += 1;
-        // A small integer as bits is a denormal float, or not a number where negative; as a float it is whole.
+        // A small integer sent as bits reads as a denormal float, or as NaN where negative; sent as a float it is a
+        // whole number.
         let float = f32::from_bits(bits(&found));
         let reads_bytewise = float.is_nan() || float.abs() < 1e-30;
         let reads_cast = float.is_finite() && float.fract() == 0.0;

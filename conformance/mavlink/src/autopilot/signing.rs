@@ -1,4 +1,5 @@
-//! SIGN: what a signed receiver must drop, and what it must go on taking. The hash is computed here, with `sha2` alone.
+//! SIGN: what a signed receiver must drop, and what it must still accept. The hash is computed here, with `sha2`
+//! alone, so that no mistake is shared with the judged code.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -154,7 +155,7 @@ fn requests(t: &Trial<'_>) -> Vec<Request> {
     ]
 }
 
-/// Fails where a request of any protocol is answered though `change` has spoilt its signature.
+/// Fails where a request of any protocol is answered although `change` has made its signature wrong.
 fn all_refused(
     t: &Trial<'_>,
     what: &str,
@@ -251,7 +252,7 @@ fn unsigned_setting(t: &Trial<'_>) -> Judged {
         answer.frame.int("param_type"),
         answer.frame.float("param_value"),
     );
-    // One bit of the value: nothing that an autopilot would notice before it is put back.
+    // The lowest bit of the value: no autopilot behaves differently until it is restored.
     let new = old.to_bits() ^ 1;
     let set = Draft::new("PARAM_SET")
         .to(t.bench.subject)
@@ -283,7 +284,7 @@ fn link_id_under_the_hash(t: &Trial<'_>) -> Judged {
     )
 }
 
-/// Sends honest probes and keeps their bytes; all are answered.
+/// Sends honest probes and keeps their bytes; fails unless all are answered.
 fn answered_probes(t: &Trial<'_>, peer: &Peer, count: usize) -> Judged<Vec<(Vec<u8>, u32)>> {
     let mut kept = Vec::new();
     for _ in 0..count {
@@ -309,7 +310,7 @@ fn answered_probes(t: &Trial<'_>, peer: &Peer, count: usize) -> Judged<Vec<(Vec<
 fn replays(t: &Trial<'_>) -> Judged {
     t.key()?;
     let kept = answered_probes(t, &t.peer, 3)?;
-    // The latest first: a receiver that stores the first stamp of a stream only takes all but the first.
+    // The latest first: a receiver that stores only the first timestamp of a stream accepts all but the first again.
     for (which, (bytes, number)) in ["first", "second", "third"].into_iter().zip(&kept).rev() {
         let mark = t.peer.send_bytes(bytes);
         if let Some(answer) = t.answered(&t.peer, mark, *number, t.quiet()) {
@@ -349,12 +350,12 @@ fn overtaken(t: &Trial<'_>) -> Judged {
     t.alive()
 }
 
-/// Every answer to a probe, on whatever port.
+/// The answers to a probe, on whatever port they came.
 fn answers_anywhere(t: &Trial<'_>, mark: usize, number: u32) -> usize {
     let mut remotes: Vec<_> = t.from_subject(mark, |seen| {
         seen.direction == Direction::Received && t.bench.probe.is_answer(number, seen)
     });
-    // An answer to all goes out on every link: one is counted.
+    // A broadcast answer is sent on every link: it counts once.
     remotes.dedup_by_key(|seen| seen.frame.payload.clone());
     remotes.len()
 }
@@ -461,7 +462,7 @@ fn old_new_stream(t: &Trial<'_>) -> Judged {
 fn peer_ahead(t: &Trial<'_>) -> Judged {
     t.key()?;
     t.alive()?;
-    // ArduPilot's stamps run minutes ahead: a peer is not refused for that.
+    // ArduPilot's timestamps run minutes ahead: a peer that is ahead must not be refused.
     let ahead = t.peer.with_link(72);
     let (draft, number) = t.probe();
     let (mark, _) = ahead.send_with(&draft, |craft| craft.stamp += 30 * STAMP_HZ);
@@ -488,11 +489,12 @@ fn stranger(t: &Trial<'_>) -> Judged {
     );
     let forger = t.peer.on(&port);
     let kept = answered_probes(t, &t.peer, 1)?;
-    // Silence of the honest station: its next frame would bring back a peer that follows whoever sent last.
+    // The honest station is silent meanwhile: a subject that sends to whoever sent last would otherwise return to it
+    // at once.
     t.bench
         .paused
         .store(true, std::sync::atomic::Ordering::SeqCst);
-    // Unsigned, badly signed, replayed, and no frame at all.
+    // Unsigned, wrongly signed, replayed, and no frame at all.
     forger.send_with(&station_heartbeat(), |craft| craft.key = None);
     forger.send_with(&station_heartbeat(), |craft| craft.hash_flip = 1);
     for (bytes, _) in &kept {
@@ -520,7 +522,7 @@ fn own_identity(t: &Trial<'_>) -> Judged {
     t.alive()?;
     let (system, component) = t.bench.subject;
     let mirror = Peer::new(&t.bench.net, &t.bench.port, (system, component), 73);
-    // What it has sent comes back to it.
+    // Its own frames are sent back to it.
     let frames = t.from_subject(t.bench.net.mark().saturating_sub(200), |seen| {
         seen.socket == t.peer.port.number
     });
@@ -624,7 +626,7 @@ fn badly_signed_heartbeat(t: &Trial<'_>) -> Judged {
             seen.frame.is("STATUSTEXT")
                 && seen.frame.text("text").to_lowercase().contains("regained")
         };
-        // COM_DL_LOSS_T of PX4 is 10 s.
+        // PX4 reports the loss of the station after COM_DL_LOSS_T, 10 s by default.
         t.pause(Duration::from_secs(13))?;
         let (mark, _) = t
             .peer
@@ -741,7 +743,8 @@ pub(super) fn restart(t: &Trial<'_>) -> Judged {
     let mark = t.bench.net.mark();
     let own = t.bench.subject;
     done?;
-    // A subject that waits for its peer sends nothing unless it is sent something that proves nothing.
+    // A subject that waits for its peer sends nothing until it is sent something; an unsigned frame proves nothing to
+    // it.
     for _ in 0..30 {
         let back = t
             .bench
@@ -761,7 +764,7 @@ pub(super) fn restart(t: &Trial<'_>) -> Judged {
     ))
 }
 
-/// Lets the station be received again.
+/// Resumes the station's heartbeats.
 pub(super) fn resume(t: &Trial<'_>) {
     t.bench
         .paused
@@ -810,7 +813,7 @@ fn stranger_first(t: &Trial<'_>) -> Judged {
     });
     resume(t);
     if judged.is_err() && !t.answers(&t.peer) {
-        // The rest of the run must find the subject as it was.
+        // The next rules must find the subject as it was.
         let _ = restart(t);
         resume(t);
     }

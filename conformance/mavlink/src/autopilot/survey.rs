@@ -11,10 +11,10 @@ use crate::bench::trial::Probe;
 use crate::bench::{Bench, Peer, Seen, Trial};
 use crate::wire::Draft;
 
-/// How long a heartbeat may be waited for.
+/// How long to wait for the first heartbeat.
 const PATIENCE: Duration = Duration::from_secs(6);
 
-/// Finds the subject and fills in what the bench does not know yet; what there is to say about the run as a whole.
+/// Finds the subject and fills in what the bench does not know yet; returns remarks about the run as a whole.
 pub(crate) fn survey(
     bench: &mut Bench,
     peer: &Peer,
@@ -33,7 +33,7 @@ pub(crate) fn survey(
     let deadline = net.now() + PATIENCE.mul_f64(bench.factor);
     let mut found: Option<Arc<Seen>> = None;
     while found.is_none() && net.now() < deadline && !net.interrupted() {
-        // Many speak only to who has spoken.
+        // Many subjects send only to a peer that has sent to them.
         peer.send(&station_heartbeat());
         found = net.wait(0, net.now() + Duration::from_millis(700), is_vehicle);
     }
@@ -46,7 +46,7 @@ pub(crate) fn survey(
     if frame.int("base_mode") & 0x80 != 0 {
         return Err("the vehicle is armed: nothing was begun. Disarm it, then run again".into());
     }
-    // The loss of the key's file, or a run that was cut off in KEY rules.
+    // The subject may have another key: its key file is lost, or a run was interrupted in the KEY rules.
     if let Some(key) = net.key()
         && heartbeat.verified == Some(false)
     {
@@ -71,7 +71,8 @@ pub(crate) fn survey(
                 .set("command", 512)
                 .set("param1", 148);
             let mark = peer.send(&version);
-            // Its acknowledgement too: a late one would pass for the answer to a command of the first scene.
+            // Its acknowledgement is waited for too: a late one would be taken for the answer to a command of the
+            // first scene.
             for name in ["AUTOPILOT_VERSION", "COMMAND_ACK"] {
                 peer.wait(mark, Duration::from_secs(1), |seen| seen.frame.is(name));
             }

@@ -1,5 +1,5 @@
-//! What scenes stand on: sockets with a recording ([`net`]), the station that the suite plays ([`peer`]), and what a scene
-//! is given ([`trial`]).
+//! The base of the scenes: sockets with a recording ([`net`]), the station that the suite plays ([`peer`]), and what
+//! a scene is given ([`trial`]).
 
 pub mod net;
 pub mod peer;

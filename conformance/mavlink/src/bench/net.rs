@@ -15,10 +15,10 @@ use serde_json::{Value, json};
 use crate::wire::frame::{Frame, Key, split};
 use crate::wire::{STAMP_HZ, wall_stamp};
 
-/// A port that is dropped is free again within this time.
+/// How long after a drop the port may still be in use.
 const NOTICE: Duration = Duration::from_millis(50);
-/// How far our clock follows verified frames beyond the wall clock. ArduPilot's run minutes ahead; a frame from next year must not
-/// carry the suite along.
+/// How far the suite's timestamps follow verified frames beyond the wall clock, in units of 10 us. ArduPilot's
+/// timestamps run minutes ahead and have to be followed; a frame from next year must not move the suite's own.
 const FOLLOW: u64 = 3600 * STAMP_HZ;
 
 /// A frame that was sent or received.
@@ -32,7 +32,7 @@ pub struct Seen {
     pub socket: usize,
     /// The other end.
     pub remote: SocketAddr,
-    /// Our signing timestamp by the wall clock when it was seen.
+    /// The suite's signing timestamp, by the wall clock, when it was sent or received.
     pub wall_stamp: u64,
     /// The frame.
     pub frame: Frame,
@@ -75,9 +75,9 @@ pub struct Recording {
     pub datagrams: Vec<Datagram>,
     /// Their frames.
     pub seen: Vec<Arc<Seen>>,
-    /// Bytes that were part of no frame.
+    /// Bytes that belonged to no frame.
     pub skipped: usize,
-    /// Datagrams that found no room.
+    /// Datagrams that were not recorded because the recording was full.
     pub dropped: usize,
     bytes: usize,
 }
@@ -103,17 +103,17 @@ impl Net {
         })
     }
 
-    /// The key in force.
+    /// The current key.
     pub fn key(&self) -> Option<Key> {
         *self.key.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes another key, or none.
+    /// Sets another key, or none.
     pub fn set_key(&self, key: Option<Key>) {
         *self.key.lock().unwrap_or_else(PoisonError::into_inner) = key;
     }
 
-    /// The next timestamp of ours: the time, later than every one before and than what verified frames carried.
+    /// The suite's next timestamp: the time, but later than every one before and than those of verified frames.
     pub fn stamp(&self) -> u64 {
         let wall = wall_stamp();
         let last = self
@@ -125,7 +125,7 @@ impl Net {
         wall.max(last + 1)
     }
 
-    /// Holds back every other sender of the suite.
+    /// Keeps every other sender of the suite waiting while the guard lives.
     pub fn hold(&self) -> MutexGuard<'_, ()> {
         self.sending.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -162,7 +162,7 @@ impl Net {
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
         let found = !frames.is_empty();
-        // Locked before the time is taken, so that times of the recording never go back.
+        // Locked before the time is taken, so that the times in the recording never decrease.
         let mut recording = self.recording();
         let seen: Vec<_> = frames
             .into_iter()
@@ -318,13 +318,13 @@ impl Port {
         self.listener.local
     }
 
-    /// The other end, once it is known.
+    /// The other end, once it has sent a frame.
     #[must_use]
     pub fn remote(&self) -> Option<SocketAddr> {
         *self.remote.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sends a datagram, once the other end is known.
+    /// Sends a datagram; does nothing while the other end is unknown.
     pub fn send(&self, bytes: &[u8]) {
         if let Some(remote) = self.remote() {
             self.net

@@ -1,4 +1,5 @@
-//! A station or vehicle that the suite plays: an identity on a port, honest unless a scene wants otherwise.
+//! A station or vehicle that the suite plays: an identity on a port, which sends honest frames unless a scene changes
+//! them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
@@ -68,7 +69,7 @@ impl Peer {
         }
     }
 
-    /// An honest frame: numbered, stamped and signed now, again for every sending.
+    /// An honest frame: numbered, stamped and signed now, so a new one for every sending.
     #[must_use]
     pub fn craft(&self, draft: &Draft) -> Craft {
         let mut craft = draft.craft(self.system, self.component);
@@ -81,14 +82,15 @@ impl Peer {
         craft
     }
 
-    /// Sends an honest frame; the mark before it.
+    /// Sends an honest frame; returns the mark before it.
     pub fn send(&self, draft: &Draft) -> usize {
         self.send_with(draft, |_| {}).0
     }
 
-    /// Sends a frame that `change` has made other than honest; the mark before it, and its bytes.
+    /// Sends a frame that `change` has altered; returns the mark before it, and its bytes.
     pub fn send_with(&self, draft: &Draft, change: impl FnOnce(&mut Craft)) -> (usize, Vec<u8>) {
-        // From its stamp to its sending nothing else of the suite may be stamped: it would be overtaken, and refused.
+        // Between its stamp and its sending nothing else of the suite may be stamped: this frame would arrive behind
+        // a later stamp, and be refused.
         let _held = self.net.hold();
         let mut craft = self.craft(draft);
         change(&mut craft);
@@ -96,14 +98,14 @@ impl Peer {
         (self.send_bytes(&bytes), bytes)
     }
 
-    /// Sends bytes as they are; the mark before them.
+    /// Sends bytes unchanged; returns the mark before them.
     pub fn send_bytes(&self, bytes: &[u8]) -> usize {
         let mark = self.net.mark();
         self.port.send(bytes);
         mark
     }
 
-    /// Whether a received frame is for this peer, or for everyone.
+    /// Whether a received frame is for this peer, or a broadcast.
     #[must_use]
     pub fn is_mine(&self, seen: &Seen) -> bool {
         seen.direction == Direction::Received
@@ -126,10 +128,10 @@ impl Peer {
         })
     }
 
-    /// Sends a request until it is answered, three times; fails where no answer comes.
+    /// Sends a request up to three times until it is answered.
     ///
     /// # Errors
-    /// No answer came, or the operator stopped the run.
+    /// A fail where no answer came; the operator stopped the run.
     pub fn request(
         &self,
         draft: &Draft,
@@ -153,7 +155,7 @@ impl Peer {
         )))
     }
 
-    /// Sends this every second until the returned switch is set.
+    /// Sends this every second until the returned flag is set; pauses while `paused` is set.
     pub fn heartbeats(&self, draft: Draft, paused: Arc<AtomicBool>) -> Arc<AtomicBool> {
         let ended = Arc::new(AtomicBool::new(false));
         let (peer, until) = (self.clone(), ended.clone());

@@ -1,5 +1,5 @@
-//! What outlives a scene ([`Bench`]), and what a scene is given ([`Trial`]): the peer that it plays, probes, and what it
-//! wants to have remarked.
+//! What outlives a scene ([`Bench`]), and what a scene is given ([`Trial`]): the peer that it plays, probes, and a
+//! place for its remarks.
 
 use std::collections::BTreeSet;
 use std::ops::Deref;
@@ -16,7 +16,7 @@ use super::net::{Net, Port, Seen};
 use super::peer::Peer;
 use crate::wire::Draft;
 
-/// What the run was given, and what it found out at its beginning.
+/// What the run was given, and what the survey found.
 #[derive(Debug)]
 pub struct Bench {
     /// Sockets and recording.
@@ -33,13 +33,14 @@ pub struct Bench {
     pub probe: Probe,
     /// The suite's own station.
     pub identity: (u8, u8),
-    /// Multiplies all times.
+    /// Multiplies all times of the suite.
     pub factor: f64,
-    /// What may be risked.
+    /// The hazards that are released.
     pub hazards: BTreeSet<Hazard>,
     /// Whether SETUP_SIGNING may be sent.
     pub setup_signing: bool,
-    /// Whether a SYSTEM_TIME of another year may be sent. PX4 in SITL, run with the right to, sets the clock of its computer by it.
+    /// Whether a SYSTEM_TIME of another year may be sent. PX4 in SITL, where it may set the clock of its computer,
+    /// does so by this message.
     pub system_time: bool,
     /// Restarts the subject.
     pub restart: Option<String>,
@@ -49,7 +50,7 @@ pub struct Bench {
     pub phrase: Option<String>,
     /// The parameter that may be changed and is restored.
     pub parameter: Option<String>,
-    /// Whether the station's heartbeats are held back.
+    /// Whether the station's heartbeats are paused.
     pub paused: Arc<AtomicBool>,
 }
 
@@ -58,9 +59,9 @@ pub struct Bench {
 pub enum Probe {
     /// TIMESYNC, whose answer repeats a number of ours.
     Timesync,
-    /// PING, the same.
+    /// PING, whose answer repeats it too.
     Ping,
-    /// COMMAND_LONG with REQUEST_MESSAGE for HEARTBEAT, whose answers are all alike.
+    /// COMMAND_LONG with REQUEST_MESSAGE for HEARTBEAT; its answers carry no number.
     Command,
 }
 
@@ -102,7 +103,8 @@ impl Probe {
 
 /// How long an answer may take.
 const ANSWER: Duration = Duration::from_millis(1_000);
-/// How long nothing may come. PX4 answers within 20 ms; a late answer of a slower subject is caught by the count of the next probes.
+/// How long to watch before "no answer" is judged. PX4 answers within 20 ms; a late answer of a slower subject shows
+/// when the answers to the next probes are counted.
 const QUIET: Duration = Duration::from_millis(350);
 
 /// The trial of a subject by one rule.
@@ -176,7 +178,7 @@ impl<'a> Trial<'a> {
     #[must_use]
     pub fn number(&self) -> u32 {
         static NEXT: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
-        // Its beginning is from the clock: a subject may still hold answers of an earlier run.
+        // The first number is taken from the clock: a subject may still answer probes of an earlier run.
         let base = (crate::wire::wall_stamp() / 100) as u32 & 0x0FFF_FFFF;
         let _ = NEXT.compare_exchange(0, base.max(1), Ordering::SeqCst, Ordering::SeqCst);
         NEXT.fetch_add(1, Ordering::SeqCst)
@@ -203,7 +205,7 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// Whether the subject answers an honest probe of this peer, in three tries.
+    /// Whether the subject answers an honest probe of this peer within three tries.
     pub fn answers(&self, peer: &Peer) -> bool {
         (0..3).any(|_| {
             let (draft, number) = self.probe();
@@ -228,11 +230,11 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Fails where the subject answers a probe that `change` has made one that must be dropped, and where it then answers no
-    /// honest one. `what` names the frame.
+    /// Sends a probe that `change` has made one that must be dropped. `what` names the frame.
     ///
     /// # Errors
-    /// It was answered, or the subject answers nothing at all.
+    /// A fail where it is answered, or where the subject answers no honest probe afterwards; inconclusive where it
+    /// answers none before.
     pub fn refuses(&self, what: &str, change: impl FnOnce(&mut crate::wire::Craft)) -> Judged {
         self.alive()?;
         let (draft, number) = self.probe();
@@ -253,10 +255,10 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Fails where the subject does not answer a probe that `change` has made odd but lawful.
+    /// Sends a probe that `change` has made unusual but lawful.
     ///
     /// # Errors
-    /// It was not answered.
+    /// A fail where it is not answered.
     pub fn takes(&self, what: &str, change: impl Fn(&mut crate::wire::Craft)) -> Judged {
         self.alive()?;
         for _ in 0..3 {
@@ -274,10 +276,10 @@ impl<'a> Trial<'a> {
         )))
     }
 
-    /// What the run's key is.
+    /// The run's key.
     ///
     /// # Errors
-    /// The run has none: not applicable.
+    /// Not applicable where the run has none.
     pub fn key(&self) -> Judged<crate::wire::Key> {
         self.bench
             .net
@@ -296,7 +298,7 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// Whether the vehicle's latest heartbeat says that it is armed.
+    /// Whether the vehicle's latest heartbeat reports it as armed.
     #[must_use]
     pub fn armed(&self) -> bool {
         self.from_subject(0, |seen| seen.frame.is("HEARTBEAT"))

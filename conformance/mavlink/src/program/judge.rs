@@ -283,7 +283,7 @@ impl Common {
     }
 }
 
-/// Who waits for the first line knows that the run has begun.
+/// Printed first, so that whoever waits for output knows that the run has begun.
 fn begun() {
     eprint(
         "judging, for some minutes: each rule is printed when it ends, unless --quiet; Ctrl-C ends the run",
@@ -391,7 +391,8 @@ fn play_autopilot(
     )];
     let ended = peer.heartbeats(station_heartbeat(), bench.paused.clone());
     let other = bench.second.as_ref().map(|second| peer.on(second));
-    // The second link must know us too; as another component, so that its stamps are a stream of their own.
+    // The second link has to know the suite's station too. It is another component there, so that its timestamps are
+    // a stream of their own.
     let ended_there = other.map(|other| {
         other
             .with_component(other.component.wrapping_add(1).max(1))
@@ -454,7 +455,7 @@ pub(super) fn repeat(rule: &str, times: u32, arguments: &AutopilotArguments) -> 
         let (bench, _, _, mut rules) = play_autopilot(&arguments, &catalogue, &options, true)?;
         let net = bench.net.clone();
         drop(bench);
-        // The port is free once its thread has noticed.
+        // The port is free once its receiving thread has ended.
         net.pause(std::time::Duration::from_millis(120));
         let found = (!rules.is_empty()).then(|| rules.remove(0));
         Ok((found, net.interrupted()))

@@ -54,7 +54,7 @@ enum Command {
     },
 }
 
-/// The command line, for those who count its subcommands.
+/// The command line, for the tests and generators that list its subcommands.
 #[must_use]
 pub fn command() -> clap::Command {
     Cli::command()

@@ -4,7 +4,7 @@ use super::crc;
 use super::frame::{HEADER, Key, MAGIC, SIGNED, signature_hash};
 use super::table::{self, Kind, Message};
 
-/// A message with its fields, not framed yet. What is not set is zero.
+/// A message with its fields, not framed yet. Fields that are not set are zero.
 #[derive(Clone, Debug)]
 pub struct Draft {
     message: &'static Message,
@@ -15,7 +15,7 @@ impl Draft {
     /// An empty message.
     ///
     /// # Panics
-    /// The table has no message of this name: a mistake of the suite.
+    /// The table has no message of this name: a mistake in the suite, never in its input.
     #[must_use]
     pub fn new(name: &str) -> Self {
         let message = table::by_name(name).unwrap_or_else(|| panic!("no message {name}"));
@@ -135,11 +135,11 @@ pub struct Craft {
     pub link: u8,
     /// Timestamp.
     pub stamp: u64,
-    /// Bits of the checksum to flip before it is signed.
+    /// Bits of the checksum to flip, before the frame is signed.
     pub crc_flip: u16,
     /// Bits of the hash's first byte to flip.
     pub hash_flip: u8,
-    /// Link id under the hash, where it is another than the one sent.
+    /// Link id that is hashed, where it differs from the one that is sent.
     pub signed_link: Option<u8>,
 }
 

@@ -63,7 +63,7 @@ pub struct Frame {
     pub bytes: Vec<u8>,
 }
 
-/// Splits a datagram into frames; the number of bytes that belong to none.
+/// Splits a datagram into frames; also returns the number of bytes that belong to none.
 #[must_use]
 pub fn split(mut bytes: &[u8]) -> (Vec<Frame>, usize) {
     let (mut frames, mut skipped) = (Vec::new(), 0);
@@ -201,7 +201,7 @@ impl Frame {
     }
 
     fn element(&self, field: &Field, index: usize) -> [u8; 8] {
-        // What was truncated is zero.
+        // Bytes that were truncated are zero.
         let start = field.offset + index * field.size;
         std::array::from_fn(|byte| {
             if byte < field.size {
@@ -226,7 +226,7 @@ impl Frame {
         }
     }
 
-    /// An integer field; 0 where the message has none of this name.
+    /// An integer field; 0 where the message has no field of this name.
     #[must_use]
     pub fn int(&self, name: &str) -> i64 {
         let field = table::by_id(self.id).and_then(|message| message.field(name));
@@ -261,7 +261,7 @@ impl Frame {
         })
     }
 
-    /// Whom it is addressed to, where the message has a target: system and component, 0 for all.
+    /// The target system and component, where the message has them; 0 is all.
     #[must_use]
     pub fn target(&self) -> Option<(u8, u8)> {
         let message = table::by_id(self.id)?;
@@ -329,7 +329,7 @@ mod tests {
         let frame = crate::wire::Draft::new("HEARTBEAT").craft(1, 1).bytes();
         let bytes = [&[0xFD, 3][..], &frame, &[7]].concat();
         let (frames, skipped) = split(&bytes);
-        // 0xFD 3 begins something that reads as a frame; the checksum is for the judge.
+        // 0xFD 3 begins something that reads as a frame; whether its checksum holds is for the judge.
         assert!(frames.len() + skipped > 0);
     }
 }

@@ -1,4 +1,4 @@
-//! MAVLink 2 as it is on the wire, right or wrong: a codec of its own, so that no mistake of the judged code is shared.
+//! MAVLink 2 byte by byte, right or wrong: a codec of its own, so that it shares no mistake with the judged code.
 //!
 //! [`table`] has the messages, [`frame`] reads and verifies, [`draft`] makes frames, whole or broken on purpose.
 
