@@ -28,7 +28,7 @@ impl ChordBound {
     pub fn new(v1: Vec3, v2: Vec3, v3: Vec3) -> Self {
         let l2 = v3.norm2();
         if l2 < NO_CHORD_M2 {
-            // A closed part: all of it lies within the hull of its control points around q0.
+            // A part whose ends coincide: all of it lies within the hull of its control points around q0.
             let offset_m = v1.norm2().max(v2.norm2()).max(l2).sqrt();
             return Self {
                 offset_m,
@@ -67,9 +67,9 @@ impl ChordBound {
 /// Proven distance, m, both ways, between a part of a cubic and a chord whose ends need not lie on it: `c` are the
 /// part's control points relative to the chord's start, `v` is the chord.
 ///
-/// The offset across the chord is a cubic in each of two directions, of which the extremes are known exactly. Along
-/// it, what lies before the chord's start or beyond its end is matched with that end, and lies in the hull of its own
-/// control points; a part that does not run forward throughout is charged all that it runs back.
+/// The offset across the chord is a cubic in each of two directions, and the extremes of a cubic are known exactly.
+/// Along the chord, what lies before its start or beyond its end is matched with that end, and lies in the hull of
+/// its own control points. A part that runs back somewhere is charged everything that it runs back.
 #[must_use]
 pub fn off_curve_m(c: [Vec3; 4], v: Vec3) -> f64 {
     let l2 = v.norm2();

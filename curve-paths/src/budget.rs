@@ -124,7 +124,8 @@ impl<'a> Curves<'a> {
         }
     }
 
-    /// Whether they fit at this tolerance, the fixed allowance subtracted; it stops counting where they do not.
+    /// Whether the legs fit at this tolerance, with the fixed allowance subtracted; it stops counting once they do
+    /// not.
     fn fit(&self, tolerance_m: f64) -> bool {
         let rules = self.rules(tolerance_m);
         let mut left = self.max;
@@ -136,7 +137,7 @@ impl<'a> Curves<'a> {
         })
     }
 
-    /// The smallest tolerance, m, at which they fit, to [`NARROW`]; they do not fit at `low`.
+    /// The smallest tolerance, m, at which the legs fit, to [`NARROW`]; they do not fit at `low`.
     fn smallest(&self, mut low: f64) -> f64 {
         let mut high = f64::INFINITY;
         let mut at = low;
@@ -161,7 +162,7 @@ impl<'a> Curves<'a> {
             };
             walks += 1;
             let rules = self.rules(at);
-            // A leg far too coarse to fit needs no exact count.
+            // A leg that far exceeds the budget needs no exact count.
             let enough = 4 * self.max;
             let mut chords = 0;
             for (leg, known) in self.legs.iter().zip(&mut lengths) {

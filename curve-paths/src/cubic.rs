@@ -63,8 +63,8 @@ impl Cubic {
         Self([p3, p2, p1, p0])
     }
 
-    /// The length of the curve, m. Each piece is integrated with five Gauss points once its polygon is within 0.1 %
-    /// of its chord and its speed changes little, so cusps cost splits and no accuracy.
+    /// The length of the curve, m. Each piece is integrated with five Gauss points once its control polygon is within
+    /// 0.1 % of its chord and its speed changes little. So cusps cost more splits, but no accuracy.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.length_to_depth(0)

@@ -20,7 +20,8 @@ use crate::wgs84::{Near, Position};
     reason = "a route has a few hundred legs at most, and a leg stays Copy"
 )]
 pub enum Leg {
-    /// The geodesic from one position to another with an even climb: one chord, which is charged only its rounding errors.
+    /// The geodesic from one position to another with an even climb: one chord, which is charged rounding errors
+    /// only.
     Straight {
         /// Its start.
         from: Position,
@@ -210,8 +211,8 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
             }
         }
     }
-    // The ends of a closed route may differ by less than any message can carry. With equal numbers, PX4 gets the same item
-    // twice.
+    // The ends of a closed route may differ by less than any message resolves. With equal numbers PX4 is given the
+    // same item for both.
     if let [first, .., last] = &mut out.vertices[..]
         && apart_m(first.position, last.position) <= SAME_M
     {
@@ -239,7 +240,7 @@ pub fn vertices_needed(legs: &[Leg], options: &Options) -> Result<usize, Densify
     Ok(1 + legs.iter().map(chords).sum::<usize>())
 }
 
-/// The leg with its vertices off the curve, unless that needs as many.
+/// Adds the leg with its vertices off the curve; false, with nothing added, where that saves no vertex.
 fn freed(leg: &BezierLeg, index: usize, rules: &Rules, fixed_m: f64, out: &mut Densified) -> bool {
     let before = (out.vertices.len(), out.bound_m, out.shortest_chord_m);
     if !walk_free(leg, index, rules, fixed_m, out) {
@@ -267,7 +268,7 @@ fn densify_leg(
     walk(leg, rules, |chord| {
         out.bound_m = out.bound_m.max(fixed_m + chord.bound_m);
         out.shortest_chord_m = out.shortest_chord_m.min(chord.ground_m);
-        // The leg's own end, in its own digits: a computed one would differ by rounding.
+        // The leg's own end is copied: a computed one would differ by rounding.
         let position = if chord.b >= 1.0 {
             leg.p4()
         } else {

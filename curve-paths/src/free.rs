@@ -29,7 +29,7 @@ pub(crate) fn walk_free(
         let t = local.t();
         let here = local.framed(offset.0, offset.1);
         let Some(chord) = longest(&local, here, rules, last) else {
-            // Everything is undone: the caller walks this leg again with its vertices on the curve.
+            // Everything is undone: the caller densifies this leg again with its vertices on the curve.
             out.vertices.truncate(before.0);
             (out.bound_m, out.shortest_chord_m) = (before.1, before.2);
             return false;
@@ -65,7 +65,7 @@ struct FreeChord {
     ground_m: f64,
 }
 
-/// The longest chord found from a vertex off the curve by `from`.
+/// The longest chord found that starts off the curve by `from`.
 fn longest(local: &Local<'_>, from: Vec3, rules: &Rules, last: f64) -> Option<FreeChord> {
     let t = local.t();
     let rest = 1.0 - t;

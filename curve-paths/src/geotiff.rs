@@ -1,9 +1,10 @@
 //! GeoTIFF elevation tiles in degrees: those of Copernicus (GLO-30, GLO-90), and SRTM as GeoTIFF.
 //!
-//! The samples are read by the `tiff` library, packed by deflate or LZW or not at all. Where they are is taken from three tags
-//! of the GeoTIFF standard: the scale of a pixel, one tie point, and whether that is the corner of a pixel or its middle. A file
-//! in another projection than degrees, or turned, is refused: a height at the wrong place is worse than none. So are heights in
-//! another unit than metres, and above an ellipsoid; where the keys name neither, they are metres above mean sea level.
+//! The samples are read by the `tiff` library: packed by deflate or LZW, or not packed. Their places are given by
+//! three tags of the GeoTIFF standard: the scale of a pixel, one tie point, and whether that is the corner of a pixel
+//! or its middle. A file in a projection other than degrees, or rotated, is refused: a height at the wrong place is
+//! worse than none. So are heights in units other than metres, or above an ellipsoid; where the keys name neither,
+//! heights are metres above mean sea level.
 
 use std::io::Cursor;
 
@@ -12,7 +13,7 @@ use tiff::tags::Tag;
 
 /// The heights of a file, the northernmost row first.
 pub(crate) struct Raster {
-    /// Of the westernmost and the southernmost samples, degrees.
+    /// Longitude and latitude of the westernmost and southernmost samples, degrees.
     pub(crate) west: f64,
     pub(crate) south: f64,
     /// Between samples, degrees of longitude and of latitude.
@@ -26,7 +27,7 @@ pub(crate) struct Raster {
 /// The heights of a file.
 ///
 /// # Errors
-/// It is no such file, not a whole one, too large, or not in degrees.
+/// It is not such a file, is incomplete, too large, or not in degrees.
 pub(crate) fn read(bytes: Vec<u8>) -> Result<Raster, String> {
     let broken = |cause: tiff::TiffError| format!("{cause}, expected a GeoTIFF of heights");
     let mut limits = Limits::default();
@@ -110,13 +111,13 @@ fn numbers(decoder: &mut Decoder<Cursor<Vec<u8>>>, tag: Tag) -> Result<Vec<f64>,
 /// Whether a sample is the height of a point, and not of its pixel.
 ///
 /// # Errors
-/// The keys say that it is not in degrees, or its heights not metres above mean sea level.
+/// The keys name a unit other than degrees, or heights that are not metres above mean sea level.
 fn is_point(decoder: &mut Decoder<Cursor<Vec<u8>>>) -> Result<bool, String> {
     let keys = match decoder.find_tag(Tag::GeoKeyDirectoryTag) {
         Ok(Some(value)) => value.into_u16_vec().map_err(|cause| cause.to_string())?,
         _ => Vec::new(),
     };
-    // Four numbers each: the key, where its value is (0: here), how many, the value.
+    // Four numbers each: the key, where its value is (0: here), the count, the value.
     let key = |wanted: u16| {
         let mut entries = keys.chunks_exact(4).skip(1);
         let found = entries.find(|entry| entry[0] == wanted && entry[1] == 0);
@@ -152,14 +153,14 @@ const POINT: u16 = 2;
 /// VerticalUnitsGeoKey, and its value for metres.
 const VERTICAL_UNITS: u16 = 4099;
 const METRE: u16 = 9001;
-/// VerticalCSTypeGeoKey, and what it calls heights in metres above mean sea level: EGM2008, EGM96, EGM84, mean sea level, then
-/// what national elevation models have (NAVD88, AHD, NGF-IGN69, LN02, LHN95, EVRF2000, EVRF2007, DHHN92, DHHN2016, ODN). They
-/// differ by less than 2 m.
+/// VerticalCSTypeGeoKey, and its values for heights in metres above mean sea level: EGM2008, EGM96, EGM84, mean sea
+/// level, then those of national elevation models (NAVD88, AHD, NGF-IGN69, LN02, LHN95, EVRF2000, EVRF2007, DHHN92,
+/// DHHN2016, ODN). They differ by less than 2 m.
 const VERTICAL_TYPE: u16 = 4096;
 const SEA_LEVEL: [u16; 14] = [
     3855, 5773, 5798, 5714, 5703, 5711, 5720, 5728, 5729, 5730, 5621, 5783, 7837, 5701,
 ];
-/// A tile of 1 arc second has 13 million.
+/// Samples of a file at most; a tile of 1 arc second has 13 million.
 const MAX_SAMPLES: usize = 64_000_000;
 
 #[cfg(test)]
@@ -168,11 +169,11 @@ mod tests {
 
     use super::*;
 
-    /// What a test changes of a tile.
+    /// What a test changes in a tile.
     struct Made {
         point: bool,
         model: u16,
-        /// Keys beside: of heights.
+        /// Further keys, about heights.
         vertical: &'static [(u16, u16)],
         scale: [f64; 3],
         packed: Compression,

@@ -12,7 +12,7 @@ use crate::cubic::Cubic;
 use crate::vector::Vec3;
 use crate::wgs84::{Ground, Position};
 
-/// A control point, P2 or P3: a place that draws the curve, and an altitude where the message carries one.
+/// A control point, P2 or P3: a place that shapes the curve, and an altitude where the message carries one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Control {
     /// Latitude, degrees (50002.04 P2 Latitude, 50002.07 P3 Latitude).
@@ -96,7 +96,7 @@ pub(crate) enum Climb {
     },
 }
 
-/// Why a leg is not one: the place in it, the value, what was expected.
+/// Why four points are not a legal leg: the place in it, the value, what was expected.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum LegError {
     /// A coordinate or altitude is NaN or infinite.
@@ -106,7 +106,7 @@ pub enum LegError {
         point: &'static str,
         /// The field: "latitude", "longitude" or "altitude".
         field: &'static str,
-        /// What stood there.
+        /// Its value.
         value: f64,
     },
     /// A coordinate or altitude is beyond its range.
@@ -116,7 +116,7 @@ pub enum LegError {
         point: &'static str,
         /// The field.
         field: &'static str,
-        /// What stood there.
+        /// Its value.
         value: f64,
         /// Smallest legal value.
         min: f64,
@@ -128,7 +128,7 @@ pub enum LegError {
     TooFar {
         /// The point of the leg.
         point: &'static str,
-        /// The point that it belongs to.
+        /// The point it is measured from.
         from: &'static str,
         /// Their distance, m.
         distance_m: f64,
@@ -155,12 +155,12 @@ impl BezierLeg {
     /// A leg from its four points, within the default reach of 50 km.
     ///
     /// # Errors
-    /// When a number is not finite or out of range, a point too far, or the leg without length.
+    /// A number is not finite or out of range, a point is too far away, or the leg has no length.
     pub fn new(p1: Position, p2: Control, p3: Control, p4: Position) -> Result<Self, LegError> {
         Self::within(p1, p2, p3, p4, Reach::default())
     }
 
-    /// A leg from its four points, within a reach of the caller's.
+    /// A leg from its four points, within the caller's own limits of distance.
     ///
     /// # Errors
     /// As [`BezierLeg::new`].

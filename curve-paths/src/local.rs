@@ -2,8 +2,8 @@
 //!
 //! Earth-centred, a chord's middle lies below the ground and so does a long leg's; that depth is no deviation, as the
 //! altitude is a curve of its own. So the earth-centred cubic is projected along the vertical at a nearby point, and
-//! its depth replaced by the altitude: still exactly a cubic, to which [`ChordBound`] applies. What the projection
-//! itself can be wrong by is charged to each chord, from above:
+//! its depth replaced by the altitude: still exactly a cubic, to which [`ChordBound`] applies. The largest error of
+//! the projection itself is charged to each chord:
 //!
 //! - the geodesic between the chord's ends bulges by l^2/8R along a vertical that leans by at most rho/R here;
 //! - the curve's depth changes by at most h times the greatest vertical speed between two points of the part, and is
@@ -17,12 +17,12 @@ use crate::leg::{BezierLeg, Climb};
 use crate::vector::Vec3;
 use crate::wgs84::{SMALLEST_RADIUS_M, east_north, up};
 
-/// What is charged to a chord beside the geometry, m.
+/// What is charged to a chord beside the geometry, m: errors of numbers and of the flown line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorAllowance {
     /// For the rounding of each vertex, latitude and longitude together, m.
     pub rounding_m: f64,
-    /// Whether the altitude goes out as an IEEE single: half a unit in its last place is charged.
+    /// Whether the altitude is sent as an IEEE single: half a unit in its last place is charged.
     pub single_altitude: bool,
     /// For the line that the autopilot flies between two items, m for each square metre of chord length.
     pub line_per_m2: f64,
@@ -74,10 +74,10 @@ pub(crate) struct Chord {
     end: Sample,
 }
 
-/// Where a search begins.
+/// Where a search starts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Guess {
-    /// How much of the parameter the chord takes, were it as long as the one it was judged for.
+    /// The length of parameter that the chord should need.
     pub(crate) h: f64,
     /// How the root of the bound grows with h beside in proportion: about as exp(slope h).
     pub(crate) slope: f64,
@@ -106,7 +106,7 @@ pub(crate) struct Local<'a> {
     depth: f64,
     t: f64,
     here: Sample,
-    /// How much of the parameter the chord before took; 0 where there is none.
+    /// The length of parameter of the chord before; 0 where there is none.
     last: f64,
 }
 
@@ -124,7 +124,7 @@ impl BezierLeg {
 impl<'a> Local<'a> {
     pub(crate) fn new(leg: &'a BezierLeg, allowance: &ErrorAllowance) -> Self {
         let [p0, p1, p2, p3] = leg.offsets().0;
-        // One vertical for the whole leg; that the others lean from it is added below.
+        // One vertical for the whole leg; what the others lean from it is charged below.
         let middle = up(leg.origin() + (p0 + p1 + p2 + p3) * 0.25);
         let hull_m = [p0, p1, p2, p3]
             .iter()
@@ -165,7 +165,7 @@ impl<'a> Local<'a> {
         local
     }
 
-    /// Stands at the parameter `t`, in a frame of its own there; no chord is before it.
+    /// Moves to the parameter `t`, in a new frame there; no chord is before it.
     pub(crate) fn reframe(&mut self, t: f64) {
         self.last = 0.0;
         self.move_frame(t);
@@ -206,12 +206,12 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// The parameter of the vertex that it stands at.
+    /// The parameter of the present vertex.
     pub(crate) const fn t(&self) -> f64 {
         self.t
     }
 
-    /// How much of the parameter the chord before took; 0 where there is none.
+    /// The length of parameter of the chord before; 0 where there is none.
     pub(crate) const fn last(&self) -> f64 {
         self.last
     }
@@ -338,7 +338,7 @@ impl<'a> Local<'a> {
     }
 }
 
-/// How far a frame serves before it is moved, m.
+/// A frame is moved once its origin is this far behind, m.
 const FRAME_REACH_M: f64 = 1_000.0;
 
 /// Altitudes are measured from the first, to keep the differences exact.

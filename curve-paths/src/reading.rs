@@ -1,15 +1,15 @@
-//! What another reading of the same four points would draw.
+//! What the same four points draw under another reading.
 //!
-//! A ground station that draws the cubic in latitude and longitude shows another line than the one that is flown:
-//! 2 cm off for a leg of 1 km at 37 degrees, 1.9 m for 10 km, 48 m for 50 km. A leg for which that is more than a
-//! quarter of the tolerance is worth a warning.
+//! A ground station that draws the cubic in latitude and longitude shows another line than the one that is flown: 2
+//! cm off for a leg of 1 km at 37 degrees, 1.9 m for 10 km, 48 m for 50 km. A leg for which that exceeds a quarter of
+//! the tolerance deserves a warning.
 
 use crate::leg::BezierLeg;
 use crate::wgs84::Ground;
 
 impl BezierLeg {
     /// Greatest distance, m, on the ground between this leg and the cubic through the latitudes and longitudes of its
-    /// points, at the same t; from 128 samples, which see it to a thousandth.
+    /// points, at the same t. From 128 samples, which find it to a thousandth.
     #[must_use]
     pub fn latitude_longitude_difference_m(&self) -> f64 {
         let points = [
@@ -18,7 +18,7 @@ impl BezierLeg {
             self.p3().ground(),
             self.p4().ground(),
         ];
-        // Longitudes the short way around, so that the date line does not tear the other reading.
+        // Longitudes the short way around, so that the date line does not split the other reading.
         let west = points[0].lon_deg;
         let lon = points.map(|g| (g.lon_deg - west + 540.0).rem_euclid(360.0) - 180.0);
         let lat = points.map(|g| g.lat_deg);

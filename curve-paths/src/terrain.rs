@@ -1,9 +1,10 @@
 //! The height of the ground, from the bytes of elevation files: SRTM tiles (`.hgt`, 1 or 3 arc seconds), GeoTIFF in degrees
 //! (`.tif`, such as the tiles of Copernicus) and ESRI ASCII grids (`.asc`).
 //!
-//! Heights are metres above mean sea level (SRTM: EGM96, Copernicus: EGM2008, which differ by less than a metre or two). Between samples the ground is interpolated bilinearly. A place that
-//! no file covers, or whose samples are void, has no height: an absent height is never a number. Nothing here reads a disk:
-//! who plans reads a tile when it is needed, and the bridge all of a folder before it flies anything ([`Terrain`]).
+//! Heights are metres above mean sea level (SRTM: EGM96, Copernicus: EGM2008, which differ by less than a metre or
+//! two). Between samples the ground is interpolated bilinearly. A place that no file covers, or whose samples are
+//! void, has no height: an absent height is never a number. Nothing here reads a disk: a planner reads a tile when it
+//! is needed, and the bridge reads a whole folder before it flies anything ([`Terrain`]).
 //!
 //! ```
 //! use curve_paths::terrain::Grid;
@@ -23,27 +24,28 @@ use crate::wgs84::Position;
 
 /// Samples at equal steps of latitude and of longitude, the northernmost row first.
 pub struct Grid {
-    /// Of the westernmost and the southernmost samples, degrees.
+    /// Longitude and latitude of the westernmost and southernmost samples, degrees.
     west: f64,
     south: f64,
-    /// Between samples, degrees of longitude and of latitude: tiles of high latitudes have fewer columns than rows.
+    /// Steps between samples, degrees of longitude and of latitude: tiles of high latitudes have fewer columns than
+    /// rows.
     steps: (f64, f64),
     columns: usize,
     rows: usize,
     samples: Samples,
-    /// How far beyond its outermost samples it counts, parts of a step: rows of neighbouring SRTM tiles are the same, those
-    /// of GeoTIFF tiles are a step apart, and what is between them belongs to the nearer one.
+    /// How far the grid counts beyond its outermost samples, in steps. Neighbouring SRTM tiles share a row, those of
+    /// GeoTIFF are one step apart; what lies between two of them belongs to the nearer one.
     beyond: f64,
 }
 
 enum Samples {
-    /// Metres, big-endian integers of 16 bits as the tile has them: half of what numbers would take, and a tile is 26 MB.
+    /// Metres, big-endian 16-bit integers as in the tile: a tile has 26 MB, and numbers would take twice that.
     Tile(Vec<u8>),
-    /// Metres; NaN where there is none.
+    /// Metres; NaN where there is no height.
     Cells(Vec<f32>),
 }
 
-/// A file that is no elevation grid, and why.
+/// Why a file is not an elevation grid.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct GridError(String);
@@ -61,12 +63,12 @@ pub enum NoHeight {
         lat_deg: f64,
         /// Degrees east.
         lon_deg: f64,
-        /// The grid's corner, degrees north and east.
+        /// The grid's south-western corner, degrees north and east.
         south_west: (f64, f64),
-        /// The opposite one.
+        /// Its north-eastern corner.
         north_east: (f64, f64),
     },
-    /// A sample that counts there is void.
+    /// A sample that is needed for the height is void.
     #[error(
         "no height of the ground at {lat_deg:.6}, {lon_deg:.6} (void): expected another file for there"
     )]
@@ -87,14 +89,14 @@ pub struct Clearance {
     pub at: Position,
 }
 
-/// What a straight line is over.
+/// A straight line above the ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Profile {
     /// Where it is nearest to the ground; none where the ground is known nowhere below it.
     pub lowest: Option<Clearance>,
-    /// Places that were looked at, and how many of them have no height.
+    /// Places that were compared with the ground.
     pub looked_at: usize,
-    /// See there.
+    /// How many of these have no height.
     pub unknown: usize,
 }
 
@@ -111,7 +113,7 @@ impl fmt::Debug for Terrain {
 }
 
 impl fmt::Debug for Grid {
-    /// Where it is, and none of its millions of samples.
+    /// Shows where it is, and not its millions of samples.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             south,
@@ -126,7 +128,7 @@ impl fmt::Debug for Grid {
 }
 
 impl Terrain {
-    /// Of these grids; where several cover a place, the first that has a height there counts.
+    /// A terrain of these grids; where several cover a place, the first that has a height there counts.
     #[must_use]
     pub fn new(grids: Vec<Grid>) -> Self {
         Self { grids }
@@ -145,7 +147,7 @@ impl Terrain {
         grids.find_map(|grid| grid.height_m(lat_deg, lon_deg).ok())
     }
 
-    /// How close places of a line are looked at, m: a third of the finest step between samples.
+    /// Spacing at which a line is compared with the ground, m: a third of the finest step between samples.
     #[must_use]
     pub fn spacing_m(&self) -> f64 {
         let steps = self
@@ -156,12 +158,12 @@ impl Terrain {
     }
 }
 
-/// Looks at the straight line between two places, at altitudes above mean sea level, each `spacing_m` and at both ends. `ground`
-/// gives the height at degrees north and east, none where that is not known. A crest between two places is missed by half of the
-/// spacing times its slope at most.
+/// Compares the straight line between two places, at altitudes above mean sea level, with the ground: every
+/// `spacing_m` and at both ends. `ground` returns the height at degrees north and east, `None` where it is not known.
+/// A crest between two places is missed by at most half of the spacing times its slope.
 ///
 /// # Errors
-/// Those of `ground`.
+/// The error of `ground`.
 pub fn profile<E>(
     from: Position,
     to: Position,
@@ -190,10 +192,10 @@ pub fn profile<E>(
 }
 
 impl Grid {
-    /// Of a file with this name: `.hgt`, named by its south-western corner, `.tif` or `.asc`.
+    /// A grid from a file with this name: `.hgt`, named by its south-western corner, `.tif` or `.asc`.
     ///
     /// # Errors
-    /// It is neither, or not a whole one.
+    /// It is not such a file, or not a whole one.
     pub fn read(name: &str, bytes: Vec<u8>) -> Result<Self, GridError> {
         let path = Path::new(name);
         let text = |part: Option<&std::ffi::OsStr>| {
@@ -215,7 +217,7 @@ impl Grid {
     /// The height of the ground, m above mean sea level.
     ///
     /// # Errors
-    /// It is not known there.
+    /// The height is not known there.
     pub fn height_m(&self, lat_deg: f64, lon_deg: f64) -> Result<f64, NoHeight> {
         let (step_x, step_y) = self.steps;
         let (x, y) = (
@@ -223,7 +225,7 @@ impl Grid {
             (lat_deg - self.south) / step_y,
         );
         let (last_x, last_y) = ((self.columns - 1) as f64, (self.rows - 1) as f64);
-        // A place on the edge is inside, whatever the division has rounded.
+        // A place on the edge is inside, however the division rounds.
         let edge = self.beyond + EDGE;
         if !(-edge..=last_x + edge).contains(&x) || !(-edge..=last_y + edge).contains(&y) {
             return Err(NoHeight::Outside {
@@ -238,7 +240,7 @@ impl Grid {
         let mut height_m = 0.0;
         for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
             let weight = (1.0 - (x - column - dx).abs()) * (1.0 - (y - row - dy).abs());
-            // A sample that does not count may be beyond the last one, or void.
+            // A sample with weight 0 may be beyond the last one, or void, and is not read.
             if weight > 0.0 {
                 height_m += weight * self.sample((column + dx) as usize, (row + dy) as usize);
             }
@@ -249,7 +251,7 @@ impl Grid {
         Ok(height_m)
     }
 
-    /// The memory that its samples take, bytes.
+    /// The memory of its samples, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         match &self.samples {
@@ -258,7 +260,7 @@ impl Grid {
         }
     }
 
-    /// Of this column from the west and this row from the south.
+    /// The sample in this column from the west and this row from the south.
     fn sample(&self, column: usize, row: usize) -> f64 {
         let from_north = self.rows - 1 - row;
         let at = from_north * self.columns + column;
@@ -318,7 +320,7 @@ fn tile(name: &str, bytes: Vec<u8>) -> Result<Grid, String> {
     })
 }
 
-/// The south-western corner in a tile's name.
+/// The south-western corner that a tile's name gives.
 fn corner(name: &str) -> Option<(f64, f64)> {
     let name = name.to_ascii_uppercase();
     let side = |text: &str, positive: char, negative: char, most: f64| {
@@ -378,7 +380,7 @@ fn ascii_grid(bytes: &[u8]) -> Result<Grid, String> {
             "cellsize: {step}, expected degrees, above 0 and at most 1"
         ));
     }
-    // A height is that of the middle of its cell.
+    // A height belongs to the middle of its cell.
     let first = |centre: &str, corner: &str| match header.get(centre) {
         Some(value) => Ok(*value),
         None => need(corner).map(|value| value + 0.5 * step),
@@ -412,11 +414,11 @@ fn ascii_grid(bytes: &[u8]) -> Result<Grid, String> {
     })
 }
 
-/// A place between two, which are near each other, at this part of the way from the first.
+/// The place at this fraction of the way from the first to the second; both are near each other.
 #[must_use]
 pub fn between(from: Position, to: Position, t: f64) -> Position {
     let mix = |a: f64, b: f64| a + t * (b - a);
-    // Over the date line the shorter way.
+    // Across the date line the shorter way.
     let east = (to.lon_deg - from.lon_deg + 540.0).rem_euclid(360.0) - 180.0;
     let lon_deg = (from.lon_deg + t * east + 540.0).rem_euclid(360.0) - 180.0;
     Position::new(
@@ -431,13 +433,13 @@ const ONE_ARC_SECOND: usize = 3_601 * 3_601 * 2;
 const THREE_ARC_SECONDS: usize = 1_201 * 1_201 * 2;
 /// A sample that SRTM has no height for.
 const VOID: i16 = -32_768;
-/// Between the places of a leg that are compared with the ground, m: a third of 1 arc second.
+/// Spacing of the places of a leg that are compared with the ground, m: a third of 1 arc second.
 pub const SPACING_M: f64 = 10.0;
-/// Closer than this nothing is looked at: the places of a long line would be too many.
+/// The smallest spacing, m: a smaller one would make too many places on a long line.
 const MIN_SPACING_M: f64 = 5.0;
-/// Of latitude.
+/// Metres for a degree of latitude.
 const METRES_A_DEGREE: f64 = 111_000.0;
-/// Part of a step that is rounding.
+/// The part of a step that counts as rounding.
 const EDGE: f64 = 1e-6;
 
 #[cfg(test)]
@@ -532,7 +534,7 @@ mod tests {
         assert!((lowest.clearance_m + 200.0).abs() < CREST_M, "{lowest:?}");
         assert!((lowest.at.lon_deg - 8.01).abs() < 3e-4, "{lowest:?}");
         assert_eq!(found.unknown, 0);
-        // Where it leaves the grid that is counted, and what is known still counts.
+        // The part outside the grid is counted, and the known part still gives a lowest place.
         let beyond = Position::new(47.005, 8.04, 100.0);
         let found = profile(from, beyond, terrain.spacing_m(), ground).expect("no fault");
         let part = found.unknown as f64 / found.looked_at as f64;

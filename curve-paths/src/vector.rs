@@ -1,4 +1,4 @@
-//! Three-component vectors in metres: just the operations the geometry needs, no allocation, no panic.
+//! Three-component vectors in metres: only the operations that the geometry needs; no allocation, no panic.
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 

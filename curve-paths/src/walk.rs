@@ -1,4 +1,4 @@
-//! Along one leg by the longest chords that the tolerance allows.
+//! Walks along one leg by the longest chords that the tolerance allows.
 //!
 //! From each vertex the end of the next chord is searched with the proven bound. The first guess comes from the curvature
 //! and its change. Then follows a secant on the root of the bound (which grows almost like the chord), and bisection after
@@ -56,10 +56,10 @@ impl<'a> AltitudeAlong<'a> {
     }
 }
 
-/// The rules of a walk.
+/// The rules for a walk.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
-    /// Greatest bound of a chord, fixed allowance already taken off, m.
+    /// Greatest bound of a chord, with the fixed allowance already subtracted, m.
     pub(crate) tolerance_m: f64,
     /// Shortest chord on the ground between two vertices of a leg, m; 0 for no rule.
     pub(crate) min_chord_m: f64,
@@ -135,7 +135,7 @@ pub(crate) fn longest(local: &Local<'_>, tolerance_m: f64) -> Chord {
         // The bound grows almost with the square of the chord, so its root is almost a straight line for the secant.
         let g = f.sqrt();
         let per_g = if step == 0 {
-            // Without a measurement before it: the expected growth of the root here.
+            // Without an earlier measurement: the expected growth of the root here.
             h / (g * (1.0 + (guess.slope * h).clamp(-0.5, 1.0)))
         } else {
             (h - before_h) / (g - before_g)
@@ -161,7 +161,7 @@ pub(crate) fn count(leg: &BezierLeg, rules: &Rules, enough: usize) -> usize {
 /// The number of full chords that the greedy walk needs, with the last one counted by its used part: never 0, and the
 /// number of chords when rounded up. It stops counting past `enough`.
 pub(crate) fn length(leg: &BezierLeg, rules: &Rules, enough: usize) -> f64 {
-    // A chord is about as long as the root of its allowed deviation.
+    // The length of a chord grows about with the root of its allowed deviation.
     let used = |last: &Chord| (last.bound_m / rules.tolerance_m).sqrt().clamp(1e-6, 1.0);
     let mut local = Local::new(leg, &rules.allowance);
     let whole = local.chord(1.0);
@@ -187,15 +187,15 @@ pub(crate) fn length_guessed(leg: &BezierLeg, rules: &Rules) -> f64 {
     (0..PLACES).map(density).sum::<f64>() / f64::from(PLACES)
 }
 
-/// As the greedy walk, with no chord under the minimum length. A last chord that is too short is lengthened at the cost of
-/// the one before; if that fails too, a dynamic program over a grid decides.
+/// As the greedy walk, but with no chord shorter than the minimum. A last chord that is too short is lengthened at
+/// the cost of the one before; where that fails too, a dynamic program over a grid decides.
 fn walk_with_min(
     leg: &BezierLeg,
     local: &mut Local<'_>,
     rules: &Rules,
     mut visit: impl FnMut(&Chord),
 ) -> Result<(), Stuck> {
-    // If one chord is enough, its ends are the route's own waypoints, and its length is given.
+    // If one chord is enough, its ends are the route's own waypoints, and its length cannot be changed.
     let whole = local.chord(1.0);
     if whole.bound_m <= rules.tolerance_m {
         visit(&whole);
@@ -219,7 +219,7 @@ fn walk_with_min(
         before = Some(chord);
         local.advance(&chord);
     }
-    // Second pass: only now is every chord certain, and a call of `visit` cannot be undone.
+    // Second pass: `visit` cannot be undone, so it is called only now that every chord is certain.
     local.reframe(0.0);
     while local.t() < 1.0 {
         if let Some((first, second)) = &balance

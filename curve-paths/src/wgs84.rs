@@ -99,7 +99,7 @@ impl Position {
 #[inline]
 fn meridian(q: Vec3) -> (f64, f64) {
     let p = (q.x * q.x + q.y * q.y).sqrt();
-    // Bowring's formula once, the parametric latitude taken without trigonometry.
+    // Bowring's formula once; the parametric latitude needs no trigonometry.
     let (u, v) = (q.z * SEMI_MINOR_M, p * SEMI_MAJOR_M);
     let r = (p * p + q.z * q.z).sqrt();
     let u = u * (1.0 + EP2 * SEMI_MINOR_M / r);
@@ -111,7 +111,7 @@ fn meridian(q: Vec3) -> (f64, f64) {
     )
 }
 
-/// Latitudes and longitudes of many earth-centred points near one: the small angles from it cost no arc tangent.
+/// Latitudes and longitudes of many earth-centred points near one: small angles from it need no arc tangent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Near {
     ground: Ground,
@@ -150,8 +150,8 @@ impl Near {
     }
 }
 
-/// The angle, radians, from a direction of known sine and cosine to that of (`y`, `x`), where its tangent is under 0.02:
-/// the terms left out are under the rounding.
+/// The angle, radians, from a direction of known sine and cosine to that of (`y`, `x`), where its tangent is below
+/// 0.02: the omitted terms are smaller than the rounding.
 #[inline]
 fn small_angle(y: f64, x: f64, (sin, cos): (f64, f64)) -> Option<f64> {
     let across = y * cos - x * sin;
@@ -171,7 +171,7 @@ pub(crate) fn up(q: Vec3) -> Vec3 {
 
 /// East and north at a point, for its outward normal; at a pole, east is towards longitude 90 degrees.
 pub(crate) fn east_north(up: Vec3) -> (Vec3, Vec3) {
-    // At a pole every direction is a meridian; any choice serves, as the frame is only measured in.
+    // At a pole every direction is a meridian; any choice works, since the frame is only used to measure.
     let level = Vec3::new(-up.y, up.x, 0.0);
     let east = if level.norm2() > 1e-24 {
         level.unit()

@@ -1,11 +1,11 @@
 //! From pairs to a chain: the fewest parts that cover the track, each of which alone keeps the tolerance.
 //!
-//! For every fix the furthest end is found that one leg can reach. Shorter parts of a part that fits almost always
-//! fit too, so the fewest legs are those of the longest strides; where that is not so (the fit of the shorter part
-//! fails), the stride is taken back until all legs fit. A closed track is tried from every start: one leg fewer hangs
-//! on it.
+//! For every fix the furthest end that one leg can reach is searched. Shorter parts of a part that fits almost always
+//! fit too, so always taking the longest stride gives the fewest legs. Where a shorter part does not fit, the stride
+//! is shortened until all legs fit. A closed track is tried from every start, since the start can decide whether one
+//! more leg is needed.
 
-/// What a chain is made of: a way to try one part.
+/// What a chain is made of: a way to try one part of the track.
 pub(crate) trait Parts {
     /// Whether one leg can stand for the track from fix `i` to fix `j`, i < j.
     fn fits(&mut self, i: usize, j: usize) -> bool;
@@ -63,14 +63,14 @@ impl Shape<'_> {
         }
     }
 
-    /// The fixes of the whole rounds before fix `i`: none on a track that is not closed.
+    /// The fixes of whole rounds before fix `i`; 0 on a track that is not closed.
     pub(crate) fn lap(&self, i: usize) -> usize {
         i / self.count * self.count
     }
 }
 
-/// For each fix the furthest end that one leg reaches, found by walking on from its neighbour's. `progress` receives
-/// the part done, 0 to 1.
+/// For each fix the furthest end that one leg reaches, searched from that of the fix before. `progress` receives the
+/// finished part, 0 to 1.
 pub(crate) fn reaches(
     shape: &Shape<'_>,
     parts: &mut dyn Parts,
@@ -89,14 +89,14 @@ pub(crate) fn reaches(
         let mut furthest = None;
         let mut j = from;
         let mut misses = 0;
-        // On, past a few failures: what fails at one fix may fit at the next.
+        // Forwards, past a few failures: what fails to one fix may fit to the next.
         let mut stride = if i == 0 { 4 } else { 1 };
         while j <= limit && misses <= MISSES {
             if parts.fits(i, j) {
                 furthest = Some(j);
                 misses = 0;
             } else if stride > 1 {
-                // Strode too far: on from the last that fitted, one by one.
+                // The stride was too long: forwards from the last fix that fitted, one at a time.
                 j = furthest.map_or(from, |last| last + 1);
                 stride = 1;
                 continue;
@@ -108,7 +108,7 @@ pub(crate) fn reaches(
             }
             j = (j + stride).min(limit);
         }
-        // Or back. Neighbours are joined by the track itself, so the next fix is always reached.
+        // Otherwise backwards. Neighbours are joined by the track itself, so the next fix can always be reached.
         let mut j = from;
         while furthest.is_none() {
             j -= 1;
@@ -140,20 +140,20 @@ pub(crate) fn fewest(shape: &Shape<'_>, reaches: &[usize], parts: &mut dyn Parts
     };
     let mut chains: Vec<Vec<usize>> = shape.starts().into_iter().map(stride).collect();
     chains.sort_by_key(Vec::len);
-    // The strides themselves fit; the last leg is the one that was cut short.
+    // Each stride is known to fit; only the last leg, which was cut short at the end, is tried again.
     let chosen = chains.iter().position(|joints| match joints[..] {
         [.., a, b] => reach(a) == b || parts.fits(a % shape.count, b - shape.lap(a)),
         _ => false,
     });
     let mut joints = chains.swap_remove(chosen.unwrap_or(0));
     if chosen.is_none() {
-        mend(&mut joints, shape, parts);
+        split_last_leg(&mut joints, shape, parts);
     }
     joints
 }
 
 /// Splits the last leg until its parts fit.
-fn mend(joints: &mut Vec<usize>, shape: &Shape<'_>, parts: &mut dyn Parts) {
+fn split_last_leg(joints: &mut Vec<usize>, shape: &Shape<'_>, parts: &mut dyn Parts) {
     let Some(end) = joints.pop() else { return };
     while let Some(&a) = joints.last() {
         let lap = shape.lap(a);
@@ -168,5 +168,5 @@ fn mend(joints: &mut Vec<usize>, shape: &Shape<'_>, parts: &mut dyn Parts) {
     }
 }
 
-/// Failures in a row after which a reach is taken as found.
+/// Failures in a row after which the furthest end counts as found.
 const MISSES: u32 = 8;

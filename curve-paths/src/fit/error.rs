@@ -1,4 +1,4 @@
-//! Why a track is not fitted, and the tolerances that can be asked for.
+//! Why a track is not fitted, and the allowed tolerances.
 
 use thiserror::Error;
 
@@ -10,19 +10,19 @@ pub enum FitError {
     /// The tolerance is out of range.
     #[error("tolerance is {tolerance_m} m, expected {min_m} to {max_m} m")]
     Tolerance {
-        /// What was asked for, m.
+        /// The requested tolerance, m.
         tolerance_m: f64,
-        /// The least, m.
+        /// The smallest, m.
         min_m: f64,
-        /// The most, m.
+        /// The largest, m.
         max_m: f64,
     },
-    /// The search found nothing that a dense measure confirms.
+    /// No fit that was found passed the dense measurement.
     #[error("the best fit is {deviation_m} m off, expected at most {tolerance_m} m")]
     NotWithin {
-        /// What was reached, m.
+        /// The deviation of the best fit, m.
         deviation_m: f64,
-        /// What was asked for, m.
+        /// The requested tolerance, m.
         tolerance_m: f64,
     },
     /// A leg between two fixes is not legal: they are too far apart.
@@ -30,7 +30,7 @@ pub enum FitError {
     Leg {
         /// The fix that it starts at.
         from: usize,
-        /// What is wrong with it.
+        /// What is wrong with the leg.
         error: LegError,
     },
 }

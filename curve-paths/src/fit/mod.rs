@@ -90,8 +90,8 @@ pub fn fit(
         if fitted.deviation_m <= options.tolerance_m {
             return Ok(fitted);
         }
-        // Something lay between the samples of the search: once more with as much in reserve, and where that moves
-        // it elsewhere only, with no leg taken that the dense measure refuses.
+        // The curve deviated between the samples of the search. Tried again with that much in reserve; where that
+        // only moves the deviation elsewhere, once more with every leg confirmed by the dense measurement.
         deviation_m = fitted.deviation_m;
         inner_m *= 0.999 * options.tolerance_m / deviation_m;
     }
@@ -101,7 +101,7 @@ pub fn fit(
     })
 }
 
-/// The legs of one search, not yet measured densely.
+/// The legs of one search, not measured densely yet.
 fn search(
     cubics: &mut Cubics<'_>,
     shape: &Shape<'_>,
@@ -167,5 +167,5 @@ fn measured(
 const SAMPLING_RESERVE: f64 = 2e-3;
 /// Spacing of the samples that a found leg is measured with, as a part of the tolerance.
 const VERIFY: f64 = 0.25;
-/// How far to either side a corner is looked at, as a multiple of the tolerance.
+/// How far to either side of a fix its turn is measured, as a multiple of the tolerance.
 const CORNER_REACH: f64 = 3.0;

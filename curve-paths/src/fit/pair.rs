@@ -1,10 +1,11 @@
-//! The best cubic between two fixes: least squares against the tangents, each sample's foot moved along, with
-//! Lawson's weights driving the largest deviation down.
+//! The best cubic between two fixes: least squares across the curve, the foot of each sample moved along, with
+//! Lawson's weights reducing the largest deviation.
 //!
-//! The ends are given; the two inner control points have four numbers, or two where the tangents at the ends are
-//! given as well. Each round projects the samples to the curve, weighs them by their distance, and solves for the
-//! control points with the distance across the curve counted in full and along it at a hundredth: that is Newton's
-//! pace without its temper. A fit counts only when the deviation both ways is within the tolerance.
+//! The ends are given; the two inner control points have four unknowns, or two where the tangents at the ends are
+//! given too. Each round projects the samples to the curve, weighs them by their distance, and solves for the control
+//! points. Distances across the curve count in full and those along it at a hundredth, which converges about as fast
+//! as Newton's method without its instability. A fit counts only when the deviation both ways is within the
+//! tolerance.
 
 use super::plane::{Cubic2, Vec2, curve_to_polyline2};
 
@@ -16,7 +17,7 @@ pub(crate) struct Scratch {
     distance: Vec<f64>,
 }
 
-/// What is held at the ends beside their places.
+/// What is given at the ends beside their places.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tangents {
     /// Direction in which the leg leaves its start, when given, length 1.
@@ -40,7 +41,8 @@ pub(crate) struct PairFit {
 }
 
 impl PairFit {
-    /// The best cubic found for the samples; it stops as soon as one is within the tolerance, or none is in sight.
+    /// The best cubic found for the samples; the search stops at the first one within the tolerance, or when none is
+    /// likely.
     pub(crate) fn run(
         points: &[Vec2],
         arc_m: &[f64],
@@ -87,7 +89,7 @@ impl PairFit {
 }
 
 impl PairFit {
-    /// The leg that keeps to the chord from `a` to `b`, whatever its tangents, by arms shorter than the tolerance.
+    /// A leg along the chord from `a` to `b` whatever its tangents: its arms are shorter than the tolerance.
     pub(crate) fn chord(a: Vec2, b: Vec2, tangents: Tangents, tolerance_m: f64) -> Self {
         let arm = (MIN_ARM * (b - a).norm()).min(0.9 * tolerance_m);
         let q1 = tangents.start.map_or(a.lerp(b, 1.0 / 3.0), |d| a + d * arm);
@@ -168,14 +170,14 @@ impl<'a> Search<'a> {
             b[3] += w * b2 * mr.y;
         }
         a[3][0] = a[2][1];
-        // r is what remains over the present control points, so the solution is the step from them.
+        // r is what remains over the present control points, so the solution is a step from them.
         let step = match (self.tangents.start, self.tangents.end) {
             (None, None) => solve_spd(a, b),
             (start, end) => solve_along(a, b, start, end),
         };
         let mut q1 = p1 + Vec2::new(step[0], step[1]);
         let mut q2 = p2 + Vec2::new(step[2], step[3]);
-        // A tangent that is given points forward.
+        // A given tangent points forwards, so its arm is not negative.
         let min = MIN_ARM * (p3 - p0).norm();
         if let Some(d) = self.tangents.start {
             q1 = p0 + d * (q1 - p0).dot(d).max(min);
@@ -205,7 +207,7 @@ impl<'a> Search<'a> {
         worst2
     }
 
-    /// Lawson's step: each weight grows with its distance.
+    /// Lawson's step: each weight grows with the sample's distance.
     fn weigh(&mut self) {
         let n = self.points.len() as f64;
         let mean = self.s.distance.iter().sum::<f64>() / n;
@@ -224,7 +226,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Cholesky's solution of a symmetric system given by its lower triangle, with a whiff of damping.
+/// Cholesky's solution of a symmetric system given by its lower triangle, with slight damping.
 fn solve_spd(mut a: [[f64; 4]; 4], mut b: [f64; 4]) -> [f64; 4] {
     let damping = DAMPING * (a[0][0] + a[1][1] + a[2][2] + a[3][3]) + f64::MIN_POSITIVE;
     for j in 0..4 {
@@ -258,9 +260,9 @@ fn solve_spd(mut a: [[f64; 4]; 4], mut b: [f64; 4]) -> [f64; 4] {
     b
 }
 
-/// The same with a control point held to the line along its tangent.
+/// The same with a control point restricted to the line along its tangent.
 fn solve_along(a: [[f64; 4]; 4], b: [f64; 4], start: Option<Vec2>, end: Option<Vec2>) -> [f64; 4] {
-    // A held point has one direction; a free one keeps both: columns of the basis that the step is written in.
+    // A restricted point has one direction, a free one two: columns of the basis in which the step is written.
     let across = |d: Vec2| [(d, true), (Vec2::new(-d.y, d.x), false)];
     let first = across(start.unwrap_or(Vec2::new(1.0, 0.0)));
     let second = across(end.unwrap_or(Vec2::new(1.0, 0.0)));
@@ -301,7 +303,7 @@ fn solve_along(a: [[f64; 4]; 4], b: [f64; 4], start: Option<Vec2>, end: Option<V
     step
 }
 
-/// Rounds after which a fit is what it is.
+/// Rounds after which the search ends in any case.
 const MAX_ROUNDS: u32 = 40;
 /// Rounds without 2 % of progress that end a fit.
 const PATIENCE: u32 = 6;
@@ -309,5 +311,5 @@ const PATIENCE: u32 = 6;
 const ALONG: f64 = 0.01;
 /// Damping of the normal equations, as a part of their trace.
 const DAMPING: f64 = 1e-9;
-/// Shortest arm of a tangent that counts, as a part of the chord: a shorter one would be a corner in disguise.
+/// Shortest arm of a tangent that counts, as a part of the chord: a shorter one would hide a corner.
 pub(crate) const MIN_ARM: f64 = 0.15;

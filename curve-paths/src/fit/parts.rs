@@ -9,7 +9,8 @@ use super::track::Sampled;
 pub(super) struct Cubics<'a> {
     pub(super) sampled: &'a Sampled,
     pub(super) tolerance_m: f64,
-    /// The spacing that each leg is measured with again before it is taken, m; none, the search's samples do.
+    /// Spacing, m, of a dense measurement that each leg must pass as well; `None` where the search's samples are
+    /// enough.
     pub(super) confirm_m: Option<f64>,
     pub(super) scratch: Scratch,
 }
@@ -23,7 +24,7 @@ impl Cubics<'_> {
             found.deviation_m = self.sampled.deviation_m(&found.cubic, (i, j), spacing_m);
         }
         if j == i + 1 && found.deviation_m > self.tolerance_m {
-            // Between neighbours the track is a chord, and arms that are short enough keep to it.
+            // Between neighbours the track is a chord, and a leg with arms that are short enough stays on it.
             return PairFit::chord(
                 points[0],
                 points[points.len() - 1],

@@ -124,7 +124,7 @@ impl Cubic2 {
         let d = self.derivative(t);
         let d2 = d.norm2();
         let slope = d2 + r.dot(self.second_derivative(t));
-        // Away from the nearest point Newton's slope can vanish or turn; Gauss's never does.
+        // Away from the nearest point Newton's slope can vanish or change sign; Gauss's never does.
         let slope = if slope > 0.3 * d2 { slope } else { d2 };
         if slope > 0.0 {
             (t - r.dot(d) / slope).clamp(0.0, 1.0)
@@ -168,11 +168,11 @@ impl Plane {
     }
 }
 
-// The two-sided deviation between a cubic and the polyline that it stands for. A measure of one side only is a trap: fits
-// that pass every fix can be metres off between them.
+// The two-sided deviation between a cubic and the polyline that it replaces. Measuring one side only is a pitfall: a
+// curve through every fix can be metres off between them.
 
-/// Greatest squared distance of the curve from the polyline of `points`, m^2. The nearest segment is looked for
-/// around the last one, so a curve that runs ahead or back along its track is measured too far, never too near.
+/// Greatest squared distance of the curve from the polyline of `points`, m^2. The nearest segment is searched around
+/// the last one, so a curve that runs ahead or back along its track is measured too far, never too near.
 pub(crate) fn curve_to_polyline2(cubic: &Cubic2, points: &[Vec2]) -> f64 {
     let n = 2 * points.len();
     let mut segment = 0;
@@ -222,7 +222,7 @@ fn resampled(points: &[Vec2], spacing_m: f64) -> Vec<Vec2> {
     out
 }
 
-/// Greatest squared distance from any of `from` to the polyline `to`, every segment looked at.
+/// Greatest squared distance of any point of `from` from the polyline `to`; every segment is compared.
 fn one_sided2(from: &[Vec2], to: &[Vec2]) -> f64 {
     let nearest = |x: &Vec2| {
         to.windows(2)
@@ -232,7 +232,7 @@ fn one_sided2(from: &[Vec2], to: &[Vec2]) -> f64 {
     from.iter().map(nearest).fold(0.0, f64::max)
 }
 
-/// Segments looked at behind and ahead of the last nearest one.
+/// Segments compared behind and ahead of the last nearest one.
 const BACK: usize = 4;
 const AHEAD: usize = 8;
 /// Samples of one leg at most.

@@ -1,7 +1,7 @@
 //! A chain whose legs also share their direction where they meet.
 //!
-//! Each leg takes over the direction in which the one before it arrived, and goes as far as it can with its own end
-//! free; a closed track's last leg is held at both ends. Which start is best cannot be known beforehand, so starts
+//! Each leg starts in the direction in which the one before it arrived, and reaches as far as it can with its own end
+//! free; the last leg of a closed track is given both tangents. The best start is not known beforehand, so starts
 //! along the whole first leg are tried.
 
 use super::chain::Shape;
@@ -9,7 +9,7 @@ use super::pair::{MIN_ARM, Tangents};
 use super::parts::Cubics;
 use super::plane::{Cubic2, Vec2};
 
-/// A leg of a chain: from fix, to fix (of the second round where it must), and the curve.
+/// A leg of a chain: from fix, to fix (in the second round where necessary), and the curve.
 pub(crate) type Link = (usize, usize, Cubic2);
 
 /// The shortest smooth chain found. `reaches` are those of legs free at both ends: no leg reaches further.
@@ -38,7 +38,7 @@ pub(crate) fn fewest(
     best.unwrap_or_default()
 }
 
-/// The chain from one start, or none once it cannot be shorter than `most`.
+/// The chain from one start; `None` once it cannot be shorter than `most`.
 fn chain_from(
     start: usize,
     shape: &Shape<'_>,
@@ -76,7 +76,7 @@ fn chain_from(
             if let Some(cubic) = fit(to, tangent) {
                 break cubic;
             }
-            // A last leg that cannot close in one is halved: both halves are then easy.
+            // A last leg that cannot close the track alone is halved: both halves then fit.
             to = if to == end && closing.is_some() {
                 at + (end - at).div_ceil(2).min(end - at - 1)
             } else {
@@ -93,7 +93,7 @@ fn chain_from(
     Some(chain)
 }
 
-/// Whether both ends have a direction worth the name.
+/// Whether both arms are long enough to define a direction.
 fn has_arms(c: &Cubic2) -> bool {
     let min = 0.99 * MIN_ARM * (c.0[3] - c.0[0]).norm();
     (c.0[1] - c.0[0]).norm() >= min && (c.0[3] - c.0[2]).norm() >= min

@@ -1,8 +1,8 @@
-//! The fewest straight legs with vertices on the fixes: an optimum, not a search.
+//! The fewest straight legs with vertices on the fixes: a proven optimum, not a heuristic search.
 //!
-//! A chord stands for a part of the track when every fix of it is within the tolerance of the chord. That is two-sided:
-//! the polyline runs from one end of the chord to the other, so some point of it lies across from every point of the
-//! chord, on a stretch whose ends, and so all of it, are that near.
+//! A chord may replace a part of the track when every fix of the part is within the tolerance of the chord. That
+//! bounds both sides: the polyline runs from one end of the chord to the other, so some point of it lies across from
+//! every point of the chord, on a segment whose ends, and therefore all of it, are within the tolerance.
 
 use super::error::{FitError, check_tolerance};
 use super::plane::Vec2;
@@ -11,7 +11,7 @@ use super::track::{Sampled, Track};
 /// The fewest straight legs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Straightened {
-    /// The fixes that are vertices, in order; of a closed track the first comes again at the end.
+    /// The fixes that are vertices, in order; on a closed track the first is repeated at the end.
     pub joints: Vec<usize>,
     /// Greatest deviation both ways, m.
     pub deviation_m: f64,
@@ -35,7 +35,8 @@ pub enum Start {
     Any,
 }
 
-/// The fewest straight legs through fixes of the track; of the same number, the set with the least deviation sum.
+/// The fewest straight legs through fixes of the track; of several such sets, the one with the smallest sum of
+/// deviations.
 ///
 /// # Errors
 /// When the tolerance is out of range.
@@ -50,7 +51,7 @@ pub fn straighten(track: &Track, tolerance_m: f64, start: Start) -> Result<Strai
     let ends: Vec<Vec<(u32, f32)>> = (0..starts)
         .map(|i| ends_of(&fixes, i, count, sampled.closed, tolerance_m))
         .collect();
-    // Some vertex lies within the longest leg from fix 0, wherever a closed chain starts.
+    // Wherever a closed chain starts, some vertex of it lies within the longest leg from fix 0.
     let first = if sampled.closed && start == Start::Any {
         ends[0].last().map_or(1, |e| e.0 as usize)
     } else {
@@ -91,8 +92,8 @@ fn ends_of(
 ) -> Vec<(u32, f32)> {
     let limit = if closed { i + count } else { count - 1 };
     let mut ends = Vec::new();
-    // Past the furthest that any chord could reach: the track is there further from its start than the tolerance
-    // from every chord. A run of failures as long as the run of successes is the practical sign.
+    // Stops past the furthest fix that any chord could reach: there the track is further from its start than the
+    // tolerance from every chord. In practice, a run of failures as long as the run of successes shows that.
     let mut misses = 0;
     for j in i + 1..=limit {
         let d2 = deviation2(fixes, i, j);

@@ -1,4 +1,4 @@
-//! The track to be fitted: a checked sequence of fixes, projected, and sampled between them.
+//! The track to fit: a checked sequence of fixes, projected, with samples between them.
 
 use thiserror::Error;
 
@@ -13,7 +13,7 @@ pub struct Track {
     closed: bool,
 }
 
-/// Why a sequence of fixes is no track.
+/// Why a sequence of fixes is not a track.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum TrackError {
     /// Too few different fixes.
@@ -39,9 +39,9 @@ pub enum TrackError {
     TooWide {
         /// The fix, from 0.
         index: usize,
-        /// Its distance, m.
+        /// Its distance from the middle, m.
         distance_m: f64,
-        /// The greatest, m.
+        /// The greatest allowed distance, m.
         max_m: f64,
     },
 }
@@ -51,7 +51,7 @@ impl Track {
     /// first, and need not repeat it.
     ///
     /// # Errors
-    /// When a fix is no position, when too few differ, or when the track is wider than 200 km.
+    /// A fix is not a position, too few fixes differ, or the track is wider than 200 km.
     pub fn new(fixes: &[Position], closed: bool) -> Result<Self, TrackError> {
         let mut kept: Vec<Position> = Vec::with_capacity(fixes.len());
         for (index, fix) in fixes.iter().enumerate() {
@@ -65,7 +65,7 @@ impl Track {
                 kept.push(*fix);
             }
         }
-        // A closed track that repeats its first fix at its end would close by a gap of no length.
+        // A closed track that repeats its first fix at its end would be closed by a gap without length.
         if let (true, [first, .., last]) = (closed, &kept[..])
             && first.ground().distance_m(last.ground()) <= SAME_PLACE_M
         {
@@ -125,8 +125,8 @@ impl Track {
     }
 }
 
-/// A track in the plane, with samples between the fixes; a closed one is written out twice, so that every part of it
-/// is a slice.
+/// A track in the plane, with samples between the fixes. A closed track is written out twice, so that every part of
+/// it is a slice.
 #[derive(Debug)]
 pub(crate) struct Sampled {
     pub(crate) plane: Plane,
@@ -192,7 +192,7 @@ impl Sampled {
         (&self.points[range.clone()], &self.arc_m[range])
     }
 
-    /// The place of a fix of either round.
+    /// The place of a fix, of either round.
     pub(crate) fn at_fix(&self, i: usize) -> Vec2 {
         self.points[self.fix[i]]
     }
@@ -205,7 +205,7 @@ impl Sampled {
     }
 }
 
-/// The fixes at which the track, looked at over `reach_m` before and after, turns by more than `corner_deg`; of
+/// The fixes at which the track, compared over `reach_m` before and after, turns by more than `corner_deg`; of
 /// several within that reach, the one that turns most. Ascending.
 pub(crate) fn corners(track: &Sampled, corner_deg: f64, reach_m: f64) -> Vec<usize> {
     let turns: Vec<f64> = (0..track.count)
@@ -232,7 +232,7 @@ fn turn_deg(track: &Sampled, i: usize, reach_m: f64) -> f64 {
     if !track.closed && (i == 0 || i == track.count - 1) {
         return 0.0;
     }
-    // In the second round of a closed track there is room on both sides of every fix but the last few of it.
+    // In the second round of a closed track every fix but the last few has room on both sides.
     let k = track.fix[if track.closed && i < track.count / 2 {
         i + track.count
     } else {
@@ -244,7 +244,7 @@ fn turn_deg(track: &Sampled, i: usize, reach_m: f64) -> f64 {
     a.cross(b).atan2(a.dot(b)).abs().to_degrees()
 }
 
-/// The point of the track at a length along it, its ends beyond them.
+/// The point of the track at this length along it; beyond its ends, the end.
 fn at(track: &Sampled, arc_m: f64) -> Vec2 {
     let k = track.arc_m.partition_point(|&a| a < arc_m);
     if k == 0 {
@@ -259,7 +259,7 @@ fn at(track: &Sampled, arc_m: f64) -> Vec2 {
 
 /// Fixes closer than this are one, m.
 const SAME_PLACE_M: f64 = 1e-4;
-/// Greatest distance of a fix from the middle of its track, m: beyond, the projection would show.
+/// Greatest distance of a fix from the middle of its track, m: beyond it the error of the projection would count.
 const MAX_REACH_M: f64 = 100_000.0;
 /// Spacing of samples on a long gap, m for a tolerance of 1 m: a polyline's gaps are straight, the curve's are not.
 const SPACING: f64 = 6.0;

@@ -77,7 +77,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Curvature of the ground track, 1/m, positive to the left; where the curve stands still, infinite if it turns.
+    /// Curvature of the ground track, 1/m, positive to the left. Where the speed is zero: infinite if the curve turns
+    /// there.
     fn curvature(&self, t: f64) -> f64 {
         let (d, dd) = (
             self.leg.offsets().derivative(t),

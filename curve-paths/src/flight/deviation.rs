@@ -5,8 +5,8 @@
 //! the worst of these tracks, with a margin, is the bound. For a multicopter it is that of its worst corner, from PX4's
 //! position smoothing.
 //!
-//! The deviation counts both ways: from the track to the curve, and from the curve to the track, since a vehicle that cuts
-//! a bend never comes near the bend.
+//! The deviation counts both ways: from the track to the curve, and from the curve to the track, since a vehicle that
+//! cuts a bend is near the route everywhere, but the bend is far from its track.
 
 use std::f64::consts::TAU;
 
@@ -55,9 +55,9 @@ fn on_wings(items: &[FlownItem], wing: &FixedWing) -> Option<f64> {
         return None;
     }
     let items = around_curves(items);
-    let settled_m =
-        SETTLED_S * (items.iter().map(|i| i.speed_mps).fold(0.0, f64::max) + wing.wind_mps);
-    let places = flat(items, settled_m);
+    let longest_m =
+        ON_LINE_S * (items.iter().map(|i| i.speed_mps).fold(0.0, f64::max) + wing.wind_mps);
+    let places = flat(items, longest_m);
     let marks: Vec<Mark> = items
         .iter()
         .zip(&places)
@@ -82,7 +82,7 @@ fn on_wings(items: &[FlownItem], wing: &FixedWing) -> Option<f64> {
     Some(off_m.fold(0.0, f64::max)).filter(|off_m| off_m.is_finite())
 }
 
-/// The items of the curves, and those before and after that influence how the curves are entered and left.
+/// The items of the curves, and those before and after that affect how the curves are entered and left.
 fn around_curves(items: &[FlownItem]) -> &[FlownItem] {
     let first = items.iter().position(|item| item.curved).unwrap_or(0);
     let last = items.iter().rposition(|item| item.curved).unwrap_or(0);
@@ -238,13 +238,14 @@ fn by_corners(items: &[FlownItem], copter: &Multicopter) -> f64 {
 pub const MAX_WIND_SHARE: f64 = 0.6;
 /// Items before and after the curves that are included.
 const AROUND: usize = 3;
-/// After so long a vehicle has settled on its line, s: the rest of a leg changes nothing, and is left out.
-const SETTLED_S: f64 = 25.0;
+/// After this time, s, a vehicle flies along its line: the rest of a leg changes nothing, and is left out.
+const ON_LINE_S: f64 = 25.0;
 /// Directions of the wind.
 const WINDS: u32 = 8;
 /// A track is matched with the part of the route this far before and behind its last match, m.
 const WINDOW_M: f64 = 150.0;
-/// More than the largest ratio of flown to computed deviation (1.3): docs/guide/curves.md.
+/// A margin on the computed deviation: the largest measured ratio of flown to computed was 1.3
+/// (docs/guide/curves.md).
 const WING_FACTOR: f64 = 1.4;
 /// Added for effects that are not computed: estimate, gusts, height, m.
 const WING_M: f64 = 2.0;

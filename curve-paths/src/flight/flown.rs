@@ -1,8 +1,8 @@
 //! Compares a flown track with its route: how far it deviated, and which points of the route it passed.
 //!
-//! Promised: only the part between the route's start and end counts, wherever the track begins and ends; distances are
-//! in three dimensions, against the curves themselves and not their chords, and both ways: a vehicle that cuts a bend is near
-//! the route everywhere, and the bend is far from its track.
+//! Promised: only the part between the route's start and end counts, wherever the track begins and ends. Distances
+//! are in three dimensions, against the curves themselves and not their chords, and both ways: a vehicle that cuts a
+//! bend is near the route everywhere, but the bend is far from its track.
 
 use crate::densify::Leg;
 use crate::vector::Vec3;
@@ -39,7 +39,7 @@ pub fn measure(
     let near_m = within_m.max(NEAR_M);
     let enters = flown.iter().position(|p| (*p - start).norm() <= near_m)?;
     let leaves = flown.iter().rposition(|p| (*p - end).norm() <= near_m)?;
-    // Continues to the nearest sample: the way to the start is not part of the route.
+    // From there to the nearest sample: the approach to the start is not part of the route.
     let first = (enters..flown.len())
         .take_while(|&k| (flown[k] - start).norm() <= near_m)
         .min_by(|&a, &b| {
@@ -133,6 +133,6 @@ impl Flat {
     }
 }
 
-/// A track that comes no nearer to an end of the route has not flown it, m.
+/// A track that is never within this distance of an end of the route has not flown it, m.
 const NEAR_M: f64 = 12.0;
 const SAMPLES: u32 = 16;

@@ -1,8 +1,8 @@
 //! Whether a route can be flown: where it is too tight for a speed, what speed it allows, what that costs.
 //!
-//! Promised: every finding names the place, the figure and the fastest legal speed there; nothing is changed silently.
-//! What a policy makes of the findings is data: a list of speed changes, or a refusal. The predicted deviation is a bound that
-//! all measured flights held ([`flown_bound_m`]); it is not proven as the planned one is.
+//! Promised: every finding names the place, the figure and the fastest legal speed there; nothing is changed
+//! silently. The result of a policy is data: a list of speed changes, or a refusal. The predicted deviation is a
+//! bound that all measured flights kept ([`flown_bound_m`]); unlike the planned one it is not proven.
 
 mod curvature;
 mod deviation;

@@ -1,4 +1,4 @@
-//! How PX4 v1.18 steers wings along a line: its guidance law (NPFG), and how early it takes the next waypoint.
+//! How PX4 v1.18 steers wings along a line: its guidance law (NPFG), and how early it switches to the next waypoint.
 //!
 //! PX4's fw_mode_manager gives each leg of a mission to NPFG as a straight line without curvature, so that a curve of chords
 //! gets no feed-forward: it is flown as a row of corners, each taken a switch distance early. Two-dimensional vectors are
@@ -16,7 +16,7 @@ pub struct Npfg {
     pub period_s: f64,
     /// Damping ratio (PX4: NPFG_DAMPING).
     pub damping: f64,
-    /// Part of the track error boundary at which a waypoint is taken (PX4: NPFG_SW_DST_MLT).
+    /// Part of the track error boundary at which a waypoint counts as reached (PX4: NPFG_SW_DST_MLT).
     pub switch_multiplier: f64,
 }
 
@@ -32,7 +32,8 @@ impl Default for Npfg {
 }
 
 impl Npfg {
-    /// How far before a waypoint it is taken, m; the vehicle's acceptance radius counts where that is larger.
+    /// How far before a waypoint PX4 switches to the next, m; the vehicle's acceptance radius counts where it is
+    /// larger.
     #[must_use]
     pub fn switch_m(&self, ground_mps: f64) -> f64 {
         self.switch_multiplier * self.boundary_m(ground_mps)
@@ -50,8 +51,8 @@ impl Npfg {
 
     /// The course over ground to fly, rad clockwise from north: along the leg, and back to it.
     ///
-    /// As `navigateWaypoints` does: before the start of the leg the start is flown to, beyond its end the end, unless
-    /// either is as near as a waypoint is taken.
+    /// As PX4's `navigateWaypoints`: before the start of the leg the start is flown to, beyond its end the end,
+    /// unless either is within the switch distance.
     #[must_use]
     pub fn course(&self, at: NorthEast, from: NorthEast, to: NorthEast, ground_mps: f64) -> f64 {
         let [leg, run, past] = [minus(to, from), minus(at, from), minus(at, to)];
@@ -158,7 +159,7 @@ mod tests {
     #[test]
     fn a_cross_wind_is_flown_into() {
         let npfg = Npfg::default();
-        // Wind from the west, course north: the nose points left of the course, and then nothing is turned.
+        // Wind from the west, course north: the nose points left of the course, and no turn is commanded then.
         let wind = [0.0, 5.0];
         assert!(npfg.acceleration(0.0, [15.0, 0.0], wind) < -1.0);
         let settled = [(225.0f64 - 25.0).sqrt(), -5.0];

@@ -1,4 +1,4 @@
-//! From a densified route and a wished speed to what will be flown: findings, speed changes, time, deviation.
+//! From a densified route and a requested speed to what will be flown: findings, speed changes, time, deviation.
 
 use thiserror::Error;
 
@@ -9,7 +9,7 @@ use crate::densify::Leg;
 use crate::walk::Densified;
 use crate::wgs84::Position;
 
-/// What to do about a place that is too tight for the speed.
+/// What to do at a place that is too tight for the speed.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Policy {
     /// Fly it slower: a speed change before, another after.
@@ -19,7 +19,7 @@ pub enum Policy {
     Refuse,
 }
 
-/// A place that is too tight for the wished speed.
+/// A place that is too tight for the requested speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tight {
     /// The leg, from 0.
@@ -46,16 +46,16 @@ pub struct SpeedChange {
 /// How a route will be flown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FlightPlan {
-    /// The places that are too tight for the wished speed: the worst of each run of chords.
+    /// The places that are too tight for the requested speed: the worst one of each run of chords.
     pub tight: Vec<Tight>,
     /// The fastest speed that the whole route allows, m/s: infinite for straight legs only.
     pub fastest_mps: f64,
-    /// Speed changes in order of their vertices; none when the wished speed holds throughout.
+    /// Speed changes in order of their vertices; none when the requested speed is possible throughout.
     pub changes: Vec<SpeedChange>,
-    /// Time that the chords take at those speeds, and no faster than the autopilot takes each chord, s.
+    /// Time for the chords at those speeds, limited by the speed that the autopilot allows itself on each chord, s.
     pub time_s: f64,
-    /// Within this deviation its curves are flown, m ([`flown_bound_m`]); none without curves, and for wings in a wind that
-    /// is too strong for the speed.
+    /// The predicted bound of the flown deviation of its curves, m ([`flown_bound_m`]); `None` without curves, and
+    /// for wings in a wind that is too strong for the speed.
     pub predicted_deviation_m: Option<f64>,
     /// The slowest chord by the autopilot's own rule, m/s: a tight tolerance makes short chords and slow flight.
     pub slowest_chord_mps: f64,
@@ -64,7 +64,7 @@ pub struct FlightPlan {
 /// Why a route cannot be flown under a policy.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum NotFlyable {
-    /// A turn is too tight for the wished speed, and the policy is to refuse.
+    /// A turn is too tight for the requested speed, and the policy is to refuse.
     #[error(
         "leg {leg} at t = {t:.3} ({lat:.7}, {lon:.7}): radius {radius_m:.1} m, {speed_mps} m/s asked for, at most {fastest_mps:.1} m/s",
         leg = .0.leg, t = .0.t, lat = .0.position.lat_deg, lon = .0.position.lon_deg, radius_m = .0.radius_m,
@@ -78,18 +78,18 @@ pub enum NotFlyable {
         fastest_mps = .0.fastest_mps, slowest_mps = .1
     )]
     TooTight(Tight, f64),
-    /// The speed is no speed.
+    /// The speed is out of range.
     #[error("speed is {speed_mps} m/s, expected more than 0 and at most 200")]
     Speed {
-        /// What was asked for, m/s.
+        /// The requested speed, m/s.
         speed_mps: f64,
     },
 }
 
-/// Plans the flight of a densified route at a wished speed.
+/// Plans the flight of a densified route at a requested speed.
 ///
 /// # Errors
-/// When the speed is out of range, a turn is too tight under [`Policy::Refuse`], or too tight for the slowest speed.
+/// The speed is out of range, a turn is too tight under [`Policy::Refuse`], or too tight for the slowest speed.
 pub fn plan_flight(
     legs: &[Leg],
     densified: &Densified,
@@ -159,8 +159,8 @@ fn items(legs: &[Leg], densified: &Densified, speeds: &[f64], speed_mps: f64) ->
         .collect()
 }
 
-/// The acceptance radius that chords are given, m, for the shortest of them: under 2 m a multicopter can miss a vertex for
-/// good, over half a chord it would skip one.
+/// The acceptance radius of chords, m, by the shortest of them: under 2 m a multicopter can miss a vertex for good,
+/// since PX4 does not test whether a waypoint was passed; over half a chord it would skip one.
 #[must_use]
 pub fn chord_acceptance_m(shortest_chord_m: f64) -> f64 {
     (0.5 * shortest_chord_m).clamp(MIN_ACCEPTANCE_M, MAX_ACCEPTANCE_M)
@@ -186,7 +186,7 @@ fn check(
 struct Chord {
     length_m: f64,
     tight: Option<Tight>,
-    /// The speed that the autopilot holds itself to, m/s.
+    /// The speed to which PX4 limits itself on the chord, m/s.
     autopilot_mps: f64,
 }
 
@@ -242,8 +242,8 @@ fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord
         .collect()
 }
 
-/// The speed of each chord: what it allows where that is less than wished, one speed for each run of such chords, and
-/// the same speed on those before it that braking takes.
+/// The speed of each chord: what the chord allows where that is less than requested, with one speed for each run of
+/// such chords, and the same speed on as many chords before the run as braking needs.
 fn speeds(chords: &[Chord], speed_mps: f64, braking: f64) -> Vec<f64> {
     let mut speeds = vec![speed_mps; chords.len()];
     let mut k = 0;
@@ -259,7 +259,7 @@ fn speeds(chords: &[Chord], speed_mps: f64, braking: f64) -> Vec<f64> {
             .iter()
             .map(Chord::fastest_mps)
             .fold(f64::INFINITY, f64::min);
-        // Whole tenths, downwards: the resolution used for a DO_CHANGE_SPEED.
+        // Rounded down to tenths: the resolution used for DO_CHANGE_SPEED.
         let slow = ((slowest * 10.0).floor() * 0.1).max(CRAWL_MPS);
         let mut needed_m = (speed_mps * speed_mps - slow * slow) / (2.0 * braking);
         let mut first = k;
@@ -273,7 +273,7 @@ fn speeds(chords: &[Chord], speed_mps: f64, braking: f64) -> Vec<f64> {
     speeds
 }
 
-/// Deceleration to reckon with, m/s^2: half of what the airframe could.
+/// Deceleration to plan with, m/s^2: half of what the airframe can do.
 fn braking(airframe: &Airframe) -> f64 {
     match airframe {
         Airframe::FixedWing(_) => 0.5,
@@ -284,5 +284,5 @@ fn braking(airframe: &Airframe) -> f64 {
 /// Acceptance radii of chords, m.
 pub const MIN_ACCEPTANCE_M: f64 = 2.0;
 const MAX_ACCEPTANCE_M: f64 = 3.0;
-/// No place is flown slower than this, m/s: at a cusp a multicopter all but stops and turns.
+/// No place is flown slower than this, m/s: at a cusp a multicopter nearly stops and turns.
 const CRAWL_MPS: f64 = 0.5;

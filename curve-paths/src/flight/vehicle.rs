@@ -1,4 +1,4 @@
-//! What flies, and what it can do: the formulas of its speed limits, and how it takes the corners of its route.
+//! What flies, and its limits: the formulas of its speed limits, and how it flies the corners of its route.
 
 use thiserror::Error;
 
@@ -25,10 +25,10 @@ pub struct FixedWing {
     pub slowest_mps: f64,
     /// Its guidance law.
     pub npfg: Npfg,
-    /// Least distance before a waypoint at which it is taken, m (PX4: NAV_ACC_RAD; a waypoint's own radius does not count
-    /// on wings).
+    /// Least distance before a waypoint at which it counts as reached, m (PX4: NAV_ACC_RAD; a waypoint's own radius
+    /// has no effect on wings).
     pub acceptance_m: f64,
-    /// Time constant of the bank behind its command, s (PX4: NPFG_ROLL_TC, by which it reckons itself).
+    /// Time constant of the bank behind its command, s (PX4: NPFG_ROLL_TC, which PX4 uses in its own guidance).
     pub roll_s: f64,
     /// The wind in which its flights are predicted, from any direction, m/s.
     pub wind_mps: f64,
@@ -45,7 +45,7 @@ pub struct Multicopter {
     pub climb_mps: f64,
     /// Descent, m/s (PX4: MPC_Z_V_AUTO_DN).
     pub descent_mps: f64,
-    /// Part of the acceleration that it turns a corner with (PX4: MPC_XY_TRAJ_P).
+    /// Part of the acceleration that is used in a corner (PX4: MPC_XY_TRAJ_P).
     pub corner_gain: f64,
 }
 
@@ -76,10 +76,10 @@ impl Default for Multicopter {
     }
 }
 
-/// A parameter of the vehicle that cannot be taken.
+/// A parameter of the vehicle that is not accepted.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ParameterError {
-    /// It decides nothing here.
+    /// No formula here uses it.
     #[error("{0} is unknown, expected one of {known}", known = Airframe::NAMES.join(", "))]
     Unknown(String),
     /// It is out of range.
@@ -87,17 +87,18 @@ pub enum ParameterError {
     Range {
         /// Its name.
         name: String,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// It must be more.
+        /// It must be greater than this.
         above: f64,
-        /// The most that it may be.
+        /// It may be at most this.
         most: f64,
     },
 }
 
 impl Airframe {
-    /// What [`set`](Self::set) takes: parameters of PX4, in its units, and `wind_m_s`, the wind to reckon with on wings.
+    /// The names that [`set`](Self::set) accepts: parameters of PX4, in its units, and `wind_m_s`, the wind for which
+    /// wings are predicted.
     pub const NAMES: [&'static str; 13] = [
         "FW_AIRSPD_MIN",
         "FW_R_LIM",
@@ -114,7 +115,7 @@ impl Airframe {
         "wind_m_s",
     ];
 
-    /// Takes a value of the vehicle; one of the other airframe is checked, and changes nothing.
+    /// Sets a value of the vehicle; a parameter of the other airframe is checked, and changes nothing.
     ///
     /// # Errors
     /// The name is unknown, or the value out of range.
@@ -125,7 +126,7 @@ impl Airframe {
         let (above, most) = match name {
             "FW_R_LIM" => (0.0, 84.0),
             "NPFG_DAMPING" | "NPFG_SW_DST_MLT" | "MPC_XY_TRAJ_P" => (0.0, 1.0),
-            // No wind is a wind.
+            // 0 m/s is allowed: the lower limit is exclusive.
             "wind_m_s" => (-f64::MIN_POSITIVE, 30.0),
             _ => (0.0, 1_000.0),
         };
@@ -172,7 +173,7 @@ impl FixedWing {
         (radius_m * G * self.bank_rad.tan()).sqrt()
     }
 
-    /// How far before a waypoint it is taken at a speed over ground, m.
+    /// How far before a waypoint it counts as reached, at a speed over ground, m.
     #[must_use]
     pub fn switch_m(&self, ground_mps: f64) -> f64 {
         self.acceptance_m.max(self.npfg.switch_m(ground_mps))
@@ -203,17 +204,19 @@ impl Multicopter {
         (self.acceleration * radius_m).sqrt().min(by_jerk)
     }
 
-    /// The speed, m/s, that PX4 holds itself to on a chord: v = (-b + sqrt(b^2 + 8 a c)) / 2, b = 4 a^2 / j.
+    /// The speed, m/s, to which PX4 limits itself on a chord: v = (-b + sqrt(b^2 + 8 a c)) / 2, b = 4 a^2 / j. That
+    /// is `math::trajectory::computeMaxSpeedFromDistance` of PX4 with a final speed of 0.
     #[must_use]
     pub fn on_chord_mps(&self, chord_m: f64) -> f64 {
         let b = 4.0 * self.acceleration * self.acceleration / self.jerk;
         0.5 * (-b + (b * b + 8.0 * self.acceleration * chord_m).sqrt())
     }
 
-    /// How far it is above or below a chord that rises by `rise_m` while `time_s` goes by, m.
+    /// How far the vehicle is above or below a chord that rises by `rise_m` within `time_s`, m.
     ///
-    /// PX4 climbs to each item's altitude at once and not along the chord; and where the next item is at another
-    /// altitude, it swings about its own by what a stop from full climb takes (seen in flight: 4 m above, 1 m below).
+    /// PX4 climbs to each item's altitude at once and not along the chord. Where the next item is at another
+    /// altitude, it overshoots its own by the distance of a stop from full climb (measured in flight: 4 m above, 1 m
+    /// below).
     #[must_use]
     pub fn lead_m(&self, rise_m: f64, time_s: f64) -> f64 {
         if rise_m.abs() <= LEVEL_M {
@@ -229,16 +232,17 @@ impl Multicopter {
         rise_m.abs() * (1.0 - share) + self.climb_mps * (1.0 + self.climb_mps / 8.0)
     }
 
-    /// How far it is off a straight leg at a speed, m: its estimate of where it is, and what its controller lags.
+    /// How far it is off a straight leg at a speed, m: the error of its position estimate, and the lag of its
+    /// controller.
     #[must_use]
     pub fn straight_m(&self, speed_mps: f64) -> f64 {
         ESTIMATE_M + LAG_S * speed_mps
     }
 
-    /// How far it is off both legs of a corner, that is taken at a speed and within an acceptance radius, m.
+    /// How far it is off both legs of a corner that is flown at a speed and with an acceptance radius, m.
     ///
-    /// PX4 slows down for the corner to what turns within the radius, begins to turn on entering it, and needs a time for
-    /// that which its jerk limits: it cuts the corner, or is carried over the next leg, or both.
+    /// PX4 slows down to the speed that turns within the radius, starts to turn on entering it, and then needs a time
+    /// that its jerk limits: it cuts the corner, overshoots the next leg, or both.
     #[must_use]
     pub fn corner_m(&self, legs: [NorthEast; 2], speed_mps: f64, acceptance_m: f64) -> f64 {
         let [before, after] = legs;
@@ -247,7 +251,7 @@ impl Multicopter {
             / (0.5 * turn).tan().max(1e-9))
         .sqrt();
         let at_corner = speed_mps.min(by_radius).min(self.on_chord_mps(norm(after)));
-        // Beyond a right angle all of the speed is across.
+        // Beyond a right angle all of the speed is across the next leg.
         let across = at_corner * turn.min(std::f64::consts::FRAC_PI_2).sin();
         let least = self.acceleration * self.acceleration / self.jerk;
         let carried_m = if across <= least {
@@ -261,11 +265,11 @@ impl Multicopter {
     }
 }
 
-/// Error of the estimated position, m: what px4-sim and PX4's SIH have of it.
+/// Error of the estimated position, m, as px4-sim and PX4's SIH have it.
 const ESTIMATE_M: f64 = 0.35;
 /// Lag of the position controller, s.
 const LAG_S: f64 = 0.12;
-/// PX4 takes items this close for level, m.
+/// Items whose altitudes differ by less count as level, m.
 const LEVEL_M: f64 = 1e-3;
 
 #[cfg(test)]

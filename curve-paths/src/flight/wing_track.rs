@@ -1,7 +1,8 @@
 //! The track that wings fly along the items of a route: PX4's guidance law, a bank that is limited and lags, a wind.
 //!
-//! Promised: the same items, airframe and wind give the same track; it ends, whatever the items are. It comes along the
-//! extension of the first leg, begins beside the first item, and ends where the last one is taken.
+//! Promised: the same items, airframe and wind give the same track; it ends, whatever the items are. The track
+//! arrives along the extension of the first leg, begins beside the first item, and ends where the last one counts as
+//! reached.
 
 use super::npfg::{NorthEast, dot, minus, norm, plus, unit};
 use super::vehicle::{FixedWing, G};
@@ -24,9 +25,9 @@ pub(super) fn fly(marks: &[Mark], wing: &FixedWing, wind: NorthEast) -> Vec<Nort
     let mut at = plus(first.place, along, -lead_m);
     let mut from = at;
     let mut speed_mps = first.speed_mps;
-    // Trimmed: the nose is where the wind leaves the vehicle on the line.
+    // Trimmed: with this heading the wind leaves the vehicle on the line.
     let mut heading = trimmed(along, speed_mps, wind);
-    let (mut bank, mut wished_bank) = (0.0_f64, 0.0_f64);
+    let (mut bank, mut commanded_bank) = (0.0_f64, 0.0_f64);
     let bank_rate = BANK_RATE_RAD_S * STEP_S;
     let mut track = Vec::new();
     for mark in marks {
@@ -45,14 +46,14 @@ pub(super) fn fly(marks: &[Mark], wing: &FixedWing, wind: NorthEast) -> Vec<Nort
             let course = wing.npfg.course(at, from, mark.place, ground_mps);
             let turn = wing.npfg.acceleration(course, air, wind);
             let limit = wing.bank_rad;
-            let wished = (turn / G).atan().clamp(-limit, limit);
-            wished_bank += (wished - wished_bank).clamp(-bank_rate, bank_rate);
-            bank += (wished_bank - bank) * (STEP_S / wing.roll_s).min(1.0);
+            let wanted = (turn / G).atan().clamp(-limit, limit);
+            commanded_bank += (wanted - commanded_bank).clamp(-bank_rate, bank_rate);
+            bank += (commanded_bank - bank) * (STEP_S / wing.roll_s).min(1.0);
             heading += G * bank.tan() / speed_mps * STEP_S;
             let push = SPEED_RATE * STEP_S;
             speed_mps += (mark.speed_mps - speed_mps).clamp(-push, push);
             at = plus(at, ground, STEP_S);
-            // What is flown before the first item is no part of the route.
+            // What is flown before the first item is not part of the route.
             if !track.is_empty() || dot(minus(at, first.place), along) >= 0.0 {
                 track.push(at);
             }
@@ -62,25 +63,25 @@ pub(super) fn fly(marks: &[Mark], wing: &FixedWing, wind: NorthEast) -> Vec<Nort
     track
 }
 
-/// Ten times what a leg takes: a vehicle that a wind carries away has no track.
+/// Ten times what a leg needs: a vehicle that the wind carries away never arrives.
 fn steps(leg: NorthEast, speed_mps: f64, wind_mps: f64) -> u32 {
     let slowest_mps = (speed_mps - wind_mps).max(1.0);
     (10.0 * (norm(leg) / slowest_mps + LEAD_S) / STEP_S).min(MAX_STEPS) as u32
 }
 
-/// The heading with which a line in this direction is kept in a wind.
+/// The heading that keeps a line in this direction in a wind.
 fn trimmed(along: NorthEast, speed_mps: f64, wind: NorthEast) -> f64 {
     let across = wind[1] * along[0] - wind[0] * along[1];
     along[1].atan2(along[0]) - (across / speed_mps).clamp(-1.0, 1.0).asin()
 }
 
-/// Time of one step, s: PX4's navigator takes a waypoint at most every 50 ms.
+/// Time of one step, s: PX4's navigator reads the position, and so reaches a waypoint, at most every 50 ms.
 const STEP_S: f64 = 0.05;
 /// How long the extension of the first leg is flown, s.
 const LEAD_S: f64 = 3.0;
-/// FW_PN_R_SLEW_MAX as PX4 comes, rad/s.
+/// PX4's default of FW_PN_R_SLEW_MAX, 90 degrees a second, in rad/s.
 const BANK_RATE_RAD_S: f64 = std::f64::consts::FRAC_PI_2;
-/// How fast the air speed follows a command, m/s^2: about what TECS takes.
+/// How fast the air speed follows a command, m/s^2: about what TECS (PX4's speed and height control) achieves.
 const SPEED_RATE: f64 = 0.7;
-/// A leg of 50 km at 2 m/s.
+/// A limit for a leg of 50 km at 2 m/s.
 const MAX_STEPS: f64 = 500_000.0;

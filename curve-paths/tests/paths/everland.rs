@@ -41,8 +41,8 @@ fn cubic(track: &Track, tolerance_m: f64, continuity: Continuity) -> Fitted {
     .unwrap()
 }
 
-/// Hausdorff distance between all the legs and the whole polyline, by earth-centred samples 0.2 m apart and less:
-/// nothing is shared with the measure that the fit goes by.
+/// Hausdorff distance between all the legs and the whole polyline, by earth-centred samples at most 0.2 m apart: it
+/// shares nothing with the measure that the fit uses.
 fn two_sided_m(legs: &[BezierLeg], track: &Track) -> f64 {
     let mut curve = Vec::new();
     for leg in legs {
@@ -74,7 +74,7 @@ fn two_sided_m(legs: &[BezierLeg], track: &Track) -> f64 {
         }
         worst
     };
-    // The curve starts where the fit chose to; turn the line to match.
+    // The curve starts where the fit chose; the line is turned to match.
     let start = curve[0];
     let nearest = (0..line.len()).min_by(|&a, &b| {
         (line[a] - start)
@@ -129,7 +129,7 @@ fn smooth_cubic_legs_at_most_10_for_10_m() {
     assert!(two_sided_m(&fitted.legs, &track) <= 10.0);
     let n = fitted.legs.len();
     for leg in &fitted.legs {
-        // No corner in disguise: every arm is a fair part of its leg.
+        // No hidden corner: every arm is a fair part of its leg.
         let [p1, p2, p3, p4] = leg.ecef().0;
         let shorter = (p2 - p1).norm().min((p4 - p3).norm());
         assert!(shorter > 0.14 * (p4 - p1).norm(), "{shorter}");
@@ -166,7 +166,7 @@ fn cubic_legs_at_most_20_for_1_m_and_about_as_many_items_as_straight_ones() {
     }
 }
 
-/// The oracles of random legs, on a leg that is driven.
+/// The oracles of random legs, applied to a leg of the real track.
 fn chords_are_proven_and_few(leg: &BezierLeg) {
     let options = Options {
         min_chord_m: 0.0,

@@ -20,7 +20,7 @@ fn control(east_m: f64, north_m: f64) -> Control {
     Control::level(lat, lon)
 }
 
-/// A straight of 300 m, a quarter circle of 40 m, a straight of 300 m.
+/// A straight of 300 m, a quarter circle of 40 m radius, a straight of 300 m.
 fn route() -> Vec<Leg> {
     const ARM: f64 = 0.552_284_75;
     let r = 40.0;
@@ -65,7 +65,7 @@ fn wings_are_predicted_wider_the_tighter_the_turn_and_the_stronger_the_wind() {
     assert!((2.2..6.0).contains(&calm), "{calm}");
     let slow = added_m(&route(), windy(5.0), 10.0).unwrap();
     assert!(slow < breeze, "{slow} {breeze}");
-    // A wind that is most of the air speed is no prediction, and a straight route needs none.
+    // A wind of most of the air speed allows no prediction; a straight route needs none.
     assert_eq!(added_m(&route(), windy(9.5), 15.0), None);
     assert_eq!(added_m(&route()[..1], windy(0.0), 15.0), None);
 }
@@ -103,7 +103,7 @@ fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
     let dense = densify(&legs, &Options::flight(0.5)).unwrap();
     let plane = Airframe::FixedWing(banking(30.0));
     let plan = plan_flight(&legs, &dense, &plane, 18.0, Policy::Slow).unwrap();
-    // V = sqrt(R g tan 30) for 40 m, less what the cubic is tighter than its circle.
+    // V = sqrt(R g tan 30) for 40 m, less because the cubic is tighter than its circle.
     assert!(
         (14.8..15.1).contains(&plan.fastest_mps),
         "{}",
@@ -167,7 +167,7 @@ fn a_multicopter_is_slowed_by_short_chords_and_the_flown_deviation_is_predicted(
     let added_m = tight.predicted_deviation_m.unwrap() - bound;
     assert!((0.7..2.0).contains(&added_m), "{added_m}");
     assert!(tight.time_s > 662.0 / 5.0);
-    // sqrt(3 m/s^2 * 40 m) is 10.9 m/s; a cubic's change of curvature asks for less.
+    // sqrt(3 m/s^2 * 40 m) is 10.9 m/s; the cubic's change of curvature requires less.
     let (_, fast) = plan(2.0, 12.0);
     assert!(
         fast.fastest_mps < 10.95 && !fast.changes.is_empty(),
@@ -217,6 +217,6 @@ fn a_flown_track_is_measured_between_the_ends_of_the_route_only() {
         .collect();
     let flown = measure(&legs, &dense, &high, 2.0).unwrap();
     assert!(flown.deviation_m > 4.9 && flown.passed == 0, "{flown:?}");
-    // Half of it is none of it.
+    // Half of the track does not count as flown.
     assert!(measure(&legs, &dense, &track[..500], 2.0).is_none());
 }

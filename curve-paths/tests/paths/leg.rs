@@ -36,7 +36,7 @@ proptest! {
         let route = densify(&[leg.into(), back], &Options::geometry(1.0)).unwrap();
         let vertices = &route.vertices;
         prop_assert_eq!(vertices[0].position, leg.p1());
-        // There and back is a closed loop: bit for bit.
+        // There and back is a closed loop, equal bit for bit.
         prop_assert_eq!(vertices[vertices.len() - 1].position, leg.p1());
         let joints = vertices.iter().filter(|v| v.leg == 0 && v.t == 1.0).count();
         prop_assert_eq!(joints, 1);

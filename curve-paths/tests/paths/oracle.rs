@@ -44,7 +44,7 @@ fn no_curve_is_further_from_its_polyline_than_promised_nor_the_polyline_from_it(
             );
         }
     }
-    // A bound that no curve comes near would be a bad one.
+    // A bound that no curve nearly reaches would be a bad one.
     assert!(worst > 0.97, "{worst}");
 }
 
@@ -61,7 +61,7 @@ fn the_points_are_at_most_five_percent_and_one_above_the_optimum_of_a_dynamic_pr
     });
     let total = |which: fn(&[usize; 3]) -> usize| sums.iter().map(which).sum::<usize>();
     let (legs, points, optimum) = (total(|s| s[0]), total(|s| s[1]), total(|s| s[2]));
-    // Of more chords than this the program's grid is too coarse to be an optimum.
+    // With more chords than this the program's grid is too coarse for an optimum.
     assert!(legs as u64 * 10 > JUDGED * 8, "{legs} judged");
     assert!(points as f64 <= 1.01 * optimum as f64, "{points} {optimum}");
 }
@@ -147,7 +147,7 @@ fn a_minimum_chord_is_kept_or_refused() {
                 kept += 1;
             }
             Ok(_) => {}
-            // A turn within some metres, or a climb on the spot: nothing that flies does that.
+            // A turn within some metres, or a climb on the spot: no aircraft flies that.
             Err(DensifyError::ChordTooShort { .. }) => {
                 assert_ne!(kind, Kind::Gentle, "{seed}");
                 refused += 1;
