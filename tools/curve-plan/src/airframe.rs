@@ -1,8 +1,9 @@
-//! What a route is checked for: `quad` or `plane` as PX4 comes, or a vehicle file.
+//! The vehicle that a route is checked for: `quad` or `plane` with PX4's defaults, or a vehicle file.
 //!
-//! A vehicle file is a TOML file of PX4's parameter names, or a `.params` file as QGroundControl and PX4 save it. Both name the
-//! type of the vehicle by `MAV_TYPE`; what they do not name is as PX4 comes. In a `.params` file the other parameters of the
-//! vehicle are passed over; in a TOML file, written for this, an unknown key is a mistake.
+//! A vehicle file is a TOML file of PX4's parameter names, or a `.params` file as QGroundControl and PX4 save it.
+//! Both name the type of the vehicle by `MAV_TYPE`; a parameter that they do not name has PX4's default. The other
+//! parameters of a `.params` file are ignored, since it has all of the vehicle's; in a TOML file, which is written
+//! for this program, an unknown key is an error.
 
 use std::path::{Path, PathBuf};
 
@@ -38,7 +39,7 @@ impl Vehicle {
     /// The airframe.
     ///
     /// # Errors
-    /// The file cannot be read, or a value in it is not what it should be.
+    /// The file cannot be read, or a value in it is not usable.
     pub(crate) fn airframe(&self) -> Result<Airframe, Failure> {
         match self {
             Self::Quad => Ok(Airframe::Multicopter(Multicopter::default())),
@@ -82,7 +83,7 @@ fn airframe(values: &[Named], format: Format) -> Result<Airframe, String> {
         return Err(format!("{TYPE} is missing, expected {TYPES}"));
     };
     let mut airframe = match *kind {
-        // MAV_TYPE_FIXED_WING, and those of the VTOLs.
+        // MAV_TYPE_FIXED_WING, and the VTOL types.
         k if k == 1.0 || (19.0..=25.0).contains(&k) && k.fract() == 0.0 => {
             Airframe::FixedWing(FixedWing::default())
         }

@@ -1,4 +1,5 @@
-//! `check`: whether a route can be flown at a speed, where it is too tight or too low, and what flying will add.
+//! `check`: whether a route can be flown at a speed, where it is too tight or too low, and what the flight adds to
+//! its deviation.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -30,7 +31,7 @@ pub(crate) struct Command {
     #[command(flatten)]
     how: Densify,
     /// Compare heights with this home: degrees north and east, m above mean sea level (default: the file's own).
-    // A route of heights above home needs none.
+    // A route whose heights are above home needs no altitude of it.
     #[arg(
         long,
         value_name = "LAT,LON,ALT",
@@ -125,7 +126,7 @@ impl Command {
         print(&text)
     }
 
-    /// That of the file, with the limits of the command line.
+    /// The airframe of the file, with the limits of the command line.
     fn airframe(&self) -> Result<Airframe, Failure> {
         let mut airframe = self.airframe.airframe()?;
         for (name, value) in [
@@ -220,10 +221,11 @@ impl Command {
     }
 }
 
-/// The flown track of a recording, against the route.
+/// Compares the flown track of a recording with the route.
 fn measured(file: &Path, loaded: &Loaded, densified: &Densified) -> Result<Flown, Failure> {
     let mut track = tlog::read(file)?;
-    // A recording has heights above mean sea level, a route its own datum: they meet where the route starts.
+    // A recording has heights above mean sea level, a route its own datum: both are taken as equal at the route's
+    // start.
     let start = densified.vertices[0].position;
     let apart = |p: &Position| p.ground().distance_m(start.ground());
     let nearest = track.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
@@ -233,7 +235,7 @@ fn measured(file: &Path, loaded: &Loaded, densified: &Densified) -> Result<Flown
         .ok_or_else(|| Failure::answer(file, "the route was not flown from its start to its end"))
 }
 
-/// A point is passed within this distance, m: the acceptance radius that the bridge gives level chords.
+/// A point counts as passed within this distance, m: the acceptance radius that the bridge gives to level chords.
 const ACCEPTANCE_M: f64 = 3.0;
 
 /// Legs that the other reading draws differently, and by how much, m.

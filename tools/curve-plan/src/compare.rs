@@ -39,7 +39,7 @@ pub(crate) struct Compare {
     json: bool,
 }
 
-/// One tolerance's figures.
+/// The figures of one tolerance.
 #[derive(Debug, Serialize)]
 struct Row {
     tolerance_m: f64,
@@ -94,7 +94,7 @@ fn row(track: &Track, tolerance_m: f64) -> Result<Row, Failure> {
     let cubic = fitted.legs.len();
     let legs: Vec<Leg> = fitted.legs.iter().map(|&leg| leg.into()).collect();
     let dense = densify(&legs, &Options::geometry(tolerance_m)).map_err(|e| answer(&e))?;
-    // An open route has one waypoint more than legs.
+    // An open route has one waypoint more than it has legs.
     let open = usize::from(!track.is_closed());
     Ok(Row {
         tolerance_m,

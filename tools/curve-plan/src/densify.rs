@@ -1,4 +1,4 @@
-//! `densify`: a curved route as the straight legs that it is flown by.
+//! `densify`: the straight legs by which a curved route is flown.
 
 use std::path::PathBuf;
 
@@ -41,7 +41,7 @@ impl Command {
             }
         };
         let items = densified.vertices.len();
-        // The crate's name for "no chord between vertices" is infinity, which JSON has no number for.
+        // Without a chord between vertices the crate returns infinity, for which JSON has no number.
         let shortest = Some(densified.shortest_chord_m).filter(|s| s.is_finite());
         if self.json {
             let vertices: Vec<_> = densified

@@ -11,16 +11,16 @@ use thiserror::Error;
 /// A reason to stop.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
-    /// A file is not what it should be; the text names file, line and field.
+    /// A file cannot be used; the text names file, line and field.
     #[error(transparent)]
     File(#[from] FormatError),
-    /// What was asked for cannot be had.
+    /// The request cannot be met.
     #[error("{0}")]
     Answer(String),
-    /// A route cannot be put into messages.
+    /// A route cannot be written as messages.
     #[error(transparent)]
     Messages(#[from] StationError),
-    /// An upload was not done.
+    /// An upload failed.
     #[error(transparent)]
     Upload(#[from] OperatorError),
     /// The command line contradicts itself.
@@ -29,20 +29,20 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// A file that cannot be read or written.
+    /// A file that cannot be read, written or used.
     pub(crate) fn file(file: impl AsRef<Path>, problem: impl ToString) -> Self {
         FormatError::file(file, problem).into()
     }
 
-    /// What cannot be done with a file that is as it should be.
+    /// A valid file for which the request cannot be met.
     pub(crate) fn answer(file: impl AsRef<Path>, problem: impl ToString) -> Self {
         let file = file.as_ref().display();
         Self::Answer(format!("{file}: {}", problem.to_string()))
     }
 
-    /// Prints it on standard error; the exit status.
+    /// Prints it on standard error; returns the exit status.
     pub(crate) fn report(&self) -> ExitCode {
-        // Nothing is left to do when standard error is closed as well.
+        // Where standard error is closed as well, nothing is left to do.
         let _ = writeln!(std::io::stderr(), "curve-plan: {self}");
         match self {
             Self::Answer(_) => ExitCode::from(1),

@@ -69,7 +69,7 @@ impl Command {
             .filter(|(k, _)| (self.from..=last).contains(k))
             .map(|(_, w)| w)
             .collect();
-        // A fit is made on the ground; what is flown needs altitudes.
+        // A fit is made on the ground, but a flight needs altitudes.
         let terrain = self.level.terrain()?;
         let gaps = read.without_altitude();
         if self.output.path().is_some() {
@@ -92,13 +92,13 @@ impl Command {
         if let Some(output) = self.output.path() {
             let route = of_fit(&read.name, &fitted, closed, read.datum);
             if let Some(terrain) = &terrain {
-                // Between joints a leg climbs evenly, whatever the ground does there.
+                // Between joints a leg climbs evenly, whatever the ground does there, so its clearance is checked.
                 route.above_ground(terrain, &self.file)?;
             }
             write(output, &route, &self.addresses, self.strict)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
-        // Where some fixes have no altitude, there is none to compare with.
+        // Where some fixes have no altitude there is nothing to compare with.
         let apart = read.without_altitude().is_none();
         let apart = apart.then(|| altitudes_apart(track.fixes(), &fitted.joints));
         if self.json {
@@ -130,12 +130,12 @@ impl Command {
     }
 }
 
-/// How far the altitudes of fixes are from an even climb between the joints before and after them: the fix, and m.
+/// How far the altitudes of the fixes differ from an even climb between the joints around them: the worst fix, and m.
 fn altitudes_apart(fixes: &[Position], joints: &[usize]) -> (usize, f64) {
     let mut worst = (0, 0.0);
     let n = fixes.len();
     for pair in joints.windows(2) {
-        // The last leg of a closed track leads over its first fix.
+        // The last leg of a closed track passes over its first fix.
         let last = if pair[1] > pair[0] {
             pair[1]
         } else {

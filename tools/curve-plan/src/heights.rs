@@ -1,4 +1,4 @@
-//! What `check` finds of a route's heights: above home, above the ground, and how steep.
+//! What `check` finds about a route's heights: above home, above the ground, and how steep.
 
 use std::fmt::Write;
 use std::str::FromStr;
@@ -31,15 +31,15 @@ impl FromStr for Home {
     }
 }
 
-/// What is reported.
+/// The findings.
 #[derive(Debug)]
 pub(crate) struct Heights {
     home: Option<Position>,
-    /// Lowest and highest, m above home; none where they cannot be compared with it.
+    /// Lowest and highest, m above home; `None` where they cannot be compared with it.
     above_home_m: Option<(f64, f64)>,
-    /// The leg with the greatest change of height, and that, m.
+    /// The leg with the greatest change of height, and that change, m.
     largest: (usize, f64),
-    /// Legs that ask for more climb or descent than the vehicle has at the speed.
+    /// Legs that need more climb or descent than the vehicle has at the speed.
     steep: Vec<Steep>,
     clearance: Option<Clearance>,
 }
@@ -49,16 +49,17 @@ struct Steep {
     leg: usize,
     rise_m: f64,
     ground_m: f64,
-    /// What the steepest part asks for, m/s.
+    /// Climb or descent that the steepest part needs, m/s.
     rate_mps: f64,
     limit_mps: f64,
 }
 
 impl Heights {
-    /// Looks at a route, from `home`, or from its file's own.
+    /// Checks the heights of a route from `home`, or from its file's own.
     ///
     /// # Errors
-    /// Home is needed and not known; or a part of the route is below home, unless that is `allowed`, or below the ground.
+    /// Home is needed and not known; or a part of the route is below home, unless that is `allowed`, or below the
+    /// ground.
     pub(crate) fn of(
         loaded: &Loaded,
         densified: &Densified,
@@ -79,7 +80,7 @@ impl Heights {
                     )
                 },
             )?),
-            // The VSM compares them, by the geoid separation that the vehicle reports.
+            // Not compared here: the VSM compares these, by the geoid separation that the vehicle reports.
             Datum::Ellipsoid | Datum::Unstated => None,
         };
         let vertices = &densified.vertices;
@@ -187,7 +188,7 @@ fn steps(loaded: &Loaded) -> Vec<f64> {
         .collect()
 }
 
-/// What the steepest chord of a leg asks for, where that is more than the vehicle has.
+/// The rate that the steepest chord of a leg needs, where that is more than the vehicle has.
 fn steep(
     densified: &Densified,
     leg: usize,
@@ -229,5 +230,5 @@ fn steep(
     })
 }
 
-/// FW_T_CLMB_MAX and FW_T_SINK_MAX as PX4 comes, m/s.
+/// PX4's defaults of FW_T_CLMB_MAX and FW_T_SINK_MAX, m/s.
 const WING_MPS: f64 = 5.0;

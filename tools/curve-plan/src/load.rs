@@ -1,4 +1,4 @@
-//! What the commands that read a route have in common: its arguments, its legs, its vertices.
+//! What the commands that read a route share: its arguments, its legs, its vertices.
 
 use std::path::{Path, PathBuf};
 
@@ -37,12 +37,12 @@ pub(crate) struct Densify {
     pub(crate) import: Import,
 }
 
-/// A route that was read, with its legs.
+/// A route from a file, with its legs.
 pub(crate) struct Loaded {
     pub(crate) file: PathBuf,
     pub(crate) route: Draft,
     pub(crate) legs: Vec<Leg>,
-    /// Of --home-alt.
+    /// The value of --home-alt.
     pub(crate) home_alt_m: Option<f64>,
 }
 
@@ -59,13 +59,13 @@ impl Loaded {
         })
     }
 
-    /// Reports what of the file is not in the route.
+    /// Reports what of the file the route does not have.
     pub(crate) fn report_losses(&self, how: &Densify) -> Result<(), Failure> {
         let file = self.file.display().to_string();
         Ok(self.route.losses.report(&file, how.import.strict)?)
     }
 
-    /// Densifies it; the vertices and the tolerance that they were made with.
+    /// Densifies it; returns the vertices and their tolerance.
     pub(crate) fn densify(&self, how: &Densify) -> Result<(Densified, f64), Failure> {
         if !(0.0..=1_000.0).contains(&how.min_chord) {
             return Err(Failure::Usage(format!(

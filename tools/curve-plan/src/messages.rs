@@ -1,5 +1,5 @@
-//! The messages that a ground station sends to load a route: hex, a datagram a line, as `vsm decode` reads it; or a
-//! pcapng for Wireshark.
+//! The messages with which a ground station loads a route: as hex, one datagram a line, as `vsm decode` reads it; or
+//! as a pcapng for Wireshark.
 
 use std::fmt::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -10,7 +10,7 @@ use stanag_msgs::{Id, pcapng};
 
 use crate::failure::Failure;
 
-/// Who sends to whom.
+/// Sender and destination.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct Addresses {
     /// The ground station's id, for .hex and .pcapng.

@@ -1,5 +1,5 @@
-//! What the program writes: files that the command line names, answers on standard output, the progress of a fit on a
-//! terminal.
+//! What the program writes: the files that the command line names, answers on standard output, and the progress of a
+//! fit on a terminal.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -20,7 +20,7 @@ pub(crate) struct RequiredOutput {
 
 impl RequiredOutput {
     pub(crate) fn path(&self) -> &Path {
-        // The empty path never occurs: clap refuses a command line without one.
+        // The path is never empty: clap refuses a command line without one.
         self.output.path().unwrap_or(Path::new(""))
     }
 }
@@ -39,13 +39,13 @@ pub(crate) fn progress() -> impl FnMut(f64) {
     }
 }
 
-/// Writes a line to standard error, which is no answer.
+/// Writes a line to standard error: a remark, not the answer.
 pub(crate) fn note(line: &str) {
-    // Nobody is left to report to when it is gone.
+    // Where standard error is closed, nobody is left to report to.
     let _ = writeln!(std::io::stderr(), "curve-plan: {line}");
 }
 
-/// Writes to standard output; a reader that has gone away ends the program quietly.
+/// Writes to standard output; where its reader has closed the pipe, the program ends quietly.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write;
     match std::io::stdout().lock().write_all(text.as_bytes()) {
@@ -56,8 +56,8 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes a route to a file, in its format or as messages, and reports what is lost; nothing is written where nothing may
-/// be lost.
+/// Writes a route to a file, in the file's format or as messages, and reports what is lost. With `--strict` nothing
+/// is written where something would be lost.
 pub(crate) fn write(
     file: &Path,
     route: &Draft,

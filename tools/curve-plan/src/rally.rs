@@ -1,4 +1,5 @@
-//! `rally`: the rally points of a file as `[[vehicle.rally]]`, which a VSM uploads. No message of the DLI carries them.
+//! `rally`: the rally points of a file as `[[vehicle.rally]]` tables, which a VSM uploads to the vehicle. The DLI has
+//! no message for them.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -23,7 +24,7 @@ impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let mut text = String::new();
         for point in formats::read_rally(&self.input)? {
-            // QGroundControl has their heights above home, and sends them so.
+            // QGroundControl has their heights above home, and sends them as such.
             let _ = writeln!(
                 text,
                 "[[vehicle.rally]]\nplace = [{:?}, {:?}]\nheight_m = {:?}",

@@ -1,10 +1,10 @@
-//! The geometry of a route: a fit as a route, and the straight legs that it is flown by.
+//! The geometry of a route: a fit as a route, and the straight legs by which a route is flown.
 
 use cucs::formats::{Conduct, Datum, Draft, Point, Repeat};
 use curve_paths::fit::Fitted;
 use curve_paths::{BezierLeg, Densified};
 
-/// A route of cubic legs, as a fit yields them.
+/// A route of the cubic legs of a fit.
 pub(crate) fn of_fit(name: &str, fitted: &Fitted, closed: bool, datum: Datum) -> Draft {
     let mut points: Vec<Point> = fitted
         .legs
@@ -26,11 +26,11 @@ pub(crate) fn of_fit(name: &str, fitted: &Fitted, closed: bool, datum: Datum) ->
     }
 }
 
-/// The straight legs that a route is flown by. Its waypoints keep what is done at them; the vertices between have the
-/// speed of their leg.
+/// The straight legs by which a route is flown. Its waypoints keep their actions; the vertices between have the speed
+/// of their leg.
 pub(crate) fn flown(route: &Draft, densified: &Densified) -> Draft {
     let n = route.points.len();
-    // The vertex of each waypoint.
+    // The index of each waypoint's vertex.
     let mut places = vec![0; n + 1];
     let mut points: Vec<Point> = Vec::with_capacity(densified.vertices.len());
     for (k, v) in densified.vertices.iter().enumerate() {

@@ -45,7 +45,7 @@ pub(crate) struct Command {
 impl Command {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let draft = formats::read(&self.file, &self.import)?;
-        // A file that is no route is refused before anything is sent.
+        // A file that is not a route is refused before anything is sent.
         draft.legs(&self.file)?;
         let (plan, losses) = draft.to_send(&self.file)?;
         losses.report(&self.file.display().to_string(), self.import.strict)?;
@@ -90,7 +90,7 @@ impl Command {
         let sent = operator.load(&name, plan, losses).await;
         if held.is_empty() && !self.keep {
             let released = operator.run(&Verb::Release, nowhere).await;
-            // Of two failures the first is closer to the cause.
+            // Where both failed, the upload's failure is closer to the cause.
             return sent.and(released);
         }
         sent

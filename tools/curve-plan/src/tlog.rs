@@ -1,7 +1,7 @@
 //! The flown track in a .tlog: GLOBAL_POSITION_INT of a recorded MAVLink stream.
 //!
-//! Each record is a time stamp of 8 bytes (microseconds, most significant first) and a frame of MAVLink 1 or 2. Bytes that
-//! make no frame with a good checksum are skipped, and so are the time stamps.
+//! Each record is a time stamp of 8 bytes (microseconds, most significant first) and a frame of MAVLink 1 or 2. Bytes
+//! that are not a frame with a correct checksum are skipped, time stamps among them.
 
 use std::io::Read as _;
 use std::path::Path;
@@ -24,8 +24,8 @@ pub(crate) fn read(file: &Path) -> Result<Vec<Position>, Failure> {
 }
 
 fn positions(bytes: &[u8]) -> Vec<Position> {
-    // The reader waits for as many bytes as a frame may have: behind the last record it gets them as zeros, or a byte of a
-    // time stamp that looks like the start of a frame would hide the frames that follow it.
+    // The reader waits until it has the longest possible frame: zeros behind the last record supply that. Without
+    // them a byte of a time stamp that looks like the start of a frame would hide the frames behind it.
     let padding = std::io::repeat(0).take(MAX_FRAME);
     let mut reader = MavlinkReader::new(bytes.chain(padding));
     let mut out = Vec::new();

@@ -1,5 +1,5 @@
-//! The picture in a page of its own, to be moved and zoomed: one file, nothing fetched. Under the pointer it shows the
-//! values of the route there; a scale stays in its corner.
+//! The picture as a page that can be moved and zoomed: one file that loads nothing. It shows the values of the route
+//! under the pointer, and a scale in its corner.
 
 use cucs::formats::escaped;
 
@@ -21,7 +21,7 @@ pub(crate) fn page(scene: &Scene, theme: &Theme) -> String {
     )
 }
 
-// The picture takes what the line above it leaves: a page that scrolls would show two answers to the wheel.
+// The picture takes the rest of the window: a page that scrolls would react to the wheel twice.
 const STYLE: &str = "html,body{height:100%;overflow:hidden}body{margin:0;font-family:sans-serif;display:flex;flex-direction:column}\
 p{margin:.4em 1em;opacity:.7}body>svg{flex:1;min-height:0;width:100%;cursor:grab;touch-action:none}\
 #values{position:fixed;display:none;padding:.3em .6em;background:#222e;color:#fff;font-size:13px;white-space:pre;pointer-events:none;border-radius:4px}\

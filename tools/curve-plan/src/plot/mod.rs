@@ -1,4 +1,4 @@
-//! `plot`: a picture of a route, what is flown of it, and how far the one is from the other.
+//! `plot`: a picture of a route, the legs by which it is flown, and the distance between the two.
 
 mod html;
 mod png;
@@ -99,7 +99,7 @@ impl Command {
 fn home(text: &str) -> Result<Position, String> {
     let fault = || format!("{text:?}, expected LAT,LON in degrees, such as 47.3977,8.5456");
     let (lat, lon) = text.split_once(',').ok_or_else(fault)?;
-    // An altitude may follow; a map has none.
+    // An altitude may follow; it is ignored, since a map has none.
     let lon = lon.split(',').next().unwrap_or(lon);
     let degrees = |text: &str| text.trim().parse::<f64>().map_err(|_| fault());
     let place = Position::new(degrees(lat)?, degrees(lon)?, 0.0);

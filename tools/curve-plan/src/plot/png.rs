@@ -1,4 +1,4 @@
-//! The picture as a PNG. Its letters come with the program: the picture is the same where no fonts are installed.
+//! The picture as a PNG. The program has its own font, so that the picture is the same where no fonts are installed.
 
 use std::sync::Arc;
 
@@ -9,10 +9,10 @@ use thiserror::Error;
 /// Why there is no picture.
 #[derive(Debug, Error)]
 pub(crate) enum PaintError {
-    /// The drawing is not to be read.
+    /// The drawing cannot be parsed.
     #[error("drawing: {0}")]
     Drawing(#[from] resvg::usvg::Error),
-    /// No memory for so many pixels, or none of them.
+    /// The size is 0, or too large for the memory.
     #[error("{width} x {height} pixels, expected some that fit into memory")]
     Size {
         /// Pixels across.
@@ -20,12 +20,12 @@ pub(crate) enum PaintError {
         /// Pixels down.
         height: u32,
     },
-    /// It cannot be packed.
+    /// The PNG cannot be encoded.
     #[error("packing: {0}")]
     Packing(String),
 }
 
-/// The bytes of a PNG so many pixels wide.
+/// The bytes of a PNG of this width in pixels.
 pub(crate) fn paint(svg: &str, width: u32) -> Result<Vec<u8>, PaintError> {
     let mut letters = Database::new();
     letters.load_font_data(LETTERS.to_vec());
@@ -48,6 +48,6 @@ pub(crate) fn paint(svg: &str, width: u32) -> Result<Vec<u8>, PaintError> {
         .map_err(|e| PaintError::Packing(e.to_string()))
 }
 
-/// DejaVu Sans, Latin letters; its licence lies beside it.
+/// DejaVu Sans, Latin letters; its licence is beside it.
 const LETTERS: &[u8] = include_bytes!("../../font/DejaVuSans-Latin.ttf");
 const FAMILY: &str = "DejaVu Sans";

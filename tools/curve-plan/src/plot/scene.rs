@@ -15,7 +15,7 @@ pub(crate) struct Sample {
     pub(crate) alt_m: f64,
     /// Length of the route up to here, m.
     pub(crate) along_m: f64,
-    /// Distance from the chord that stands for it, m.
+    /// Distance from the chord that replaces it, m.
     pub(crate) deviation_m: f64,
     /// Radius of the curved leg, m; infinite on a straight one.
     pub(crate) radius_m: f64,
@@ -34,13 +34,13 @@ pub(crate) struct Scene {
     pub(crate) home: Option<Point>,
     /// The track that the route was fitted to.
     pub(crate) track: Measured,
-    /// The flown track: the approach to the route and the way home belong to it, and are not measured.
+    /// The flown track: the approach to the route and the way home are drawn, but not measured.
     pub(crate) flown: Measured,
     pub(crate) tolerance_m: f64,
     pub(crate) bound_m: f64,
 }
 
-/// What was drawn or flown beside a route.
+/// Positions that were drawn or flown beside a route.
 #[derive(Debug, Default)]
 pub(crate) struct Measured {
     pub(crate) points: Vec<Point>,
@@ -48,7 +48,7 @@ pub(crate) struct Measured {
     pub(crate) deviation: Vec<[f64; 2]>,
 }
 
-/// What a route is drawn beside.
+/// What a route is compared with in the picture.
 #[derive(Debug, Default)]
 pub(crate) struct Beside {
     pub(crate) home: Option<Position>,
@@ -57,7 +57,7 @@ pub(crate) struct Beside {
 }
 
 impl Scene {
-    /// Gathers the scene of a route, its legs and what is flown of them.
+    /// Gathers the scene of a route: its legs, and the straight ones by which it is flown.
     pub(crate) fn new(
         route: &Draft,
         legs: &[Leg],
@@ -135,8 +135,8 @@ impl Scene {
                 of_leg.push(v1.leg);
             }
         }
-        // A corner between two legs is no curve: a radius is that of three samples of one curved leg. At its ends it is
-        // that of their neighbours.
+        // A corner between two legs is not a curve: a radius is that of three samples of one curved leg. The samples
+        // at a leg's ends have the radius of their neighbours.
         for (leg, shape) in legs.iter().enumerate() {
             let first = of_leg.partition_point(|&l| l < leg);
             let samples = first..of_leg.partition_point(|&l| l <= leg);
@@ -159,8 +159,8 @@ impl Scene {
         self.curve.dedup_by(|b, a| distance(a.at, b.at) < 1e-6);
     }
 
-    /// Measures positions against the curve. A flight is measured from its start to its end: the way there and back is
-    /// no deviation.
+    /// Measures positions against the curve. A flight is measured from the route's start to its end: the way there
+    /// and back is no deviation.
     fn measured(&self, points: Vec<Point>, flight: bool) -> Measured {
         let on_route = if flight {
             self.on_route(&points)
@@ -178,8 +178,8 @@ impl Scene {
         Measured { points, deviation }
     }
 
-    /// The part of a flight between the route's start and its end: from where it first was as near to the start as it
-    /// ever was, to where it last was as near to the end.
+    /// The part of a flight between the route's start and end: from where it was nearest to the start for the first
+    /// time, to where it was nearest to the end for the last time.
     fn on_route(&self, flown: &[Point]) -> std::ops::Range<usize> {
         let near = |place: Option<&Sample>| {
             let apart = place.map(|s| flown.iter().map(|p| distance(*p, s.at)).collect());
@@ -197,8 +197,8 @@ impl Scene {
         }
     }
 
-    /// Smallest and greatest coordinates of the route and of what was measured against it. Home belongs to the map where
-    /// it is not so far that the route would be a dot.
+    /// Smallest and greatest coordinates of the route and of what was measured against it. Home is included unless it
+    /// is so far away that the route would become a dot.
     pub(crate) fn extent(&self) -> [Point; 2] {
         let grow = |extent: [Point; 2], p: Point| {
             let [low, high] = extent;
@@ -227,7 +227,7 @@ impl Scene {
     }
 }
 
-/// Positions of one pass by a place are within this of the nearest, m: a fifth of a second at 10 m/s.
+/// Positions of one pass are within this distance of the nearest, m: a fifth of a second at 10 m/s.
 const PASSED_M: f64 = 2.0;
 
 /// A flat map around the middle of a route: good to a millimetre in a kilometre over some kilometres.
@@ -289,7 +289,7 @@ fn to_segment(p: Point, a: Point, b: Point) -> [f64; 2] {
 fn to_chord(p: Point, alt_m: f64, (a, alt_a): (Point, f64), (b, alt_b): (Point, f64)) -> f64 {
     let [across, f] = to_segment(p, a, b);
     let up = alt_m - alt_a - f * (alt_b - alt_a);
-    // Perpendicular to a chord that climbs, the difference in altitude counts less.
+    // Measured perpendicular to a chord that climbs, so a difference in altitude counts less than in full.
     let length = distance(a, b);
     let steep = if length > 0.0 {
         ((alt_b - alt_a) / length).atan().cos()
@@ -309,5 +309,5 @@ fn circumradius(a: Point, b: Point, c: Point) -> f64 {
     }
 }
 
-/// Samples of a chord.
+/// Samples for each chord.
 const SAMPLES: u32 = 16;

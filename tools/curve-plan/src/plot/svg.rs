@@ -11,17 +11,17 @@ const MAP_HEIGHTS: (f64, f64) = (300.0, 760.0);
 const PROFILE_HEIGHT: f64 = 130.0;
 /// Height of the map taken by its legend, scale and margins.
 const FURNITURE: f64 = 120.0;
-/// Height of the band of the legend at its foot.
+/// Height of the legend's band at the bottom of the map.
 const LEGEND: f64 = 52.0;
 const MARGIN: f64 = 56.0;
 const TITLE: f64 = 52.0;
 
-/// The greatest radius of each class of curves but the first, which is straight, m.
+/// The greatest radius of each class of curves, m; the first class is straight.
 const CLASSES: [f64; 7] = [f64::INFINITY, 800.0, 400.0, 200.0, 100.0, 50.0, 25.0];
 
 /// Colours.
 pub(crate) struct Theme {
-    /// Of the classes of radii, from straight to tight.
+    /// For the classes of radii, from straight to tight.
     classes: [&'static str; 7],
     pub(super) paper: &'static str,
     panel: &'static str,
@@ -114,9 +114,9 @@ pub(crate) fn draw(scene: &Scene, theme: &Theme) -> String {
     out + "</svg>\n"
 }
 
-/// What a page shows of the curve under the pointer: for samples along it x and y in the picture, latitude, longitude,
-/// altitude, length, deviation, radius (0 on a straight) and the flown deviation (null where nothing was flown near), and how many units
-/// of the picture a metre is.
+/// What a page shows of the curve under the pointer, and how many units of the picture a metre has. For each sample:
+/// x and y in the picture, latitude, longitude, altitude, length, deviation, radius (0 on a straight), flown
+/// deviation (null where nothing was flown near).
 pub(crate) fn hover(scene: &Scene) -> (serde_json::Value, f64) {
     let view = View::of(scene);
     let every = scene.curve.len().div_ceil(MAX_HOVERED).max(1);
@@ -139,7 +139,7 @@ pub(crate) fn hover(scene: &Scene) -> (serde_json::Value, f64) {
     (samples.collect(), view.scale)
 }
 
-/// How far from the route the flight was that passed nearest to this length of it, m.
+/// The distance, m, from the route of the flight where it was nearest to this length along the route.
 fn flown_beside(scene: &Scene, along_m: f64) -> Option<f64> {
     let apart = |flown: &&[f64; 2]| (flown[0] - along_m).abs();
     let flown = scene.flown.deviation.iter();
@@ -147,10 +147,11 @@ fn flown_beside(scene: &Scene, along_m: f64) -> Option<f64> {
     (apart(&nearest) <= FLOWN_NEAR_M).then_some(nearest[1])
 }
 
-/// A position of a flight stands for so much of the route to both sides: further away nothing was flown, or recorded.
+/// A position of a flight counts for this length of the route to both sides, m: beyond it nothing was flown, or
+/// recorded.
 const FLOWN_NEAR_M: f64 = 20.0;
 
-/// Samples in a page: a route of any length stays light to search.
+/// Samples in a page at most: a page of any route stays quick to search.
 const MAX_HOVERED: usize = 4_000;
 
 /// From metres to the picture.
@@ -211,7 +212,7 @@ fn map(out: &mut String, scene: &Scene, view: &View, theme: &Theme) {
     let Theme {
         paper, ink, faint, ..
     } = theme;
-    // What lies outside the map, a far home or an approach, is cut off at its frame and above the legend.
+    // What is outside the map, such as a far home or an approach, is clipped at its frame and above the legend.
     let above = height - LEGEND;
     let _ = writeln!(
         out,
@@ -245,7 +246,7 @@ fn map(out: &mut String, scene: &Scene, view: &View, theme: &Theme) {
             theme.panel
         );
     }
-    // Of many waypoints some are named.
+    // Where there are many waypoints only some are named.
     let every = scene.joints.len().div_ceil(MAX_NAMED).max(1);
     for (k, (p, number)) in scene.joints.iter().enumerate() {
         let [x, y] = view.to(*p);
@@ -256,7 +257,7 @@ fn map(out: &mut String, scene: &Scene, view: &View, theme: &Theme) {
         if k % every == 0 {
             let [dx, dy] = clear_of_legs(scene, k);
             let number = number.to_string();
-            // Beside the mark a longer number needs more room than above it.
+            // A longer number needs more room beside its mark than above it.
             let aside = 7.5 + 3.5 * number.len() as f64;
             let at = [x + aside * dx, y - 14.0 * dy + 4.0];
             label(out, at, "middle", &number, theme);
@@ -269,7 +270,7 @@ fn map(out: &mut String, scene: &Scene, view: &View, theme: &Theme) {
     furniture(out, view, scene, theme);
 }
 
-/// The direction from a waypoint in which none of its legs leaves, east and north.
+/// The direction from a waypoint, east and north, in which none of its legs lies.
 fn clear_of_legs(scene: &Scene, k: usize) -> Point {
     let (here, _) = scene.joints[k];
     let towards = |joint: Option<&(Point, usize)>| {
@@ -284,12 +285,12 @@ fn clear_of_legs(scene: &Scene, k: usize) -> Point {
     if length > 0.3 {
         [away[0] / length, away[1] / length]
     } else {
-        // Straight through: to the side.
+        // Both legs in one line: to the side.
         [on[1], -on[0]]
     }
 }
 
-/// A text that can be read on top of lines.
+/// A text with an outline, so that it can be read on top of lines.
 fn label(out: &mut String, [x, y]: Point, anchor: &str, text: &str, theme: &Theme) {
     let _ = writeln!(
         out,
@@ -299,7 +300,7 @@ fn label(out: &mut String, [x, y]: Point, anchor: &str, text: &str, theme: &Them
     );
 }
 
-/// A house; or, where home is outside the map, how far it is, at the edge towards it.
+/// Draws a house; where home is outside the map, how far it is, at the edge towards it.
 fn draw_home(out: &mut String, view: &View, home: Point, theme: &Theme) {
     let [x, y] = view.to(home);
     let at = [
@@ -380,7 +381,7 @@ fn furniture(out: &mut String, view: &View, scene: &Scene, theme: &Theme) {
         y - 8.0
     );
     let (mut x, y) = (28.0, TITLE + view.height - 18.0);
-    // Without a curve there is no radius to name.
+    // Without a curve there are no radii to explain.
     if !scene.arms.is_empty() {
         let _ = writeln!(
             out,
@@ -468,7 +469,7 @@ fn deviation(out: &mut String, scene: &Scene, y: f64, length_m: f64, theme: &The
     );
 }
 
-/// So many waypoints have their numbers beside them.
+/// Waypoints that are named at most.
 const MAX_NAMED: usize = 60;
 
 /// A profile's frame.

@@ -94,7 +94,7 @@ fn check_takes_the_airframe_of_a_vehicle_file() {
         figure(&option, "fastest_mps")
     );
     assert!(figure(&file, "fastest_mps") < figure(&px4, "fastest_mps"));
-    // 8 m/s of wind in the file, 5 where nothing is said.
+    // 8 m/s of wind in the file, 5 where the file does not name it.
     let predicted = "predicted_deviation_m";
     assert!(figure(&file, predicted) > figure(&saved, predicted));
     let lazy = check("quad.toml", &[]);

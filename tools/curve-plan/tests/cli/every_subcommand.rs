@@ -1,10 +1,11 @@
-//! Every subcommand is run, with `--json` too where it has it; they are counted by the command line itself.
+//! Every subcommand is run, with `--json` too where it has that; the command line itself provides the list.
 
 use serde_json::Value;
 
 use crate::Files;
 
-/// Each with its arguments, and the exit status. `send` has nobody to send to here; tests/end-to-end flies what it uploads.
+/// Each with its arguments and exit status. `send` has no VSM to send to here; tests/end-to-end flies what it
+/// uploads.
 const RUNS: &[(&str, &str, i32)] = &[
     ("compare", "track.csv --tolerance 5", 0),
     ("densify", "route.toml dense.csv", 0),

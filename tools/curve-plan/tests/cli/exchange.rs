@@ -1,5 +1,5 @@
-//! Files of QGroundControl, MAVProxy, Google Earth, receivers and spreadsheets, as those write them: what of them is taken,
-//! what is listed as lost, and that they come back.
+//! Files of QGroundControl, MAVProxy, Google Earth, receivers and spreadsheets, as those write them: what is read of
+//! them, what is listed as lost, and that they can be written again.
 
 use std::path::Path;
 
@@ -183,7 +183,7 @@ fn planned_speeds_of_a_plan_come_back_and_are_listed_where_there_is_no_place_for
         let (error, _) = files.convert("fast.plan", there, &[]);
         let expected = "planned speeds for estimates: cruise 18 m/s, hover 4.5 m/s";
         assert!(error.contains(expected), "{there}: {error}");
-        // Those that every new plan has are nobody's choice: named, and no loss.
+        // The values that every new plan has were not chosen by anybody: they are named, and no loss.
         let (error, losses) = files.convert("qgroundcontrol.plan", there, &[]);
         let expected = "not taken, as in every new plan: planned speeds for estimates: cruise 15 m/s, hover 5 m/s";
         assert!(error.contains(expected), "{there}: {error}");
@@ -193,7 +193,7 @@ fn planned_speeds_of_a_plan_come_back_and_are_listed_where_there_is_no_place_for
             "{there}: {losses}"
         );
     }
-    // One without the other is not silently left out either.
+    // One is reported even without the other.
     plan["mission"]
         .as_object_mut()
         .unwrap()
@@ -229,7 +229,7 @@ fn a_loiter_until_an_altitude_names_all_that_it_loses() {
 #[test]
 fn a_strict_fit_refuses_what_it_cannot_take() {
     let files = files();
-    // Items without a place are no part of a track, and are named.
+    // Items without a place cannot be part of a track; they are named.
     let (status, printed) = files.refused(&["fit", "qgroundcontrol.plan", "--strict"]);
     assert_eq!(status, 1, "{printed}");
     assert!(printed.contains(" taken; lost: "), "{printed}");
@@ -270,7 +270,7 @@ fn missions_of_mavproxy_are_read_with_their_home_or_without() {
     assert_eq!(waypoints[1]["turn"].as_str(), Some("fly-over"));
     assert_eq!(waypoints[2]["loiter"]["turns"].as_integer(), Some(3));
     assert_eq!(number(&waypoints[2]["loiter"]["radius"]), Some(60.0));
-    // Jumped back twice: flown three times.
+    // It jumps back twice, so it is flown three times.
     assert_eq!(waypoints[3]["next"].as_integer(), Some(20));
     assert_eq!(waypoints[3]["loop"]["limit"].as_integer(), Some(3));
     // The same mission as `wp save` of MAVProxy 1.8.75 writes it.
@@ -285,7 +285,7 @@ fn missions_of_mavproxy_are_read_with_their_home_or_without() {
         error,
         "px4.csv: 1 of 3 items taken; lost: pitch 15 degrees of the take-off at item 1, landing at item 3\n"
     );
-    // The landing's 0 m is none to fly at.
+    // The landing's 0 m is not an altitude to fly at.
     assert_eq!(
         files.get("px4.csv"),
         "lat_deg,lon_deg,height_m,take_off\n47.39774300,8.54559400,30.000,plain\n47.39900000,8.54700000,40.000,\n"

@@ -201,7 +201,7 @@ fn the_messages_are_those_that_a_ground_station_sends() {
     );
 }
 
-/// Files whose altitudes are absent, or are the ground's; in which line of each, and for which point.
+/// Files whose altitudes are absent, or on the ground; with the line, and the point, that is named.
 const WITHOUT_ALTITUDES: [(&str, &str, &str); 12] = [
     (
         "a.kml",
@@ -295,7 +295,7 @@ fn an_absent_altitude_is_never_a_number() {
                 "{written}"
             );
         }
-        // On the ground nothing is missed.
+        // Without altitudes a track on the ground lacks nothing.
         files.done(&["fit", name]);
     }
     let (status, printed) = files.refused(&["densify", "route.toml", "--altitude", "520"]);

@@ -79,7 +79,7 @@ fn a_file_with_a_home_of_its_own_needs_none() {
     let (status, printed) = files.refused(&["check", "own.waypoints"]);
     assert_eq!(status, 1, "{printed}");
     assert!(printed.contains("3.0 m below home"), "{printed}");
-    // It is kept on the way to another file, instead of the first waypoint's place.
+    // It is kept when converted, and the first waypoint's place does not replace it.
     files.done(&["convert", "own.waypoints", "own.plan"]);
     let plan: serde_json::Value = serde_json::from_str(&files.get("own.plan")).unwrap();
     assert_eq!(plan["mission"]["plannedHomePosition"][2], 488.0);
@@ -88,7 +88,7 @@ fn a_file_with_a_home_of_its_own_needs_none() {
 #[test]
 fn check_reports_steps_that_the_vehicle_cannot_climb() {
     let files = Files::new();
-    // As a track whose altitudes begin with a gap that was taken for 0.
+    // Like a track whose altitudes begin with a gap that was read as 0.
     files.put("step.toml", &route("agl", 1.0, 153.0));
     let report = files.json(&["check", "step.toml", "--speed", "10", "--json"]);
     let heights = &report["heights"];
@@ -192,7 +192,7 @@ fn heights_above_ground_follow_it() {
         "{}",
         files.get("kml.csv")
     );
-    // Without a height the ground is none to fly at.
+    // Without a height a track on the ground cannot be flown.
     let (status, printed) =
         files.refused(&["convert", "track.csv", "x.csv", "--terrain", "ground.asc"]);
     assert!(status == 2 && printed.contains("no altitude"), "{printed}");

@@ -88,7 +88,7 @@ fn waypoints_have_their_numbers_and_home_is_marked() {
     let home = ["--home", "47.3970,8.5455"];
     files.done(&[&["plot", "route.toml", "-o", "b.svg"], &home[..]].concat());
     assert!(texts(&files.get("b.svg")).contains(&"home"));
-    // A home that is far away does not make a dot of the route.
+    // A home far away does not reduce the route to a dot.
     let home = ["--home", "47.9,8.5455"];
     files.done(&[&["plot", "route.toml", "-o", "c.svg"], &home[..]].concat());
     let far = files.get("c.svg");
@@ -122,7 +122,7 @@ fn a_corner_of_straight_legs_is_no_tight_curve() {
     files.done(&["plot", "route.toml", "-o", "b.svg"]);
     let text = files.get("b.svg");
     assert!(text.contains("radius of curves, m") && text.contains("#d9a514"));
-    // Nor is the corner at which a curve begins.
+    // Nor is the corner where a curve begins.
     assert!(!text.contains("#c3243c\" stroke-width=\"4.5"));
 }
 
@@ -167,7 +167,8 @@ fn the_deviation_of_a_flight_is_that_on_the_route() {
     ]);
     let text = files.get("a.svg");
     assert!(text.contains("\"#d100a8\"") && texts(&text).contains(&"flown"));
-    // The axis of the deviation ends at the tolerance, not at the 900 m of the approach; home is where it started.
+    // The axis of the deviation ends at the tolerance, not at the 900 m of the approach; home is the place where the
+    // flight started.
     let deviation = text
         .split("deviation, m")
         .nth(1)
@@ -242,14 +243,14 @@ fn a_dark_page_shows_how_far_off_the_flight_was() {
     ] {
         assert!(page.contains(part), "{part}");
     }
-    // None of the colours that are for a light ground, but in the box of values, which is dark on both.
+    // None of the colours for a light ground, except in the box of values, which is dark on both.
     for part in ["#d100a8", "#f7f7f4", "\"#fff\"", "NaN"] {
         assert!(!page.contains(part), "{part}");
     }
     let samples = page.split("const samples = ").nth(1).unwrap();
     let samples = samples.split(", metre = ").next().unwrap();
     let samples: Vec<[Option<f64>; 9]> = serde_json::from_str(samples).unwrap();
-    // Half a metre to the north of a route that winds.
+    // Half a metre north of a route with many turns.
     let flown: Vec<f64> = samples.iter().filter_map(|s| s[8]).collect();
     assert_eq!(flown.len(), samples.len());
     assert!(
