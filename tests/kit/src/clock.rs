@@ -10,10 +10,10 @@ use mavlink_link::Now;
 /// 2026-01-01 00:00 UTC: what the wall clock of most tests shows at their start.
 pub const START: Duration = Duration::from_secs(1_767_225_600);
 
-/// Time since 1970 by the clock of this computer: for tests in real time.
+/// Time since 1970 by the clock of this computer, for tests in real time.
 ///
 /// # Panics
-/// It is before 1970.
+/// The clock is before 1970.
 pub fn wall() -> Duration {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH);
     wall.expect("after 1970")
@@ -50,7 +50,7 @@ impl VirtualClock {
         self.elapsed
     }
 
-    /// Both clocks as the process reads them.
+    /// Both clocks, as the process reads them.
     pub fn now(&self) -> Now {
         let wall_s = self.wall_start.as_secs_f64() + self.elapsed.as_secs_f64() + self.wall_step_s;
         Now {
@@ -59,17 +59,17 @@ impl VirtualClock {
         }
     }
 
-    /// Lets time pass.
+    /// Lets this much time pass.
     pub fn advance(&mut self, by: Duration) {
         self.elapsed += by;
     }
 
-    /// Steps the wall clock: from now on it is wrong by so many seconds, forwards or backwards.
+    /// Steps the wall clock: from now on it is off by this many seconds, forwards or backwards.
     pub fn set_wall_step(&mut self, seconds: f64) {
         self.wall_step_s = seconds;
     }
 
-    /// The process is started again: its monotonic clock begins at zero.
+    /// Restarts the process: its monotonic clock begins at zero.
     pub fn restart_process(&mut self) {
         self.process_started = self.elapsed;
     }

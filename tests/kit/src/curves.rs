@@ -1,4 +1,4 @@
-//! Random curved legs of every kind, and the oracles that judge what is made of them.
+//! Random curved legs of every kind, and the oracles that judge their chords.
 
 use curve_paths::{BezierLeg, Control, ErrorAllowance, Ground, Position, Vertex};
 use geographiclib_rs::{DirectGeodesic, Geodesic, InverseGeodesic};
@@ -41,7 +41,8 @@ impl Kind {
     ];
 }
 
-/// The published figures are of these very legs, so their generator is written down here (splitmix64).
+/// The published figures are about exactly these legs, so the generator is fixed here (splitmix64) instead of taken
+/// from a library that may change.
 struct Random(u64);
 
 impl Random {
@@ -146,8 +147,8 @@ pub fn random_leg(seed: u64) -> (Kind, BezierLeg) {
     (kind, leg)
 }
 
-/// The Hausdorff distance, m, from samples, between the leg and the polyline of the vertices rounded as mission
-/// items are; each part against its own chord, which can only be more than against the whole.
+/// The Hausdorff distance, m, from samples, between the leg and the polyline of the vertices rounded as mission items
+/// are. Each part is compared with its own chord, so the result can only be larger than against the whole polyline.
 pub fn two_sided_deviation_m(leg: &BezierLeg, vertices: &[Vertex], samples: usize) -> f64 {
     let earth = Geodesic::wgs84();
     let mut worst: f64 = 0.0;
@@ -156,7 +157,7 @@ pub fn two_sided_deviation_m(leg: &BezierLeg, vertices: &[Vertex], samples: usiz
         let (v0, v1) = (rounded(pair[0].position), rounded(pair[1].position));
         let (length, azimuth, _, _): (f64, f64, f64, f64) =
             earth.inverse(v0.lat_deg, v0.lon_deg, v1.lat_deg, v1.lon_deg);
-        // Along the chord, across it, up: on the scale of a chord, the sphere is correction enough.
+        // Along the chord, across it, and up: over one chord the sphere is exact enough.
         let local = |p: Position| {
             let (s, az, _, _): (f64, f64, f64, f64) =
                 earth.inverse(v0.lat_deg, v0.lon_deg, p.lat_deg, p.lon_deg);

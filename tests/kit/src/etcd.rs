@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::process::{Running, free_tcp_port};
 use tempfile::TempDir;
 
-/// Members that make a cluster.
+/// The running members of a cluster.
 #[derive(Debug)]
 pub struct Etcd {
     folder: TempDir,
@@ -38,14 +38,14 @@ impl Etcd {
         etcd
     }
 
-    /// Where clients find it.
+    /// The URLs of its members, for clients.
     pub fn urls(&self) -> Vec<String> {
         let each = self.clients.iter();
         each.map(|port| format!("http://127.0.0.1:{port}"))
             .collect()
     }
 
-    /// The same as a list of TOML.
+    /// The same as a TOML list.
     pub fn endpoints(&self) -> String {
         format!("{:?}", self.urls())
     }
@@ -65,7 +65,7 @@ impl Etcd {
         self.ask("kv/deleterange", &format!("{{\"key\":\"{key}\"}}"));
     }
 
-    /// The answer of the first member to a request of its gateway.
+    /// The first member's answer to a request to its gateway.
     fn ask(&self, path: &str, body: &str) -> String {
         let length = body.len();
         self.exchange(
@@ -83,7 +83,7 @@ impl Etcd {
         Ok(answer)
     }
 
-    /// A member, to be stopped or continued by signals.
+    /// A member's process, to be stopped or continued by signals.
     pub fn member(&self, member: usize) -> &Running {
         self.members[member].as_ref().expect("it runs")
     }
@@ -93,7 +93,7 @@ impl Etcd {
         self.members[member].take().expect("it runs").kill();
     }
 
-    /// Starts a member, with what it has on its disk.
+    /// Starts a member again, with what is on its disk.
     pub fn start_member(&mut self, member: usize) {
         let url = |port: u16| format!("http://127.0.0.1:{port}");
         let peers = (self.peers.iter().enumerate()).map(|(n, port)| format!("m{n}={}", url(*port)));
@@ -130,7 +130,7 @@ impl Etcd {
     }
 }
 
-/// As the gateway takes keys. The kit has no crate for it, and needs it here alone.
+/// Base64, as the gateway expects keys. Written here because the kit has no crate for it, and needs it only once.
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::new();

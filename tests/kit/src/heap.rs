@@ -1,26 +1,26 @@
-//! The system's allocator, counted: how often this thread asks for memory, and how much it holds.
+//! The system's allocator with counters: how often this thread allocates, and how much it holds.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// To be made the `#[global_allocator]` of a test program.
+/// Made the `#[global_allocator]` of a test program.
 #[derive(Debug)]
 pub struct Counting;
 
-// By thread, so that tests side by side in one program do not disturb each other.
+// Counted by thread, so that parallel tests in one program do not disturb each other.
 thread_local! {
     static CALLS: Cell<u64> = const { Cell::new(0) };
     static HELD: Cell<i64> = const { Cell::new(0) };
 }
 
-/// How often `work` asks for memory on this thread.
+/// How often `work` allocates on this thread.
 pub fn allocations<T>(work: impl FnOnce() -> T) -> (u64, T) {
     let before = CALLS.with(Cell::get);
     let done = work();
     (CALLS.with(Cell::get) - before, done)
 }
 
-/// Bytes that this thread allocated and did not free yet.
+/// Bytes that this thread has allocated and not freed yet.
 pub fn held() -> i64 {
     HELD.with(Cell::get)
 }

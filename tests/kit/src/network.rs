@@ -9,25 +9,26 @@ use std::time::Duration;
 
 use crate::Random;
 
-/// How bad a network is. Rates are probabilities of 0 to 1 for each packet.
+/// How bad a network is. Rates are probabilities, 0 to 1, for each packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Faults {
-    /// Lost.
+    /// Probability that a packet is lost.
     pub loss: f64,
-    /// Delivered twice.
+    /// Probability that it is delivered twice.
     pub duplicate: f64,
-    /// Held back for [`HELD_BACK`] or the longest delay, so that later packets overtake it.
+    /// Probability that it is held back for [`HELD_BACK`] or the longest delay, so that later packets overtake it.
     pub reorder: f64,
-    /// One bit is inverted.
+    /// Probability that one bit is inverted.
     pub flip: f64,
-    /// The end is cut off.
+    /// Probability that its end is cut off.
     pub truncate: f64,
     /// Travel time: shortest and longest.
     pub delay: (Duration, Duration),
     /// Whether the spread of `delay` alone lets packets overtake each other, as on a mesh of paths. On a single queue,
     /// such as a radio link, a late packet also delays those behind it.
     pub overtaking: bool,
-    /// What a line carries each way, bytes a second, one datagram behind the other; what would wait for over [`LINE_HOLDS`] is lost.
+    /// Bytes a second that a line carries each way, one datagram after the other; what would wait longer than
+    /// [`LINE_HOLDS`] is lost. `None`: no limit.
     /// `None`: any number at once.
     pub bytes_s: Option<f64>,
 }
@@ -77,10 +78,10 @@ impl Faults {
     }
 }
 
-/// What a line has carried (`Faults::bytes_s`).
+/// A datagram that a line has carried (`Faults::bytes_s`).
 #[derive(Debug, Clone, Copy)]
 pub struct Carried<A> {
-    /// Whom it was for.
+    /// Its destination.
     pub to: A,
     /// Its bytes.
     pub bytes: usize,
@@ -91,28 +92,28 @@ pub struct Carried<A> {
 /// A packet on its way.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Packet<A, T> {
-    /// Who sent it.
+    /// Its sender.
     pub from: A,
-    /// Whom it is for.
+    /// Its destination.
     pub to: A,
-    /// What it carries.
+    /// Its content.
     pub payload: T,
 }
 
 /// Both directions of a network.
 #[derive(Debug, Clone)]
 pub struct Network<A, T> {
-    /// How bad it is from now on; packets on their way keep what they got.
+    /// How bad it is from now on; packets on their way keep the faults they were given.
     pub faults: Faults,
     random: Random,
     in_flight: BTreeMap<(Duration, u64), Packet<A, T>>,
-    /// What was carried where a line has its pace, in the order of sending.
+    /// The datagrams carried while a line has a rate, in the order of sending.
     pub carried: Vec<Carried<A>>,
     /// When the line to each end is free.
     free_at: BTreeMap<A, Duration>,
     /// When the last packet to each end arrives.
     last_arrival: BTreeMap<A, Duration>,
-    /// Orders packets that arrive at the same time: the one sent first arrives first.
+    /// Number of packets sent: of those that arrive at the same time the first sent arrives first.
     sent: u64,
     lost: u64,
 }
@@ -155,7 +156,7 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
             1
         };
         for _ in 0..copies {
-            // Each copy for itself: a duplicated packet may lose one copy and damage the other.
+            // Each copy separately: of a duplicated packet one copy may be lost and the other damaged.
             if happens(&mut self.random, faults.loss) {
                 self.lost += 1;
                 continue;
@@ -176,7 +177,7 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
         }
     }
 
-    /// When a packet has left the line; `None` where it finds no room.
+    /// When the packet has left the line; `None` where its buffer is full.
     fn carry(&mut self, now: Duration, to: A, bytes: usize) -> Option<Duration> {
         let Some(bytes_s) = self.faults.bytes_s else {
             return Some(now);
@@ -196,7 +197,7 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
         Some(left)
     }
 
-    /// The next packet that has arrived by now.
+    /// The next packet that has arrived by `now`.
     pub fn receive(&mut self, now: Duration) -> Option<Packet<A, T>> {
         let entry = self.in_flight.first_entry()?;
         (entry.key().0 <= now).then(|| entry.remove())
@@ -212,7 +213,7 @@ impl<A: Copy + Ord, T: Clone> Network<A, T> {
         self.in_flight.values()
     }
 
-    /// How many packets were lost so far; of a duplicated one each copy counts.
+    /// How many packets were lost so far; each copy of a duplicated packet counts.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -239,12 +240,13 @@ impl<A: Copy + Ord> Network<A, Vec<u8>> {
     }
 }
 
-/// Draws only where something can happen, so that a fault that is switched off does not change the history of others.
+/// Draws a number only where the fault is on, so that a fault that is off does not change the history of the others.
 fn happens(random: &mut Random, probability: f64) -> bool {
     probability > 0.0 && random.f64() < probability
 }
 
-/// What the buffer in front of a line holds: more than a serial driver's, less than a patient modem's.
+/// How long a datagram may wait in front of a line: more than a serial driver's buffer holds, less than a large
+/// modem's.
 pub const LINE_HOLDS: Duration = Duration::from_secs(1);
 
 /// The least time by which a reordered packet is late: longer than most tests take between two packets.

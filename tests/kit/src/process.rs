@@ -1,4 +1,4 @@
-//! Programs under test: they end with the test, by their process id, however the test ends.
+//! Programs under test: they are ended with the test, by their process id, however the test ends.
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
@@ -15,7 +15,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A program of the workspace, beside the folder of the test executables.
 ///
-/// Cargo builds the programs of other packages for no test, so whoever runs such a test has to build them first.
+/// Cargo does not build the programs of other packages for a test: build them first (`cargo build --workspace
+/// --bins`).
 pub fn program(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("the path of the test executable");
     let path = test
@@ -31,8 +32,8 @@ pub fn program(name: &str) -> PathBuf {
     path
 }
 
-/// Runs a program of the workspace to its end in this folder, with the most detailed log: whether it succeeded, and all
-/// that it printed.
+/// Runs a program of the workspace to its end in this folder, with the most detailed log; returns whether it
+/// succeeded, and everything that it printed.
 pub fn run_in(folder: &Path, name: &str, arguments: &[&str]) -> (bool, Vec<u8>) {
     let output = Command::new(program(name))
         .args(arguments)
@@ -50,7 +51,7 @@ pub struct KillOnDrop(pub Child);
 
 impl Drop for KillOnDrop {
     fn drop(&mut self) {
-        // It may have ended by itself; what counts is that nothing stays behind.
+        // It may have ended by itself, so an error is ignored: what counts is that no process is left.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -114,13 +115,13 @@ impl Running {
         self.child.0.id()
     }
 
-    /// All that it has printed so far, both streams in order of arrival.
+    /// Everything that it has printed so far, both streams in order of arrival.
     pub fn output(&self) -> String {
         let output = self.output.lock();
         output.unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Types a line.
+    /// Types a line to it.
     pub fn type_line(&mut self, line: &str) {
         let input = self.child.0.stdin.as_mut().expect("started as a shell");
         writeln!(input, "{line}").expect("it reads");
@@ -137,12 +138,12 @@ impl Running {
     ///
     /// # Errors
     ///
-    /// It ended, or `limit` passed, before; with all that it printed.
+    /// It ended, or `limit` passed, before that; with everything that it printed.
     pub fn try_wait_for(&mut self, word: &str, limit: Duration) -> Result<(), String> {
         let end = Instant::now() + limit;
         while !self.output().contains(word) {
             if let Some(status) = self.wait(Duration::ZERO) {
-                // It may have printed the word with its last breath.
+                // It may have printed the word just before it ended.
                 if self.output().contains(word) {
                     break;
                 }
@@ -179,7 +180,7 @@ impl Running {
         }
     }
 
-    /// Asks it to end (SIGTERM), as an operator would.
+    /// Requests its end (SIGTERM), as an operator would.
     pub fn terminate(&self) {
         self.signal("TERM");
     }
@@ -203,7 +204,7 @@ impl Running {
     }
 }
 
-/// Runs a filter: gives it `input`, returns its standard output; its failure is the test's.
+/// Runs a filter: gives it `input`, returns its standard output; panics where it fails.
 pub fn filter<A: AsRef<OsStr>>(
     program: &Path,
     arguments: impl IntoIterator<Item = A>,
@@ -220,11 +221,11 @@ pub fn filter<A: AsRef<OsStr>>(
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// The same of a program that may end with any status.
+/// The same for a program that may end with any status.
 ///
 /// # Panics
 ///
-/// Where it cannot be started, or prints what is no text.
+/// It cannot be started, or prints what is not text.
 pub fn filter_with_status<A: AsRef<OsStr>>(
     program: &Path,
     arguments: impl IntoIterator<Item = A>,
@@ -249,31 +250,32 @@ fn piped<A: AsRef<OsStr>>(
         .spawn()
         .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
     let mut stdin = child.stdin.take().expect("a pipe");
-    // A thread of its own: a filter answers before it has read everything.
+    // In its own thread: a filter may write answers before it has read all of its input, and would block on a full
+    // pipe.
     let writer = thread::spawn(move || stdin.write_all(input.as_bytes()));
     let output = child.wait_with_output().expect("its output");
     let _ = writer.join();
     output
 }
 
-/// A UDP port of the loopback address that nobody uses now, or gets from the system later.
+/// A UDP port of the loopback address that nobody uses now, and that the system will not assign later.
 pub fn free_udp_port() -> u16 {
     free_port(|port| UdpSocket::bind(("127.0.0.1", port)).is_ok())
 }
 
-/// The same of TCP.
+/// The same for TCP.
 pub fn free_tcp_port() -> u16 {
     free_port(|port| TcpListener::bind(("127.0.0.1", port)).is_ok())
 }
 
-/// Below those that the system gives to whoever asks for any (32768 and above): such a port could be another test's before
-/// the program that is given it has opened it.
+/// Below the ports that the system assigns (32768 and above): such a port could be given to another test before the
+/// program under test has opened it.
 fn free_port(is_free: impl Fn(u16) -> bool) -> u16 {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     static BEGIN: OnceLock<u32> = OnceLock::new();
     const FIRST: u32 = 12_000;
     const PORTS: u32 = 20_000;
-    // Tests are processes, so each begins elsewhere, and gives no port twice.
+    // Tests are processes of their own, so each starts at another number, and returns no port twice.
     let begin = *BEGIN.get_or_init(|| {
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         now.map_or(0, |now| now.subsec_micros()) ^ std::process::id().wrapping_mul(7_919)
@@ -324,7 +326,7 @@ fn collect(stream: Option<impl Read + Send + 'static>, to: &Arc<Mutex<String>>) 
     })
 }
 
-/// How often a process is looked at while a test waits for it.
+/// How often a process is checked while a test waits for it.
 const POLL: Duration = Duration::from_millis(10);
 
 #[cfg(test)]

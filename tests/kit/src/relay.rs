@@ -1,4 +1,4 @@
-//! The simulated network between two programs that speak UDP over the loopback address, in real time.
+//! The simulated network between two programs that use UDP over the loopback address, in real time.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::network::{Faults, Network};
 
-/// Stands between a server and one client. It ends when this value is dropped.
+/// A relay between a server and one client. It ends when this value is dropped.
 #[derive(Debug)]
 pub struct Relay {
     front: SocketAddr,
@@ -26,16 +26,16 @@ pub enum End {
     Server,
 }
 
-/// Sees every datagram that is delivered, and where to.
+/// Is shown every datagram that is delivered, and where to.
 type Observer = Box<dyn FnMut(End, &[u8]) + Send>;
 
 impl Relay {
-    /// Listens on a free port, and carries to and from `server`.
+    /// Listens on a free port, and relays to and from `server`.
     pub fn start(server: &str, faults: Faults, seed: u64) -> Relay {
         Relay::observed(server, faults, seed, |_, _| {})
     }
 
-    /// The same, and each datagram is shown to `observer` before it is delivered.
+    /// The same; each datagram is shown to `observer` before it is delivered.
     pub fn observed(
         server: &str,
         faults: Faults,
@@ -75,7 +75,7 @@ impl Relay {
         }
     }
 
-    /// Where the client finds the server.
+    /// The address to which the client sends.
     pub fn address(&self) -> String {
         self.front.to_string()
     }
@@ -99,7 +99,7 @@ struct Carrier {
     front: UdpSocket,
     back: UdpSocket,
     server: SocketAddr,
-    /// Where the client sent from last.
+    /// Where the client last sent from.
     client: Option<SocketAddr>,
     network: Network<End, Vec<u8>>,
     observer: Observer,
@@ -115,7 +115,7 @@ impl Carrier {
             let bytes = buffer[..length].to_vec();
             self.network.send(now, End::Client, End::Server, bytes);
         }
-        // A server that is down makes this fail once; the next datagram may find it up again.
+        // A server that is down makes this fail once; a later datagram may find it running again.
         while let Ok((length, from)) = self.back.recv_from(&mut buffer) {
             if from == self.server {
                 let bytes = buffer[..length].to_vec();

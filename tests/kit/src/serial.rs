@@ -1,4 +1,4 @@
-//! Serial lines made of pseudo terminals: what a program writes to its device arrives at the other end, as through a
+//! Serial lines made of pseudo terminals: what a program writes to its device arrives at the other end, as over a
 //! cable or a pair of modems.
 
 use std::fs::File;
@@ -28,7 +28,7 @@ impl Port {
         Port(port)
     }
 
-    /// What has arrived, without waiting; 0 where nothing has.
+    /// Reads what has arrived, without waiting; 0 where nothing has.
     pub fn read(&mut self, buffer: &mut [u8]) -> usize {
         match self.0.bytes_to_read() {
             Ok(1..) => self.0.read(buffer).unwrap_or(0),
@@ -36,7 +36,7 @@ impl Port {
         }
     }
 
-    /// Writes; what the line has no room for is lost.
+    /// Writes; bytes for which the line has no room are lost.
     pub fn write(&mut self, bytes: &[u8]) {
         let _ = self.0.write_all(bytes);
     }
@@ -54,11 +54,12 @@ pub struct Device {
 }
 
 impl Device {
-    /// Makes one.
+    /// A new pseudo terminal.
     pub fn new() -> Device {
         let (port, far) = TTYPort::pair().expect("a pseudo terminal");
         let name = far.name().expect("the name of a pseudo terminal");
-        // Held as a plain file: a port that is open as a port is locked, and the program could not open it.
+        // Opened as a plain file: a port that is opened as a serial port is locked, and the program could not open
+        // it.
         let held = File::options().read(true).write(true).open(&name);
         drop(far);
         Device {
@@ -79,7 +80,7 @@ impl Default for Device {
 #[derive(Debug)]
 pub struct Line {
     ended: Arc<AtomicBool>,
-    /// From the first device to the second, and back.
+    /// Bytes carried from the first device to the second, and back.
     carried: [Arc<AtomicU64>; 2],
     carrier: Option<JoinHandle<()>>,
 }
@@ -87,12 +88,13 @@ pub struct Line {
 /// One end of a line.
 enum End {
     Device(Device),
-    /// A program that speaks UDP to this socket, and where it sent from last.
+    /// A program that sends UDP to this socket, and the address it last sent from.
     Udp(UdpSocket, Option<SocketAddr>),
 }
 
 impl Line {
-    /// From a device to a program that speaks UDP to this port of the loopback address; the device's name.
+    /// A line from a device to a program that uses UDP on this port of the loopback address; returns the device's
+    /// name.
     pub fn to_udp(port: u16) -> (Line, String) {
         let device = Device::new();
         let name = device.name.clone();
@@ -102,7 +104,7 @@ impl Line {
         (line, name)
     }
 
-    /// From one device to another; their names.
+    /// A line between two devices; returns their names.
     pub fn between_devices() -> (Line, [String; 2]) {
         let (here, there) = (Device::new(), Device::new());
         let names = [here.name.clone(), there.name.clone()];
@@ -110,7 +112,7 @@ impl Line {
         (line, names)
     }
 
-    /// The same at this many baud, ten bits a byte: what is written faster waits in the devices.
+    /// The same at this baud rate, ten bits a byte: bytes that are written faster wait in the devices.
     pub fn at_baud(baud: u32) -> (Line, [String; 2]) {
         let (here, there) = (Device::new(), Device::new());
         let names = [here.name.clone(), there.name.clone()];
@@ -157,10 +159,10 @@ impl Line {
     }
 }
 
-/// How much one direction may carry by now.
+/// How many bytes one direction may carry by now.
 struct Pace {
     bytes_s: Option<f64>,
-    /// Since when it has been saving up.
+    /// When the budget was last increased.
     since: Instant,
     saved: f64,
 }
@@ -181,7 +183,7 @@ impl Pace {
         let now = Instant::now();
         self.saved += (now - self.since).as_secs_f64() * bytes_s;
         self.since = now;
-        // An idle line saves nothing up, but for the rounds of this thread.
+        // The budget of an idle line does not grow, except for the rounds of this thread.
         self.saved = self.saved.min(bytes_s * IDLE_S);
         self.saved as usize
     }
@@ -191,7 +193,7 @@ impl Pace {
     }
 }
 
-/// More than a round takes, on a machine that does something else too.
+/// Longer than a round takes, on a machine with other work too.
 const IDLE_S: f64 = 0.02;
 
 impl End {

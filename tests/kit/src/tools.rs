@@ -1,7 +1,7 @@
 //! Other people's programs that a test needs: tshark, dpkg-deb, a C compiler, name spaces of the kernel.
 //!
-//! On a developer's machine a test whose tool is missing is left out, and prints so. With `CI` set it fails: a check that
-//! is not run must not pass.
+//! On a developer's machine a test whose tool is missing is left out, and prints that. With `CI` set it fails: a
+//! check that did not run must not pass.
 //!
 //! ```no_run
 //! # fn test() {
@@ -17,7 +17,7 @@
 
 use std::process::{Command, Stdio};
 
-/// Whether a program can be started; see [`leave_out`] for what happens where it cannot.
+/// Whether a program can be started; where not, see [`leave_out`].
 pub fn is_installed(tool: &str) -> bool {
     let started = Command::new(tool)
         .arg("--version")
@@ -31,7 +31,7 @@ pub fn is_installed(tool: &str) -> bool {
     }
 }
 
-/// Whether a command succeeds that shows that a tool works here; see [`leave_out`] for what happens where it does not.
+/// Whether a command that proves a tool succeeds here; where not, see [`leave_out`].
 pub fn works(tool: &str, probe: &mut Command) -> bool {
     match probe.output() {
         Ok(output) if output.status.success() => true,
@@ -40,11 +40,11 @@ pub fn works(tool: &str, probe: &mut Command) -> bool {
     }
 }
 
-/// Reports that a test is left out because a tool is missing. Always false.
+/// Reports that a test is left out because a tool is missing; always returns false.
 ///
 /// # Panics
 ///
-/// With the environment variable `CI` set.
+/// The environment variable `CI` is set.
 pub fn leave_out(tool: &str, why: &str) -> bool {
     let on_ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
     assert!(

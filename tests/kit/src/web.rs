@@ -1,4 +1,5 @@
-//! A web client as a script is one: the WebSocket of docs/guide/websocket.md, frame by frame, for who behaves and who does not.
+//! A web client as a script would be one: the WebSocket of docs/guide/websocket.md, frame by frame, for correct and
+//! misbehaving clients.
 
 use std::io;
 use std::net::{SocketAddr, TcpStream};
@@ -21,27 +22,27 @@ pub struct WebClient {
     expected: u64,
     stamp: u64,
     beat: Instant,
-    /// In whose name.
+    /// The station in whose name it is connected.
     pub cucs: Id,
     /// VSM ID.
     pub vsm: Id,
-    /// Everything that it has sent, as it went out.
+    /// Everything that it has sent, sealed.
     pub sent: Vec<String>,
 }
 
-/// How a connection was refused, or has ended.
+/// How a connection was refused, or ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Refused {
-    /// By the status of HTTP: it has not become a WebSocket.
+    /// By an HTTP status: it did not become a WebSocket.
     Http(u16),
-    /// By the code of the close frame.
+    /// By a close frame with this code.
     Closed(u16),
-    /// Without a word.
+    /// Closed without a close frame.
     Dropped,
 }
 
 impl WebClient {
-    /// Opens a connection in the name of a station, with a key that is its own or not.
+    /// Opens a connection in the name of a station, with its key or a wrong one.
     ///
     /// # Errors
     /// It is refused.
@@ -83,7 +84,7 @@ impl WebClient {
         self.send_numbered(number, body);
     }
 
-    /// Seals and sends a frame with this number, whatever is next.
+    /// Seals and sends a frame with this number, whatever the next number is.
     pub fn send_numbered(&mut self, number: u64, mut body: Value) {
         body["n"] = number.into();
         self.next = number + 1;
@@ -91,20 +92,20 @@ impl WebClient {
         self.send_raw(frame);
     }
 
-    /// Sends a frame as it is.
+    /// Sends a frame unchanged.
     pub fn send_raw(&mut self, frame: impl Into<String>) {
         let frame = frame.into();
         self.sent.push(frame.clone());
-        // One that is closed meanwhile is found out where it is read.
+        // Where the connection was closed meanwhile, the next read reports it.
         let _ = self.socket.send(Message::Text(frame.into()));
     }
 
-    /// Sends a frame that is no text.
+    /// Sends a binary frame, which is not text.
     pub fn send_binary(&mut self) {
         let _ = self.socket.send(Message::Binary(vec![1, 2, 3].into()));
     }
 
-    /// Sends a message of the DLI, stamped now; its stamp.
+    /// Sends a message of the DLI, stamped now; returns its stamp.
     pub fn message(&mut self, id: u16, destination: Id, mut fields: Value) -> u64 {
         self.stamp = now_stamp().max(self.stamp + 1);
         fields["Time Stamp"] = self.stamp.into();
@@ -115,7 +116,7 @@ impl WebClient {
         self.stamp
     }
 
-    /// The next frame of the VSM, which verifies; `None` where none comes in time.
+    /// The next frame of the VSM, which has to verify; `None` where none comes in time.
     ///
     /// # Errors
     /// The connection has ended.
@@ -147,7 +148,7 @@ impl WebClient {
         }
     }
 
-    /// Reads what there is, and looks at nothing of it; how many frames that was.
+    /// Reads and discards everything that has arrived; returns the number of frames.
     pub fn drain(&mut self) -> usize {
         let _ = self.socket.get_ref().set_nonblocking(true);
         let mut read = 0;
@@ -158,10 +159,10 @@ impl WebClient {
         read
     }
 
-    /// The first frame that is accepted, with a heartbeat each second meanwhile.
+    /// The first frame that is accepted; sends a heartbeat each second meanwhile.
     ///
     /// # Panics
-    /// There is none in time.
+    /// None comes in time.
     pub fn wait(&mut self, what: &str, within: Duration, accept: impl Fn(&Value) -> bool) -> Value {
         let end = Instant::now() + within;
         let mut last = Value::Null;
@@ -177,7 +178,7 @@ impl WebClient {
         panic!("{what}: not seen within {within:?}, last {last}");
     }
 
-    /// A heartbeat, where it is time for one.
+    /// Sends a heartbeat where one is due.
     pub fn keep(&mut self) {
         if self.beat <= Instant::now() {
             self.beat = Instant::now() + Duration::from_secs(1);
@@ -198,7 +199,7 @@ impl WebClient {
         end.as_str().expect("a text").to_owned()
     }
 
-    /// Asks for LOI 4 and 5, and waits until it has them.
+    /// Requests LOI 4 and 5, and waits until they are granted.
     pub fn take(&mut self, vehicle: Id) {
         self.message(1, vehicle, request_control());
         self.wait("control", Duration::from_secs(20), |frame| {
@@ -207,7 +208,7 @@ impl WebClient {
         });
     }
 
-    /// How the connection ends, if it does in time.
+    /// How the connection ends, where it does within this time.
     pub fn ended(&mut self, within: Duration) -> Option<Refused> {
         let end = Instant::now() + within;
         while Instant::now() < end {
@@ -229,7 +230,7 @@ pub fn request_control() -> Value {
     })
 }
 
-/// Opens the WebSocket alone, for a page of this origin.
+/// Opens the WebSocket only, with this Origin.
 ///
 /// # Errors
 /// It is refused.
@@ -252,7 +253,7 @@ pub fn open(page: SocketAddr, origin: Option<&str>) -> Result<WebSocket<TcpStrea
     }
 }
 
-/// VSM ID and random bytes of the challenge.
+/// The VSM ID and the random bytes of the challenge.
 ///
 /// # Errors
 /// The connection has ended.

@@ -1,4 +1,4 @@
-//! Any bytes as an access list: one way to write it, and nothing verifies that the key has not signed.
+//! Any bytes as an access list: it has a single written form, and nothing verifies that the key has not signed.
 
 use mavlink_link::signing::SigningKey;
 use stanag_msgs::Id;
@@ -7,7 +7,7 @@ use vsm::session::{AccessKey, AccessList};
 /// Reads the bytes as an access list.
 ///
 /// # Panics
-/// What was read is written in another way, or verifies.
+/// A list that was read is written differently, or verifies.
 pub fn run(bytes: &[u8]) {
     let key = key();
     let mut list = match AccessList::read(bytes) {

@@ -1,4 +1,4 @@
-//! Any text as a configuration: it is taken or refused, and a refusal is a sentence.
+//! Any text as a configuration: it is accepted or refused, and a refusal is a sentence.
 
 use std::path::Path;
 

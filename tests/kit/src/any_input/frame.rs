@@ -1,5 +1,5 @@
-//! Any bytes of a MAVLink link, whole and in pieces: what is found is a frame, is recorded as one, and what is decoded
-//! encodes to what decodes to the same.
+//! Any bytes of a MAVLink link, whole and in pieces: what is found is a frame, the recorder takes it as one, and a
+//! decoded message encodes to bytes that decode to the same.
 
 use core::time::Duration;
 
@@ -11,7 +11,8 @@ pub fn run(bytes: &[u8]) {
     let Some((&piece, rest)) = bytes.split_first() else {
         return;
     };
-    // An unknown message cannot be checked: whether it is taken for one depends on what arrives with it.
+    // The checksum of an unknown message cannot be verified: whether it counts as a frame depends on what arrives
+    // with it.
     let mut found = frames(rest, rest.len().max(1));
     found.extend(frames(rest, usize::from(piece) % 40 + 1));
     for found in &found {
@@ -19,7 +20,7 @@ pub fn run(bytes: &[u8]) {
         let mut record = [0; tlog::MAX_RECORD];
         let length = tlog::record(Duration::from_secs(1), &view, &mut record);
         if !view.is_checked() {
-            // Of an unknown message: believed for its signature alone, and recorded without.
+            // An unknown message: accepted for its signature alone, and recorded without it.
             continue;
         }
         let kept = FrameView::parse(&record[8..length]).expect("a record holds a frame");

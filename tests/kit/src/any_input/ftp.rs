@@ -1,5 +1,5 @@
-//! Any answers of a vehicle to a ground station that transfers files: no more is delivered than was announced, what waits
-//! is bounded, and each operation ends once.
+//! Any answers of a vehicle to a ground station that transfers files: no more is delivered than was announced, the
+//! queue is bounded, and each operation ends once.
 
 use core::time::Duration;
 
@@ -10,8 +10,8 @@ use mavlink_link::service::ftp::{
     Client, Event, FilePath, MAX_HELD, MAX_UNREAD, Operation, Timing,
 };
 
-/// The first byte selects the operation. Then each answer: a byte that says what of it is made to fit the last request
-/// (1 number, 2 opcode, 4 offset, 8 an ACK) and how much time passes, the length of what follows, and the payload.
+/// The first byte selects the operation. Then each answer: a byte for what of it is adapted to the last request (1
+/// number, 2 opcode, 4 offset, 8 an ACK) and how much time passes, the length of what follows, and the payload.
 pub fn run(bytes: &[u8]) {
     let (Some((&first, mut rest)), Ok(path)) = (bytes.split_first(), FilePath::new("/a")) else {
         return;
@@ -79,7 +79,7 @@ pub fn run(bytes: &[u8]) {
         client.handle_timeout(now);
     }
     assert!(delivered <= announced, "{delivered} of {announced} bytes");
-    // What is left ends by itself.
+    // An unfinished operation ends by itself.
     for _ in 0..10_000 {
         while client.poll_transmit().is_some() {}
         while let Some(event) = client.poll_event() {

@@ -1,4 +1,4 @@
-//! Any bytes as the file of a route, of each kind: what a web client sends is read by the bridge.
+//! Any bytes as a route file, of each kind: the bridge reads what a web client sends.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ const KINDS: [&str; 8] = [
 /// The first byte chooses the kind, and whether a height is given; the rest is the file.
 ///
 /// # Panics
-/// An error says nothing.
+/// An error has no text.
 pub fn run(bytes: &[u8]) {
     let Some((first, content)) = bytes.split_first() else {
         return;

@@ -1,7 +1,7 @@
 //! The whole bridge: a sequence of datagrams of both sides, of time that passes and of restarts, read from the bytes.
 //!
-//! A step is an operation, a length and that many bytes. Nothing panics; what goes out is well formed, goes to whom it
-//! may, and is bounded; timeouts end.
+//! A step is an operation, a length and that many bytes. Nothing panics; what the bridge sends is well formed, goes
+//! only to parties that may receive it, and is bounded; timeouts end.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -16,24 +16,24 @@ use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Profile};
 use vsm::config::Config;
 use vsm::session::{Bridge, Destination, LinkEnd, Peer};
 
-/// Bytes from a station's address as they are.
+/// Bytes from a station's address, unchanged.
 pub const DATAGRAM: u8 = 0;
-/// The data of a message of a station: its type, then its data; the wrapper is made.
+/// A message of a station: its type, then its data; the wrapper is added.
 pub const MESSAGE: u8 = 1;
-/// Bytes from the unsigned vehicle as they are.
+/// Bytes from the unsigned vehicle, unchanged.
 pub const BYTES: u8 = 2;
-/// The payload of a message of the unsigned vehicle: its id, then its payload; the frame is made.
+/// A message of the unsigned vehicle: its id, then its payload; the frame is added.
 pub const FRAME: u8 = 3;
-/// Bytes from the signed vehicle as they are.
+/// Bytes from the signed vehicle, unchanged.
 pub const SIGNED: u8 = 4;
 /// Time passes: as many times 20 ms as the input has bytes.
 pub const TIME: u8 = 5;
 /// The bridge is restarted from its store.
 pub const RESTART: u8 = 6;
-/// Operations.
+/// Number of operations.
 pub const OPERATIONS: u8 = 7;
 
-/// Carries the steps out, 200 at most.
+/// Carries out the steps, 200 at most.
 pub fn run(bytes: &[u8]) {
     let mut world = World::new();
     let mut rest = bytes;
@@ -56,7 +56,7 @@ struct World {
     bridge: Bridge,
     store: MemoryDisk,
     clock: Duration,
-    /// Of the last message of a station: stamps are part of the data, and need not rise.
+    /// Sequence number of the last message of a station: stamps are part of the data, and need not rise.
     sequence: u8,
 }
 
@@ -177,7 +177,7 @@ fn start(config: &Config, clock: Duration, store: &mut MemoryDisk) -> Bridge {
 fn wrapped(message_type: u16, fields: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; 16];
     let envelope = Envelope::new(STATION, VEHICLE).requesting_ack();
-    // A message of ours gives the wrapper; type, length and data are replaced.
+    // A valid message gives the wrapper; type, length and data are replaced.
     let mut out = [0; MAX_DATAGRAM];
     let beat = stanag_msgs::Message::from(stanag_msgs::messages::Heartbeat::default());
     if beat.encode(&envelope, &mut out).is_ok() {

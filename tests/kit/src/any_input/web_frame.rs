@@ -1,4 +1,5 @@
-//! Any text as a frame of a web client: nothing panics, what its key has not sealed does nothing, and what it has counts once.
+//! Any text as a frame of a web client: nothing panics, a frame that its key has not sealed has no effect, and one
+//! that it has counts once.
 
 use std::time::Duration;
 
@@ -13,7 +14,7 @@ const OPENING: Opening = Opening {
     of_client: [4; 32],
 };
 
-/// Takes the bytes as a frame, and as what a client has sealed.
+/// Reads the bytes as a frame, and as the content of a frame that a client has sealed.
 ///
 /// # Panics
 /// A promise is broken.

@@ -1,4 +1,4 @@
-//! A whole flight as a list of orders to a world: the same orders under a virtual clock and between processes.
+//! A whole flight as a list of orders to a world: the same orders run under a virtual clock and between processes.
 
 use std::time::Duration;
 
@@ -15,9 +15,9 @@ use super::station::{Station, Ticket};
 
 /// A bridge between one station and one vehicle.
 pub trait World {
-    /// Time since its making.
+    /// Time since the world was made.
     fn clock(&self) -> Duration;
-    /// Lets time pass until it is so; false after `limit` seconds.
+    /// Lets time pass until `so` is true; returns false after `limit` seconds.
     fn wait(&mut self, limit: f64, so: &dyn Fn(&Self) -> bool) -> bool;
     /// Sends a message until it is answered.
     fn give(&mut self, message: Message) -> Ticket;
@@ -25,24 +25,24 @@ pub trait World {
     fn ground(&self) -> &Station;
     /// The station.
     fn ground_mut(&mut self) -> &mut Station;
-    /// What is really so of the vehicle.
+    /// The true state of the vehicle, from the simulator.
     fn flown(&self) -> Truth;
     /// Kills the bridge and restarts it from its store.
     fn kill_bridge(&mut self);
     /// The phase of the flight, for a world that restarts something in one of them.
     fn enter(&mut self, _phase: &'static str) {}
 
-    /// Whether there is no time left for anything: no wait has any effect then.
+    /// Whether the time of the whole test is used up: then no wait has any effect.
     fn is_over(&self) -> bool {
         false
     }
 
-    /// Lets seconds pass.
+    /// Lets this many seconds pass.
     fn pass(&mut self, seconds: f64) {
         self.wait(seconds, &|_| false);
     }
 
-    /// Waits for the end of a message, 90 s at most.
+    /// Waits for the final answer to a message, 90 s at most.
     fn ended(&mut self, ticket: Ticket) -> Option<AckType> {
         self.wait(90.0, &|world| world.ground().end(ticket).is_some());
         self.ground().end(ticket)
@@ -83,14 +83,14 @@ impl World for Rig {
     }
 }
 
-/// What became of flights.
+/// The results of flights.
 #[derive(Debug, Default, Clone)]
 pub struct Outcome {
     /// Flights that were flown.
     pub flights: u32,
-    /// Those that went through to the landing.
+    /// Flights completed up to the landing.
     pub completed: u32,
-    /// Orders that ended refused and had to be given again.
+    /// Orders that were refused and had to be sent again.
     pub again: u32,
     /// Accepted waypoints that a restarted bridge did not know.
     pub lost: u32,
@@ -98,7 +98,7 @@ pub struct Outcome {
     pub twice: u32,
     /// The longest upload of a route, s.
     pub load_s: f64,
-    /// Where those ended that were not completed.
+    /// Where flights ended that were not completed.
     pub ended_at: Vec<String>,
 }
 
@@ -112,7 +112,7 @@ impl Outcome {
         }
     }
 
-    /// Adds what became of others.
+    /// Adds the results of other flights.
     pub fn add(&mut self, other: Outcome) {
         self.flights += other.flights;
         self.completed += other.completed;
@@ -123,7 +123,7 @@ impl Outcome {
         self.ended_at.extend(other.ended_at);
     }
 
-    /// The longest upload, coarsely: what matters is the order of magnitude.
+    /// The longest upload, rounded: its order of magnitude is what counts.
     pub fn upload(&self) -> String {
         [30.0, 60.0, 160.0]
             .iter()
@@ -145,7 +145,7 @@ pub fn hold_at(height_m: f64) -> VehicleOperatingModeCommand {
     }
 }
 
-/// Gives an order until it is carried out, as an operator would: six times at most, two seconds apart.
+/// Sends an order until it is carried out, as an operator would: six times at most, two seconds apart.
 fn insist(
     world: &mut impl World,
     outcome: &mut Outcome,
@@ -176,7 +176,8 @@ fn last_alerts(world: &impl World) -> Vec<String> {
     reported
 }
 
-/// A launch whose last step was not seen in time is refused, and the vehicle is in the air all the same.
+/// Launches. A launch whose last step was not confirmed in time is refused although the vehicle is in the air, so the
+/// true state is checked.
 fn launch(world: &mut impl World, outcome: &mut Outcome) -> Result<(), String> {
     for _ in 0..6 {
         let ticket = world.give(orders::launch(20.0).into());
@@ -210,7 +211,7 @@ fn await_it<W: World>(
     }
 }
 
-/// What a flight goes through.
+/// The phases of a flight.
 pub const PHASES: [&str; 6] = [
     "control and plan",
     "upload",
@@ -220,8 +221,8 @@ pub const PHASES: [&str; 6] = [
     "landing",
 ];
 
-/// One flight: control, plan, load, launch, route, a restart of the bridge in the middle, two altitudes, a late
-/// repetition, landing. An error where an order could not be got through, or the vehicle did not do it.
+/// One flight: control, plan, load, launch, route, a restart of the bridge on the way, two altitudes, a late
+/// repetition, landing. An error where an order did not succeed, or the vehicle did not carry it out.
 pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String> {
     world.enter(PHASES[0]);
     world.pass(10.0);
@@ -246,7 +247,8 @@ pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String>
 
     world.kill_bridge();
     world.pass(3.0);
-    // The vehicle flies on, and the plan is known: each waypoint by itself, so that a lost report is asked for again.
+    // The vehicle flies on, and the plan must still be known: each waypoint is requested separately, so that a lost
+    // report is requested again.
     await_it(world, "the third waypoint", 120.0, |world| {
         world.flown().mission_seq >= 2
     })?;
@@ -269,7 +271,7 @@ pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String>
         world.pass(1.0);
     }
     world.pass(5.0);
-    // A vehicle that was restarted is down for another reason.
+    // A restarted vehicle is on the ground for another reason.
     let flown = world.flown();
     outcome.twice += u32::from(!flown.landed && -flown.position.d < 38.0);
     world.enter(PHASES[5]);
@@ -277,7 +279,8 @@ pub fn fly<W: World>(world: &mut W, outcome: &mut Outcome) -> Result<(), String>
     await_it(world, "the ground", 90.0, |world| !world.flown().armed)
 }
 
-/// Whether the bridge gives a waypoint back, asked sixteen times at most: at 40 % loss eight answers in a row are lost once in 1,500.
+/// Whether the bridge returns a waypoint, requested sixteen times at most: at 40 % loss eight lost answers in a row
+/// happen once in 1,500.
 pub fn is_known(world: &mut impl World, number: u16) -> bool {
     (0..16).any(|_| {
         let mark = world.ground().received.len();
@@ -292,7 +295,8 @@ pub fn is_known(world: &mut impl World, number: u16) -> bool {
     })
 }
 
-/// Compares a table between two marks of `docs/guide/reliability.md` with what came out; with `VSM_BLESS` writes it.
+/// Compares a table between two marks of `docs/guide/reliability.md` with the results; with `VSM_BLESS` set it writes
+/// the table.
 pub fn hold_to_page(mark: &str, table: &str) {
     let path = crate::workspace().join("docs/guide/reliability.md");
     let page = std::fs::read_to_string(&path).expect("docs/guide/reliability.md is there");

@@ -19,19 +19,19 @@ pub struct StationGuard {
     end: GuardEnd,
     disk: MemoryDisk,
     group: GroupReceiver,
-    /// What it has taken of the group, for its own station.
+    /// What it has accepted from the group, for its own station.
     pub group_taken: Vec<Vec<u8>>,
-    /// Everything that it has sent, as it went out.
+    /// Everything that it has sent, as sealed bytes.
     pub sent: Vec<Vec<u8>>,
 }
 
 impl StationGuard {
-    /// One with the key of its station.
+    /// A guard with the key of its station.
     pub fn new(station: Id, now: Now) -> StationGuard {
         StationGuard::with_key(station, guard_key(station), now)
     }
 
-    /// One with another key, such as the next of its station.
+    /// A guard with another key, such as the next one of its station.
     pub fn with_key(station: Id, key: SigningKey, now: Now) -> StationGuard {
         let mut disk = MemoryDisk::default();
         let end = start(station, &key, now, &mut disk);
@@ -46,13 +46,13 @@ impl StationGuard {
         }
     }
 
-    /// As after `kill -9`.
+    /// Restarts as after `kill -9`.
     pub fn restart(&mut self, now: Now) {
         self.end = start(self.station, &self.key, now, &mut self.disk);
         self.group = GroupReceiver::new(VSM);
     }
 
-    /// A datagram of its station, sealed.
+    /// Seals a datagram of its station.
     pub fn seal(&mut self, now: Now, datagram: &[u8]) -> Vec<u8> {
         let mut out = [0; MAX_GUARDED];
         let sealed = self.end.seal(now, datagram, &mut out, &mut self.disk);
@@ -61,10 +61,10 @@ impl StationGuard {
         sealed
     }
 
-    /// What is inside of a datagram of the VSM; where it is refused, or about clocks, what the VSM is sent for it.
+    /// The content of a datagram of the VSM. Where it is refused, or is about clocks, the reply for the VSM.
     ///
     /// # Errors
-    /// It has no trailer, or that does not verify.
+    /// It has no trailer, or the trailer does not verify.
     pub fn open(&mut self, now: Now, bytes: &[u8]) -> Result<Vec<u8>, Option<Vec<u8>>> {
         let mut out = [0; MAX_GUARDED];
         if let Some(about) = ClockDatagram::parse(bytes) {
@@ -90,17 +90,17 @@ impl StationGuard {
         })
     }
 
-    /// What is inside of a datagram of the group.
+    /// The content of a datagram of the group.
     ///
     /// # Errors
-    /// It is not believed: why, or it has no trailer.
+    /// It is refused, with the reason; `None` where it has no trailer.
     pub fn open_group(&mut self, now: Now, bytes: &[u8]) -> Result<Vec<u8>, Option<GuardRefusal>> {
         let guarded = Guarded::parse(bytes).ok_or(None)?;
         let opened = self.group.open(now.mono, &guarded);
         opened.map(<[u8]>::to_vec).map_err(Some)
     }
 
-    /// What of the group goes on to its station.
+    /// What of the group is passed on to its station.
     pub fn take_group(&mut self, now: Now, bytes: &[u8]) -> Option<Vec<u8>> {
         let inside = self.open_group(now, bytes).ok()?;
         let first = frames(&inside).next()?.ok()?;
@@ -126,7 +126,7 @@ pub fn guard_key(station: Id) -> SigningKey {
     SigningKey::new(bytes).expect("not all zero")
 }
 
-/// The key that access lists are signed by.
+/// The key that signs access lists.
 pub fn access_key() -> SigningKey {
     SigningKey::new([0x61; 32]).expect("not all zero")
 }

@@ -2,7 +2,7 @@
 //! no wall clock: the same seed gives the same history.
 //!
 //! - [`Rig`]: the bridge with its vehicles (`px4-sim`) and stations; both links can be as bad as [`Faults`] describes, bridge
-//!   and vehicles restarted at any moment, the disk full
+//!   and vehicles can be restarted at any moment, and the disk can be full
 //! - [`Station`]: a ground station that records everything that it receives
 //! - [`StationGuard`]: the guard beside a station that the configuration gives one
 //! - [`WebParty`]: the connection of a station that is a web client

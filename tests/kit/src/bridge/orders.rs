@@ -1,4 +1,4 @@
-//! What a ground station sends, for tests: places are metres north and east of the simulated home.
+//! Messages of a ground station, for tests: places are metres north and east of the simulated home.
 
 use px4_sim::{Config, LocalFrame, Ned};
 use stanag_msgs::enums::{
@@ -87,7 +87,7 @@ pub fn square() -> Vec<Message> {
     ]
 }
 
-/// Degrees of a place given in metres north and east of the simulated home.
+/// Latitude and longitude in degrees of a place that is given in metres north and east of the simulated home.
 pub fn place(north: f64, east: f64) -> (f64, f64) {
     let at = LocalFrame::new(Config::default().home).to_global(Ned::new(north, east, 0.0));
     (at.latitude_deg, at.longitude_deg)

@@ -1,4 +1,4 @@
-//! Who is who in a [`Rig`](super::Rig): ids, addresses on the loopback address, keys.
+//! The parties of a [`Rig`](super::Rig): ids, addresses on the loopback address, keys.
 
 use std::net::SocketAddr;
 

@@ -1,8 +1,8 @@
-//! `vsm run` as a process between real sockets on the loopback address; its vehicle and its station are this process, in
-//! real time.
+//! `vsm run` as a process between real sockets on the loopback address; its vehicle and its station are this process,
+//! in real time.
 //!
-//! The same [`Network`] as under the virtual clock stands on either side, so that what is lost, duplicated, late and
-//! damaged really arrives so at the bridge's sockets.
+//! The same [`Network`] as under the virtual clock is on either side, so that packets are lost, duplicated, delayed
+//! and damaged at the bridge's real sockets.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -32,22 +32,22 @@ pub struct Processes {
     pub station: Station,
     /// The vehicle.
     pub vehicle: Autopilot<SocketAddr>,
-    /// What the bridge is started with in place of `vsm`: a shell that ends in it.
+    /// A shell command that is run in place of `vsm`, and ends by starting it.
     pub shell: Option<String>,
-    /// A flight that takes longer has failed, and reports where.
+    /// A flight that takes longer than this fails, and reports where it was.
     pub longest: Duration,
     bridge: Option<Running>,
     folder: TempDir,
     began: Instant,
     /// How much faster than real time the vehicle flies.
     speed: f64,
-    /// How far the vehicle's own time has come.
+    /// How much of the vehicle's own time has passed.
     flown: Duration,
     dli: Side,
     mav: Side,
 }
 
-/// One of the bridge's ends, and what speaks to it.
+/// One of the bridge's two sides, and the party on it.
 #[derive(Debug)]
 struct Side {
     network: Network<SocketAddr, Vec<u8>>,
@@ -74,7 +74,7 @@ impl Side {
         }
     }
 
-    /// A pseudo terminal in place of sockets: the same, and the device for the bridge.
+    /// A pseudo terminal in place of sockets; also returns its device, for the bridge.
     fn serial(seed: u64, faults: Faults) -> (Side, String) {
         let device = Device::new();
         let name = device.name.clone();
@@ -89,7 +89,7 @@ impl Side {
         self.network.send(now, self.own, self.bridge, bytes);
     }
 
-    /// Carries what has come through; returns what is for this end.
+    /// Carries packets through the network; returns those for this side.
     fn carry(&mut self, now: Duration) -> Vec<Vec<u8>> {
         let mut buffer = [0; 2_048];
         while let Some(length) = self.read(&mut buffer) {
@@ -103,7 +103,7 @@ impl Side {
                 continue;
             }
             match &mut self.end {
-                // What a socket has no room for is lost.
+                // A packet for which the socket has no room is lost.
                 End::Udp(socket) => drop(socket.send_to(&packet.payload, packet.to)),
                 End::Serial(device) => device.port.write(&packet.payload),
             }
@@ -111,14 +111,14 @@ impl Side {
         arrived
     }
 
-    /// What the bridge has sent, if anything.
+    /// The next datagram or bytes from the bridge, if any.
     fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
         match &mut self.end {
             End::Udp(socket) => loop {
                 match socket.recv_from(buffer) {
                     Ok((length, from)) if from == self.bridge => return Some(length),
                     Err(error) if error.kind() == ErrorKind::WouldBlock => return None,
-                    // Another sender; or a bridge that is down, which makes a socket fail once.
+                    // From another sender; or the bridge is down, which makes a socket fail once.
                     Ok(_) | Err(_) => {}
                 }
             },
@@ -128,21 +128,21 @@ impl Side {
 }
 
 impl Processes {
-    /// Starts them, with these faults on both links.
+    /// Starts all of them, with these faults on both links.
     pub fn start(seed: u64, faults: Faults, speed: f64) -> Processes {
         let mut processes = Processes::laid_out(seed, faults, speed);
         processes.start_bridge();
         processes
     }
 
-    /// All but the bridge.
+    /// Prepares everything but starts no bridge.
     pub fn laid_out(seed: u64, faults: Faults, speed: f64) -> Processes {
         let mav = Side::new(seed ^ 0x03a7_73a0, faults);
         let link = format!("udpin:{}", mav.bridge);
         Processes::with_vehicle(seed, faults, speed, mav, &link)
     }
 
-    /// The vehicle on a serial line.
+    /// The same with the vehicle on a serial line.
     pub fn on_a_serial_line(seed: u64, faults: Faults, speed: f64) -> Processes {
         let (mav, device) = Side::serial(seed ^ 0x03a7_73a0, faults);
         let link = format!("serial:{device}:57600");
@@ -188,7 +188,7 @@ impl Processes {
         }
     }
 
-    /// A file beside the configuration.
+    /// The path of a file beside the configuration.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -202,7 +202,7 @@ impl Processes {
     ///
     /// # Errors
     ///
-    /// It ended, or does not serve within 20 s; with all that it printed.
+    /// It ended, or does not serve within 20 s; with everything that it printed.
     pub fn try_bridge(&mut self) -> Result<(), String> {
         let mut command = match &self.shell {
             None => {
@@ -229,14 +229,14 @@ impl Processes {
         }
     }
 
-    /// Ends it by SIGKILL.
+    /// Kills it by SIGKILL.
     pub fn stop_bridge(&mut self) {
         if let Some(mut bridge) = self.bridge.take() {
             bridge.kill();
         }
     }
 
-    /// Both clocks of the station.
+    /// The station's clocks.
     fn now(&self) -> Now {
         Now {
             mono: self.began.elapsed(),
@@ -249,7 +249,7 @@ impl Processes {
         let (clock, now) = (self.began.elapsed(), self.now());
         let mut frame = [0; MAX_FRAME];
         let due = clock.mul_f64(self.speed);
-        // After a pause of the whole machine time is lost rather than made up for.
+        // After a pause of the whole machine the vehicle's lost time is skipped, and not simulated afterwards.
         self.flown = self.flown.max(due.saturating_sub(CATCH_UP));
         while self.flown < due {
             self.flown += STEP;
@@ -314,10 +314,10 @@ impl World for Processes {
     }
 }
 
-/// Within which a bridge serves.
+/// Time within which a bridge has to serve.
 const READY: Duration = Duration::from_secs(20);
 const LONGEST: Duration = Duration::from_secs(280);
-/// How often sockets are looked at.
+/// How often the sockets are read.
 const PERIOD: Duration = Duration::from_millis(2);
 /// The step of the simulation.
 const STEP: Duration = Duration::from_millis(10);

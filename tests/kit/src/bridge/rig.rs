@@ -30,17 +30,17 @@ use mavlink_link::store::MemoryDisk;
 /// What a rig is made with.
 #[derive(Debug, Clone)]
 pub struct Setup {
-    /// Of both links and of the vehicles.
+    /// Seed for both links and the vehicles.
     pub seed: u64,
-    /// Between the stations and the bridge.
+    /// Faults between the stations and the bridge.
     pub dli: Faults,
-    /// Between the bridge and the vehicles.
+    /// Faults between the bridge and the vehicles.
     pub mav: Faults,
     /// One for each vehicle.
     pub vehicles: Vec<px4_sim::Config>,
-    /// How many stations; each may have every level of interoperability.
+    /// Number of stations; each may have every level of interoperability.
     pub stations: u8,
-    /// All vehicles share the link of the first.
+    /// Whether all vehicles share the link of the first.
     pub one_link: bool,
     /// Further keys of `[dli]`, as TOML.
     pub dli_keys: &'static str,
@@ -66,19 +66,19 @@ impl Default for Setup {
     }
 }
 
-/// Everything together.
+/// The bridge with everything around it.
 pub struct Rig {
     /// Virtual time since the start of the test, and the clocks of the bridge.
     pub clock: VirtualClock,
     /// The ground stations.
     pub stations: Vec<Station>,
-    /// The guards of those that the configuration gives one, by the station's index. One that is taken out is a station that
-    /// sends without.
+    /// The guards of the stations that the configuration gives one, by the station's index. Where a test removes one,
+    /// its station sends unsealed.
     pub guards: BTreeMap<usize, StationGuard>,
-    /// The connections of those that are web clients, by the station's index. One that is taken out is not connected; one that has
-    /// ended is opened again.
+    /// The connections of the stations that are web clients, by the station's index. Where a test removes one, its
+    /// station is not connected; a connection that has ended is opened again.
     pub web: BTreeMap<usize, WebParty>,
-    /// Of the connections so far.
+    /// Number of connections so far.
     web_number: u64,
     /// The file of the access list, where the configuration names one: signed by [`access_key`](super::access_key).
     pub access: String,
@@ -88,59 +88,60 @@ pub struct Rig {
     pub bridge: Option<Bridge>,
     /// The bridge's disk.
     pub store: MemoryDisk,
-    /// How long that takes to synchronise, where it `queues`: all that has gathered meanwhile at once.
+    /// How long the disk takes to synchronise, where it `queues`: a synchronisation writes everything that was queued
+    /// meanwhile.
     pub sync: Duration,
-    /// When it has, and up to which change.
+    /// When the current synchronisation ends, and up to which change.
     synced_at: Option<(Duration, u64)>,
-    /// Between the stations and the bridge.
+    /// The network between the stations and the bridge.
     pub dli: Network<SocketAddr, Vec<u8>>,
-    /// Between the bridge and the vehicles.
+    /// The network between the bridge and the vehicles.
     pub mav: Network<SocketAddr, Vec<u8>>,
-    /// MAVLink messages of the vehicles that the way to the bridge loses, by their ids.
+    /// Ids of MAVLink messages that are lost on the way from the vehicles to the bridge.
     pub lost: Vec<u32>,
-    /// The same of the bridge's on the way to the vehicles.
+    /// Ids of MAVLink messages that are lost on the way from the bridge to the vehicles.
     pub lost_to_vehicles: Vec<u32>,
     /// What the bridge logged.
     pub log: Vec<LogEntry>,
-    /// What went to ground stations beside the bridge, with the index of each.
+    /// What was forwarded to other ground stations (`[[forward]]`), with the index of each.
     pub forwarded: Vec<(usize, OutFrame)>,
-    /// Nobody takes what is for them.
+    /// The other ground stations accept nothing.
     pub forward_is_stuck: bool,
-    /// What went to the group, where the configuration has one.
+    /// What was sent to the multicast group, where the configuration has one.
     pub group: Vec<Vec<u8>>,
-    /// What the bridge sent to addresses of none of `stations`.
+    /// What the bridge sent to addresses that are not those of `stations`.
     pub others: Vec<(SocketAddr, Vec<u8>)>,
     /// What the bridge sent to each address of the DLI side: (messages, bytes).
     pub sent_to: BTreeMap<SocketAddr, (u64, u64)>,
     /// MAVLink messages that arrived at the vehicles, by their ids.
     pub arrived: BTreeMap<u32, u64>,
-    /// The phase that the flight is in.
+    /// The present phase of the flight.
     pub phase: &'static str,
-    /// Something is restarted once, at this time.
+    /// What is restarted once, and when.
     pub restart_at: Option<(Duration, Restart)>,
-    /// In which phase that was.
+    /// The phase of that restart.
     pub restarted_in: Option<&'static str>,
-    /// When a bridge that was killed comes back.
+    /// When a killed bridge starts again.
     back_at: Option<Duration>,
-    /// How far time goes in one step: less than anything that is measured.
+    /// Time of one step: shorter than anything that is measured.
     pub step: Duration,
     one_link: bool,
     config: Config,
-    /// That configuration as a file.
+    /// The same configuration as the text of its file.
     pub text: String,
 }
 
-/// What is restarted.
+/// What is restarted during a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Restart {
-    /// The bridge is killed, and comes back from its store a second later.
+    /// The bridge is killed, and starts again from its store a second later.
     Bridge,
     /// The vehicle restarts: a simulated one on the ground at home.
     Vehicle,
 }
 
 impl Rig {
-    /// Everything has just been switched on.
+    /// A rig in which everything has just been switched on.
     pub fn new(setup: Setup) -> Rig {
         let text = toml(&setup);
         let mut config = Config::parse(&text, Path::new("/nowhere"))
@@ -154,7 +155,7 @@ impl Rig {
                 seed: setup.seed.wrapping_mul(31).wrapping_add(index as u64),
                 ..vehicle.clone()
             };
-            // A real PX4 starts from whatever stamp its key file holds.
+            // A real PX4 starts from the timestamp in its key file, which can be any.
             Autopilot::new(
                 vehicle,
                 Signing::with_key(key(index), 0),
@@ -206,7 +207,7 @@ impl Rig {
         Rig::ready_with(Setup::default())
     }
 
-    /// The same with another setup.
+    /// The same as [`ready`](Self::ready), with another setup.
     pub fn ready_with(setup: Setup) -> Rig {
         let mut rig = Rig::new(setup);
         rig.run(9.0);
@@ -221,7 +222,7 @@ impl Rig {
         self.start_bridge();
     }
 
-    /// Restarts the bridge from its store with a configuration that was changed while it was down.
+    /// Restarts the bridge from its store, with a configuration that was changed while it was down.
     pub fn restart_with(&mut self, text: &str) {
         self.stop_bridge();
         self.config = Config::parse(text, Path::new("/nowhere")).expect("a configuration");
@@ -229,7 +230,7 @@ impl Rig {
         self.start_bridge();
     }
 
-    /// The bridge is gone; what it has not written is lost.
+    /// Stops the bridge; what it has not written is lost.
     pub fn stop_bridge(&mut self) {
         self.bridge = None;
         self.store.kill();
@@ -256,7 +257,7 @@ impl Rig {
         bridge
             .serve_forwards(&self.config, ends.collect(), now, START, &mut self.store)
             .expect("the ground stations beside it are served");
-        // Another one with each start, as the shell draws it.
+        // A new secret at each start, as the shell draws one.
         let mut secret = [7; 32];
         secret[..8].copy_from_slice(&self.clock.elapsed().as_millis().to_le_bytes()[..8]);
         bridge.set_group_secret(secret, now);
@@ -271,7 +272,7 @@ impl Rig {
         }
     }
 
-    /// As the shell reads the key files; and each station with a guard has one.
+    /// Gives the bridge the guard keys, as the shell reads them from files, and each station with a guard its own.
     fn give_guard_keys(&mut self) {
         let guarded = self.config.stations().filter(|one| one.guard.is_some());
         let ids: Vec<_> = guarded.map(|one| (one.id, one.web)).collect();
@@ -314,7 +315,7 @@ impl Rig {
         Ok(())
     }
 
-    /// Lets a frame arrive in the connection of a station, whoever has written it.
+    /// Delivers a frame on the connection of a station, whoever has written it.
     pub fn deliver_frame(&mut self, index: usize, frame: &str) {
         let now = self.now();
         let bridge = self.bridge.as_mut().expect("it runs");
@@ -326,7 +327,7 @@ impl Rig {
     /// Lets the running bridge read another configuration.
     ///
     /// # Errors
-    /// It is refused: why.
+    /// It is refused, with the reason.
     pub fn reload(&mut self, text: &str) -> Result<Report, String> {
         let mut new =
             Config::parse(text, Path::new("/nowhere")).map_err(|fault| fault.to_string())?;
@@ -339,7 +340,8 @@ impl Rig {
             key: Some(key(usize::from(vehicle.system_id) - 1)),
             peer: None,
         });
-        // By their names, and those of a name that was there stay: with the key of their place in the file.
+        // `[[forward]]`s are known by name: one that was there before keeps its index, a new one is given the next;
+        // the index chooses the key.
         let places = |config: &Config| -> Vec<String> {
             config.forwards().map(|one| one.name.clone()).collect()
         };
@@ -379,7 +381,7 @@ impl Rig {
         Ok(report)
     }
 
-    /// Lets seconds pass.
+    /// Lets this many seconds pass.
     pub fn run(&mut self, seconds: f64) {
         let end = self.clock.elapsed() + Duration::from_secs_f64(seconds);
         while self.clock.elapsed() < end {
@@ -387,7 +389,7 @@ impl Rig {
         }
     }
 
-    /// Lets time pass until it is so; false after `limit` seconds.
+    /// Lets time pass until `so` is true; returns false after `limit` seconds.
     pub fn until(&mut self, limit: f64, so: impl Fn(&Rig) -> bool) -> bool {
         let end = self.clock.elapsed() + Duration::from_secs_f64(limit);
         while self.clock.elapsed() < end {
@@ -399,12 +401,12 @@ impl Rig {
         so(self)
     }
 
-    /// Sends a message of station 0 to vehicle 0 until it is answered.
+    /// Sends a message of station 0 to vehicle 0, repeated until it is answered.
     pub fn send(&mut self, message: impl Into<Message>) -> Ticket {
         self.send_as(0, 0, message)
     }
 
-    /// Sends a message of a station to a vehicle until it is answered.
+    /// Sends a message of a station to a vehicle, repeated until it is answered.
     pub fn send_as(
         &mut self,
         station: usize,
@@ -421,7 +423,7 @@ impl Rig {
         self.stations[0].send_once(now, vehicle_id(0), message.into());
     }
 
-    /// Sends a message and waits for its end, 90 s at most.
+    /// Sends a message and waits for its final answer, 90 s at most.
     pub fn carry_out(&mut self, message: impl Into<Message>) -> Option<AckType> {
         let ticket = self.send(message);
         self.end(ticket)
@@ -430,7 +432,8 @@ impl Rig {
     /// Sends a message and waits until it is carried out.
     ///
     /// # Panics
-    /// It ends otherwise, or not within 90 s: shows the end, and the alerts that station 0 has received.
+    /// The final answer is another one, or none comes within 90 s: the text has the answer, and the alerts that
+    /// station 0 has received.
     #[track_caller]
     pub fn done(&mut self, message: impl Into<Message>) {
         let end = self.carry_out(message);
@@ -438,12 +441,12 @@ impl Rig {
         assert_eq!(end, Some(AckType::CarriedOut), "{alerts:?}");
     }
 
-    /// Lets these bytes arrive from station 0.
+    /// Delivers these bytes to the bridge, from station 0.
     pub fn deliver_from_station(&mut self, bytes: &[u8]) {
         self.deliver_from(self.stations[0].address, bytes);
     }
 
-    /// Lets these bytes arrive from any address.
+    /// Delivers these bytes to the bridge, from any address.
     pub fn deliver_from(&mut self, from: SocketAddr, bytes: &[u8]) {
         let now = self.clock.elapsed();
         self.dli.send(now, from, bridge_dli(), bytes.to_vec());
@@ -463,19 +466,19 @@ impl Rig {
         }
     }
 
-    /// Launches to metres above home, and waits until it is there.
+    /// Launches to this many metres above home, and waits until the vehicle is there.
     pub fn take_off(&mut self, height_m: f64) {
         self.done(orders::launch(height_m));
         assert!(self.until(60.0, |rig| -rig.truth().position.d > height_m - 1.0));
     }
 
-    /// Waits for the end of a message, 90 s at most.
+    /// Waits for the final answer to a message, 90 s at most.
     pub fn end(&mut self, ticket: Ticket) -> Option<AckType> {
         self.until(90.0, |rig| rig.station().end(ticket).is_some());
         self.station().end(ticket)
     }
 
-    /// Waits for the end of a message of a station, 90 s at most.
+    /// Waits for the final answer to a message of a station, 90 s at most.
     pub fn end_as(&mut self, station: usize, ticket: Ticket) -> Option<AckType> {
         self.until(90.0, |rig| rig.stations[station].end(ticket).is_some());
         self.stations[station].end(ticket)
@@ -486,7 +489,7 @@ impl Rig {
         &self.stations[0]
     }
 
-    /// What is really so of vehicle 0.
+    /// The true state of vehicle 0, from the simulator.
     pub fn truth(&self) -> Truth {
         self.vehicles[0].vehicle().truth()
     }
@@ -496,7 +499,7 @@ impl Rig {
         self.clock.now()
     }
 
-    /// Both clocks of the stations: they do not restart with the bridge.
+    /// The stations' clocks: they do not restart with the bridge.
     pub fn station_now(&self) -> Now {
         Now {
             mono: self.clock.elapsed(),
@@ -705,8 +708,8 @@ fn toml(setup: &Setup) -> String {
     text + "[store]\ndir = \"state\"\n" + setup.tables
 }
 
-/// Keys of `[[forward]]`s that have one: `key` of this, and of those that follow.
+/// The first index of keys for `[[forward]]`s that have one, as `key` takes it.
 pub const FORWARD_KEYS: usize = 20;
 
-/// Less than anything that most tests measure.
+/// Shorter than anything that most tests measure.
 const STEP: Duration = Duration::from_millis(10);

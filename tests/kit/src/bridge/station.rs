@@ -1,8 +1,8 @@
 //! A ground station for tests: the session of the `cucs` crate, and a record of everything that arrives.
 //!
-//! The session stamps, encodes and repeats as a CUCS does. A test wants more than a CUCS: to repeat a message until it is
-//! answered with its end however long that takes, to send one with a stamp of its own choice, and to see what a CUCS drops
-//! (messages for others, late ones, each single 17000).
+//! The session stamps, encodes and repeats as a CUCS does. A test needs more than a CUCS: to repeat a message until
+//! its final answer comes, however long that takes; to send one with a stamp of its own choice; and to see what a
+//! CUCS drops (messages for others, late ones, each single 17000).
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -14,7 +14,7 @@ use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::MessageAcknowledgement;
 use stanag_msgs::{ChecksumStyle, Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
-/// A message that a station sent, to ask for its answers.
+/// A message that a station sent, by which its answers are looked up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ticket(usize);
 
@@ -27,15 +27,15 @@ pub struct Station {
     pub address: SocketAddr,
     /// Whether it sends 16002 at 1 Hz.
     pub heartbeats: bool,
-    /// Whether it acknowledges what requests it (17000), as the standard asks; not every CUCS does.
+    /// Whether it acknowledges (17000) messages that request it, as the standard requires; not every CUCS does.
     pub acknowledges: bool,
-    /// A message that is not answered with its end is sent again after this time.
+    /// A message without a final answer is sent again after this time.
     pub retry: Duration,
     /// The latest message of each type, by source.
     pub latest: BTreeMap<(Id, u16), Message>,
-    /// Everything that arrived but acknowledgements, in order.
+    /// Everything that arrived except acknowledgements, in order.
     pub received: Vec<(Duration, Id, Message)>,
-    /// Messages that arrived here and were for another station.
+    /// Number of messages that arrived here but were for another station.
     pub misaddressed: u64,
     session: Session,
     sent: Vec<Sent>,
@@ -53,9 +53,9 @@ impl Station {
     /// A station that has sent nothing yet.
     pub fn new(id: Id, address: SocketAddr) -> Station {
         let config = SessionConfig {
-            // Without a sum a message with an inverted bit is another message.
+            // Without a checksum a message with an inverted bit would be accepted as another message.
             checksum: ChecksumStyle::Crc32,
-            // Repeated from here instead: also after 17000 type 1, until the end is known.
+            // Repeated here instead: also after 17000 type 1, until the final answer.
             tries: 1,
             ..SessionConfig::new(id)
         };
@@ -74,7 +74,7 @@ impl Station {
         }
     }
 
-    /// Sends a message, again and again until it is answered by carried out or refused.
+    /// Sends a message repeatedly until it is carried out or refused.
     pub fn send(&mut self, now: Now, to: Id, message: Message) -> Ticket {
         let sent = self.session.send(cucs_time(now), to, message);
         self.sent.push(Sent {
@@ -91,7 +91,7 @@ impl Station {
         sent.expect(FITS);
     }
 
-    /// Sends a message once, unchanged: its stamp is the test's own.
+    /// Sends a message once, unchanged: the test has set its stamp.
     pub fn send_as_is(&mut self, to: Id, message: &Message) {
         let envelope = Envelope::new(self.id, to).summed(ChecksumStyle::Crc32);
         let mut bytes = [0; MAX_DATAGRAM];
@@ -110,18 +110,18 @@ impl Station {
         self.session.withdraw(self.sent[ticket.0].ticket);
     }
 
-    /// The answers to it so far, in order, repeated ones included.
+    /// The answers to it so far, in order, repetitions included.
     pub fn answers(&self, ticket: Ticket) -> &[AckType] {
         &self.sent[ticket.0].answers
     }
 
-    /// How it ended: carried out or refused.
+    /// The final answer: carried out or refused.
     pub fn end(&self, ticket: Ticket) -> Option<AckType> {
         let mut answers = self.answers(ticket).iter().copied();
         answers.find(|answer| *answer != AckType::Received)
     }
 
-    /// What `pick` takes of the latest message of a type.
+    /// What `pick` returns for the latest message of a type.
     pub fn last<T>(
         &self,
         from: Id,
@@ -131,7 +131,7 @@ impl Station {
         self.latest.get(&(from, message_type)).and_then(pick)
     }
 
-    /// Every text of 16000, in order, parts joined.
+    /// The text of every 16000, in order, parts joined.
     pub fn alerts(&self) -> Vec<String> {
         let mut texts: Vec<String> = Vec::new();
         for (_, _, message) in &self.received {
@@ -151,7 +151,7 @@ impl Station {
         self.alerts().iter().any(|alert| alert.contains(text))
     }
 
-    /// Does what is due; the datagrams to send.
+    /// Does what is due; returns the datagrams to send.
     pub fn advance(&mut self, now: Now) -> Vec<Vec<u8>> {
         self.session.set_heartbeats(cucs_time(now), self.heartbeats);
         for sent in &mut self.sent {
@@ -170,10 +170,10 @@ impl Station {
         out
     }
 
-    /// Takes a datagram.
+    /// Receives a datagram.
     pub fn receive(&mut self, now: Now, bytes: &[u8]) {
         self.session.handle_datagram(cucs_time(now), bytes);
-        // Its events leave out what a CUCS drops; the test reads the datagram itself.
+        // The session's events leave out what a CUCS drops, so the test reads the datagram itself.
         while self.session.poll_event().is_some() {}
         for frame in frames(bytes) {
             let Ok(frame) = frame else { continue };

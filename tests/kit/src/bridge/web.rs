@@ -1,5 +1,5 @@
-//! A station that is a web client: its messages are JSON in sealed frames, without the socket between. What its connection's thread
-//! does in the shell is done here by the same machine.
+//! A station that is a web client: its messages are JSON in sealed frames, without a socket. The work of its
+//! connection's thread in the shell is done here by the same state machine.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -15,26 +15,26 @@ use vsm::session::web::{Hello, Request, WebEnd, WebRefusal};
 
 use super::parties::VSM;
 
-/// An open connection, both ends of it.
+/// An open connection: both its ends.
 #[derive(Debug)]
 pub struct WebParty {
-    /// By which the bridge knows it.
+    /// The number by which the bridge knows it.
     pub number: u64,
     key: ConnectionKey,
     next: u64,
     end: WebEnd,
     opened: Duration,
-    /// Everything that the client has sent, as it went out.
+    /// Everything that the client has sent, sealed.
     pub sent: Vec<String>,
-    /// Why what it sent was refused; the connection is over then.
+    /// Why its last frame was refused; the connection has ended then.
     pub refused: Option<WebRefusal>,
 }
 
 impl WebParty {
-    /// Opens one; the random bytes of both ends come of `number`, which is no other's.
+    /// Opens a connection; the random bytes of both ends are derived from `number`, which must be unique.
     ///
     /// # Errors
-    /// The client is not believed.
+    /// The client's proof of its key is refused.
     pub fn open(
         bridge: &mut Bridge,
         now: Now,
@@ -74,7 +74,7 @@ impl WebParty {
         Ok(party)
     }
 
-    /// The messages of a datagram, a frame each.
+    /// The messages of a datagram, one frame for each.
     pub fn frames(&mut self, datagram: &[u8]) -> Vec<String> {
         let messages = stanag_msgs::json::decode(datagram, false).into_iter();
         let frames = messages.map(|message| {
@@ -87,7 +87,7 @@ impl WebParty {
         frames
     }
 
-    /// What the bridge's end makes of a frame, which it is given.
+    /// Gives a frame to the bridge's end, and what that makes of it to the bridge.
     pub fn deliver(&mut self, bridge: &mut Bridge, now: Now, frame: &str, disk: &mut dyn Disk) {
         if self.refused.is_some() {
             return;
@@ -104,7 +104,7 @@ impl WebParty {
         }
     }
 
-    /// The datagrams that a datagram of the bridge is for the client.
+    /// The datagrams that the client reads from a datagram of the bridge.
     pub fn receive(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
         let frames = self.end.seal_datagram(datagram).into_iter();
         let each = frames.map(|frame| {
