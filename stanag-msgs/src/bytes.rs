@@ -1,9 +1,9 @@
-//! The lowest layer: taking byte arrays from the front of a slice, and putting them into a buffer.
+//! The lowest layer: reading byte arrays from the front of a slice, and writing them into a buffer.
 //!
 //! Scalars are built on it. It knows nothing about messages, so a [`Fault`] has no place; the message's codec adds it
 //! (see [`DecodeError`](crate::DecodeError) and [`EncodeError`](crate::EncodeError)).
 
-/// What a scalar alone can find wrong.
+/// The faults that a scalar alone can find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The bytes, or the space for them, end before the field does.
@@ -25,10 +25,10 @@ impl<'a> Reader<'a> {
         Self { rest: bytes }
     }
 
-    /// Takes the next `N` bytes.
+    /// Reads the next `N` bytes.
     ///
     /// # Errors
-    /// [`Fault::Short`] if fewer are left; then none is taken.
+    /// [`Fault::Short`] if fewer are left; then none is read.
     #[inline]
     pub fn chunk<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
         let (chunk, rest) = self.rest.split_first_chunk().ok_or(Fault::Short)?;
@@ -36,10 +36,10 @@ impl<'a> Reader<'a> {
         Ok(*chunk)
     }
 
-    /// Takes the next `count` bytes, where the count is not known when compiling.
+    /// Reads the next `count` bytes, where the count is not known at compile time.
     ///
     /// # Errors
-    /// [`Fault::Short`] if fewer are left; then none is taken.
+    /// [`Fault::Short`] if fewer are left; then none is read.
     #[inline]
     pub fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
         let (taken, rest) = self.rest.split_at_checked(count).ok_or(Fault::Short)?;
@@ -89,7 +89,7 @@ impl<'a> Writer<'a> {
         self.at
     }
 
-    /// The whole buffer, to fill in a part that was left open, such as the presence vector.
+    /// The whole buffer, to fill in a part that was left empty, such as the presence vector.
     #[inline]
     pub fn buffer(&mut self) -> &mut [u8] {
         self.out

@@ -4,15 +4,16 @@
 //! reads the standard differently is supported by setting it: [`Profile`](crate::Profile) translates
 //! between the wire and the values that the messages have here, so nothing else ever sees them.
 //!
-//! What has one reading only is no setting: [`SETTLED`] says which, and by which clause. A configuration that names such a
-//! point is taken where it names this reading, and refused with the clause where it names another.
+//! A point with a single reading is not a setting: [`SETTLED`] lists these, each with its clause. A configuration
+//! that names such a point is accepted where it names this reading, and refused with the clause where it names
+//! another.
 
 use crate::field::Confidence::{self, B, C, NotFound};
 
 /// A question that the sources leave open.
 #[derive(Debug)]
 pub struct Disputed {
-    /// Its name; see [`Disputed::key`].
+    /// Its name in a configuration; see [`Disputed::key`].
     pub name: &'static str,
     /// What is open.
     pub question: &'static str,
@@ -31,7 +32,7 @@ pub struct Disputed {
 pub enum Choices {
     /// One of these.
     OneOf(&'static [&'static str]),
-    /// The values on the wire of these meanings, in their order, separated by commas.
+    /// The wire values of these meanings, in this order, separated by commas.
     Values(&'static [&'static str]),
 }
 
@@ -47,18 +48,18 @@ impl Disputed {
     }
 }
 
-/// A point that was open, or looks as if it were, and has one reading.
+/// A point that was open, or seems to be, and has a single reading.
 #[derive(Debug)]
 pub struct Settled {
     /// Its name in a configuration.
     pub name: &'static str,
-    /// What is settled.
+    /// What the reading decides.
     pub question: &'static str,
-    /// The reading, as a configuration may still name it.
+    /// The reading, as a configuration may name it.
     pub reading: &'static str,
     /// What it means.
     pub meaning: &'static str,
-    /// By which clause, or for want of which other source.
+    /// The clause that decides it, or the source that is used for lack of a clause.
     pub by: &'static str,
 }
 
@@ -69,7 +70,7 @@ impl Settled {
     }
 }
 
-/// All points that have one reading.
+/// All points that have a single reading.
 pub static SETTLED: &[Settled] = &[
     Settled {
         name: "loi_bits",
@@ -206,7 +207,7 @@ mod tests {
         assert!(Disputed::find("nothing").is_none());
     }
 
-    /// A setting that can take one value is no setting.
+    /// A setting with a single value is not a setting.
     #[test]
     fn what_is_open_has_a_choice_and_what_is_settled_is_not_open() {
         for disputed in DISPUTED {

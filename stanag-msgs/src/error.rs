@@ -1,7 +1,7 @@
 //! Why message data cannot be read or written: which message, which field, where, and what was expected.
 //!
-//! An error carries the row of the field in the table, so its text names the field without looking it up: this module
-//! stays below the table.
+//! An error carries the row of the field in the table, so that its text can name the field although this module is
+//! below the table.
 
 use crate::field::FieldInfo;
 

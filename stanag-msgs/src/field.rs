@@ -22,7 +22,7 @@ pub trait Field: Copy {
     /// Whether it is an identification number, written `1b:00:00:01`.
     const IDENTIFICATION: bool = false;
 
-    /// Takes the field from the front of `reader`.
+    /// Reads the field from the front of `reader`.
     ///
     /// # Errors
     /// A [`Fault`] if the bytes end within the field, or its length is not known.
@@ -73,7 +73,7 @@ pub enum Wire {
 }
 
 impl Wire {
-    /// How many bytes it takes, where that is known.
+    /// How many bytes it has, where that is known.
     pub const fn bytes(self) -> Option<usize> {
         match self {
             Wire::U8 | Wire::I8 => Some(1),
@@ -142,7 +142,7 @@ impl fmt::Display for Wire {
     }
 }
 
-/// How far a fact can be trusted.
+/// How far a fact can be trusted, most trusted first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Confidence {
     /// The text of the edition itself (Edition 2.5), or an Edition 4 definition whose author claims to have checked it

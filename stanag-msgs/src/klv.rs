@@ -1,8 +1,9 @@
 //! MISB ST 0601 UAS Datalink Local Set: metadata of a video as key, length, value.
 //!
-//! The second form, beside the DLI's messages, in which a ground receives where an aircraft is and where its sensor looks. One table
-//! of items yields the struct and both directions of the codec. An item that is `None` is left out of the set: no item has a value for
-//! "not known" here. A decoder reads such values ("out of range" of ST 0601, the lowest integer of a signed item) as absent too.
+//! The second form, beside the DLI's messages, in which a ground station receives where an aircraft is and where its
+//! sensor points. One table of items yields the struct and both directions of the codec. An item that is `None` is
+//! left out of the set, since no item here has a value for "not known". A decoder reads such values ("out of range"
+//! of ST 0601, the lowest integer of a signed item) as absent too.
 //!
 //! The items and their scales are those of ST 0601.8; later versions keep them. All have tags below 128, which public
 //! decoders need.
@@ -30,19 +31,19 @@ const CHECKSUM: u8 = 1;
 const TIME_STAMP: u8 = 2;
 const LS_VERSION: u8 = 65;
 
-/// How a number is laid out.
+/// The layout of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Scale {
-    /// So many bytes, 0 is the low end and all ones the high end.
+    /// This many bytes; 0 is the low end of the range and all ones the high end.
     Unsigned(u32, f64, f64),
-    /// So many bytes of two's complement, symmetric about 0; the lowest integer means out of range.
+    /// This many bytes of two's complement, symmetric about 0; the lowest integer means "out of range".
     Signed(u32, f64),
 }
 
-/// An item whose value is a number: what it is named, its tag and its range.
+/// An item with a number as its value: its name, tag and range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Number {
-    /// As ST 0601 names it.
+    /// Its name in ST 0601.
     pub name: &'static str,
     /// Its tag.
     pub tag: u8,
@@ -94,7 +95,7 @@ impl Number {
         }
     }
 
-    /// `None`: out of range, as its sender says.
+    /// The value of these bytes; `None` where the sender marked it as out of range.
     fn value(&self, bytes: &[u8]) -> Option<f64> {
         let unsigned = bytes
             .iter()
@@ -139,19 +140,19 @@ pub enum KlvEncodeError {
     },
 }
 
-/// Why bytes are no local set.
+/// Why bytes are not a local set.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KlvDecodeError {
     /// Another key, or the bytes end in it.
     #[error("the bytes do not begin with the key of ST 0601")]
     Key,
-    /// They end too early, or a length is none.
+    /// They end too early, or a length is invalid.
     #[error("byte {at}: the set ends within an item, or its length cannot be read")]
     Truncated {
         /// Where.
         at: usize,
     },
-    /// An item of another length than its table has.
+    /// An item with another length than in the table.
     #[error("item {tag}: {found} bytes, expected {expected}")]
     Length {
         /// The item's tag.
@@ -167,12 +168,12 @@ pub enum KlvDecodeError {
         /// The item's tag.
         tag: u8,
     },
-    /// The checksum is another, or is not the last item.
+    /// The checksum is wrong, or is not the last item.
     #[error("checksum {found:?}, expected {expected:#06x} as the last item")]
     Checksum {
-        /// What stands there.
+        /// The checksum in the set.
         found: Option<u16>,
-        /// Computed.
+        /// The computed checksum.
         expected: u16,
     },
     /// Item 2 is missing.
@@ -221,7 +222,7 @@ local_set! {
         platform_tail_number = 4;
         /// Platform Designation (10): the model of the aircraft.
         platform_designation = 10;
-        /// Image Source Sensor (11): which sensor the picture is of, such as EO or IR.
+        /// Image Source Sensor (11): the sensor of the picture, such as EO or IR.
         image_source_sensor = 11;
         /// Image Coordinate System (12).
         image_coordinate_system = 12;
@@ -277,7 +278,7 @@ local_set! {
 }
 
 impl LocalSet {
-    /// A set of this time and nothing else. `time_us`: microseconds since 1970, without leap seconds.
+    /// A set with this time and nothing else. `time_us`: microseconds since 1970, without leap seconds.
     #[must_use]
     pub fn at(time_us: u64) -> LocalSet {
         LocalSet {
@@ -293,7 +294,7 @@ impl LocalSet {
         }
     }
 
-    /// The set with its key: the time first, the version and the checksum last.
+    /// The set with its key: the time comes first, the version and the checksum last.
     ///
     /// # Errors
     /// A number is out of the range of its item, or a text is too long.
@@ -331,7 +332,7 @@ impl LocalSet {
         }
         put(&mut body, LS_VERSION, &[VERSION]);
         let mut bytes = KEY.to_vec();
-        // The checksum's item is a part of the length.
+        // The length includes the checksum's item.
         put_length(&mut bytes, body.len() + 4);
         bytes.append(&mut body);
         bytes.extend([CHECKSUM, 2]);
@@ -340,10 +341,11 @@ impl LocalSet {
         Ok(bytes)
     }
 
-    /// Reads the set at the beginning of `bytes`, and how many bytes it has. Items that are not in the table are skipped.
+    /// Reads the set at the beginning of `bytes`, and returns its length too. Items that are not in the table are
+    /// skipped.
     ///
     /// # Errors
-    /// The bytes are none, or are damaged.
+    /// The bytes are not a set, or are damaged.
     pub fn decode(bytes: &[u8]) -> Result<(LocalSet, usize), KlvDecodeError> {
         if !bytes.starts_with(&KEY) {
             return Err(KlvDecodeError::Key);
@@ -352,7 +354,7 @@ impl LocalSet {
         let length = take_length(bytes, &mut at)?;
         let end = at.checked_add(length).filter(|end| *end <= bytes.len());
         let end = end.ok_or(KlvDecodeError::Truncated { at })?;
-        // Before anything is believed of it.
+        // The checksum is verified before anything in the set is believed.
         let sum_at = end.checked_sub(2).filter(|sum_at| *sum_at >= at);
         let sum_at = sum_at.ok_or(KlvDecodeError::Truncated { at })?;
         let (whole, sum) = bytes.get(..end).unwrap_or_default().split_at(sum_at);
@@ -409,7 +411,7 @@ impl LocalSet {
     }
 }
 
-/// The sum of the 16-bit words of everything before it, the key and the checksum's own tag and length among it.
+/// The sum of the 16-bit words of everything before it, including the key, and the checksum's own tag and length.
 fn checksum(bytes: &[u8]) -> u16 {
     bytes.iter().enumerate().fold(0, |sum: u16, (place, byte)| {
         let shift = if place % 2 == 0 { 8 } else { 0 };
@@ -423,7 +425,7 @@ fn put(bytes: &mut Vec<u8>, tag: u8, value: &[u8]) {
     bytes.extend_from_slice(value);
 }
 
-/// BER: below 128 in one byte, else the count of bytes first.
+/// BER: a length below 128 in one byte, otherwise preceded by the number of its bytes.
 fn put_length(bytes: &mut Vec<u8>, length: usize) {
     match u8::try_from(length) {
         Ok(short) if short < 0x80 => bytes.push(short),
@@ -453,7 +455,7 @@ fn take_length(bytes: &[u8], at: &mut usize) -> Result<usize, KlvDecodeError> {
     if first < 0x80 {
         return Ok(first.into());
     }
-    // Four bytes are more than any set has; 0 would be an indefinite length.
+    // No set needs more than four bytes of length; 0 would mean an indefinite length.
     if !(1..=4).contains(&(first & 0x7f)) {
         return Err(KlvDecodeError::Truncated { at: *at });
     }
@@ -462,7 +464,7 @@ fn take_length(bytes: &[u8], at: &mut usize) -> Result<usize, KlvDecodeError> {
     })
 }
 
-/// A tag of BER-OID form; those above 127, which are in no table here, all read as 0.
+/// A tag in BER-OID form; tags above 127, which no table here has, are all read as 0.
 fn take_tag(bytes: &[u8], at: &mut usize) -> Result<u8, KlvDecodeError> {
     let first = take_byte(bytes, at)?;
     if first < 0x80 {
@@ -478,7 +480,7 @@ mod tests {
 
     use super::*;
 
-    /// Any set: each text and number is there or not, numbers anywhere in their range.
+    /// Any set: each text and number may be absent, numbers anywhere in their range.
     fn any_set() -> impl Strategy<Value = LocalSet> {
         let texts =
             proptest::collection::vec(proptest::option::of("[ -~]{0,127}"), LocalSet::TEXTS.len());
@@ -511,7 +513,7 @@ mod tests {
                     prop_assert!((was - is).abs() <= item.rounding() * 1.000_001, "{} {was} {is}", item.name);
                 }
             }
-            // And what was decoded is written with the same bytes.
+            // And what was decoded encodes to the same bytes.
             prop_assert_eq!(decoded.encode().expect("in range"), bytes);
         }
 
@@ -579,7 +581,7 @@ mod tests {
         );
     }
 
-    /// Values of the standard's own examples, item by item, as other people's decoders are tested with.
+    /// Values of the standard's own examples, item by item, with which other people's decoders are tested.
     #[test]
     fn the_scales_are_those_of_published_examples() {
         for (tag, bytes, value) in [

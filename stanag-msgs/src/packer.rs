@@ -51,7 +51,7 @@ impl Packer {
                 Ok(())
             }
             Err(EncodeError::BufferTooSmall { .. }) if self.length > 0 => {
-                // Written apart first, so that a message that fits no datagram does not flush the others.
+                // Written separately first, so that a message that fits no datagram does not flush the others.
                 let mut alone = [0; MAX_DATAGRAM];
                 let bytes = message.encode(envelope, &mut alone)?;
                 self.flush(send);
@@ -63,7 +63,7 @@ impl Packer {
         }
     }
 
-    /// Sends what is left, if anything is.
+    /// Sends the remaining messages, if there are any.
     pub fn flush(&mut self, send: impl FnOnce(&[u8])) {
         if self.length > 0 {
             send(&self.datagram[..self.length]);

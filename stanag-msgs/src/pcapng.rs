@@ -1,8 +1,8 @@
 //! UDP datagrams as a pcapng file: one section, one interface of IP packets, one enhanced packet block for each datagram.
 //!
-//! Blocks are appended to a buffer; their names and those of their fields are from the pcapng specification. The program
-//! sees datagrams and not packets, so the IP and UDP headers are made here from the addresses. The IPv4 header has its
-//! checksum; UDP has one in IPv6 only, where it is mandatory.
+//! Blocks are appended to a buffer; their names and those of their fields are from the pcapng specification. The
+//! program receives datagrams and not packets, so the IP and UDP headers are made here from the addresses. The IPv4
+//! header has its checksum; UDP has one in IPv6 only, where it is mandatory.
 //!
 //! ```
 //! use std::net::SocketAddr;
@@ -25,7 +25,7 @@ pub fn header() -> Vec<u8> {
     section.extend(BYTE_ORDER_MAGIC.to_le_bytes());
     section.extend(1_u16.to_le_bytes());
     section.extend(0_u16.to_le_bytes());
-    // All ones: the section's length is not known before its end.
+    // All ones: the section's length is not known before the section ends.
     section.extend(u64::MAX.to_le_bytes());
     block(&mut out, SECTION_HEADER, &section);
     let mut interface = Vec::new();
@@ -43,7 +43,7 @@ pub fn datagram(out: &mut Vec<u8>, wall: Duration, from: SocketAddr, to: SocketA
     let length = u32::try_from(packet.len()).unwrap_or(u32::MAX);
     let mut body = Vec::with_capacity(packet.len() + 20);
     body.extend(0_u32.to_le_bytes());
-    // The upper half of the time stamp comes first, though each half is little-endian as the rest of the file.
+    // The upper half of the time stamp comes first, although each half is little-endian like the rest of the file.
     body.extend(((micros >> 32) as u32).to_le_bytes());
     body.extend((micros as u32).to_le_bytes());
     body.extend(length.to_le_bytes());
@@ -130,31 +130,32 @@ fn checksum(parts: &[&[u8]]) -> u16 {
 /// A datagram of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Captured<'a> {
-    /// When, since 1970.
+    /// Time of the capture, since 1970.
     pub wall: Duration,
-    /// Who sent it.
+    /// Sender.
     pub from: SocketAddr,
-    /// To whom.
+    /// Receiver.
     pub to: SocketAddr,
-    /// What.
+    /// Payload.
     pub bytes: &'a [u8],
 }
 
-/// Why bytes are no block of a file.
+/// Why bytes are not a block of a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReadError {
     /// They end within the block: there is more to read, or the file was cut off.
     #[error("ends within a block")]
     Cut,
-    /// They are no block of such a file.
+    /// They are not a block of such a file.
     #[error("{0}")]
     Damaged(String),
 }
 
-/// The length of the block that the bytes begin with, and its datagram: none where it is a block of another kind.
+/// The length of the block at the beginning of the bytes, and its datagram; `None` where it is a block of another
+/// kind.
 ///
 /// # Errors
-/// They begin with no whole block of a file as [`header`] and [`datagram`] write it.
+/// The bytes do not begin with a whole block of a file as [`header`] and [`datagram`] write it.
 pub fn first(bytes: &[u8]) -> Result<(usize, Option<Captured<'_>>), ReadError> {
     let damaged = |what: String| Err(ReadError::Damaged(what));
     let (Some(kind), Some(length)) = (word(bytes, 0), word(bytes, 4)) else {
@@ -209,7 +210,7 @@ pub fn first(bytes: &[u8]) -> Result<(usize, Option<Captured<'_>>), ReadError> {
     }
 }
 
-/// Little-endian.
+/// The little-endian word at this offset.
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let four = bytes.get(at..).and_then(<[u8]>::first_chunk);
     four.map(|four| u32::from_le_bytes(*four))
@@ -240,9 +241,9 @@ fn udp(packet: &[u8]) -> Option<(SocketAddr, SocketAddr, &[u8])> {
     Some((from.into(), to.into(), bytes))
 }
 
-/// A datagram has at most 64 KiB; other programs may add blocks of their own.
+/// The largest block that is read: a datagram has at most 64 KiB, but other programs may add blocks of their own.
 const MAX_BLOCK: u32 = 1 << 20;
-/// Kinds of blocks are small numbers, but for the section header.
+/// Block types of the specification are small numbers, except that of the section header.
 const MAX_KIND: u32 = 0xffff;
 const SECTION_HEADER: u32 = 0x0a0d_0d0a;
 const INTERFACE_DESCRIPTION: u32 = 1;

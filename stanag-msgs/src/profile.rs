@@ -1,7 +1,7 @@
-//! A peer's reading of what sources leave open, translated to and from this project's.
+//! A peer's reading of what the sources leave open, translated to and from this project's.
 //!
-//! The default profile is this project's own and costs one comparison a message. Any other translates values between
-//! the wire and the structs, so that nothing else ever sees the peer's.
+//! The default profile is this project's own reading and costs one comparison a message. Any other profile translates
+//! values between the wire and the structs, so that no other code sees the peer's values.
 //!
 //! ```
 //! use stanag_msgs::{Profile, enums::AckType, messages::MessageAcknowledgement};
@@ -122,8 +122,8 @@ impl Profile {
         frames_with(self.checksum_1, datagram)
     }
 
-    /// Has messages of a datagram from the next one on read under this profile: several peers may have packed theirs into
-    /// one, and each is judged by its own ([`Frames::next_source`]).
+    /// Makes the rest of a datagram be read under this profile. Several peers may have packed their messages into one
+    /// datagram, and each message is read by its sender's profile ([`Frames::next_source`]).
     pub fn apply_to(&self, frames: &mut Frames<'_>) {
         frames.read_style_1(self.checksum_1);
     }
@@ -133,7 +133,7 @@ impl Profile {
     /// # Errors
     /// As [`Message::decode`].
     pub fn decode(&self, message_type: u16, data: &[u8]) -> Result<Message, DecodeError> {
-        // Most peers read the standard as this project does: no copy, no translation.
+        // Most peers read the standard as this project does: then nothing is copied or translated.
         if *self == DEFAULT {
             return Message::decode(message_type, data);
         }
@@ -141,7 +141,7 @@ impl Profile {
             [high, data @ ..]
                 if message_type == Message5::ID && self.message_5_presence_bytes == 3 =>
             {
-                // The message has 16 fields: no bit of a third byte is known.
+                // The message has 16 fields, so no bit of a third byte may be set.
                 if *high != 0 {
                     let presence = u64::from(*high) << 16;
                     return Err(DecodeError::UnknownPresence {
@@ -179,8 +179,8 @@ impl Profile {
         })
     }
 
-    /// [`Profile::encode`] with a full presence vector, for a peer that takes no other: what is absent is zeros
-    /// ([`fill`](table::fill)). A message with a field of unknown length is written as it is.
+    /// [`Profile::encode`] with a full presence vector, for a peer that accepts no other: absent fields are zeros
+    /// ([`fill`](table::fill)). A message with a field of unknown length is written without this.
     ///
     /// # Errors
     /// As [`Message::encode`].
@@ -207,7 +207,7 @@ impl Profile {
         })
     }
 
-    /// Has message data written, behind the byte that only this peer has.
+    /// Writes message data, behind the extra byte of the presence vector that only such a peer has.
     fn put_data(
         &self,
         id: u16,
@@ -285,7 +285,8 @@ impl Profile {
             Way::In => raw * self.turn_rate_factor,
             Way::Out => (raw as f64 / self.turn_rate_factor as f64).round() as i64,
         };
-        // A coarse rate above 3.2 rad/s does not fit the fine step: saturate rather than refuse the whole message.
+        // A coarse rate above 3.2 rad/s does not fit the fine step: it is clamped, which is better than refusing the
+        // whole message.
         *rate = FineAngularRate::from_raw(Integer::clamped(translated));
     }
 }
@@ -342,8 +343,8 @@ enum Way {
     Out,
 }
 
-/// Pairs of values, ours and the wire's. Values that only one side uses are paired with one another, so that the map is
-/// one to one: nothing is lost in translation, and no value gets two meanings.
+/// Pairs of values: ours and the wire's. Values that only one side uses are paired with each other, so that the map
+/// is one to one: nothing is lost in translation, and no value has two meanings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ValueMap {
     pairs: [(u8, u8); Self::MAX_PAIRS],
@@ -371,7 +372,7 @@ impl ValueMap {
         if twice || ours.len() != wire.len() || 2 * ours.len() > Self::MAX_PAIRS {
             return None;
         }
-        // So that a profile set to the defaults equals the default profile, and takes its fast path.
+        // So that a profile with every point set to its default equals the default profile, and is as fast.
         if ours == wire {
             return Some(Self::SAME);
         }

@@ -1,8 +1,9 @@
-//! What of Edition 4 has which place in Edition 2.5, by the rows of both tables: who a message is from and for, the messages
-//! and fields that hold the same, and the parts of a plan.
+//! Which place in Edition 2.5 corresponds to which in Edition 4, by the rows of both tables: sender and receiver of a
+//! message, the messages and fields with the same content, and the parts of a plan.
 //!
-//! It is what both sides of the link need that speak Edition 2.5 while they think in Edition 4: a VSM and a ground station.
-//! What the modes and demands of the editions mean (#41, #42, #43, #48) is not here: each side sees one direction of it.
+//! Both ends of the link need it that use Edition 2.5 on the wire and Edition 4 inside: a VSM and a ground station.
+//! What the modes and demands of the editions mean (#41, #42, #43, #48) is not here: each end needs one direction of
+//! it only.
 
 use super::record::Record;
 use super::table::{message, messages};
@@ -11,18 +12,18 @@ use crate::enums::{LoiterDurationUnits, WaypointType};
 use crate::id::Id;
 use crate::table::{Direction, FieldInfo, Message, MessageInfo};
 
-/// CUCS, vehicle and type of a message of Edition 2.5: what the wrapper of Edition 4 would name.
+/// CUCS, vehicle and type of a message of Edition 2.5: what the wrapper of Edition 4 names.
 #[derive(Debug, Clone, Copy)]
 pub struct Parties {
     /// Field CUCS ID.
     pub cucs: Id,
-    /// Field Vehicle ID, or VSM ID where that names no vehicle.
+    /// Field Vehicle ID; VSM ID where no vehicle is named.
     pub vehicle: Id,
     /// Its row; `None` where the table has no message of this type, or its data has another length.
     pub info: Option<&'static MessageInfo>,
 }
 
-/// Reads who a message is from and for: fields 2 and 3 of every message. `None` where the data ends before them.
+/// Reads sender and receiver of a message: fields 2 and 3 of every message. `None` where the data ends before them.
 #[must_use]
 pub fn parties(frame: &Frame<'_>) -> Option<Parties> {
     let word = |at: usize| {
@@ -36,7 +37,7 @@ pub fn parties(frame: &Frame<'_>) -> Option<Parties> {
         let fourth = info.fields.get(3);
         fourth.is_some_and(|field| field.name == "VSM ID")
     });
-    // A logical id 0 is best avoided, so 0 is nobody's.
+    // The text advises against a logical id of 0, so 0 names nobody.
     let vehicle = match vehicle {
         Id::NULL | Id(0) if names_vsm => word(16)?,
         vehicle => vehicle,
@@ -48,7 +49,7 @@ pub fn parties(frame: &Frame<'_>) -> Option<Parties> {
     })
 }
 
-/// Where a message of Edition 4, or one field of it by its number from 1, is in Edition 2.5; 0 stands for the whole message.
+/// Where a message of Edition 4, or one field of it by its number from 1, is in Edition 2.5; 0 is the whole message.
 pub fn places(
     ed4: u16,
     number: u8,
@@ -65,8 +66,8 @@ pub fn places(
         })
 }
 
-/// The messages that one side sends for one of Edition 4: those that have their Time Stamp of it, since one may be made of
-/// several. `from` is the direction that is excluded.
+/// The messages that one end sends for one of Edition 4: those that have its Time Stamp, since one may become
+/// several. `excluded` is the direction that is left out.
 fn stamped_by(ed4: u16, excluded: Direction) -> impl Iterator<Item = u16> {
     messages()
         .filter(move |info| {
@@ -86,7 +87,7 @@ pub fn commands_of(ed4: u16) -> impl Iterator<Item = u16> {
     stamped_by(ed4, Direction::ToCucs)
 }
 
-/// The message of Edition 4 that one of Edition 2.5, with this number, is made of or becomes.
+/// The message of Edition 4 that corresponds to one of Edition 2.5 with this number.
 #[must_use]
 pub fn ed4_of(number: u32) -> Option<u16> {
     let info = message(number, Version::Ed25)?;
@@ -95,14 +96,14 @@ pub fn ed4_of(number: u32) -> Option<u16> {
 
 /// A part of a plan (13001 to 13004, 13006) as #801 to #804 or #806; `Ok(None)` for every other message.
 ///
-/// Where a waypoint goes on contingency is left open (#802.13, #802.14): Edition 4 has routes for that.
+/// Where a waypoint leads on contingency is left open (#802.13, #802.14): Edition 4 has routes for that.
 ///
 /// # Errors
-/// What of it Edition 2.5 cannot name: the end of a loop, a loiter that does not end after whole seconds.
+/// What of it Edition 2.5 cannot express: the end of a loop, or a loiter that does not end after whole seconds.
 pub fn plan_record(part: &Message) -> Result<Option<Record>, String> {
     let ed4 = Record::of(part);
     let (number, route_type) = match part {
-        // A route without a type is a flight.
+        // A route without a type is a flight route.
         Message::UaRoute(_) => (801, Some(FLIGHT)),
         Message::UaPositionWaypoint(waypoint) => {
             let normal = WaypointType::from_raw(0);
@@ -117,7 +118,7 @@ pub fn plan_record(part: &Message) -> Result<Option<Record>, String> {
         Message::UaLoiterWaypoint(loiter) => {
             let units = loiter.loiter_duration_units;
             let in_seconds = units.is_none_or(|units| units == LoiterDurationUnits::Seconds);
-            // 0 is no loiter in both editions.
+            // A duration of 0 is not a loiter in both editions.
             if loiter.loiter_duration != Some(0)
                 && (!in_seconds || loiter.loiter_duration.is_none())
             {

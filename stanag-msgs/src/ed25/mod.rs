@@ -1,9 +1,10 @@
-//! Edition 2.5 of the DLI (February 2007), whole, from its public text; also as Edition 2 and its Amendment 1 number it.
+//! Edition 2.5 of the DLI (February 2007), complete, from its public text; also with the numbers of Edition 2 and its
+//! Amendment 1.
 //!
 //! Edition 2.5 differs from the later ones in everything around the data: a wrapper of 34 bytes without source and
 //! destination (they are fields 2 and 3 of each message), no presence vector (each field is always sent), no
-//! acknowledgement bit, a checksum that is the sum of the bytes. The first byte of a datagram is an ASCII digit, which no
-//! later edition has there: [`is_ed25`] tells them apart, so that one port serves all.
+//! acknowledgement bit, and a checksum that is the sum of the bytes. The first byte of a datagram is an ASCII digit,
+//! which no later edition has there: [`is_ed25`] distinguishes them, so that one port serves all.
 //!
 //! Parts: `values` (enumerations and bitmaps), `table` (one row for each message, in the form of the Edition 4 table:
 //! [`MessageInfo`](crate::table::MessageInfo) with a presence vector of no bytes), `wrapper` (splitting a datagram, and

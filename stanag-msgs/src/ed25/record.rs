@@ -1,8 +1,9 @@
-//! A message of any edition as its row of the table has it: the fields by their numbers, as values in units.
+//! A message of any edition, as its row of the table describes it: the fields by their numbers, as values in units.
 //!
-//! Numbers are SI as the rows say, whatever the wire scales them by; times are seconds since 1970 in every edition, and
-//! identification numbers are their four bytes. So a field goes from one edition to the other by its row alone
-//! ([`Record::to_ed4`], [`Record::take_from`]): the wire types, steps and epochs of both are applied on reading and writing.
+//! Numbers are in SI units as the rows name them, whatever the scale on the wire; times are seconds since 1970 in
+//! every edition, and identification numbers are their four bytes. So a field is converted from one edition to the
+//! other by its row alone ([`Record::to_ed4`], [`Record::take_from`]): the wire types, steps and epochs of both are
+//! applied on reading and writing.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt;
@@ -21,29 +22,29 @@ pub struct Record {
 /// One field.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// In the unit of its row.
+    /// A number in the unit of its row.
     Number(f64),
-    /// Without its NUL.
+    /// A text without its NUL.
     Text(String),
 }
 
-/// Why data of Edition 2.5 is not taken.
+/// Why data of Edition 2.5 is refused.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fault {
-    /// No such message, or not as long as it is.
+    /// The table has no such message, or the data has another length.
     Layout(DecodeError),
-    /// A float that is no number.
+    /// A float that is not a number.
     NotANumber(&'static FieldInfo),
-    /// Outside of the range of the text.
+    /// A value outside the range of the text.
     Range(&'static FieldInfo, f64),
-    /// A text without its NUL, or of other bytes than ASCII.
+    /// A text without a NUL, or with bytes that are not ASCII.
     Text(&'static FieldInfo),
-    /// The Edition 4 field that carries it inside the bridge cannot.
+    /// A value that the corresponding field of Edition 4 cannot hold.
     Unsayable(&'static FieldInfo, f64),
 }
 
 impl Fault {
-    /// The counter of what is dropped for it.
+    /// The name of the counter of messages dropped for it.
     #[must_use]
     pub fn counter(&self) -> &'static str {
         match self {
@@ -90,7 +91,7 @@ impl fmt::Display for Fault {
 }
 
 impl Record {
-    /// No field has a value.
+    /// A record in which no field has a value.
     #[must_use]
     pub fn new(info: &'static MessageInfo) -> Record {
         Record {
@@ -99,7 +100,7 @@ impl Record {
         }
     }
 
-    /// Of a message of Edition 2.5, by its number.
+    /// An empty record of a message of Edition 2.5, by its number.
     #[must_use]
     pub fn ed25(number: u16) -> Option<Record> {
         super::table::message(number.into(), super::wrapper::Version::Ed25).map(Record::new)
@@ -107,7 +108,8 @@ impl Record {
 
     /// Reads message data of Edition 2.5, and checks it by the ranges of the text.
     ///
-    /// All fields are always there: one without a value holds zero where its range has none, and is read as absent.
+    /// Every field is on the wire. A field without a value holds zero where its range does not include zero, and is
+    /// read as absent.
     ///
     /// # Errors
     /// See [`Fault`].
@@ -126,7 +128,7 @@ impl Record {
         let info = message.info();
         let mut record = Record::new(info);
         let mut data = [0; crate::wrapper::MAX_DATA];
-        // Every message that the bridge composes has a layout whose lengths are known.
+        // The bridge composes only messages with fields of known length, so this cannot fail.
         let length = message.encode_data(&mut data).unwrap_or(0);
         for (field, bytes) in walk(info, data.get(..length).unwrap_or_default()).flatten() {
             record.values[usize::from(field.bit)] = Some(value(field, bytes));
@@ -171,33 +173,34 @@ impl Record {
         }
     }
 
-    /// Gives a field a number.
+    /// Sets a field to a number.
     pub fn set(&mut self, field: u8, number: impl Into<f64>) {
         self.put(field, Some(Value::Number(number.into())));
     }
 
-    /// Gives a field a text; what does not fit is cut off on writing.
+    /// Sets a field to a text; what does not fit is cut off on writing.
     pub fn set_text(&mut self, field: u8, text: impl Into<String>) {
         self.put(field, Some(Value::Text(text.into())));
     }
 
-    /// Sets its Time Stamp, field 1 of every message, in the first period of its count.
+    /// Sets its Time Stamp, field 1 of every message, in the first period of Edition 4's counter.
     pub fn set_stamp(&mut self, stamp: TimeStamp) {
         self.set(1, stamp.unix_ms() as f64 / 1e3);
     }
 
-    /// Its Time Stamp; `None` where it has none, or one that is no moment.
+    /// Its Time Stamp; `None` where it has none, or a value that is not a time.
     #[must_use]
     pub fn stamp(&self) -> Option<TimeStamp> {
         stamp_of(self.number(1)?)
     }
 
-    /// Sets its Time Stamp in the period of the count of Edition 4 that is nearest to `near_ms`, a Unix time in milliseconds.
+    /// Sets its Time Stamp in the period of Edition 4's counter that is nearest to `near_ms`, a Unix time in
+    /// milliseconds.
     pub fn set_stamp_near(&mut self, stamp: TimeStamp, near_ms: u64) {
         self.set(1, stamp.unix_ms_near(near_ms) as f64 / 1e3);
     }
 
-    /// Puts the moments of a message of Edition 4 ([`Record::of`]) into the period that is nearest to `near_ms`.
+    /// Moves the times of a message of Edition 4 ([`Record::of`]) into the period that is nearest to `near_ms`.
     pub fn move_times_near(&mut self, near_ms: u64) {
         for field in self.info.fields.iter().filter(|field| is_time(field)) {
             let number = field.bit + 1;
@@ -207,7 +210,7 @@ impl Record {
         }
     }
 
-    /// Takes the value of a field away.
+    /// Removes the value of a field.
     pub fn clear(&mut self, field: u8) {
         self.put(field, None);
     }
@@ -219,9 +222,9 @@ impl Record {
         }
     }
 
-    /// The same in a message of Edition 4: each field that the table has a place for there.
+    /// The same in a message of Edition 4: each field for which the table has a place there.
     ///
-    /// Bits of payload stations beyond 16 go to the field of 17 to 32, where the message has one.
+    /// Bits of payload stations beyond 16 are written to the field of stations 17 to 32, where the message has one.
     ///
     /// # Errors
     /// A station that the message of Edition 4 cannot name.
@@ -253,7 +256,7 @@ impl Record {
         Ok(record)
     }
 
-    /// Takes over what a message of Edition 4 has; fields that it lacks keep what they have.
+    /// Takes over the values of a message of Edition 4; fields that it lacks keep theirs.
     pub fn take_from(&mut self, ed4: &Record) {
         for field in self.info.fields {
             let Some((message, number)) = field.ed4 else {
@@ -276,10 +279,10 @@ impl Record {
         }
     }
 
-    /// As a message of Edition 4.
+    /// The record as a message of Edition 4.
     ///
     /// # Errors
-    /// A value that its field there cannot hold: what is commanded is refused, never cut.
+    /// A value that its field there cannot hold: a commanded value is refused, never clamped.
     pub fn message(&self) -> Result<Message, Fault> {
         let mut presence = 0_u64;
         let mut data = vec![0; usize::from(self.info.presence_bytes)];
@@ -297,7 +300,7 @@ impl Record {
     /// The same as the message of Edition 4 with this number.
     ///
     /// # Errors
-    /// There is no such message, or a field of it cannot hold a value of this one.
+    /// There is no such message, or a field of it cannot hold the value.
     pub fn become_ed4(&self, target: u16) -> Result<Message, Fault> {
         let unknown = Fault::Layout(DecodeError::UnknownMessage {
             message_type: target.into(),
@@ -305,21 +308,21 @@ impl Record {
         self.to_ed4(ed4(target).ok_or(unknown)?)?.message()
     }
 
-    /// As message data of Edition 2.5: every field, those without a value as `neutral`.
+    /// The record as message data of Edition 2.5: every field, those without a value as `neutral`.
     #[must_use]
     pub fn data(&self, info: &'static MessageInfo) -> Vec<u8> {
         let mut data = Vec::with_capacity(info.full_bytes());
         for field in info.fields {
             let value = self.values.get(usize::from(field.bit)).cloned().flatten();
             let value = value.unwrap_or_else(|| neutral(field));
-            // What is reported beyond a range is reported as its end.
+            // A report beyond a range is reported as the end of the range: a report cannot be refused.
             let _ = write(field, &value, Excess::Clamp, &mut data);
         }
         data
     }
 }
 
-/// Whether a bitmap of 32 stations goes into two fields of 16.
+/// Whether a bitmap of 32 stations is divided into two fields of 16.
 fn is_split(field: &FieldInfo, target: &MessageInfo, number: u8) -> bool {
     let names_stations = field
         .enumeration
@@ -335,7 +338,7 @@ fn upper_half(message: &MessageInfo) -> Option<u8> {
     Some(field.bit + 1)
 }
 
-/// What stands for a value that nobody has given: zero, or what is nearest to it in the range.
+/// The value of a field that nobody has set: zero, or the nearest value in the range.
 fn neutral(field: &FieldInfo) -> Value {
     if let Wire::Char(_) = field.wire {
         return Value::Text(String::new());
@@ -374,7 +377,7 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
         return Err(Fault::NotANumber(field));
     }
     if is_time(field) && !is_moment(number) {
-        // 0 is how a time that has no meaning in this message is filled.
+        // A time without a meaning in this message is filled with 0.
         return match number {
             0.0 if field.bit > 0 => Ok(None),
             _ => Err(Fault::Range(field, number)),
@@ -383,7 +386,7 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
     let Some((low, high)) = field.range.filter(|_| !field.identification) else {
         return Ok(Some(value));
     };
-    // pi as a float is a little above pi.
+    // pi as a single float is slightly above pi.
     let slack = if field.unit == Some("rad") { 1e-6 } else { 0.0 };
     if (low - slack..=high + slack).contains(&number) {
         Ok(Some(value))
@@ -394,33 +397,34 @@ fn checked(field: &'static FieldInfo, bytes: &[u8]) -> Result<Option<Value>, Fau
     }
 }
 
-/// Whether a number of seconds since 1970 is a moment, and no duration or milliseconds.
+/// Whether a number of seconds since 1970 is a time, and not a duration or milliseconds.
 ///
-/// None is before 2000, where the count of Edition 4 begins. That count rolls over in 2034, and what is after it is counted
+/// No time is before 2000, where the counter of Edition 4 begins. That counter rolls over in 2034, and later times
+/// are counted modulo its period there; the Double of Edition 2.5 does not roll over.
 /// modulo its period there: this edition's own Double does not roll over.
 #[must_use]
 pub fn is_moment(seconds: f64) -> bool {
     moments().contains(&seconds)
 }
 
-/// Four periods of the count of Edition 4: until 2139.
+/// Four periods of Edition 4's counter: until 2139.
 fn moments() -> std::ops::Range<f64> {
     let epoch = TimeStamp(0).unix_ms() as f64 / 1e3;
     epoch..epoch + 4.0 * PERIOD_S
 }
 
-/// A moment as Edition 2.5 has it, s since 1970, as Edition 4 has it; `None` for what is no moment.
+/// A time of Edition 2.5, in seconds since 1970, as Edition 4 holds it; `None` for what is not a time.
 #[must_use]
 pub fn stamp_of(seconds: f64) -> Option<TimeStamp> {
-    // To the millisecond first: what rounds up to 2000 is a moment.
+    // Rounded to milliseconds first: what rounds up to 2000 is a time.
     let ms = (seconds * 1e3).round();
     is_moment(ms / 1e3).then(|| TimeStamp::from_unix_ms(ms as u64))
 }
 
-/// After so many seconds the five bytes of Edition 4 begin again.
+/// Seconds after which the five bytes of Edition 4 start again.
 const PERIOD_S: f64 = TimeStamp::PERIOD_MS as f64 / 1e3;
 
-/// In this edition, or in Edition 4.
+/// Whether a field is a time, in Edition 2.5 or in Edition 4.
 fn is_time(field: &FieldInfo) -> bool {
     [Some("s since 1970"), Some(TimeStamp::UNIT)].contains(&field.unit)
 }
@@ -453,7 +457,7 @@ fn value(field: &FieldInfo, bytes: &[u8]) -> Value {
     }
 }
 
-/// What becomes of a value that its field cannot hold.
+/// What to do with a value that its field cannot hold.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Excess {
     Refuse,
@@ -484,7 +488,7 @@ fn write(
     match field.wire {
         Wire::F32 | Wire::F64 => {
             let number = match field.range {
-                // A bearing of 0 to 2 pi there is one of -pi to pi here, or the other way round.
+                // A bearing of 0 to 2 pi in one edition is one of -pi to pi in the other.
                 Some((low, high)) if field.unit == Some("rad") && high - low > 6.0 => {
                     turned(number, low, high)
                 }
@@ -492,7 +496,7 @@ fn write(
                 None => number,
             };
             if field.wire == Wire::F32 {
-                // The nearest float of an end of a range may lie outside.
+                // The float nearest to an end of a range may lie outside the range.
                 let single = number as f32;
                 let single = match field.range {
                     Some((low, _)) if f64::from(single) < low => single.next_up(),
@@ -525,7 +529,7 @@ fn write(
     Ok(())
 }
 
-/// An angle within a turn that begins at `low`.
+/// The angle, moved into the turn that begins at `low`.
 fn turned(angle: f64, low: f64, high: f64) -> f64 {
     if (low..=high).contains(&angle) {
         angle

@@ -11,8 +11,8 @@
 //!     4  Checksum: sum of all bytes before it, modulo 2^32
 //! ```
 //!
-//! The text contradicts itself about the longest data (3.3.1.5: 524 and 538). 514 is what a datagram of 548 bytes leaves, and
-//! what #1304 fills.
+//! The text contradicts itself about the longest data (3.3.1.5: 524 and 538). The limit here is 514, which a datagram
+//! of 548 bytes leaves, and which #1304 fills.
 
 use nom::bytes::complete::take;
 use nom::number::complete::be_u32;
@@ -36,14 +36,14 @@ pub const fn is_ed25(datagram: &[u8]) -> bool {
     matches!(datagram, [b'1'..=b'9', ..])
 }
 
-/// What a sender calls the layouts of Edition 2.5 (table B1-3; Amendment 1 renumbers them).
+/// The IDD version, by which a sender names the layouts of Edition 2.5 (table B1-3; Amendment 1 renumbers them).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Version {
     /// `2.5`: Edition 2.5.
     Ed25,
     /// `7`: the same, as Amendment 1 numbers it.
     Draft25,
-    /// `8`: Edition 2. Inferred: no text of that version was read.
+    /// `8`: Edition 2. Inferred, since the text of that version was not available.
     Ed2,
     /// `9`: Edition 2 Amendment 1.
     Amendment1,
@@ -53,7 +53,7 @@ impl Version {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Ed25, Self::Draft25, Self::Ed2, Self::Amendment1];
 
-    /// As the wrapper has it.
+    /// The text in the wrapper.
     pub const fn text(self) -> &'static str {
         match self {
             Self::Ed25 => "2.5",
@@ -63,12 +63,12 @@ impl Version {
         }
     }
 
-    /// The version of this text.
+    /// The version with this text.
     pub fn from_text(text: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|version| version.text() == text)
     }
 
-    /// The version of a wrapper; what follows the NUL is not defined and not looked at.
+    /// The version in a wrapper; the bytes after the NUL are undefined and ignored.
     fn from_wire(bytes: &[u8]) -> Option<Self> {
         let text = bytes.split(|&byte| byte == 0).next().unwrap_or_default();
         Self::ALL
@@ -142,7 +142,7 @@ impl<'a> Frames<'a> {
         self.offset
     }
 
-    /// The next message's header and all of its bytes, by its length alone.
+    /// The next message's header and all of its bytes, found by its length alone.
     fn extent(&self) -> Result<(Prefix<'a>, &'a [u8]), WrapperError> {
         let offset = self.offset;
         if self.datagram.len() > MAX_DATAGRAM {
@@ -193,7 +193,7 @@ impl<'a> Frames<'a> {
                 expected,
             });
         }
-        // Judged after the checksum: a damaged version is a damaged message, not another edition.
+        // Checked after the checksum: a damaged version is a damaged message, not another edition.
         let Some(version) = Version::from_wire(prefix.version) else {
             let mut found = [0; VERSION_BYTES];
             found.copy_from_slice(prefix.version);
@@ -239,7 +239,7 @@ fn sum(bytes: &[u8]) -> u32 {
     bytes.iter().map(|&byte| u32::from(byte)).sum()
 }
 
-/// Writes wrapper, data and checksum into `out`; returns how many bytes.
+/// Writes wrapper, data and checksum into `out`; returns the number of bytes.
 ///
 /// # Errors
 /// The buffer is too small, or the data is longer than fits a datagram.

@@ -1,7 +1,7 @@
-//! Enumerations whose values no source gives, or one only: the values are this project's.
+//! Enumerations whose values no source gives, or only one: the values are this project's own.
 //!
-//! Each has an entry in [`DISPUTED`](crate::disputed::DISPUTED), where the configuration can set a peer's values, or has
-//! no values at all.
+//! Each has an entry in [`DISPUTED`](crate::disputed::DISPUTED), by which the configuration can set a peer's values,
+//! or has no values at all.
 
 use super::macros::enumerations;
 

@@ -14,7 +14,7 @@ macro_rules! enumerations {
         #[derive(Clone, Copy, Debug)]
         pub enum $Name {
             $(#[doc = concat!(stringify!($value), ": ", $text, ".")] $Variant,)*
-            /// Any other value; equal to the variant of its value, should it have one.
+            /// Any other value; it equals the variant with the same value, where there is one.
             Unknown($Raw),
         }
 
@@ -89,7 +89,7 @@ macro_rules! bitmaps {
                 ranges: &[$(($range, $meaning)),*],
             };
 
-            /// The bits as on the wire.
+            /// The bits of this value on the wire.
             #[inline]
             pub const fn from_raw(raw: $Raw) -> Self {
                 Self(raw)

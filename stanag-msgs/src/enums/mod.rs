@@ -1,6 +1,6 @@
 //! The values of fields: enumerations and bitmaps, each with its sources.
 //!
-//! A value that sources do not name is kept (`Unknown`), so nothing is lost in passing through. Values that this project
+//! A value that sources do not name is kept (`Unknown`), so that it is sent on unchanged. Values that this project
 //! had to choose itself are in `disputed`.
 
 mod autonomy;

@@ -1,12 +1,12 @@
 //! Levels of interoperability (LOI) and flight modes by number and name, as people read them.
 //!
-//! On the wire levels are bits ([`LoiBitmap`]); a status, a log or a command line shows `2, 4, 5 (monitor, control, launch)`. A mode
-//! is a number whose name in the tables is a sentence at times: an alert shows `12 (loiter)`.
+//! On the wire levels are bits ([`LoiBitmap`]); a status, a log or a command line shows `2, 4, 5 (monitor, control,
+//! launch)`. A mode is a number, and its name in the tables is sometimes a sentence: an alert shows `12 (loiter)`.
 
 use super::{FlightPathControlMode, LoiBitmap};
 
 impl LoiBitmap {
-    /// Each level: its bit, its number, what it allows.
+    /// Each level: its bit, its number, what it permits.
     const LEVELS: [(LoiBitmap, u8, &'static str); 4] = [
         (LoiBitmap::LOI2, 2, "monitor"),
         (LoiBitmap::LOI3, 3, "payload"),
@@ -14,7 +14,7 @@ impl LoiBitmap {
         (LoiBitmap::LOI5, 5, "launch"),
     ];
 
-    /// Number and name of each level in it, by rising number. Other bits have none.
+    /// Number and name of each level, by rising number. Bits that are not a level are skipped.
     pub fn levels(self) -> impl Iterator<Item = (u8, &'static str)> {
         let within = Self::LEVELS
             .into_iter()
@@ -22,7 +22,7 @@ impl LoiBitmap {
         within.map(|(_, number, name)| (number, name))
     }
 
-    /// `2, 4, 5 (monitor, control, launch)`; `none`.
+    /// `2, 4, 5 (monitor, control, launch)`; `none` without a level.
     #[must_use]
     pub fn in_words(self) -> String {
         let numbers: Vec<String> = self
@@ -38,7 +38,7 @@ impl LoiBitmap {
 }
 
 impl FlightPathControlMode {
-    /// `12 (loiter)`: the number, and the name by which operators and `cucs mode` call it.
+    /// `12 (loiter)`: the number, and the name that operators and `cucs mode` use.
     #[must_use]
     pub fn in_words(self) -> String {
         let name = match self {
@@ -49,7 +49,7 @@ impl FlightPathControlMode {
             Self::ContingencyA => "contingency A".to_owned(),
             Self::ContingencyB => "contingency B".to_owned(),
             Self::SlaveToLocation => "slave to location".to_owned(),
-            // The range that a VSM may fill as it likes; this project's bridge has its return there.
+            // A number of the range that a VSM may define; this project's bridge uses it for the return (AUTO.RTL).
             Self::Unknown(32) => "return".to_owned(),
             Self::Unknown(33..) => "the VSM's own".to_owned(),
             mode => mode.to_string(),
@@ -68,7 +68,7 @@ mod tests {
         assert_eq!(words(0x0d), "2, 4, 5 (monitor, control, launch)");
         assert_eq!(words(0x02), "3 (payload)");
         assert_eq!(words(0), "none");
-        // Bits that are no level.
+        // Bits that are not a level.
         assert_eq!(words(0xf0), "none");
     }
 

@@ -1,8 +1,9 @@
-//! What two guards send each other whose clocks are further apart than a receiver follows: a challenge that never existed before,
-//! and an answer to it that only a holder of the key can give, now.
+//! How two guards whose clocks are too far apart find the difference: a challenge that never existed before, and an
+//! answer to it that only a holder of the key can give, and only then.
 //!
-//! No datagram of the DLI begins as these do, and none that has a trailer is one of them. An end that does not know them drops
-//! them. They are as long as the shortest datagram with a trailer, so that none is longer than what it answers:
+//! No datagram of the DLI begins like these, and none with a trailer is one of them. A receiver that does not know
+//! them drops them. They are as long as the shortest datagram with a trailer, so that no answer is longer than what
+//! it answers, and nobody can use a guard to amplify traffic:
 //!
 //! | offset | field | meaning |
 //! |---|---|---|
@@ -16,8 +17,8 @@
 //! | 12 | u64 | stamp, us since 1970: one of the sender's, used for nothing else |
 //! | 20 | 32 bytes | HMAC-SHA256(key of the direction, "vsm-guard-clock-1", receiver ID, of an answer the HMAC of the challenge, the 20 bytes before) |
 //!
-//! The number that an answer echoes is the challenge's HMAC, of a stamp that is never used again: new, and not foreseeable without
-//! the key. It is not sent back: an answer to another challenge does not verify.
+//! An answer repeats no number: its HMAC covers the challenge's HMAC, which is of a stamp that is never used again,
+//! and so is new and cannot be predicted without the key. An answer to another challenge does not verify.
 //!
 //! ```
 //! use stanag_msgs::Id;
@@ -43,12 +44,12 @@ use sha2::Sha256;
 use super::{Direction, GuardKey, HEAD_BYTES, MAC_BYTES, TRAILER_BYTES, Trailer};
 use crate::Id;
 
-/// Which of the two it is.
+/// Challenge or answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ClockStep {
-    /// Asks the other end whether it is there.
+    /// Requests an answer from the other end.
     Challenge,
-    /// It is, at the answer's stamp.
+    /// The answer; its stamp is the time at the other end.
     Answer,
 }
 
@@ -69,18 +70,18 @@ impl ClockStep {
     }
 }
 
-/// A challenge or an answer. Nothing of it is to be believed before it verifies.
+/// A challenge or an answer. Nothing in it may be believed before it verifies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClockDatagram {
-    /// Which of the two.
+    /// Challenge or answer.
     pub step: ClockStep,
-    /// Whose it is, as in a trailer.
+    /// Sender, direction, key and stamp, as in a trailer.
     pub trailer: Trailer,
     mac: [u8; MAC_BYTES],
 }
 
 impl ClockDatagram {
-    /// Reads one; `None` where it is something else. It costs a stranger nothing that this is looked at.
+    /// Reads one; `None` where it is something else. Anyone can send such bytes: nothing in them is verified yet.
     #[must_use]
     pub fn parse(bytes: &[u8]) -> Option<ClockDatagram> {
         let (head, mac) = bytes.split_first_chunk::<HEAD_BYTES>()?;
@@ -93,7 +94,7 @@ impl ClockDatagram {
         let ([step, 0], stamp) = fields.split_first_chunk()? else {
             return None;
         };
-        // Nothing comes back from a group.
+        // A group never answers.
         let direction = Direction::of_code(*direction).filter(|way| *way != Direction::ToGroup)?;
         Some(ClockDatagram {
             step: ClockStep::of_code(*step)?,
@@ -107,7 +108,7 @@ impl ClockDatagram {
         })
     }
 
-    /// The datagram.
+    /// The bytes to send.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; CLOCK_BYTES] {
         let mut bytes = [0; CLOCK_BYTES];
@@ -119,13 +120,13 @@ impl ClockDatagram {
 }
 
 impl GuardKey {
-    /// A challenge. A stamp is used once.
+    /// A challenge. Each stamp may be used once.
     #[must_use]
     pub fn challenge(&self, trailer: Trailer, receiver: Id) -> ClockDatagram {
         self.clock_datagram(ClockStep::Challenge, trailer, receiver, &[])
     }
 
-    /// The answer to a challenge, which has to have verified.
+    /// The answer to a challenge, which must have been verified before.
     #[must_use]
     pub fn answer(
         &self,
@@ -196,7 +197,7 @@ fn head_of(step: ClockStep, trailer: &Trailer) -> [u8; HEAD_BYTES] {
     head
 }
 
-/// How long each of them is.
+/// The length of each of them.
 pub const CLOCK_BYTES: usize = TRAILER_BYTES;
 const VERSION: u8 = 1;
 const CONTEXT: &[u8] = b"vsm-guard-clock-1";

@@ -1,7 +1,8 @@
-//! The frames of a web client: text, each with an HMAC under keys of its connection.
+//! The frames of a web client: text, each with an HMAC under the keys of its connection.
 //!
-//! A connection is reliable and in order, so that nothing of the trailer but its HMAC is needed. What a trailer has its stamp for,
-//! that nothing recorded counts again, the opening does: each end names 32 random bytes, and both are in the keys.
+//! A connection is reliable and in order, so its frames need nothing of the trailer but the HMAC. What the trailer's
+//! stamp prevents, that a recording counts again, the opening prevents: each end names 32 random bytes, and both are
+//! in the keys.
 //!
 //! ```text
 //! about  "vsm-web-1", VSM ID, CUCS ID, random bytes of the VSM, random bytes of the client
@@ -9,8 +10,8 @@
 //! frame  64 lower-case hex digits, a space, a text;  the digits are HMAC-SHA256(key, text)
 //! ```
 //!
-//! The key of the direction is that of the datagrams' trailers. No HMAC of one is one of the other: those begin with
-//! "vsm-guard-1".
+//! The key of the direction is that of the datagrams' trailers. An HMAC of one can never be valid for the other: what
+//! the trailers hash begins with "vsm-guard-1".
 //!
 //! ```
 //! use stanag_msgs::Id;
@@ -35,7 +36,7 @@ use zeroize::Zeroize as _;
 use super::{Direction, GuardKey, MAC_BYTES};
 use crate::Id;
 
-/// What a connection is between, and the random bytes of both ends.
+/// The two ends of a connection, and the random bytes of both.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Opening {
     /// VSM ID.
@@ -48,7 +49,7 @@ pub struct Opening {
     pub of_client: [u8; 32],
 }
 
-/// The keys of a connection, for both directions. Wiped when dropped, and `Debug` shows nothing of them.
+/// The keys of a connection, one for each direction. Wiped when dropped, and `Debug` shows nothing of them.
 pub struct ConnectionKey {
     to_vsm: Box<Hmac<Sha256>>,
     to_cucs: Box<Hmac<Sha256>>,
@@ -78,7 +79,7 @@ impl GuardKey {
 }
 
 impl ConnectionKey {
-    /// A frame with this text.
+    /// The frame for this text.
     #[must_use]
     pub fn seal(&self, direction: Direction, text: &str) -> String {
         let mac = self.mac(direction, text).finalize().into_bytes();
@@ -101,7 +102,7 @@ impl ConnectionKey {
     fn mac(&self, direction: Direction, text: &str) -> Hmac<Sha256> {
         let keyed = match direction {
             Direction::ToVsm => &self.to_vsm,
-            // A connection has two ends and no group: whatever is not for the VSM is for its client.
+            // A connection has two ends and no group: what is not for the VSM is for its client.
             Direction::ToCucs | Direction::ToGroup => &self.to_cucs,
         };
         Hmac::clone(keyed).chain_update(text.as_bytes())
@@ -114,16 +115,17 @@ impl fmt::Debug for ConnectionKey {
     }
 }
 
-/// A frame that can be read. Nothing of its text is to be believed before it verifies.
+/// A well-formed frame. Nothing in its text may be believed before it verifies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SealedText<'a> {
-    /// What was sealed.
+    /// The sealed text.
     pub text: &'a str,
     mac: [u8; MAC_BYTES],
 }
 
 impl<'a> SealedText<'a> {
-    /// Reads a frame; `None` where it does not begin with 64 lower-case hex digits and a space: there is one way to write it.
+    /// Reads a frame; `None` unless it begins with 64 lower-case hex digits and a space. A frame has one written form
+    /// only.
     #[must_use]
     pub fn parse(frame: &'a str) -> Option<SealedText<'a>> {
         let (digits, rest) = frame.split_at_checked(HEX_DIGITS)?;

@@ -1,6 +1,7 @@
-//! How two guards agree about a key: a step of the exchange in a datagram on the DLI's own port, which is none of the DLI.
+//! How two guards agree on a key: a step of the exchange in a datagram on the DLI's own port that is not a message of
+//! the DLI.
 //!
-//! No datagram of the DLI begins as it does: Editions 3 and 4 begin with the IDD version, a number below 256, and Edition 2.5 with a digit.
+//! No datagram of the DLI begins like it: Editions 3 and 4 begin with 0x0000 or 0xFFFF, and Edition 2.5 with a digit.
 //!
 //! | offset | field | meaning |
 //! |---|---|---|
@@ -11,7 +12,7 @@
 //! | 8 | u32 | VSM ID |
 //! | 12 | 1 to 203 bytes | the step, laid out as MAVLink's KEY_EXCHANGE (229) of this project, without its last zeros |
 //!
-//! Nothing of it is authentic before the machine of the exchange has said so: the ids only select which one is asked.
+//! Nothing in it is authentic before the exchange's state machine has verified it: the ids only select the machine.
 //!
 //! ```
 //! use stanag_msgs::Id;
@@ -30,24 +31,24 @@ use crate::Id;
 /// A step of an exchange between two guards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ExchangeDatagram<'a> {
-    /// Which way it goes.
+    /// Its direction.
     pub direction: Direction,
-    /// The CUCS whose guard it is.
+    /// The CUCS beside which the guard is.
     pub cucs: Id,
     /// The VSM.
     pub vsm: Id,
-    /// The step, for the machine of the exchange.
+    /// The step, for the exchange's state machine.
     pub payload: &'a [u8],
 }
 
 impl<'a> ExchangeDatagram<'a> {
-    /// Reads one; `None` where it is something else. It costs a stranger nothing that this is looked at.
+    /// Reads one; `None` where it is something else. Anyone can send such bytes: nothing in them is verified yet.
     #[must_use]
     pub fn parse(bytes: &'a [u8]) -> Option<ExchangeDatagram<'a>> {
         let [b'G', b'X', VERSION, direction, rest @ ..] = bytes else {
             return None;
         };
-        // Two ends agree; a group is sent its key by another way.
+        // Two ends agree on a key; a group is sent its key in an offer.
         let direction = Direction::of_code(*direction).filter(|way| *way != Direction::ToGroup)?;
         let (cucs, rest) = rest.split_first_chunk()?;
         let (vsm, payload) = rest.split_first_chunk()?;
@@ -61,7 +62,7 @@ impl<'a> ExchangeDatagram<'a> {
             })
     }
 
-    /// The datagram; of the step what is longer than 203 bytes, which no step is, does not go out.
+    /// The bytes to send. Bytes of the step beyond 203 are left out; no step has as many.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let used = self.payload.iter().rposition(|byte| *byte != 0);

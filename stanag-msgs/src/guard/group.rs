@@ -1,10 +1,12 @@
 //! The group key: what a VSM sends to a multicast group is sealed under it, and each guard is given it under its own key.
 //!
-//! Everybody who has it can seal under it: it shows that a datagram is of the VSM only as far as all guards of the group are trusted
-//! with that. So it is for status, from the VSM, and nothing that a VSM receives under it is ever taken.
+//! Everybody who has the key can seal with it: a sealed datagram proves the VSM as its sender only as far as all
+//! guards of the group are trusted. So the key is for status from the VSM, and nothing that a VSM receives under it
+//! is ever accepted.
 //!
-//! A datagram to the group has the same trailer ([`Trailer`](super::Trailer)), direction 3, and the receiver in its MAC is every
-//! station ([`Id::BROADCAST`]). The key reaches a guard in an [`Offer`], inside a datagram that is sealed for it alone:
+//! A datagram to the group has the same trailer ([`Trailer`](super::Trailer)), with direction 3, and its MAC covers
+//! the broadcast id ([`Id::BROADCAST`]) as the receiver. A guard is given the key in an [`Offer`], inside a datagram
+//! that is sealed for it alone:
 //!
 //! | offset | field | meaning |
 //! |---|---|---|
@@ -25,12 +27,12 @@ use zeroize::Zeroizing;
 /// Encrypts group keys for one guard. `Debug` shows nothing of it.
 pub(super) struct Wrap(Box<Aes256Gcm>);
 
-/// A group key on its way to one guard.
+/// A group key as it is sent to one guard.
 #[derive(Debug)]
 pub struct Offer {
-    /// The key, where it could be decrypted.
+    /// The key, decrypted.
     pub key: Zeroizing<[u8; 32]>,
-    /// Nothing of the group that is stamped so, or before, us since 1970, is to be believed.
+    /// A datagram of the group with this stamp or an earlier one, in us since 1970, must be refused.
     pub floor_us: u64,
 }
 
@@ -50,7 +52,8 @@ impl Wrap {
         let sealed = self
             .0
             .encrypt_inout_detached(&nonce(stamp_us), head, key.into());
-        // It fails for lengths that no offer has. What then stands here is a key in the clear.
+        // Encryption fails only for lengths that no offer has. The buffer then still holds the key in the clear, so
+        // it is wiped.
         let Ok(sealed) = sealed else {
             zeroize::Zeroize::zeroize(&mut bytes);
             return None;
@@ -86,7 +89,7 @@ impl fmt::Debug for Wrap {
     }
 }
 
-/// Whether what was inside of a datagram is an offer, as far as its first bytes say. No datagram of the DLI begins so.
+/// Whether the content of a datagram is an offer, by its first bytes. No datagram of the DLI begins like it.
 #[must_use]
 pub fn is_offer(inside: &[u8]) -> bool {
     inside.starts_with(&[b'G', b'K', VERSION, 0]) && inside.len() == OFFER_BYTES
@@ -98,7 +101,7 @@ fn nonce(stamp_us: u64) -> Nonce<aes_gcm::aead::consts::U12> {
     nonce.into()
 }
 
-/// How long an offer is.
+/// The length of an offer, bytes.
 pub const OFFER_BYTES: usize = HEAD + KEY + TAG;
 const HEAD: usize = 20;
 const KEY: usize = 32;
@@ -129,7 +132,7 @@ mod tests {
             assert!(one.unwrap(&bent).is_none(), "byte {at}");
             assert!(one.unwrap(&bytes[..at]).is_none());
         }
-        // Another stamp, another cipher text.
+        // Another stamp gives another ciphertext.
         assert_ne!(one.wrap(6, &offer).unwrap()[20..52], bytes[20..52]);
     }
 }

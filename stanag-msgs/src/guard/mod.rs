@@ -1,7 +1,8 @@
-//! The trailer of the DLI guard: 52 bytes behind a datagram, by which the receiver knows who sent it.
+//! The trailer of the DLI guard: 52 bytes behind a datagram that prove to the receiver who sent it.
 //!
-//! The standard has no authentication: the wrapper's source is whatever a sender writes. Two guards, one beside the CUCS and
-//! one in the VSM, put this behind each datagram between them (numbers have their highest byte first, as all of the DLI):
+//! The standard has no authentication: the wrapper's source is whatever a sender writes. Two guards, one beside the
+//! CUCS and one in the VSM, add this to each datagram between them (numbers have their most significant byte first,
+//! as everywhere in the DLI):
 //!
 //! | offset | field | meaning |
 //! |---|---|---|
@@ -17,11 +18,11 @@
 //! The key of a direction is HKDF-SHA256(key, info "c2v", "v2c" or "v2g"): a datagram that is sent back to its sender does not
 //! verify. The receiver is not in the trailer: a datagram for one VSM does not verify at another that has the same key.
 //!
-//! A correct trailer does not make a datagram fresh: which stamps are accepted is the receiver's to decide.
+//! A valid trailer does not prove that a datagram is new: which stamps are accepted is decided by the receiver.
 //!
-//! `exchange` is the datagram by which two guards agree about a key, `group` how a group gets one, `clock` how two whose clocks are
-//! apart find one.
-//! A web client has the same key and no datagrams: [`Opening`] and [`ConnectionKey`] are how its frames are authenticated.
+//! `exchange` is the datagram by which two guards agree on a key, `group` how a group is given one, `clock` how two
+//! guards whose clocks differ find the difference. A web client has the same key but sends no datagrams: [`Opening`]
+//! and [`ConnectionKey`] authenticate its frames.
 //!
 //! ```
 //! use stanag_msgs::Id;
@@ -59,24 +60,24 @@ use zeroize::Zeroizing;
 pub use self::connection::{ConnectionKey, Opening, SealedText};
 use crate::{Id, MAX_DATAGRAM};
 
-/// How long a trailer is.
+/// The length of a trailer, bytes.
 pub const TRAILER_BYTES: usize = HEAD_BYTES + MAC_BYTES;
-/// The longest datagram between two guards: what is inside keeps the standard's 548 bytes.
+/// The longest datagram between two guards: its content keeps the standard's limit of 548 bytes.
 pub const MAX_GUARDED: usize = MAX_DATAGRAM + TRAILER_BYTES;
 
-/// Which way a datagram goes.
+/// The direction of a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// From a CUCS to a VSM.
     ToVsm,
     /// From a VSM to a CUCS.
     ToCucs,
-    /// From a VSM to its group, under the group's key: status, and never anything that a VSM takes.
+    /// From a VSM to its group, under the group's key: status only, and never anything that a VSM accepts.
     ToGroup,
 }
 
 impl Direction {
-    /// The other way; nothing comes back from a group.
+    /// The direction of an answer; a group never answers.
     #[must_use]
     pub const fn back(self) -> Option<Direction> {
         match self {
@@ -104,14 +105,14 @@ impl Direction {
     }
 }
 
-/// What a trailer says, beside its MAC.
+/// The content of a trailer, except its MAC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Trailer {
-    /// Which way it goes.
+    /// Its direction.
     pub direction: Direction,
     /// CUCS ID or VSM ID.
     pub sender: Id,
-    /// By which the receiver finds the key.
+    /// The name of the key, by which the receiver finds it.
     pub key_id: u16,
     /// Microseconds since 1970.
     pub stamp_us: u64,
@@ -130,19 +131,19 @@ impl Trailer {
     }
 }
 
-/// A datagram with a trailer that can be read. Nothing of it is to be believed before it verifies.
+/// A datagram with a well-formed trailer. Nothing in it may be believed before it verifies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Guarded<'a> {
-    /// What the trailer says.
+    /// The content of the trailer.
     pub trailer: Trailer,
-    /// What it is about.
+    /// The datagram in front of the trailer.
     pub datagram: &'a [u8],
     mac: &'a [u8; MAC_BYTES],
 }
 
 impl<'a> Guarded<'a> {
-    /// Reads the trailer; `None` where there is none: another version, a direction that is not known and reserved bits are no
-    /// trailer either, and neither is what is longer than [`MAX_GUARDED`].
+    /// Reads the trailer; `None` where there is none. Another version, an unknown direction, a reserved bit that is
+    /// set, and more than [`MAX_GUARDED`] bytes count as no trailer.
     #[must_use]
     pub fn parse(bytes: &'a [u8]) -> Option<Guarded<'a>> {
         if bytes.len() > MAX_GUARDED {
@@ -174,8 +175,8 @@ impl<'a> Guarded<'a> {
 
 /// A key of 32 bytes that one CUCS shares with one VSM, or a VSM with the guards of its group, ready for every direction.
 ///
-/// It holds the state of the HMACs instead of the key, on the heap: a value that is moved would leave copies on stacks, which
-/// nothing wipes. It is wiped when dropped, and `Debug` shows nothing of it.
+/// It holds the state of the HMACs instead of the key, on the heap: a value that is moved leaves copies on stacks,
+/// which nothing wipes. It is wiped when dropped, and `Debug` shows nothing of it.
 pub struct GuardKey {
     id: u16,
     to_vsm: Box<Hmac<Sha256>>,
@@ -185,7 +186,7 @@ pub struct GuardKey {
 }
 
 impl GuardKey {
-    /// Derives the directions of a key.
+    /// Derives the keys of all directions from a key.
     #[must_use]
     pub fn new(key: &[u8; 32]) -> GuardKey {
         let id = keyed(key).chain_update(KEY_ID).finalize().into_bytes();
@@ -198,19 +199,20 @@ impl GuardKey {
         }
     }
 
-    /// A group key, encrypted for the holder of this key. `None` where it cannot be. A stamp is used once.
+    /// A group key, encrypted for the holder of this key; `None` where encryption fails. Each stamp may be used once.
     #[must_use]
     pub fn wrap(&self, stamp_us: u64, offer: &Offer) -> Option<[u8; OFFER_BYTES]> {
         self.wrap.seal(stamp_us, offer)
     }
 
-    /// The group key in an offer that was made for this key. That it is a new one its datagram has to show.
+    /// The group key in an offer that was made for this key. Whether the offer is new is shown by its datagram's
+    /// stamp.
     #[must_use]
     pub fn unwrap(&self, inside: &[u8]) -> Option<Offer> {
         is_offer(inside).then(|| self.wrap.open(inside.try_into().ok()?))?
     }
 
-    /// By which a trailer names it: not unique, so that it only selects what is tried.
+    /// The number by which a trailer names the key: not unique, so it only selects the keys that are tried.
     #[must_use]
     pub const fn id(&self) -> u16 {
         self.id

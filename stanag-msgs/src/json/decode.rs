@@ -40,8 +40,8 @@ pub fn decode(datagram: &[u8], raw: bool) -> Vec<Value> {
     })
 }
 
-/// An object for each message of a datagram and for each part of it that is none. `object` returns the Message Type too, by
-/// which the object of an error is found.
+/// An object for each message of a datagram, and for each part that is not one. `object` also returns the Message
+/// Type, which an error's object names.
 fn objects<F, I: Iterator<Item = Result<F, WrapperError>>>(
     mut messages: I,
     offset: impl Fn(&I) -> usize,

@@ -108,7 +108,7 @@ fn encode_ed25(
         .fields
         .iter()
         .find(|field| !fields.contains_key(field.name));
-    // Raw is what the wire has; a person who leaves a field out did not mean zero.
+    // Raw data are what the wire has; a person who omits a field does not mean zero.
     if let (Some(field), false) = (missing, raw) {
         return Err(JsonError::Missing { key: field.name });
     }

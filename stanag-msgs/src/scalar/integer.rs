@@ -116,7 +116,7 @@ macro_rules! wide_integers {
                 let bytes: [u8; $bytes] = reader.chunk()?;
                 let mut full = [0; $full];
                 full[..$bytes].copy_from_slice(&bytes);
-                // In the upper bytes, so that shifting down extends the sign.
+                // The bytes are in the upper part of the integer, so that shifting down extends the sign.
                 Ok(Self($Inner::from_be_bytes(full) >> (8 * ($full - $bytes))))
             }
 

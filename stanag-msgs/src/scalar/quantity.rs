@@ -27,8 +27,8 @@ macro_rules! bams {
             /// One step in radians.
             pub const STEP: f64 = Wire::$Name.step();
 
-            /// The nearest value to an angle in radians, modulo whole turns: pi gives the same as
-            /// -pi. An angle that is not finite gives 0: check it before.
+            /// The nearest value to an angle in radians, modulo whole turns: pi gives the same as -pi. An angle that
+            /// is not finite gives 0, so the caller has to check it before.
             pub fn from_radians(angle: f64) -> Self {
                 Self::from_turns(angle / TAU)
             }
@@ -125,8 +125,8 @@ impl<R: Integer, S: Scale> Scaled<R, S> {
         }
     }
 
-    /// The quantity nearest to a value in the unit of `S`, or the nearest limit if it is outside
-    /// the range. Not a number gives 0.
+    /// The quantity nearest to a value in the unit of `S`, or the nearest limit if the value is outside the range.
+    /// Not a number gives 0.
     pub fn saturating_from_si(value: f64) -> Self {
         Self::from_raw(R::clamped((value / S::STEP).round() as i64))
     }
@@ -251,8 +251,8 @@ impl TimeStamp {
     /// The unit, as the message table names it.
     pub const UNIT: &'static str = "ms since 2000-01-01T00:00:00Z";
 
-    /// The stamp of a Unix time in milliseconds. A time before 2000 gives 0; one past the
-    /// rollover gives the 40-bit counter's value then.
+    /// The stamp of a Unix time in milliseconds. A time before 2000 gives 0; for a time after the rollover the 40-bit
+    /// counter has started again.
     pub const fn from_unix_ms(unix_ms: u64) -> Self {
         Self(unix_ms.saturating_sub(Self::EPOCH_UNIX_MS) % Self::PERIOD_MS)
     }
@@ -262,8 +262,8 @@ impl TimeStamp {
         self.0.saturating_add(Self::EPOCH_UNIX_MS)
     }
 
-    /// The Unix time in milliseconds, of the period that puts it nearest to `near_ms`: the five bytes do not say in which
-    /// they are.
+    /// The Unix time in milliseconds, of the period that puts it nearest to `near_ms`: the five bytes do not show
+    /// their period.
     pub const fn unix_ms_near(self, near_ms: u64) -> u64 {
         let first = self.unix_ms();
         let beyond = near_ms

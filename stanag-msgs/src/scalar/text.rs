@@ -26,7 +26,7 @@ impl<const N: usize> Text<N> {
         Self(bytes)
     }
 
-    /// The text of these bytes, which may be anything.
+    /// The text of these bytes, whatever they are.
     fn from_bytes(mut bytes: [u8; N]) -> Self {
         let end = bytes[..N - 1]
             .iter()

@@ -73,7 +73,7 @@ impl<'a> DataReader<'a> {
         }
     }
 
-    /// Makes sure that nothing is left.
+    /// Fails where bytes are left over.
     #[inline]
     pub(super) fn finish(&self) -> Result<(), DecodeError> {
         match self.reader.remaining() {
@@ -155,7 +155,7 @@ pub(super) struct DataWriter<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> DataWriter<'a, N> {
-    /// Leaves room for the presence vector, which is known only when all fields are written.
+    /// Reserves the presence vector, which is known only once all fields are written.
     #[inline]
     pub(super) fn new(
         message: &'static MessageInfo,
@@ -183,7 +183,7 @@ impl<'a, const N: usize> DataWriter<'a, N> {
             .map_err(|fault| self.error(bit, fault))
     }
 
-    /// Fills in the presence vector; returns the length of all.
+    /// Fills in the presence vector; returns the total length.
     #[inline]
     pub(super) fn finish(mut self) -> usize {
         let bits = self.presence.to_be_bytes();

@@ -1,4 +1,5 @@
-//! Private messages of this project: commands that are held until a condition (50020 to 50022), and contingencies (50023).
+//! Private messages of this project: commands that are held until a condition is met (50020 to 50022), and
+//! contingencies (50023).
 
 use std::f64::consts::FRAC_PI_2;
 

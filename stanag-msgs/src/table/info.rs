@@ -14,7 +14,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// As the fact table writes it.
+    /// The text of the fact table.
     pub const fn text(self) -> &'static str {
         match self {
             Direction::ToVsm => "CUCS->VSM",
@@ -36,7 +36,7 @@ pub enum Traffic {
 }
 
 impl Traffic {
-    /// As the fact table writes it.
+    /// The text of the fact table.
     pub const fn text(self) -> &'static str {
         match self {
             Traffic::Push => "push",
@@ -58,7 +58,7 @@ pub enum Layout {
 }
 
 impl Layout {
-    /// As the fact table writes it.
+    /// The text of the fact table.
     pub const fn text(self) -> &'static str {
         match self {
             Layout::Ed4 => "ed4",
@@ -67,7 +67,7 @@ impl Layout {
         }
     }
 
-    /// Which independent source confirms it, unless the row names one: nothing confirms a guess.
+    /// The independent source that confirms it, unless the row names another; nothing confirms a guess.
     const fn corroboration(self) -> &'static str {
         match self {
             Layout::Ed4 => "none",

@@ -40,14 +40,14 @@ pub fn message(message_type: u16) -> Option<&'static MessageInfo> {
     Some(&MESSAGES[index])
 }
 
-/// A message type as a person reads it: `13000 (Mission Transfer Command)`.
+/// A message type for people: `13000 (Mission Transfer Command)`.
 #[must_use]
 pub fn named(message_type: u16) -> String {
     let name = message(message_type).map_or("unknown", |info| info.name);
     format!("{message_type} ({name})")
 }
 
-/// Gathers the messages of all groups, in the order of their types: [`message`] searches the table by halves.
+/// Gathers the messages of all groups, in the order of their types: [`message`] finds one by binary search.
 macro_rules! gather {
     ($($group:ident: $($Name:ident),*;)*) => {
         /// The structs, one a message.
@@ -174,18 +174,19 @@ impl Message {
     }
 }
 
-/// The message with those fields only whose bits are set in `presence`; the time stamp, field 1, stays.
+/// The message reduced to the fields whose bits are set in `presence`; the time stamp, field 1, stays.
 ///
-/// Bits of fields that the message does not have, or has not set, change nothing. A message with a field of unknown
-/// length is returned whole.
+/// Bits of fields that the message does not have, or that are absent, change nothing. A message with a field of
+/// unknown length is returned whole.
 pub fn select(message: &Message, presence: u64) -> Message {
     try_select(message, presence | 1).unwrap_or_else(|| message.clone())
 }
 
-/// Message data with every field present: those that are absent in `data` are zeros, an identification number the null id.
-/// `None` where `data` is not this message's, or a field has no known length.
+/// Message data with every field present: those that are absent in `data` are zeros, an identification number the
+/// null id. `None` where `data` is not this message's, or a field has no known length.
 ///
-/// For peers that take full presence vectors alone. What an absent field would claim as a zero is for the caller to judge.
+/// For peers that accept only full presence vectors. The caller has to decide whether a zero in an absent field would
+/// claim something false.
 pub fn fill(info: &'static MessageInfo, data: &[u8], out: &mut [u8]) -> Option<usize> {
     let head = usize::from(info.presence_bytes);
     let all = (1_u64 << info.fields.len()) - 1;
@@ -203,11 +204,11 @@ pub fn fill(info: &'static MessageInfo, data: &[u8], out: &mut [u8]) -> Option<u
         }
         end += bytes;
     }
-    // What is left is no field, or an error.
+    // A further item is an error.
     present.next().is_none().then_some(end)
 }
 
-/// Whether a sender has left out a field of this message: it sends partial presence vectors.
+/// Whether the sender has left out a field of this message, and so uses partial presence vectors.
 pub fn is_partial(info: &'static MessageInfo, data: &[u8]) -> bool {
     let vector = data.get(..usize::from(info.presence_bytes));
     let present = vector.map(|bytes| bytes.iter().map(|byte| byte.count_ones()).sum::<u32>());

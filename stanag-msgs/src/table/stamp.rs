@@ -1,12 +1,12 @@
-//! Another Time Stamp for a message that is ready: it is sent later than it was made, or again.
+//! A new Time Stamp for a finished message: it is sent later than it was made, or again.
 
 use super::{Message, Wire};
 use crate::TimeStamp;
 use crate::wrapper::MAX_DATA;
 
 impl Message {
-    /// The same message with this Time Stamp (field 1). A message whose first field is no stamp, or that cannot be written,
-    /// is returned as it is: encoding it will report the reason.
+    /// The same message with this Time Stamp (field 1). A message whose first field is not a stamp, or that cannot be
+    /// written, is returned unchanged: its encoding will report the reason.
     #[must_use]
     pub fn stamped(&self, stamp: TimeStamp) -> Message {
         rewritten(self, stamp).unwrap_or_else(|| self.clone())

@@ -71,7 +71,7 @@ impl ChecksumStyle {
     }
 }
 
-// Not inlined: where only 16 bits of it are used, the compiler would make a narrower and slower loop.
+// Not inlined: where only 16 bits of the sum are used, the compiler would choose a narrower and slower loop.
 #[inline(never)]
 fn sum(bytes: &[u8]) -> u32 {
     bytes

@@ -163,7 +163,7 @@ pub struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// The source of the next message, as its header names it: whose reading of checksum style 1 applies to it.
+    /// The source of the next message, by its header: the caller chooses that peer's reading of checksum style 1.
     #[must_use]
     pub fn next_source(&self) -> Option<Id> {
         let header = self.datagram.get(self.offset..)?;
@@ -210,7 +210,7 @@ impl<'a> Frames<'a> {
         self.offset
     }
 
-    /// The next message's header and all of its bytes, by length and checksum style alone.
+    /// The next message's header and all of its bytes, found by length and checksum style alone.
     fn extent(&self) -> Result<(Prefix, &'a [u8]), WrapperError> {
         let offset = self.offset;
         if self.datagram.len() > MAX_DATAGRAM {

@@ -81,13 +81,13 @@ impl Envelope {
         }
     }
 
-    /// The same, with an acknowledgement requested.
+    /// The same envelope, with an acknowledgement requested.
     pub const fn requesting_ack(mut self) -> Self {
         self.ack_requested = true;
         self
     }
 
-    /// The same, summed in this way.
+    /// The same envelope, with this checksum.
     pub const fn summed(mut self, checksum: ChecksumStyle) -> Self {
         self.checksum = checksum;
         self
@@ -106,11 +106,11 @@ impl Envelope {
     }
 }
 
-/// Writes wrapper, data and checksum into `out`; returns how many bytes. `data` writes the message
-/// data into the buffer it is passed, and returns how many bytes.
+/// Writes wrapper, data and checksum into `out`; returns the number of bytes. `data` writes the message data into the
+/// buffer that it is given, and returns its number of bytes.
 ///
 /// # Errors
-/// The buffer is too small, the data too long, or there is no such version or checksum; or `data` fails.
+/// The buffer is too small, the data too long, the version or checksum undefined; or `data` fails.
 pub fn encode(
     message_type: u16,
     envelope: &Envelope,

@@ -37,8 +37,8 @@ pub fn messages() -> impl Iterator<Item = &'static MessageInfo> {
     GROUPS.into_iter().flatten()
 }
 
-/// A message type of any edition as a person reads it: `13000 (Mission Transfer Command)`; one that Edition 2.5 alone has, `#800
-/// (Mission Upload Command)`.
+/// A message type of any edition for people: `13000 (Mission Transfer Command)`; for one that only Edition 2.5 has,
+/// `#800 (Mission Upload Command)`.
 #[must_use]
 pub fn named(message_type: u16) -> String {
     let own = messages().find(|info| info.id == message_type);
@@ -59,7 +59,7 @@ pub fn message(message_type: u32, version: Version) -> Option<&'static MessageIn
     Some(found)
 }
 
-/// #1501 as Amendment 1 has it: without its last field, Ident Enable Duration.
+/// #1501 of Amendment 1: without its last field, Ident Enable Duration.
 static IDENT_OF_AMENDMENT_1: MessageInfo = {
     let mut message = general::GROUP[5];
     assert!(message.id == 1501);
@@ -75,7 +75,7 @@ mod tests {
     fn groups_are_in_the_order_of_their_types() {
         let ids: Vec<_> = messages().map(|message| message.id).collect();
         assert!(ids.is_sorted_by(|low, high| low < high), "{ids:?}");
-        // Of the text, and of this project.
+        // Those of the text, and those of this project.
         assert_eq!(ids.len(), 79 + 3);
     }
 

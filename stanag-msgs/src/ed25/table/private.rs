@@ -1,6 +1,8 @@
-//! Private messages of this project in Edition 2.5, which leaves 2000 to 2399 for them: parameters, as 50010 to 50012 have them.
+//! Private messages of this project in Edition 2.5, which reserves 2000 to 2399 for them: parameters, with the
+//! content of 50010 to 50012.
 //!
-//! A range has no fields here, since each field is always sent and 0 would be one: #1300 and #1301 give it, of controls.
+//! There are no fields for a range, since each field is always sent and 0 would be a range: #1300 and #1301 give the
+//! ranges of controls.
 
 use super::rows::messages;
 use crate::ed25::values::PARAMETER_KIND;

@@ -8,9 +8,9 @@
 /// }
 /// ```
 ///
-/// Fields are numbered from 1, as the text does and as #1200 and #1300 to #1303 refer to them. The facts are the builder
-/// methods of `MessageInfo` and `FieldInfo`. No structs: nothing but the border of the codec sees these messages, and it
-/// treats them all alike.
+/// Fields are numbered from 1, as in the text, and as #1200 and #1300 to #1303 refer to them. The facts are the
+/// builder methods of `MessageInfo` and `FieldInfo`. There are no structs: only the border of the codec handles these
+/// messages, and it treats them all alike.
 macro_rules! messages {
     ($(
         $Name:ident = $id:literal, $title:literal $($fact:ident($($value:expr),*))* {

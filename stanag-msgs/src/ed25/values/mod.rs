@@ -1,5 +1,5 @@
-//! Enumerations and bitmaps of Edition 2.5, as the table's rows name them. Where the same name stands in Edition 4's
-//! `enums`, the values there are those that Edition 4's sources give.
+//! Enumerations and bitmaps of Edition 2.5, as the table's rows name them. Where `enums` of Edition 4 has the same
+//! name, the values there are those of Edition 4's sources.
 
 mod configuration;
 mod data_link;
