@@ -1,7 +1,8 @@
 //! What kind of aircraft a vehicle is, and which autopilot flies it (HEARTBEAT.type, HEARTBEAT.autopilot).
 //!
-//! A VTOL is one vehicle with two sets of limits: it hovers, or it flies on its wings, and EXTENDED_SYS_STATE.vtol_state says
-//! which. As PX4 does, one in a transition counts as a multicopter until it flies on its wings.
+//! A VTOL is one vehicle with two sets of limits: it hovers, or it flies on its wings, as
+//! EXTENDED_SYS_STATE.vtol_state reports. As in PX4, one in a transition counts as a multicopter until it flies on
+//! its wings.
 
 use mavlink_link::dialect::{MavAutopilot, MavType};
 

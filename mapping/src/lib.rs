@@ -18,8 +18,8 @@
 //! - [`health`]: what is wrong with a vehicle, by its own messages.
 //! - [`limits`]: what a route must stay within, and how fast the vehicle can be commanded to fly.
 //! - [`parameter`]: the vehicle's parameters, what may be written to each, and message 50012.
-//! - [`parameter_metadata`]: what the vehicle's own metadata says of them.
-//! - [`support`]: what is done with each field of each message.
+//! - [`parameter_metadata`]: the vehicle's own metadata of them.
+//! - [`support`]: what this VSM does with each field of each message.
 //!
 //! A route of one waypoint, 30 m above home, becomes one mission item:
 //!

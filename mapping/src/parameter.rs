@@ -89,7 +89,7 @@ pub struct Range {
     pub values: Vec<i32>,
 }
 
-/// What the vehicle's own metadata says of a parameter.
+/// A parameter as the vehicle's own metadata describe it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Described {
     /// What may be written to it.
@@ -117,7 +117,7 @@ pub enum ParameterError {
         "parameter {0} identifies the vehicle on this link: it cannot be written through this VSM"
     )]
     Identity(String),
-    /// The vehicle says that it is a float where the table has an integer, or the other way round.
+    /// The vehicle reports a float where the table has an integer, or the reverse.
     #[error(
         "parameter {0}: its metadata and the table of PX4 v1.18 differ in whether it is an integer: its range is not known"
     )]
@@ -297,7 +297,7 @@ fn line(name: &str) -> Option<&'static str> {
 }
 
 static TABLE: &str = include_str!("../data/px4-v1.18-parameters.csv");
-/// With another id, neither side would accept the other's frames any more.
+/// With another id, neither side would accept the other's frames any longer.
 const IDENTITY: &[&str] = &["MAV_COMP_ID", "MAV_SYS_ID"];
 
 #[cfg(test)]

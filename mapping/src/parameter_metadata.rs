@@ -1,7 +1,8 @@
-//! What the vehicle's own metadata says of its parameters: names, units, ranges, decimals and short descriptions.
+//! The vehicle's own metadata of its parameters: names, units, ranges, decimals and short descriptions.
 //!
-//! The file is of the firmware that runs, unlike the table of [`crate::parameter`], which is of PX4 v1.18; it is found and
-//! unpacked as that of the events is ([`crate::event`]). What is odd in it is left out, and never replaced by a guess.
+//! The file belongs to the firmware that runs, unlike the table of [`crate::parameter`], which is that of PX4 v1.18;
+//! it is found and unpacked like that of the events ([`crate::event`]). An invalid entry is left out, and never
+//! replaced by a guess.
 
 use std::collections::BTreeMap;
 
@@ -95,7 +96,7 @@ struct Choice {
     value: f64,
 }
 
-/// No more of a text than a help text shows: whoever sends the file must not fill the memory.
+/// Cuts a text to what a help text shows: the sender of the file must not fill the memory.
 fn cut<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
     let text = String::deserialize(from)?;
     let shown = text.chars().filter(|c| !c.is_control());
@@ -103,7 +104,7 @@ fn cut<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
 }
 
 impl Entry {
-    /// `None` where what it says of itself cannot be.
+    /// `None` where the entry contradicts itself.
     fn described(self) -> Option<(String, Described)> {
         let kind = match self.kind.as_str() {
             "Float" => ParameterKind::Float,
@@ -148,7 +149,7 @@ impl Entry {
 /// A help text of 41000 has 79 characters.
 const MAX_TEXT: usize = 79;
 const MAX_VALUES: usize = 256;
-/// A float of 32 bits has no more.
+/// A float of 32 bits has no more significant decimals.
 const MAX_DECIMALS: u8 = 9;
 
 #[cfg(test)]

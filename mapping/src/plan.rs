@@ -464,7 +464,7 @@ impl Plan {
     }
 
     /// What is known in addition to an uploaded route: that route as it was then, and the other routes as sent since.
-    /// Waypoints that no route leads to any more are left out.
+    /// Waypoints to which no route leads any longer are left out.
     #[must_use]
     pub fn beside(&self, aboard: &Plan) -> Plan {
         let is_aboard = |route: &UaRoute| {

@@ -282,7 +282,7 @@ pub fn subsystems(
     ]
 }
 
-/// 16001 of one subsystem; `reference` is what a 15001 quotes to request more, -1 if there is no more.
+/// 16001 of one subsystem; `reference` is the number that a 15001 quotes to request more, -1 where there is none.
 #[must_use]
 pub fn subsystem_report(
     (subsystem, state): (SubsystemId, AlertPriority),

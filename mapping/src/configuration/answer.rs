@@ -21,7 +21,7 @@ use crate::plan::MAX_ROUTES;
 use crate::report;
 use crate::support::{self, Received};
 
-/// The answers to a request, all without their stamps, the last a 41005.
+/// The answers to a request, all without stamps; the last one is a 41005.
 #[must_use]
 pub fn answers(subject: &Subject<'_>, request: &Request) -> Vec<Message> {
     let mut answers = Vec::new();
@@ -72,23 +72,23 @@ fn control(subject: &Subject<'_>, number: u8) -> impl Iterator<Item = Message> +
     subject.controls.describe(number, vsm, values_by)
 }
 
-/// Whether any field of a message is used by this VSM, on receipt or in sending.
+/// Whether this VSM uses any field of a message, on receipt or in sending.
 fn is_supported(message: &MessageInfo) -> bool {
     support::message(message.id).is_some_and(|row| !row.taken.is_empty() || !row.sends.is_empty())
 }
 
-/// Whether a field is used: acted on, or filled.
+/// Whether a field is used: it has an effect, or is filled.
 pub(super) fn is_used(message: &'static MessageInfo, field: &table::FieldInfo) -> bool {
     let does = support::field(message, field);
     match does.received {
         Received::Honoured(_) => true,
-        // Kept and given back on download is not used.
+        // A field that is only kept and returned on download is not used.
         Received::Ignored | Received::Refused => false,
         Received::Never => does.sent.is_some(),
     }
 }
 
-/// 43000.
+/// 43000: the services of this VSM.
 fn services(subject: &Subject<'_>) -> Message {
     Message::VsmServicesReportMessage(VsmServicesReportMessage {
         vsm_home_web_page_url: Some(Text::new(subject.web_page.unwrap_or(""))),
@@ -97,7 +97,7 @@ fn services(subject: &Subject<'_>) -> Message {
     })
 }
 
-/// 43001, one a route type.
+/// 43001, one for each route type.
 fn routes(subject: &Subject<'_>) -> impl Iterator<Item = Message> {
     let waypoints = u16::try_from(subject.limits.items).unwrap_or(u16::MAX);
     [
@@ -119,7 +119,7 @@ fn routes(subject: &Subject<'_>) -> impl Iterator<Item = Message> {
     .into_iter()
 }
 
-/// All of a message: 44003 where it is not supported, else its fields.
+/// All of a message: 44003 where it is not supported, otherwise its fields.
 pub(super) fn message(
     subject: &Subject<'_>,
     message: &'static MessageInfo,
@@ -134,7 +134,7 @@ pub(super) fn message(
     }
 }
 
-/// One field: 44003 where it is not used, else the answer of its kind.
+/// One field: 44003 where it is not used, otherwise the answer for its kind.
 pub(super) fn field(
     subject: &Subject<'_>,
     message: &'static MessageInfo,
@@ -165,7 +165,7 @@ pub(super) fn field(
     }
 }
 
-/// 41002, and 44003 for the values that sources name and this VSM refuses.
+/// 41002, and 44003 for the values that the sources name and this VSM refuses.
 fn enumeration(
     subject: &Subject<'_>,
     message: &'static MessageInfo,
@@ -213,7 +213,7 @@ fn enumeration(
     }
 }
 
-/// The values of this VSM's own that a field may report: value, short text, help.
+/// The VSM's own values that a field may report: value, short text, help.
 fn own_values(message: u16, field: &str) -> Vec<(u8, &'static str, &'static str)> {
     match (message, field) {
         (3001, "Select Flight Path Control Mode") => MODES
@@ -289,7 +289,7 @@ fn enumerated(
 
 fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo) -> Message {
     let bounds = bounds(subject, message.id, field.name).unwrap_or_default();
-    // Bounds lie on whole steps after a division that is not exact: a hair is not a step.
+    // Bounds are whole steps after a division that is not exact: a rounding error must not count as a step.
     let steps = |value: f64, to: fn(f64) -> f64| {
         let exact = value / field.step();
         let near = exact.round();
@@ -310,7 +310,7 @@ fn plain(subject: &Subject<'_>, message: &'static MessageInfo, field: &FieldInfo
                 requested_field: Some(number(field)),
                 field_supported: Some(FieldSupported::Supported),
                 default_value: bounds.default.map(|value| wire(value, f64::round)),
-                // A bound is never widened by its step.
+                // Rounded inwards: a bound is never widened by its step.
                 max_value: bounds.high.map(|value| wire(value, f64::floor)),
                 min_value: bounds.low.map(|value| wire(value, f64::ceil)),
                 low_caution_limit: bounds.low_caution.map(|value| wire(value, f64::round)),
@@ -367,12 +367,12 @@ fn availability(message: &MessageInfo, field: u8) -> MessageParameterAvailabilit
     }
 }
 
-/// Fields are numbered from 1.
+/// The number of a field, from 1.
 fn number(field: &FieldInfo) -> u8 {
     field.bit + 1
 }
 
-/// Location Type Support: no source gives its values; this is the one Location Type that is flown.
+/// Location Type Support: no source gives its values. This one is the single Location Type that is flown.
 const ABSOLUTE_ONLY: u8 = 0;
 /// Modes above it are the VSM's own.
 const LAST_STANDARD_MODE: u8 = 31;

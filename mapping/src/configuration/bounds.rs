@@ -11,47 +11,47 @@ use crate::limits::{Limits, Performance, WIDEST_CIRCLE_M};
 use crate::parameter::Parameters;
 use crate::telemetry::Place;
 
-/// What the vehicle is.
+/// What the bounds are computed from.
 #[derive(Debug, Clone, Copy)]
 pub struct Subject<'a> {
-    /// Of this VSM.
+    /// VSM ID.
     pub vsm: Id,
     /// HEARTBEAT.type; 0 before one is received.
     pub vehicle_type: u16,
-    /// Whether it can stand still as it flies now.
+    /// Whether it can hover as it flies now: a multicopter, or a VTOL on its rotors.
     pub hovers: bool,
-    /// It hovers and flies on wings: both along a route.
+    /// Whether it is a VTOL: along a route it hovers and flies on wings.
     pub vtol: bool,
-    /// Once it has reported one.
+    /// Home, once the vehicle has reported one.
     pub home: Option<Place>,
-    /// Bounds of routes, narrowed by the vehicle's own ([`Limits::of`]).
+    /// Bounds of routes, narrowed by those of the vehicle itself ([`Limits::of`]).
     pub limits: Limits,
     /// Whether heights above home are flown.
     pub agl: Agl,
-    /// Its own parameters, as far as they have been read.
+    /// The vehicle's parameters, as far as they have been read.
     pub parameters: &'a Parameters,
     /// The status page, where one is served.
     pub web_page: Option<&'a str>,
-    /// Its parameters that are offered as controls.
+    /// The vehicle's parameters that are offered as controls.
     pub controls: &'a Controls,
-    /// How their values are reported to who asks.
+    /// How the values of controls are reported to the CUCS that requested them.
     pub values_by: ValuesBy,
 }
 
-/// Bounds of a field in its unit; what is not known is absent.
+/// Bounds of a field in its unit; an unknown bound is absent.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Bounds {
-    /// What a CUCS may start from.
+    /// The value with which a CUCS may initialise its display.
     pub default: Option<f64>,
-    /// The least that is taken or reported.
+    /// The lowest value that is accepted or reported.
     pub low: Option<f64>,
-    /// The greatest.
+    /// The highest.
     pub high: Option<f64>,
-    /// Below it an operator is cautioned.
+    /// Below it the CUCS cautions its operator.
     pub low_caution: Option<f64>,
-    /// Below it an operator is warned.
+    /// Below it the CUCS warns its operator.
     pub low_warning: Option<f64>,
-    /// What one is, and where the bounds are from; at most 79 characters.
+    /// What the value is, and where the bounds come from; at most 79 characters.
     pub help: &'static str,
 }
 
@@ -75,7 +75,7 @@ impl Bounds {
     }
 }
 
-/// The bounds of a field of a message, where anything bounds it.
+/// The bounds of a field of a message; `None` where nothing bounds it.
 #[must_use]
 pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds> {
     let found = match (message, field) {
@@ -130,7 +130,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
     Some(found)
 }
 
-/// The value that an enumerated field may start from.
+/// The initial value of an enumerated field.
 pub(super) fn default_value(subject: &Subject<'_>, message: u16, field: &str) -> Option<u8> {
     Some(match (message, field) {
         (2016, "Select Flight Path Control Mode") => FlightPathControlMode::Loiter.raw(),
@@ -154,11 +154,11 @@ pub(super) fn default_value(subject: &Subject<'_>, message: u16, field: &str) ->
     })
 }
 
-/// The altitude type that the bounds of altitudes are given in.
+/// The altitude type of the bounds of altitudes.
 fn altitude_type(subject: &Subject<'_>) -> AltitudeType {
     match subject.agl {
         Agl::AboveHome => AltitudeType::Agl,
-        // What is above the ground has other bounds at each place.
+        // Heights above the ground have other bounds at each place.
         Agl::Terrain | Agl::Refuse => AltitudeType::Barometric,
     }
 }
@@ -212,13 +212,13 @@ fn speed(subject: &Subject<'_>) -> Bounds {
         let help = "m/s; FW_AIRSPD_MIN, _TRIM, _MAX, vehicle.limits";
         ("FW_AIRSPD_TRIM", help)
     };
-    // What the vehicle has not reported is absent, not invented.
+    // A value that the vehicle has not reported is absent, and never a default.
     let cruise = subject.parameters.above_zero(cruise);
     Bounds::between(low, high, help).starting_at(cruise.map(|own| own.clamp(low, high)))
 }
 
-/// Along the route of a VTOL: from what it hovers along a leg with to what it flies on its wings. Below the caution it is flown
-/// by legs that it hovers along only (13006).
+/// Along the route of a VTOL: from the speed at which it hovers along a leg to the speed on its wings. A speed below
+/// the caution is used only on legs that it hovers along (13006).
 fn route_speed(subject: &Subject<'_>) -> Bounds {
     let [hover, wings] = [true, false].map(|hovers| speed(&Subject { hovers, ..*subject }));
     Bounds {
@@ -231,13 +231,13 @@ fn route_speed(subject: &Subject<'_>) -> Bounds {
     }
 }
 
-/// How far from home a first waypoint may lie: the sides of a square within the circle.
+/// How far from home a first waypoint may be, as the half side of a square within the circle of the limit.
 fn reach_m(subject: &Subject<'_>) -> f64 {
     let fence = subject.parameters.above_zero("GF_MAX_HOR_DIST");
     let circle = fence.map_or(subject.limits.first_m, |fence| {
         fence.min(subject.limits.first_m)
     });
-    // A little less than the square's half side, so that no corner lies outside.
+    // A little less than that, so that no corner of the square lies outside the circle.
     circle * std::f64::consts::FRAC_1_SQRT_2 * 0.99
 }
 
@@ -263,12 +263,13 @@ fn longitude(subject: &Subject<'_>) -> Bounds {
         return whole;
     };
     let at = home.longitude.to_radians();
-    // At the latitude of the square's side that is farther from the equator.
+    // At the latitude of the side of the square that is further from the equator: there a metre is the most
+    // longitude.
     let widest = home.latitude.abs().to_radians() + reach_m(subject) / EARTH_RADIUS_M;
     let span = reach_m(subject) / (EARTH_RADIUS_M * widest.cos().max(1e-9));
     let help = "rad; within vehicle.limits.first_m and GF_MAX_HOR_DIST of home";
     if at - span < -PI || at + span >= PI {
-        // An interval over the date line cannot be expressed by a minimum and a maximum.
+        // An interval across the date line cannot be expressed by a minimum and a maximum, so none is given.
         return Bounds { help, ..whole }.starting_at(at);
     }
     Bounds::between(at - span, at + span, help).starting_at(at)
@@ -293,7 +294,8 @@ fn energy(subject: &Subject<'_>) -> Bounds {
     }
 }
 
-/// What is above home for certain, m: two steps of the field, however they are rounded. A launch needs more (2016 mode 21).
+/// The lowest height above home that survives any rounding, m: two steps of the field. A launch needs more (2016 mode
+/// 21).
 const LOWEST_M: f64 = 0.04;
 /// One step of the field.
 const SMALLEST_CIRCLE_M: f64 = 1.5;

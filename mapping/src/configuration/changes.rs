@@ -1,8 +1,8 @@
-//! Values that are no longer what a ground station has set: 44000 and 44002 report the present ones.
+//! Values that differ from what a ground station has set: 44000 and 44002 report the present ones.
 //!
-//! These are the values that this VSM keeps for all stations alike (the altimeter setting of 2016, the loiter of 2017),
-//! and the mode that the vehicle is in. 44001 reports
-//! the floats among the vehicle's controls ([`super::Controls`]).
+//! These are the values that this VSM keeps for all stations together (the altimeter setting of 2016, the loiter of
+//! 2017), and the mode that the vehicle is in. 44001 reports the floats among the vehicle's controls
+//! ([`super::Controls`]).
 //!
 //! Modes 11 and 21 can be commanded at times only: 44003 reports when ([`Available`]).
 
@@ -16,7 +16,7 @@ use stanag_msgs::table;
 
 use crate::altitude::Altimeter;
 
-/// 44002: the mode that the vehicle is in now, in 2016. One of this VSM's own is described by 41002 of 3001.
+/// 44002: the vehicle's present mode, as a value of 2016. A mode of the VSM's own is described by 41002 of 3001.
 #[must_use]
 pub fn mode(now: FlightPathControlMode) -> Option<Message> {
     change(2016, "Select Flight Path Control Mode", now.raw().into())
@@ -30,7 +30,7 @@ pub fn altimeter(now: Altimeter) -> Option<Message> {
     change(2016, "Altimeter Setting", steps as i32)
 }
 
-/// One message for each value of 2017 that has an effect and is other than before.
+/// One message for each value of 2017 that has an effect and differs from before.
 pub fn loiter(
     now: &LoiterConfiguration,
     before: &LoiterConfiguration,
@@ -80,24 +80,24 @@ fn field(message: u16, name: &str) -> Option<&'static table::FieldInfo> {
     table::message(message)?.field(name)
 }
 
-/// Which of them can be commanded now.
+/// Which modes can be commanded now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Available {
     /// 21: the vehicle is on the ground.
     pub launch: bool,
-    /// 11: a route is aboard.
+    /// 11: a route is loaded.
     pub waypoint: bool,
 }
 
 impl Available {
-    /// One 44003 a mode.
+    /// One 44003 for each of these modes.
     pub fn all(self) -> impl Iterator<Item = Message> {
         self.states()
             .into_iter()
             .map(|(mode, available)| availability(mode, available))
     }
 
-    /// One 44003 for each mode that was other before.
+    /// One 44003 for each mode whose availability has changed.
     pub fn changes(self, before: &Available) -> impl Iterator<Item = Message> + use<> {
         self.states()
             .into_iter()

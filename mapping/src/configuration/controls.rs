@@ -1,12 +1,13 @@
-//! The vehicle's controls: parameters that a CUCS is offered to build a screen of, in the words of the configuration phase.
+//! The vehicle's controls: parameters from which a CUCS can build a screen, described by the messages of the
+//! configuration phase.
 //!
-//! 42003 and 43002, which Edition 4 has for such screens, have texts of a length that no source gives, and no older edition has
-//! them. So the controls are described as fields of 50011, by which they are set: from field [`Controls::FIRST`] on each is a
-//! control, with its range in 41000 or 41001, and its value in 44000 or 44001. Edition 2.5 has #1300 and #1301 for the same,
-//! and no message for a value: there it is a 50012.
+//! 42003 and 43002, which Edition 4 has for such screens, have texts of a length that no source gives, and no older
+//! edition has them. So the controls are described as fields of 50011, by which they are set: from field
+//! [`Controls::FIRST`] on each field is a control, with its range in 41000 or 41001, and its value in 44000 or 44001.
+//! Edition 2.5 has #1300 and #1301 for the ranges, and no message for a value: there 50012 reports it.
 //!
-//! A number stays a control's own for as long as the bridge runs; what is written names the parameter, so that a screen of an
-//! earlier run changes no other.
+//! A control keeps its number as long as the bridge runs. A write names the parameter, so that a screen built during
+//! an earlier run cannot change another one.
 
 use mavlink_link::service::param::{Name, Value};
 use stanag_msgs::enums::{FieldAvailable, FieldSupported, SubsystemId};
@@ -23,14 +24,14 @@ use crate::parameter_metadata::ParameterMetadata;
 #[derive(Debug, Clone, Default)]
 pub struct Controls {
     all: Vec<Control>,
-    /// What the vehicle's metadata says of its parameters.
+    /// The parameters as the vehicle's metadata describe them.
     metadata: ParameterMetadata,
 }
 
 #[derive(Debug, Clone)]
 struct Control {
     name: Name,
-    /// As the vehicle has last reported it.
+    /// The value that the vehicle reported last.
     value: Value,
     offered: bool,
 }
@@ -40,11 +41,11 @@ struct Control {
 pub enum Change {
     /// It was not offered before.
     New(u8),
-    /// Its value is another.
+    /// Its value has changed.
     Value(u8),
 }
 
-/// To whom the controls are described.
+/// How a CUCS is sent the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ValuesBy {
     /// Edition 3 or 4: 44000 and 44001 by the number of the field.
@@ -56,10 +57,11 @@ pub enum ValuesBy {
 impl Controls {
     /// The first field of 50011 that is a control.
     pub const FIRST: u8 = 11;
-    /// The most controls of a vehicle: Requested Field has one byte.
+    /// Controls of a vehicle at most: Requested Field has one byte.
     pub const MAX: usize = (u8::MAX - Self::FIRST) as usize + 1;
 
-    /// The vehicle reports the value of a chosen parameter. `None`: nothing is new, or there are too many.
+    /// Stores a value that the vehicle reports for a chosen parameter. `None`: nothing has changed, or there are too
+    /// many controls.
     pub fn learn(&mut self, name: Name, value: Value) -> Option<Change> {
         if let Some(at) = self.all.iter().position(|one| one.name == name) {
             let known = self.all.get_mut(at)?;
@@ -79,8 +81,8 @@ impl Controls {
         Some(Change::New(new))
     }
 
-    /// What the vehicle's metadata says from here on; what is not `chosen` with it is offered no more. Returns the numbers of
-    /// those that are gone, and of those that are left.
+    /// Replaces the vehicle's metadata. Parameters that are no longer `chosen` under it are no longer offered.
+    /// Returns the numbers of the removed controls, and of those that are left.
     pub fn define(
         &mut self,
         metadata: ParameterMetadata,
@@ -98,19 +100,19 @@ impl Controls {
         (gone, left)
     }
 
-    /// What the vehicle's metadata says.
+    /// The vehicle's metadata.
     #[must_use]
     pub fn metadata(&self) -> &ParameterMetadata {
         &self.metadata
     }
 
-    /// The numbers of all that are offered.
+    /// The numbers of all offered controls.
     pub fn offered(&self) -> impl Iterator<Item = u8> {
         let offered = self.all.iter().enumerate().filter(|(_, one)| one.offered);
         offered.filter_map(|(at, _)| number(at))
     }
 
-    /// All of a control: its limits, and its value.
+    /// All messages for a control: its limits, and its value.
     pub fn describe(
         &self,
         number: u8,
@@ -121,7 +123,7 @@ impl Controls {
         limits.into_iter().chain(self.value(number, by))
     }
 
-    /// 44000, 44001 or 50012; `None` where there is no such control, or its value is no number.
+    /// 44000, 44001 or 50012; `None` where there is no such control, or its value is not a number.
     #[must_use]
     pub fn value(&self, number: u8, by: ValuesBy) -> Option<Message> {
         let control = self.get(number)?;
@@ -149,7 +151,7 @@ impl Controls {
         })
     }
 
-    /// 44003 of one that is not offered any more, or never was.
+    /// 44003 for a control that is no longer offered, or never was.
     #[must_use]
     pub fn gone(number: u8) -> Message {
         Message::MessageParameterAvailability(MessageParameterAvailability {
@@ -161,8 +163,8 @@ impl Controls {
         })
     }
 
-    /// 41000 of an integer, 41001 of a float. Without metadata there is no range: the table of PX4 v1.18, by which a write is
-    /// checked all the same, may be another version's.
+    /// 41000 for an integer, 41001 for a float. Without metadata there is no range: writes are still checked by the
+    /// table of PX4 v1.18, but that may be the table of another version than the vehicle's.
     fn limits(&self, number: u8, vsm: Id) -> Option<Message> {
         let control = self.get(number)?;
         let described = self.metadata.get(control.name.as_str());
@@ -219,7 +221,7 @@ fn number(at: usize) -> Option<u8> {
     u8::try_from(at + usize::from(Controls::FIRST)).ok()
 }
 
-/// The name to the colon, so that a program finds it; then the unit, and what it is.
+/// The name up to a colon, so that a program can find it; then the unit, and a description.
 fn help(name: &Name, described: Option<&Described>) -> String {
     let Some(described) = described else {
         return format!("{name}: range not known (no metadata of the vehicle)");
@@ -290,7 +292,7 @@ mod tests {
         let text = limits.help_text.expect("a text").to_string();
         assert_eq!(text, "A: [m/s] How fast");
         assert_eq!(controls.describe(12, Id(1), ValuesBy::Field).count(), 0);
-        // A parameter that is chosen again has the number that it had.
+        // A parameter that is chosen again gets the number that it had.
         let again = controls.learn(name("B"), Value::Int(8));
         assert_eq!(again, Some(Change::New(12)));
     }

@@ -9,7 +9,8 @@
 //! - Values of this VSM's own (modes, states) are described one by one by 41002.
 //! - What is not known, such as home before the vehicle has reported it, is absent.
 //! - What a command of another station, or the vehicle itself, has set since is reported by 44000 and 44002 ([`changes`]).
-//! - Parameters that the configuration chooses are controls: fields of 50011, and their values 44000 and 44001 ([`Controls`]).
+//! - Parameters that the configuration chooses are controls: fields of 50011, with values by 44000 and 44001
+//!   ([`Controls`]).
 
 mod answer;
 mod bounds;

@@ -1,4 +1,4 @@
-//! What a 40000 asks for.
+//! What a 40000 requests.
 
 use stanag_msgs::enums::ConfigRequestType;
 use stanag_msgs::messages::{FieldConfigurationRequest, ParameterSetCommand};
@@ -9,7 +9,7 @@ use super::controls::Controls;
 /// A request that can be answered.
 #[derive(Debug, Clone, Copy)]
 pub struct Request {
-    /// What is asked for.
+    /// What is requested.
     pub scope: Scope,
 }
 
@@ -29,7 +29,7 @@ pub enum Scope {
     Control(u8),
     /// All messages of a level of interoperability, or of the data link (Request Types 1 to 5).
     Level(Level),
-    /// No more answers (Request Type 6).
+    /// Stop the answers (Request Type 6).
     Abort,
 }
 
@@ -49,7 +49,7 @@ pub enum Level {
 }
 
 impl Level {
-    /// Whether a message is answered for at this level. Configuration itself is none of it.
+    /// Whether a message belongs to this level. The messages of the configuration phase belong to none.
     #[must_use]
     pub fn has(self, message: &MessageInfo) -> bool {
         let down = message.direction == Direction::ToCucs;
@@ -64,13 +64,13 @@ impl Level {
         }
     }
 
-    /// Whether the services of the VSM are reported with it.
+    /// Whether the services of the VSM are reported at this level.
     #[must_use]
     pub fn is_status(self) -> bool {
         self == Level::Status
     }
 
-    /// Whether the routes that can be loaded are reported with it.
+    /// Whether the routes that can be loaded are reported at this level.
     #[must_use]
     pub fn is_control(self) -> bool {
         self == Level::Control
@@ -83,10 +83,10 @@ pub enum RequestError {
     /// Request Type is absent.
     #[error("Request Type is missing")]
     NoType,
-    /// Request Type is none.
+    /// Request Type is out of range.
     #[error("Request Type {0}, expected 0 to 6")]
     Type(u8),
-    /// Requested Message is absent, or none that has a layout.
+    /// Requested Message is absent, or has no layout.
     #[error("Requested Message {0} is not known")]
     Message(u32),
     /// The message has no such field.
@@ -102,7 +102,7 @@ pub enum RequestError {
 }
 
 impl Request {
-    /// Whether it is about the controls alone.
+    /// Whether only controls are requested.
     #[must_use]
     pub fn is_of_controls(&self) -> bool {
         match self.scope {
@@ -115,7 +115,7 @@ impl Request {
     /// Reads a 40000.
     ///
     /// # Errors
-    /// The request is none, or about something that the interface does not have.
+    /// A field is missing or out of range, or names something that the interface does not have.
     pub fn read(request: &FieldConfigurationRequest) -> Result<Request, RequestError> {
         use ConfigRequestType as T;
         let scope = match request.request_type.ok_or(RequestError::NoType)? {

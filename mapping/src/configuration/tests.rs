@@ -1,4 +1,4 @@
-//! The answers hold what a CUCS needs, and nothing that is not so.
+//! The answers hold what a CUCS needs, and claim nothing that is not true.
 
 use std::sync::OnceLock;
 
@@ -94,7 +94,7 @@ fn a_vtol_reports_the_speeds_of_its_wings_and_of_its_hover() {
         of(false, now.0, now.1),
         (Some(7.0), None, Some(10.0), Some(14.0))
     );
-    // A route has legs of both, whatever it does now.
+    // A VTOL's route has legs of both kinds, whichever way it flies now.
     for hovers in [true, false] {
         let both = of(hovers, 13002, "Waypoint to Speed");
         assert_eq!(both, (Some(0.5), Some(7.0), Some(10.0), Some(14.0)));
@@ -160,7 +160,7 @@ fn refused_values_unused_fields_and_unsupported_messages_are_reported() {
             })
     };
     let single = ConfigRequestType::SingleParameter;
-    // Terrain avoidance; thrust; the whole configuration of the vehicle.
+    // Terrain avoidance; thrust; the configuration of the whole vehicle.
     assert!(reported(single, 2016, 2, Some(16)));
     assert!(!reported(single, 2016, 2, Some(11)));
     assert!(reported(single, 2016, 22, None));
@@ -181,7 +181,7 @@ fn own_modes_are_described_by_name() {
         _ => None,
     });
     assert_eq!(rtl.unwrap().as_str(), "RTL");
-    // What a payload does beyond the modes of the edition.
+    // What a payload can do beyond the modes of the edition.
     let answers = answers_to(ConfigRequestType::Loi3, 0, 0);
     let own = answers.iter().filter_map(|answer| match answer {
         Message::FieldConfigurationEnumeratedResponse(own) => {

@@ -149,7 +149,7 @@ struct File {
     components: BTreeMap<u8, Component>,
 }
 
-/// No more of a text than an alert shows, with room for the marks in it: whoever sends the file must not fill the memory.
+/// Cuts a text to what an alert shows, with room for its marks: the sender of the file must not fill the memory.
 fn cut<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
     let text = String::deserialize(from)?;
     Ok(text.chars().take(2 * MAX_TEXT).collect())

@@ -71,8 +71,8 @@ pub fn plain(event: &Received) -> String {
     )
 }
 
-/// Whether a STATUSTEXT says what an event says. PX4 words most of them alike, some by one word or two differently, and
-/// numbers with other units: more than half of the words of the shorter one must be in the other.
+/// Whether a STATUSTEXT and an event have the same meaning. PX4 words most of them alike, some with one word or two
+/// different, and numbers with other units: more than half of the words of the shorter one must be in the other.
 #[must_use]
 pub fn says_the_same(one: &str, other: &str) -> bool {
     let (one, other) = (words(one), words(other));

@@ -1,9 +1,9 @@
 //! PX4's own settings that weaken the link or what happens without it: from parameter values to findings.
 //!
-//! [`SETTINGS`] is the table: which values weaken what, and what to set instead, as PX4 v1.18's source has it. [`judge`]
-//! turns values into [`Finding`]s, one for each row. A setting that was not read, or that the vehicle does not have, is
-//! [`Verdict::Unknown`] and never good. Nothing here is a parameter that signing depends on: PX4 v1.18 has none
-//! (see `MAV_SIGN_CFG`).
+//! [`SETTINGS`] is the table: which values weaken what, and what to set instead, by PX4 v1.18's source. [`judge`]
+//! turns values into [`Finding`]s, one for each row. A setting that was not read, or that the vehicle does not have,
+//! is [`Verdict::Unknown`] and never good. Signing depends on no parameter here: PX4 v1.18 has none for it (see
+//! `MAV_SIGN_CFG`).
 //!
 //! ```
 //! use mapping::hardening::{Reading, Verdict, judge};
@@ -24,7 +24,7 @@ mod table;
 pub use self::setting::{Meaning, Setting, Verdict};
 pub use self::table::SETTINGS;
 
-/// What the vehicle has answered about a parameter.
+/// The vehicle's answer about a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reading {
     /// Its value.
@@ -35,20 +35,20 @@ pub enum Reading {
     NotAnswered,
 }
 
-/// What is to be reported of one setting.
+/// What is reported about one setting.
 #[derive(Debug, Clone, Copy)]
 pub struct Finding {
     /// The row of the table.
     pub setting: &'static Setting,
-    /// What the vehicle has answered.
+    /// The vehicle's answer.
     pub reading: Reading,
-    /// What it is worth.
+    /// The judgement.
     pub verdict: Verdict,
     /// What it weakens, or why it is unknown; empty where it is good.
     pub why: &'static str,
 }
 
-/// Every setting, judged by what the vehicle has answered.
+/// Every setting, judged by the vehicle's answers.
 pub fn judge(vehicle: impl Fn(&str) -> Reading) -> Vec<Finding> {
     let finding = |setting: &'static Setting| {
         let reading = vehicle(setting.name);
@@ -121,7 +121,8 @@ mod tests {
         for setting in SETTINGS {
             let (verdict, why) = setting.judge(setting.better);
             assert_eq!((verdict, why), (Verdict::Good, ""), "{}", setting.name);
-            // Ports, USB and DDS depend on the board and are not in the table of parameters.
+            // The parameters of ports, USB and DDS depend on the board, so the table of parameters does not have
+            // them.
             if parameter::range(setting.name).is_some() {
                 let taken = parameter::checked(setting.name, setting.better, None);
                 assert!(taken.is_ok(), "{}: {taken:?}", setting.name);
@@ -201,7 +202,7 @@ mod tests {
             .verdict
         };
         assert_eq!((of(0.0), of(102.0)), (Verdict::Good, Verdict::Decide));
-        // Whether the port is in use is not known: the forwarding is not good by that.
+        // Whether the port is in use is not known, so its forwarding cannot be called good.
         assert_eq!(
             judged(&[("MAV_1_FORWARD", 1.0)], "MAV_1_FORWARD").verdict,
             Verdict::Decide

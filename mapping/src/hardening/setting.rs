@@ -1,15 +1,15 @@
 //! One setting of PX4: how a value is shown, and which values weaken what.
 
-/// What a setting is worth.
+/// The judgement of a setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// It weakens the link, or what the vehicle does without it.
     Weak,
-    /// Right for one vehicle and wrong for another: a person has to decide.
+    /// Right for one vehicle and wrong for another: the operator has to decide.
     Decide,
     /// Nothing to change.
     Good,
-    /// Not read, or not there.
+    /// Not read, or the vehicle does not have it.
     Unknown,
 }
 
@@ -20,20 +20,20 @@ pub struct Setting {
     pub name: &'static str,
     /// What its value means.
     pub meaning: Meaning,
-    /// The first that fits counts; a value that none fits is good.
+    /// Rules in order: the first one that applies counts. A value to which none applies is good.
     pub(super) rules: &'static [Rule],
     /// What to set instead.
     pub better: f64,
-    /// It has no effect while the parameter of this name is 0, if there is one.
+    /// The parameter that enables it: while that is 0, this setting has no effect.
     pub(super) needs: Option<&'static str>,
-    /// Where PX4 v1.18 acts by it.
+    /// Where PX4 v1.18's source uses it.
     pub source: &'static str,
 }
 
 /// How a value is shown.
 #[derive(Debug, Clone, Copy)]
 pub enum Meaning {
-    /// One of these, and no other: PX4 stores others, and most of them switch the action off.
+    /// One of these, and no other: PX4 stores other values too, and most of them switch the action off.
     Choice(&'static [(i32, &'static str)]),
     /// One of these, or another that depends on the board.
     Open(&'static [(i32, &'static str)]),
@@ -43,7 +43,7 @@ pub enum Meaning {
     Number(&'static str),
 }
 
-/// What a value is worth, and why.
+/// The judgement of some values, and the reason.
 #[derive(Debug)]
 pub(super) struct Rule {
     pub(super) when: When,
@@ -51,7 +51,7 @@ pub(super) struct Rule {
     pub(super) why: &'static str,
 }
 
-/// Which values a rule is about.
+/// The values to which a rule applies.
 #[derive(Debug)]
 pub(super) enum When {
     Is(&'static [i32]),
@@ -82,7 +82,7 @@ impl Meaning {
         match self {
             Meaning::Choice(values) => values.iter().any(|(one, _)| f64::from(*one) == value),
             Meaning::Open(_) | Meaning::Number(_) => true,
-            // PX4 ignores bits that it has no name for; a fraction or a negative number is none of them.
+            // PX4 ignores bits that it has no name for; a fraction or a negative number is not a set of bits.
             Meaning::Bits(_) => value >= 0.0 && value.fract() == 0.0,
         }
     }

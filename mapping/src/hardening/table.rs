@@ -1,9 +1,10 @@
-//! The table of settings, by PX4 v1.18.0-beta1's source. Paths are PX4's.
+//! The table of settings, from PX4 v1.18.0-beta1's source; paths are those of its repository.
 
 use super::setting::Verdict::{Decide, Weak};
 use super::setting::{Meaning, Rule, Setting, When};
 
-/// What is looked at: first the ways in, then what happens without the link, then what is checked before arming.
+/// The settings in order: first ways into the vehicle, then what happens without the link, then what is checked
+/// before arming.
 pub const SETTINGS: &[Setting] = &[
     Setting {
         name: "MAV_0_CONFIG",
@@ -560,7 +561,7 @@ pub const SETTINGS: &[Setting] = &[
 ];
 
 const OFF_ON: &[(i32, &str)] = &[(0, "off"), (1, "on")];
-/// Of `Tools/serial/generate_config.py`; a board has some of them.
+/// Ports of `Tools/serial/generate_config.py`; a board has some of them.
 const PORTS: &[(i32, &str)] = &[
     (0, "disabled"),
     (6, "UART 6"),

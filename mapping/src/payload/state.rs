@@ -203,7 +203,7 @@ impl Payloads {
                 };
                 let flags = m.flags;
                 let locked = flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_PITCH_LOCK);
-                // Older devices state neither frame: there the lock says which it is.
+                // Older devices state neither frame: there the lock decides.
                 let north = flags
                     .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME)
                     || flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_LOCK)
@@ -318,7 +318,7 @@ impl Payloads {
         }
     }
 
-    /// Input bounds no table: so many devices of one vehicle, and no more.
+    /// The number of devices of one vehicle is limited, so that input cannot make the table grow.
     fn gimbal_mut(&mut self, device: u8) -> Option<&mut Gimbal> {
         let room = self.gimbals.len() < MAX_DEVICES || self.gimbals.contains_key(&device);
         room.then(|| self.gimbals.entry(device).or_default())

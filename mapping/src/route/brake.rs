@@ -46,9 +46,10 @@ pub(crate) fn where_height_changes(
     braked
 }
 
-/// The first item from `start` on that a multicopter could miss for good at this commanded speed, up to the route's next
-/// speed: one that is passed with a climb or a descent faster than it was planned for. `level` says whether the first place
-/// is reached without one, for a vehicle that does not come from the route's previous waypoint.
+/// The first item from `start` on that a multicopter could miss for good at this commanded speed, up to the route's
+/// next speed: one that is passed with a climb or a descent faster than it was planned for. `level` is whether the
+/// first place is reached without a climb or descent, for a vehicle that does not come from the route's previous
+/// waypoint.
 pub(crate) fn missed_at(
     items: &[Item],
     start: usize,
@@ -127,7 +128,7 @@ fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
         .find(|speed| *speed > 0.0)
 }
 
-/// Heights that differ by less than this count as equal, m. PX4 reacts to 1 mm, but then swings by no more than the
+/// Heights that differ by less than this count as equal, m. PX4 reacts to 1 mm, but overshoots by at most the
 /// difference.
 const LEVEL_M: f32 = 0.05;
 /// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were accepted as late as 11 m

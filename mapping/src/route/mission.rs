@@ -119,9 +119,9 @@ impl CompiledMission {
         u16::try_from(at).ok()
     }
 
-    /// The first waypoint from this item on that a multicopter could miss for good at this speed, commanded separately from
-    /// the route: it climbs or descends there. `level` says whether the first one is reached without that, for a vehicle
-    /// that does not come from the waypoint before.
+    /// The first waypoint from this item on that a multicopter could miss for good at this speed, commanded
+    /// separately from the route: it climbs or descends there. `level` is whether the first one is reached without
+    /// that, for a vehicle that does not come from the waypoint before.
     #[must_use]
     pub fn missed_at(
         &self,

@@ -1,4 +1,4 @@
-//! The messages that are encoded and decoded, and nothing else: neither honoured, nor sent, nor refused with a reason. Why.
+//! The messages that are only encoded and decoded (neither honoured, sent, nor refused with a reason), and why.
 
 use stanag_msgs::table::MessageInfo;
 
@@ -41,7 +41,7 @@ static REASONS: &[(&[u16], &str)] = &[
     ),
 ];
 
-/// Whether nothing is done with a message, not even a refusal with a reason of its own.
+/// Whether a message has no effect, not even a refusal with a reason of its own.
 #[must_use]
 pub fn is_codec_only(message: &MessageInfo) -> bool {
     let row = lookup::message(message.id);
@@ -49,7 +49,7 @@ pub fn is_codec_only(message: &MessageInfo) -> bool {
         && why_refused(message.id).is_none()
 }
 
-/// Why nothing is done with it; `None` of a message that something is done with.
+/// Why it has none; `None` for every other message.
 #[must_use]
 pub fn why_codec_only(message: &MessageInfo) -> Option<&'static str> {
     let mut reasons = REASONS.iter();
@@ -77,7 +77,7 @@ mod tests {
     fn no_point_of_the_comparison_is_missing() {
         let page = include_str!("../../../docs/guide/points.md");
         let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| ")).collect();
-        // Of the 41 the first 7 are context; some share a row.
+        // The first 7 of the 41 points are context; some points share a row.
         let column = |row: &&str, at| row.split('|').nth(at).unwrap_or("").trim().to_owned();
         let points = rows.iter().skip(1).map(|row| column(row, 1));
         let mut points: Vec<u8> = points
@@ -90,7 +90,7 @@ mod tests {
         assert_eq!(points, (8..=41).collect::<Vec<u8>>());
         for row in rows.iter().skip(1) {
             let state = column(row, 3);
-            // Another byte order alone would break every peer; whatever else is not there is named in its row.
+            // Another byte order alone would break every peer; anything else that is missing is named in its row.
             let expected = if column(row, 1) == "9" {
                 "declined"
             } else {

@@ -1,6 +1,6 @@
-//! What this VSM does with the messages of Edition 2.5 that are more than another form of one of Edition 4.
+//! What this VSM does with those messages of Edition 2.5 that are not just another form of one of Edition 4.
 //!
-//! All others go over field by field, and what is done with them is what the table has for Edition 4.
+//! All others are translated field by field, and the table for Edition 4 applies to them.
 
 use stanag_msgs::table::{Direction, MessageInfo};
 
@@ -11,9 +11,9 @@ use super::lookup::message;
 pub struct Edition25 {
     /// Its Message Type.
     pub id: u16,
-    /// What is done with it, or when it is sent.
+    /// Its effect, or when it is sent.
     pub does: &'static str,
-    /// Fields without a place in Edition 4 that count all the same, by their numbers.
+    /// Numbers of fields that have an effect although Edition 4 has no place for them.
     pub honoured: &'static [u8],
 }
 
@@ -29,20 +29,20 @@ pub fn edition_25_rows() -> &'static [Edition25] {
     EDITION_25
 }
 
-/// What becomes of a message of Edition 2.5.
+/// How a message of Edition 2.5 is handled.
 #[derive(Debug, Clone, Copy)]
 pub enum In25 {
-    /// What its row says.
+    /// As its row describes.
     ByHand(&'static Edition25),
-    /// What the table has for the messages of Edition 4 that hold the same.
+    /// Field by field, as the table has it for the corresponding messages of Edition 4.
     FieldByField,
-    /// It is refused by name; why.
+    /// It is refused by name, for this reason.
     Refused(&'static str),
-    /// A VSM sends it, and this one never does; why.
+    /// A VSM may send it, and this one never does, for this reason.
     Never(&'static str),
 }
 
-/// What becomes of a message of Edition 2.5, by the rows of both editions.
+/// How a message of Edition 2.5 is handled, by the rows of both editions.
 #[must_use]
 pub fn in_edition_25(info: &MessageInfo) -> In25 {
     if let Some(row) = edition_25(info.id) {
@@ -67,7 +67,7 @@ fn reason(of: Reasons, id: u16) -> &'static str {
     found.map_or("", |(_, why)| why)
 }
 
-/// Why a message is never sent that a VSM may send.
+/// Why a message that a VSM may send is never sent.
 static NEVER: Reasons = &[
     (
         &[303],
@@ -95,7 +95,7 @@ static NEVER: Reasons = &[
     ),
 ];
 
-/// Why a message is refused that a CUCS may send.
+/// Why a message that a CUCS may send is refused.
 static REFUSED: Reasons = &[
     (
         &[40],

@@ -5,25 +5,25 @@ use stanag_msgs::table::{Direction, FieldInfo, Layout, MessageInfo};
 use super::facts::SUPPORT;
 use super::row::MessageSupport;
 
-/// What is done with a field of a message that comes from a CUCS.
+/// The effect of a field of a message from a CUCS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received {
-    /// Acted on, in this way.
+    /// It has this effect.
     Honoured(&'static str),
-    /// Taken, kept where the message is kept, and without effect.
+    /// Accepted, kept where the message is kept, and without effect.
     Ignored,
     /// The whole message is refused.
     Refused,
-    /// It never comes from a CUCS.
+    /// A CUCS never sends it.
     Never,
 }
 
-/// What is done with one field.
+/// The support of one field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldSupport {
-    /// What it is filled from where this VSM sends it.
+    /// What fills it where this VSM sends it.
     pub sent: Option<&'static str>,
-    /// What is done with it on receipt.
+    /// Its effect on receipt.
     pub received: Received,
 }
 
@@ -38,7 +38,7 @@ pub fn rows() -> impl Iterator<Item = &'static MessageSupport> {
     SUPPORT.iter().copied().flatten()
 }
 
-/// What is done with a field.
+/// The support of a field.
 #[must_use]
 pub fn field(message: &MessageInfo, field: &FieldInfo) -> FieldSupport {
     let row = self::message(message.id);
@@ -62,13 +62,13 @@ pub fn field(message: &MessageInfo, field: &FieldInfo) -> FieldSupport {
     }
 }
 
-/// Whether a message's layout is derived from Edition 2 and so subject to `dli.provisional`.
+/// Whether a message's layout is derived from Edition 2, so that `dli.provisional` applies.
 #[must_use]
 pub fn provisional(message: &MessageInfo) -> bool {
     message.layout == Layout::Ed2Derived
 }
 
-/// A field of enumerated values in a message from a CUCS: message, field, and the values that are acted on.
+/// Enumerated fields of messages from a CUCS: message, field, and the values that have an effect.
 static VALUES: &[(u16, &str, &[u8])] = &[
     (1, "Requested/Handover Access", &[0, 1, 2]),
     (2008, "Engine Command", &[0, 1, 2]),
@@ -109,7 +109,7 @@ static VALUES: &[(u16, &str, &[u8])] = &[
     (19100, "Initiate Laser Designator", &[0]),
 ];
 
-/// The same of a fixed wing, where it differs.
+/// The same for a fixed wing, where it differs.
 static FIXED_WING: &[(u16, &str, &[u8])] = &[
     (2016, "Altitude Command Type", &[0, 1]),
     (2016, "Heading Command Type", &[0, 2]),
@@ -119,7 +119,7 @@ static FIXED_WING: &[(u16, &str, &[u8])] = &[
     (13003, "Loiter Duration Units", &[0, 1]),
 ];
 
-/// The values of a field that are acted on; `None` where all are.
+/// The values of a field that have an effect; `None` where all have.
 #[must_use]
 pub fn values(message: u16, field: &str, hovers: bool) -> Option<&'static [u8]> {
     let own = if hovers { &[] } else { FIXED_WING };
@@ -172,7 +172,7 @@ mod tests {
                 "{} is never sent by a CUCS",
                 row.id
             );
-            // A wish for control (4) is passed on to who holds it.
+            // A request for control (4) is passed on to the CUCS that holds it.
             assert!(
                 row.sends.is_empty() || info.direction != Direction::ToVsm || row.id == 4,
                 "{} is never sent by a VSM",
@@ -219,7 +219,7 @@ mod tests {
         }
     }
 
-    /// The words of a row's texts that look like names of MAVLink: capitals and underscores.
+    /// The words of a row's texts that look like MAVLink names: capitals and underscores.
     fn mavlink_words(row: &MessageSupport) -> impl Iterator<Item = &'static str> {
         let fields = row.honoured.iter().chain(row.sent).map(|(_, what)| *what);
         let texts = fields.chain([row.taken, row.sends]);
@@ -229,7 +229,7 @@ mod tests {
             .filter(|word| word.chars().any(|c| c.is_ascii_uppercase()))
     }
 
-    /// The names of the dialect's commands: each as COMMAND_LONG carries it.
+    /// The names of the dialect's commands, as COMMAND_LONG carries them.
     fn commands() -> BTreeSet<String> {
         let named = |id: u16| {
             let mut payload = [0; 33];
@@ -248,7 +248,7 @@ mod tests {
     fn every_message_that_telemetry_keeps_is_named_as_a_source() {
         let named: BTreeSet<&str> = rows().flat_map(mavlink_words).collect();
         let kept = (0..=20_000).filter_map(|id| {
-            // No payload is a payload of zeros.
+            // An empty payload stands for zeros.
             let message = MavMessage::parse(MavlinkVersion::V2, id, &[]).ok()?;
             Telemetry::default()
                 .update(&message)

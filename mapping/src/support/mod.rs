@@ -1,8 +1,10 @@
-//! What this VSM does with each field of each message: the one source of the support table (`docs/reference/support.md`), of the
-//! answers of the configuration phase that report what is not supported, and of the tests that hold both to the truth.
+//! What this VSM does with each field of each message. It is the only source of the support table
+//! (`docs/reference/support.md`), of the answers of the configuration phase about what is not supported, and of the
+//! tests that compare both with the code.
 //!
-//! A message that is not listed is neither sent nor acted on: one for the VSM is refused, and 16000 gives the reason. One that
-//! has not even that is codec only, and [`why_codec_only`] says why. What is known by its name alone is in [`NO_LAYOUT`].
+//! A message that is not listed is neither sent nor honoured: one for the VSM is refused, and 16000 gives the reason.
+//! A message that is not even refused with a reason of its own is codec only, and [`why_codec_only`] gives the reason
+//! for that. Messages known by name alone are in [`NO_LAYOUT`].
 
 mod codec_only;
 mod edition_25;

@@ -1,19 +1,19 @@
-//! What is known of STANAG 4586 by name alone: no public source has a layout of it, so that there is nothing to decode.
+//! Messages of STANAG 4586 that are known by name alone: no public source has a layout, so nothing can be decoded.
 
 use std::ops::RangeInclusive;
 
 /// Messages that are known by their names alone.
 #[derive(Debug, Clone)]
 pub struct NoLayout {
-    /// Their Message Types; none where not even these are known.
+    /// Their Message Types; `None` where not even these are known.
     pub ids: Option<RangeInclusive<u16>>,
     /// What is known of their names.
     pub name: &'static str,
-    /// What there is in their place here.
+    /// What this project has in their place.
     pub why: &'static str,
 }
 
-/// All that are known of, in the order of their types.
+/// All of them, by rising type.
 pub static NO_LAYOUT: &[NoLayout] = &[
     NoLayout {
         ids: Some(11_000..=11_002),
@@ -33,7 +33,7 @@ pub static NO_LAYOUT: &[NoLayout] = &[
     },
 ];
 
-/// Why a message cannot be read that is known by its name alone; `None` of any other.
+/// Why a message that is known by name alone cannot be read; `None` for any other.
 #[must_use]
 pub fn why_no_layout(message: u16) -> Option<String> {
     let mut all = NO_LAYOUT.iter();
@@ -50,7 +50,7 @@ mod tests {
     use stanag_msgs::table;
 
     #[test]
-    fn what_has_a_layout_is_not_said_to_have_none() {
+    fn what_has_a_layout_is_not_listed_without_one() {
         for message in table::MESSAGES {
             assert_eq!(why_no_layout(message.id), None, "{}", message.name);
         }

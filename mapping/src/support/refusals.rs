@@ -1,4 +1,4 @@
-//! Why a message of Edition 4 is refused whole that a CUCS may send.
+//! Why a message of Edition 4 that a CUCS may send is refused as a whole.
 
 static REFUSED: &[(&[u16], &str)] = &[
     (
@@ -24,7 +24,7 @@ static REFUSED: &[(&[u16], &str)] = &[
     ),
 ];
 
-/// The reason, where it has one beyond that this VSM does not support it.
+/// The reason, where there is one besides "not supported".
 #[must_use]
 pub fn why_refused(message: u16) -> Option<&'static str> {
     let mut reasons = REFUSED.iter();

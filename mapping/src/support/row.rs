@@ -1,22 +1,22 @@
-//! The form of a fact: one row a message, and the words that many of them share.
+//! The form of a fact: one row for each message, and texts that many rows share.
 
-/// What is done with one message.
+/// What this VSM does with one message.
 #[derive(Debug, Clone, Copy)]
 pub struct MessageSupport {
     /// Its Message Type.
     pub id: u16,
-    /// What it leads to when it comes from a CUCS; empty where it is not taken.
+    /// Its effect when it comes from a CUCS; empty where it is not accepted.
     pub taken: &'static str,
     /// When it is sent; empty where it never is.
     pub sends: &'static str,
-    /// The fields that change what is done, and how. The others are looked at by nobody.
+    /// The fields that change the effect, and how. All others are ignored.
     pub honoured: &'static [(&'static str, &'static str)],
-    /// The fields that are filled, and from what. The others are absent.
+    /// The fields that are filled, and with what. All others are absent.
     pub sent: &'static [(&'static str, &'static str)],
 }
 
 impl MessageSupport {
-    /// A message that is neither taken nor sent.
+    /// A message that is neither accepted nor sent.
     pub(super) const fn unused(id: u16) -> Self {
         Self {
             id,
@@ -28,8 +28,8 @@ impl MessageSupport {
     }
 }
 
-/// Rows of the table: `id taken "to what it leads" { "field": how; } sends "when" { "field": from what; }`, without the
-/// part that there is not.
+/// Rows of the table: `id taken "its effect" { "field": how; } sends "when" { "field": from what; }`; a part that
+/// does not apply is left out.
 macro_rules! facts {
     ($(
         $id:literal
@@ -49,7 +49,7 @@ macro_rules! facts {
 pub(super) use facts;
 
 pub(super) const STAMP: &str = "rises strictly";
-/// Of what the vehicle measures.
+/// For measured values.
 pub(super) const MEASURED: &str = "when it was measured, by the vehicle's clock (time_boot_ms, TIMESYNC); when it arrived where the vehicle does not \
      answer TIMESYNC; rises strictly from one of this message to the next";
 pub(super) const RECEIVED_STAMP: &str = "identifies a duplicate, and is returned in 17000";

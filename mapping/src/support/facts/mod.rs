@@ -1,4 +1,4 @@
-//! The facts, one row a message, in groups and in the order of their types.
+//! The facts, one row for each message, in groups by rising type.
 
 mod command;
 mod configuration;
@@ -14,7 +14,7 @@ mod zeroize;
 
 use super::row::MessageSupport;
 
-/// Every message that this VSM takes or sends, by groups in the order of their types.
+/// Every message that this VSM accepts or sends, in groups by rising type.
 pub(super) static SUPPORT: &[&[MessageSupport]] = &[
     command::ROWS,
     flight_status::ROWS,
