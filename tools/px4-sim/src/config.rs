@@ -1,8 +1,8 @@
 //! Settings and parameters of a simulated vehicle.
 //!
-//! [`Config`] is what this simulator is started with, [`Params`] are PX4's parameters, with the names, types and values
-//! of PX4 v1.18 in its built-in simulator. A parameter is stored as it comes: seen on the wire, PX4 checks the type and
-//! nothing else, so that NAV_DLL_ACT=99 is accepted.
+//! [`Config`] is what this simulator is started with, [`Params`] are PX4's parameters, with the names, types and
+//! values of PX4 v1.18 in its built-in simulator. A parameter is stored as it is sent: as observed on the wire, PX4
+//! checks the type and nothing else, so that NAV_DLL_ACT=99 is accepted.
 
 use crate::physics::motion::Geodetic;
 use crate::services::files::Files;
@@ -21,8 +21,8 @@ pub enum Airframe {
 }
 
 impl Airframe {
-    /// Parameters that PX4 starts it with, where they differ from a quadrotor's: rc.fw_defaults, rc.vtol_defaults, and the
-    /// airframes 10041 and 10043.
+    /// Parameters that differ from a quadrotor's when PX4 starts this airframe: rc.fw_defaults, rc.vtol_defaults, and
+    /// the airframes 10041 and 10043.
     pub(crate) fn defaults(self) -> &'static [(Param, f64)] {
         match self {
             Self::Quad => &[],
@@ -50,8 +50,7 @@ impl Airframe {
     }
 }
 
-/// Settings of one simulated vehicle. The same settings and the same calls give the same flight,
-/// to the last bit.
+/// Settings of one simulated vehicle. The same settings and the same calls give the same flight, to the last bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
     /// MAVLink system id, 1 to 255.
@@ -65,14 +64,14 @@ pub struct Config {
     /// Height of the geoid above the WGS-84 ellipsoid at home, metres; GPS_RAW_INT.alt_ellipsoid
     /// is AMSL plus this. (PX4's built-in simulator reports zero; a receiver does not.)
     pub geoid_separation_m: f64,
-    /// Steady wind, metres a second, the direction that the air moves to: north, east.
+    /// Steady wind, m/s: the velocity of the air to the north and to the east.
     pub wind_ne_ms: [f64; 2],
     /// Heading at boot, radians clockwise from true north.
     pub heading_rad: f64,
     /// Magnetic declination, radians, east positive. The vehicle's headings are true.
     pub declination_rad: f64,
-    /// Wall clock at boot, microseconds since 1970, as a GPS receiver would give it;
-    /// zero where it is not known. Only SYSTEM_TIME shows it.
+    /// Wall clock at boot, microseconds since 1970, as a GPS receiver would give it; zero where it is not known. Only
+    /// SYSTEM_TIME carries it.
     pub unix_time_us: u64,
     /// Parameters that differ from the defaults at boot.
     pub params: Vec<(Param, f64)>,
@@ -82,7 +81,7 @@ pub struct Config {
     pub events: bool,
     /// A combustion engine, which reports itself by EFI_STATUS and idles while disarmed.
     pub combustion: bool,
-    /// What is on its card at the first boot.
+    /// The files on its card at the first boot.
     pub files: Files,
     /// Payload stations, 0 to 2: gimbals and cameras as components of their own. PX4's simulator has none.
     pub payloads: u8,
@@ -126,7 +125,7 @@ macro_rules! parameters {
     };
 }
 
-// Sorted by name, as PX4 lists them.
+// Sorted by name, the order in which PX4 lists them.
 parameters! {
     BAT1_CAPACITY = Real(-1.0);
     BAT1_N_CELLS = Int(4);
@@ -265,12 +264,12 @@ impl Params {
         }
     }
 
-    /// A parameter's number, cut to whole.
+    /// A parameter's number, truncated to an integer.
     pub fn int(&self, param: Param) -> i32 {
         self.get(param) as i32
     }
 
-    /// Sets a parameter that the vehicle itself knows.
+    /// Sets a parameter that the simulation uses.
     pub fn set(&mut self, param: Param, value: f64) {
         let slot = &mut self.0[param as usize];
         *slot = match slot {
@@ -295,7 +294,7 @@ impl Params {
             })
     }
 
-    /// Stores what the parameter protocol has set.
+    /// Stores a value that the parameter protocol has set.
     pub fn store(&mut self, name: Name, value: Value) {
         if let Ok(index) = DEFAULTS.binary_search_by_key(&name.as_str(), |(name, _)| name) {
             self.0[index] = value;

@@ -1,7 +1,7 @@
 //! The two kinds of key file.
 //!
 //! `--key-file` is this project's own: 32 bytes in hex, readable by its owner alone. `--signing-file` is PX4's
-//! `mavlink/mavlink-signing-key.bin`: 32 bytes of key and the first timestamp as u64 little-endian.
+//! `mavlink/mavlink-signing-key.bin`: 32 bytes of key, and the first timestamp as a little-endian u64.
 
 use std::fs::OpenOptions;
 use std::io::{self, Write as _};
@@ -26,7 +26,7 @@ pub struct KeyFileError {
 /// Reads a key file: 32 bytes in hex, a trailing newline is allowed.
 ///
 /// # Errors
-/// The file cannot be read, others may read or write it, or it holds no key.
+/// The file cannot be read, others may read or write it, or it does not hold a key.
 pub fn read_key_file(path: &Path) -> Result<SigningKey, KeyFileError> {
     let fault = |reason: String| KeyFileError {
         path: path.to_owned(),
@@ -50,7 +50,7 @@ pub fn read_key_file(path: &Path) -> Result<SigningKey, KeyFileError> {
     SigningKey::from_hex(text.trim_end()).map_err(|cause| fault(cause.to_string()))
 }
 
-/// Key and timestamp as PX4 finds them when it starts; signing is off where the file is missing, short or zero.
+/// Key and timestamp as PX4 reads them at its start; signing is off where the file is missing, short or zero.
 ///
 /// # Errors
 /// The file exists and cannot be read.
@@ -69,8 +69,8 @@ pub(crate) fn read_px4_key(path: &Path) -> io::Result<Signing> {
     Ok(Signing::with_key(key, u64::from_le_bytes(*stamp)))
 }
 
-/// Writes the key in force as the real PX4 does: truncated in place and not synchronised, so that a power cut leaves
-/// an empty file, which is no key. The bridge must be able to recover from that; a careful write would hide it.
+/// Writes the key as the real PX4 does: truncated in place and not synchronised, so that a power cut leaves an empty
+/// file without a key. The bridge must be able to recover from that; a careful write here would hide it.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -1,4 +1,4 @@
-//! A simulated PX4 v1.18, as honest as what was seen of the real one on the wire.
+//! A simulated PX4 v1.18 that behaves as the real one was observed to behave on the wire.
 //!
 //! Layers, each usable alone:
 //! - [`Vehicle`]: physics, commander, navigator and the MAVLink services, without socket or clock.

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Where a link of the simulated vehicle is.
+/// The address of a link of the simulated vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LinkAddress {
     /// Bind here and send nothing until something is received.
@@ -14,7 +14,7 @@ pub enum LinkAddress {
     UdpOut(SocketAddr),
 }
 
-/// Why a text is no link.
+/// Why a text is not a link.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum LinkAddressError {
     /// Neither of the two kinds.
@@ -23,7 +23,7 @@ pub enum LinkAddressError {
     /// Not a host and a port that can be found.
     #[error("link {text:?}: {reason}, expected HOST:PORT like 127.0.0.1:14550")]
     Address {
-        /// As given.
+        /// The text.
         text: String,
         /// The resolver's error.
         reason: String,

@@ -1,4 +1,4 @@
-//! The command line of `px4-sim`: a simulated PX4 on UDP, for those who have no PX4 at hand.
+//! The command line of `px4-sim`: a simulated PX4 on UDP, for users without a PX4.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -192,7 +192,7 @@ fn fail(status: u8, error: &dyn std::fmt::Display) -> ExitCode {
 }
 
 fn report(line: &str) {
-    // A closed standard error does not stop the simulator.
+    // A closed standard error does not stop the simulator: the error is ignored.
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 

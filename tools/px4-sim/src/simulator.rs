@@ -31,12 +31,12 @@ pub struct SimulatorConfig {
     pub links: Vec<LinkAddress>,
     /// Sign from the first packet with this key.
     pub key: Option<SigningKey>,
-    /// Stamp of the first packet, in units of 10 us since 2015; a real PX4's is as odd.
+    /// Timestamp of the first packet, in units of 10 us since 2015; a real PX4's can be any.
     pub initial_timestamp: u64,
-    /// PX4's own key file: read at the start where no key is given, written whenever the key changes. Without it a key
-    /// lives as long as the process.
+    /// PX4's own key file: read at the start where no key is given, written whenever the key changes. Without it a
+    /// key is lost when the process ends.
     pub signing_file: Option<PathBuf>,
-    /// How much faster than time, 0.01 to 100.
+    /// How much faster than real time, 0.01 to 100.
     pub speed: f64,
 }
 
@@ -65,10 +65,10 @@ pub enum SimulatorError {
         /// The system's error: the port may be taken.
         source: std::io::Error,
     },
-    /// The speed is no speed.
+    /// The speed is out of range.
     #[error("speed {0}: expected 0.01 to 100")]
     Speed(f64),
-    /// The key file.
+    /// The signing file cannot be read.
     #[error("signing file {}: {source}", path.display())]
     SigningFile {
         /// The file.
@@ -103,7 +103,7 @@ pub struct Simulator {
 struct Orders {
     stop: AtomicBool,
     restarts: AtomicU32,
-    /// Reported with the battery nearly empty, whatever the simulated charge.
+    /// Whether the battery is reported as nearly empty, whatever its simulated charge.
     empty_battery: AtomicBool,
 }
 
@@ -121,7 +121,7 @@ impl Simulator {
     /// Binds the sockets and starts, on the present tokio runtime.
     ///
     /// # Errors
-    /// A socket cannot be bound, or the configuration is none.
+    /// A socket cannot be bound, the signing file cannot be read, or the configuration is invalid.
     pub async fn spawn(config: SimulatorConfig) -> Result<Self, SimulatorError> {
         if !(0.01..=100.0).contains(&config.speed) {
             return Err(SimulatorError::Speed(config.speed));
@@ -186,14 +186,15 @@ impl Simulator {
         self.lock().truth
     }
 
-    /// When the vehicle was armed first, of the samples that have not been taken yet, in time since boot.
+    /// When the vehicle was first armed, in time since boot, by the samples that [`take_track`](Self::take_track) has
+    /// not returned yet.
     pub fn armed_at(&self) -> Option<Duration> {
         let shared = self.lock();
         let armed = shared.track.iter().find(|truth| truth.armed)?;
         Some(armed.time)
     }
 
-    /// The flown track since the last call: a sample each tenth of a simulated second.
+    /// The flown track since the last call: a sample for each tenth of a simulated second.
     pub fn take_track(&self) -> Vec<Truth> {
         std::mem::take(&mut self.lock().track)
     }
@@ -208,7 +209,7 @@ impl Simulator {
         self.orders.restarts.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Reports a battery at 10 %, or the simulated charge again: for tests of what a ground station makes of it.
+    /// Reports a battery at 10 %, or the simulated charge again: for tests of a ground station's reaction.
     pub fn empty_battery(&self, empty: bool) {
         self.orders.empty_battery.store(empty, Ordering::Relaxed);
     }
@@ -223,7 +224,7 @@ impl Simulator {
     }
 
     fn lock(&self) -> MutexGuard<'_, Shared> {
-        // Plain values: a panic elsewhere leaves nothing half-done in them.
+        // The shared values are plain: a panic elsewhere leaves none of them half-written.
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -294,8 +295,8 @@ impl Simulation {
         }
     }
 
-    /// Lets simulated time pass in small pieces, so that messages leave in their order and a fast
-    /// simulator does not send whole seconds at once.
+    /// Lets simulated time pass in small steps, so that messages are sent in order, and a fast simulator does not
+    /// send whole seconds at once.
     async fn advance(&mut self, span: Duration) {
         let mut left = span;
         while !left.is_zero() {
@@ -328,7 +329,7 @@ impl Simulation {
         }
     }
 
-    /// Takes what one socket has, up to a bound, so that a flood does not stop time.
+    /// Reads what one socket has, up to a limit, so that a flood does not stop time.
     fn receive(&mut self, link: usize, buffer: &mut [u8]) {
         let Some(socket) = self.sockets.get(link) else {
             return;
@@ -337,7 +338,8 @@ impl Simulation {
         for _ in 0..BATCH {
             match socket.try_recv_from(buffer) {
                 Ok((len, from)) => self.autopilot.handle_datagram(link, from, &buffer[..len]),
-                // On loopback, a closed port at the other end comes back as an error of this socket. Its peer may still start.
+                // On loopback, a closed port at the other end is reported as an error of this socket; its peer may
+                // still start.
                 Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {}
                 Err(_) => break,
             }
@@ -345,12 +347,12 @@ impl Simulation {
         if let Some(path) = &self.signing_file
             && self.signing_mark() != before
         {
-            // PX4 does not notice a full card either.
+            // PX4 does not notice a full card either, so the error is ignored.
             let _ = write_px4_key(path, self.autopilot.signing());
         }
     }
 
-    /// Another one where the key or its first stamp is another.
+    /// A value that changes where the key or its first stamp changes.
     fn signing_mark(&self) -> (Option<KeyId>, u64) {
         let signing = self.autopilot.signing();
         (signing.key().map(SigningKey::id), signing.stored_stamp())
@@ -360,14 +362,14 @@ impl Simulation {
         let mut buffer = [0; MAX_FRAME];
         while let Some(transmit) = self.autopilot.poll_transmit(&mut buffer) {
             if let Some(socket) = self.sockets.get(transmit.link) {
-                // A closed port or a full buffer: a lost datagram, as on any link.
+                // A closed port or a full buffer is a lost datagram, as on any link.
                 let _ = socket.send_to(&buffer[..transmit.len], transmit.to).await;
             }
         }
     }
 }
 
-/// The first socket that has something to read.
+/// The index of the first socket that can be read.
 async fn readable(sockets: &[UdpSocket]) -> usize {
     poll_fn(|context| {
         let ready = sockets
@@ -380,10 +382,10 @@ async fn readable(sockets: &[UdpSocket]) -> usize {
 
 const BEAT: Duration = Duration::from_millis(4);
 const PIECE: Duration = Duration::from_millis(20);
-/// After a pause of the whole machine, time is lost rather than made up for.
+/// After a pause of the whole machine longer than this, the lost time is skipped.
 const CATCH_UP: Duration = Duration::from_millis(250);
 const SAMPLE: Duration = Duration::from_millis(100);
-/// Datagrams taken in one go.
+/// Datagrams read at once.
 const BATCH: usize = 64;
-/// A day of samples.
+/// Samples of one day.
 const MAX_TRACK: usize = 864_000;

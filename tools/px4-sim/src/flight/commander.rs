@@ -1,4 +1,4 @@
-//! Arming, the mode that is flown as against the mode that was requested, and the failsafes.
+//! Arming, the flown mode beside the requested mode, and the failsafes.
 //!
 //! PX4 keeps both modes: HEARTBEAT.custom_mode is the one flown, CURRENT_MODE.intended_custom_mode the one requested. A
 //! failsafe replaces the first and leaves the second, so that a ground station can see what was overridden.
@@ -7,7 +7,7 @@ use crate::config::{Param, Params};
 use crate::flight::mode::Mode;
 use crate::flight::view::Note;
 
-/// Seconds after boot at which PX4's simulator becomes able to do things.
+/// Seconds after boot at which PX4's simulator reports things or becomes able to do them, as observed.
 pub(crate) mod boot {
     /// First HEARTBEAT.
     pub(crate) const FIRST_HEARTBEAT: f64 = 1.95;
@@ -19,20 +19,20 @@ pub(crate) mod boot {
     pub(crate) const READY: f64 = 4.9;
 }
 
-/// The facts that the commander decides on.
+/// The facts on which the commander decides.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Facts<'a> {
     /// Time since boot, s.
     pub now: f64,
     /// On the ground.
     pub landed: bool,
-    /// The mission passed its checks.
+    /// The mission has passed its checks.
     pub mission_valid: bool,
     /// Parameters.
     pub params: &'a Params,
 }
 
-/// Why the vehicle is not in the mode that was requested.
+/// Why the vehicle is not in the requested mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cause {
     Sticks,
@@ -46,11 +46,11 @@ struct Failsafe {
     cause: Cause,
     /// The mode flown now.
     mode: Mode,
-    /// When it changes to which mode: first PX4 holds, then it acts.
+    /// When it changes to which mode: PX4 holds first, then acts.
     then: Option<(f64, Mode)>,
 }
 
-/// The commander. The default is as PX4 boots: disarmed, in hold.
+/// The commander. The default is PX4's state at boot: disarmed, in hold.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Commander {
     armed: bool,
@@ -58,7 +58,7 @@ pub(crate) struct Commander {
     flown: bool,
     landed_at: Option<f64>,
     intended: Mode,
-    /// The mode that disarming leads back to.
+    /// The mode to which disarming leads back.
     after_disarming: Mode,
     failsafe: Option<Failsafe>,
     overridden: [bool; 4],
@@ -81,17 +81,17 @@ impl Commander {
         self.armed_at
     }
 
-    /// The mode that is flown: HEARTBEAT.custom_mode.
+    /// The flown mode: HEARTBEAT.custom_mode.
     pub(crate) fn mode(&self) -> Mode {
         self.failsafe.map_or(self.intended, |f| f.mode)
     }
 
-    /// The mode that was requested: CURRENT_MODE.intended_custom_mode.
+    /// The requested mode: CURRENT_MODE.intended_custom_mode.
     pub(crate) fn intended(&self) -> Mode {
         self.intended
     }
 
-    /// A failsafe decides.
+    /// A failsafe has replaced the requested mode.
     pub(crate) fn in_failsafe(&self) -> bool {
         self.failsafe.is_some()
     }
@@ -111,7 +111,8 @@ impl Commander {
         self.overridden[Cause::Setpoints as usize] = false;
     }
 
-    /// A ground station's HEARTBEAT was received. Its return ends no failsafe: as observed, PX4 resumes nothing by itself.
+    /// A ground station's HEARTBEAT was received. Its return ends no failsafe: as observed, PX4 resumes nothing by
+    /// itself.
     pub(crate) fn ground_station(&mut self, now: f64, notes: &mut Vec<Note>) {
         if !self.ground_station_connected {
             self.ground_station_connected = true;
@@ -144,7 +145,7 @@ impl Commander {
         match mode {
             Mode::Mission => facts.mission_valid,
             Mode::PosCtl | Mode::AltCtl => self.sticks_alive(facts),
-            // Attitude modes are named, not flown: see docs/guide/simulator.md.
+            // The attitude modes exist by name only, and cannot be flown: see docs/guide/simulator.md.
             Mode::Manual | Mode::Acro | Mode::Stabilized => false,
             Mode::Offboard => self.setpoints_alive(facts),
             Mode::Loiter
@@ -164,21 +165,21 @@ impl Commander {
         !prevents_arming(mode) && self.can_run(mode, facts)
     }
 
-    /// Requests a mode. On the ground PX4 acknowledges every mode, flyable or not: its answer proves nothing, and a bridge
-    /// must read HEARTBEAT. In the air only one
-    /// that can be flown; it ends a failsafe.
+    /// Requests a mode. On the ground PX4 acknowledges every mode, flyable or not: the acknowledgement proves
+    /// nothing, and a bridge must read HEARTBEAT. In the air PX4 accepts only a mode that can be flown, and that ends
+    /// a failsafe.
     pub(crate) fn request(&mut self, mode: Mode, force: bool, facts: &Facts<'_>) -> bool {
         if self.armed && !force && !self.can_run(mode, facts) {
             return false;
         }
-        // Nothing leads out of it but a restart: no command, no pilot, no end of the failsafe that led into it.
+        // Only a restart ends a termination: no command, no pilot, and not the end of the failsafe that caused it.
         if self.mode() == Mode::Termination {
             return false;
         }
         if let Some(failsafe) = self.failsafe.take() {
             self.overridden[failsafe.cause as usize] = true;
         }
-        // Sticks that are lost already when the operator chooses a mode do not start the failsafe again: the operator
+        // Sticks that were lost before the operator chose a mode do not start the failsafe again: the operator has
         // decided without them.
         if !self.sticks_alive(facts) {
             self.overridden[Cause::Sticks as usize] = true;
@@ -187,8 +188,8 @@ impl Commander {
         true
     }
 
-    /// Disarmed, PX4 is in the last mode that was requested and could have been armed in: one that is sent to land out of a
-    /// mission stands in AUTO.MISSION afterwards, with what is left of it.
+    /// While disarmed, PX4 is in the last requested mode in which it could have been armed: a vehicle that is
+    /// commanded to land during a mission is in AUTO.MISSION afterwards, with the rest of the mission.
     fn intend(&mut self, mode: Mode) {
         self.intended = mode;
         if !prevents_arming(mode) && !matches!(mode, Mode::Takeoff | Mode::VtolTakeoff)
@@ -198,7 +199,7 @@ impl Commander {
         }
     }
 
-    /// The navigator has finished a mode, and another one follows.
+    /// The navigator has finished a mode, and another mode follows.
     pub(crate) fn follow_with(&mut self, mode: Mode) {
         if self.mode() == Mode::Termination {
             return;
@@ -209,7 +210,7 @@ impl Commander {
         }
     }
 
-    /// Arms, or notes why not.
+    /// Arms, or notes the reason why not.
     pub(crate) fn arm(&mut self, reason: &str, facts: &Facts<'_>, notes: &mut Vec<Note>) -> bool {
         if self.armed {
             return true;
@@ -230,7 +231,7 @@ impl Commander {
         true
     }
 
-    /// Disarms; in the air only by force.
+    /// Disarms; in the air only if forced.
     pub(crate) fn disarm(
         &mut self,
         reason: &str,
@@ -338,7 +339,7 @@ impl Commander {
         }
     }
 
-    /// Sticks are missing where they steer, and in every mode once they have been present in this flight.
+    /// Sticks are missing in a mode that needs them, or in any mode once they have been present in this flight.
     fn sticks_lost(&self, facts: &Facts<'_>) -> bool {
         if self.sticks_alive(facts) {
             return false;
@@ -356,7 +357,7 @@ impl Commander {
         self.sticks_regained && exempt & bit == 0 && !self.overridden[Cause::Sticks as usize]
     }
 
-    /// A VTOL has dropped out of its wings: COM_QC_ACT, at once.
+    /// A VTOL has lost its wings (quad-chute): COM_QC_ACT acts at once.
     pub(crate) fn quad_chute(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
         let mode = match facts.params.int(Param::COM_QC_ACT) {
             0 => Mode::Rtl,
@@ -372,8 +373,8 @@ impl Commander {
         notes.push(Note::Critical("Failsafe activated\t".into()));
     }
 
-    /// The loss of OFFBOARD setpoints. Without sticks to fall back on, PX4 does at once, without a hold, what the loss of
-    /// sticks requires.
+    /// OFFBOARD setpoints are lost. Without sticks PX4 then acts as on the loss of sticks, at once and without a
+    /// hold.
     fn setpoints_lost(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
         let mode = if self.sticks_alive(facts) && facts.params.int(Param::COM_OBL_RC_ACT) == 0 {
             Mode::PosCtl
@@ -393,7 +394,7 @@ impl Commander {
         notes.push(Note::Critical("Failsafe activated\t".into()));
     }
 
-    /// First hold for COM_FAIL_ACT_T, then act.
+    /// Holds for COM_FAIL_ACT_T first, then acts.
     fn begin(
         &mut self,
         cause: Cause,
@@ -423,7 +424,7 @@ fn prevents_arming(mode: Mode) -> bool {
     )
 }
 
-/// NAV_DLL_ACT and NAV_RCL_ACT.
+/// The mode for a value of NAV_DLL_ACT or NAV_RCL_ACT.
 fn after_loss(action: i32) -> Option<Mode> {
     match action {
         1 => Some(Mode::Loiter),

@@ -1,6 +1,6 @@
 //! PX4's own checks of a mission, few as they are: `FeasibilityChecker.cpp` of v1.18, in its order.
 //!
-//! They need a home. A plan that fails them is stored and acknowledged all the same; it is not flown.
+//! They need a home. A plan that fails them is still stored and acknowledged, but it is not flown.
 
 use mavlink_link::service::mission::Item;
 
@@ -11,7 +11,7 @@ use super::items::{
 use super::view::View;
 use crate::config::{Airframe, Param};
 
-/// The first fault that PX4 reports; none of a mission that it flies.
+/// The first fault that PX4 reports; `None` for a mission that it flies.
 pub(crate) fn fault(items: &[Item], view: &View<'_>) -> Option<String> {
     let rejected = |why: &str| Some(format!("Mission rejected: {why}"));
     let wings = view.kind != Airframe::Quad;
@@ -88,7 +88,7 @@ fn above_home(item: &Item, view: &View<'_>) -> f64 {
     altitude_m(item, view) - view.frame.origin().altitude_m + view.home.d
 }
 
-/// What is wrong with the glide of a plane.
+/// The fault of a plane's glide to its landing.
 fn glide(before: &Item, land: &Item, view: &View<'_>) -> Option<String> {
     if !has_place(before) {
         return None;

@@ -1,6 +1,7 @@
 //! What the items of an uploaded plan mean in the local frame: mission items and the geofence.
 //!
-//! Pure functions of an item and what the navigator knows; which item is current is [`Mission`](super::mission)'s.
+//! Pure functions of an item and the navigator's view; which item is current is decided by
+//! [`Mission`](super::mission).
 
 use mavlink_link::service::mission::Item;
 
@@ -12,7 +13,7 @@ use crate::physics::motion::{Geodetic, LocalFrame, Ned};
 /// Where an item is.
 pub(crate) fn place(item: &Item, view: &View<'_>) -> Ned {
     let altitude_m = altitude_m(item, view);
-    // PX4 accepts INT32_MAX as latitude and longitude; such an item has no place of its own.
+    // PX4 accepts INT32_MAX as latitude and longitude: such an item is where the vehicle is.
     if item.x == i32::MAX || item.y == i32::MAX {
         return Ned {
             d: view.frame.origin().altitude_m - altitude_m,
@@ -23,7 +24,7 @@ pub(crate) fn place(item: &Item, view: &View<'_>) -> Ned {
         .to_local(Geodetic::from_e7(item.x, item.y, altitude_m))
 }
 
-/// The altitude of an item, metres AMSL; one that is not a number is the present altitude.
+/// The altitude of an item, metres AMSL; the present altitude where it is not a number.
 pub(crate) fn altitude_m(item: &Item, view: &View<'_>) -> f64 {
     let z = f64::from(item.z);
     let relative = matches!(item.frame, 3 | 6);
@@ -68,14 +69,14 @@ pub(crate) fn acceptance(item: &Item, view: &View<'_>) -> f64 {
     }
 }
 
-/// How early a plane takes a waypoint: by its guidance law, at least within the acceptance radius.
+/// How early a plane switches to the next waypoint, m: by its guidance law, at least the acceptance radius.
 pub(crate) fn turn_switch_distance(view: &View<'_>) -> f64 {
     let npfg = npfg(view.params);
     view.acceptance()
         .max(npfg.switch_m(view.velocity.horizontal()))
 }
 
-/// Whether the item is flown to, rather than carried out where the vehicle is.
+/// Whether the vehicle flies to the item, and does not carry it out where it is.
 pub(crate) fn has_place(item: &Item) -> bool {
     matches!(
         item.command,
@@ -104,7 +105,7 @@ pub(crate) struct Fence {
 }
 
 impl Fence {
-    /// From the stored items; what does not make an area is left out.
+    /// The areas in the stored items; an incomplete area is left out.
     pub(crate) fn new(items: &[Item], frame: &LocalFrame) -> Self {
         let mut fence = Self::default();
         let place = |item: &Item| frame.to_local(Geodetic::from_e7(item.x, item.y, 0.0));
@@ -135,7 +136,7 @@ impl Fence {
         fence
     }
 
-    /// Inside every area to stay in together, outside every area to stay out of.
+    /// Whether a place is inside every inclusion area and outside every exclusion area.
     pub(crate) fn allows(&self, at: Ned) -> bool {
         (self.keep_in.is_empty() || self.keep_in.iter().any(|a| a.contains(at)))
             && !self.keep_out.iter().any(|a| a.contains(at))

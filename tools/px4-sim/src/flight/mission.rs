@@ -1,7 +1,8 @@
 //! Flying the mission: which item is current, where it leads, and when it is done.
 //!
-//! Items are flown in order of their index; DO_JUMP counts its repeats. As PX4 does, it takes a plan uploaded in flight over
-//! at once and from the same index; and on a multicopter nothing tests whether an item was passed without being reached.
+//! Items are flown in order of their index; DO_JUMP counts its repeats. Like PX4, it adopts a plan that is uploaded
+//! in flight at once and at the same index; and on a multicopter nothing tests whether an item was passed without
+//! being reached.
 
 use mavlink_link::service::mission::{Item, plan_id};
 
@@ -20,18 +21,18 @@ use crate::physics::vtol::BRAKE_M_S2;
 /// The phase within an item.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum Work {
-    /// The item itself.
+    /// Flying the item itself.
     #[default]
     Item,
-    /// Up to this height (local down) first, over this place.
+    /// First climbing to this height (local down), over this place.
     Climb(Ned),
-    /// Over the landing point first, at the height it has.
+    /// First flying to above the landing point, at this height (local down).
     ToLand(f64),
-    /// Coming down.
+    /// Descending.
     Landing,
 }
 
-/// The mission and how far it has come; the default is none.
+/// The mission and its progress; the default is none.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Mission {
     items: Vec<Item>,
@@ -49,12 +50,12 @@ pub(crate) struct Mission {
     speed: Option<f64>,
     hold: Option<Ned>,
     disarmed_inactive: bool,
-    /// The place that a multicopter turns its nose to.
+    /// The place to which a multicopter points its nose.
     roi: Option<Ned>,
 }
 
 impl Mission {
-    /// Items aboard.
+    /// Number of items.
     pub(crate) fn count(&self) -> usize {
         self.items.len()
     }
@@ -69,7 +70,7 @@ impl Mission {
         !self.items.is_empty() && self.feasible.is_none()
     }
 
-    /// Flown to its end.
+    /// The mission was flown to its end.
     pub(crate) fn is_finished(&self) -> bool {
         self.finished
     }
@@ -84,7 +85,7 @@ impl Mission {
         self.finished = finished;
     }
 
-    /// Sets DO_CHANGE_SPEED's ground speed for the rest of the activation; none is the default.
+    /// Sets the ground speed of DO_CHANGE_SPEED for the rest of the activation; `None` restores the default.
     pub(crate) fn set_speed(&mut self, speed: Option<f64>) {
         self.speed = speed;
     }
@@ -140,7 +141,7 @@ impl Mission {
         }
     }
 
-    /// PX4's own checks, few as they are. They need a home.
+    /// PX4's own checks; they need a home.
     pub(crate) fn check(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
         self.feasible = (!self.items.is_empty())
             .then(|| feasibility::fault(&self.items, view))
@@ -150,7 +151,7 @@ impl Mission {
         }
     }
 
-    /// A fence check that failed makes the plan infeasible.
+    /// The fence check has failed, so the plan is infeasible.
     pub(crate) fn reject(&mut self, text: String) -> Note {
         self.feasible = Some(text.clone());
         Note::Critical(text)
@@ -170,8 +171,8 @@ impl Mission {
 
     /// The mode has been entered.
     pub(crate) fn activate(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
-        // A mission at its last item starts again from the first one, but only if the vehicle has been disarmed since:
-        // entering the mode again in the air continues where it was.
+        // A mission at its last item starts again from the first one only if the vehicle has been disarmed since. If
+        // the mode is entered again in the air, the mission continues where it was.
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
             self.jumps.fill(0);
@@ -201,7 +202,7 @@ impl Mission {
         self.reached_at = None;
         self.hold = None;
         self.reached = None;
-        // PX4 forgets it too, while its gimbal still looks there (mission_base.cpp, reset_vroi).
+        // PX4 resets it as well, although its gimbal continues to point there (mission_base.cpp, reset_vroi).
         self.roi = None;
         if !self.is_valid() {
             let then = if view.landed {
@@ -223,7 +224,7 @@ impl Mission {
         self.start_item(view, notes, true);
     }
 
-    /// Sets the work of the current item up.
+    /// Prepares the current item.
     fn start_item(&mut self, view: &View<'_>, notes: &mut Vec<Note>, activation: bool) {
         self.reached_at = None;
         self.work = Work::Item;
@@ -252,7 +253,7 @@ impl Mission {
         }
         self.from = if activation { view.position } else { self.from };
         match (item.command, view.airframe) {
-            // A plane glides down from where it is; a VTOL flies there on its wings first.
+            // A plane glides down from where it is; a VTOL first flies to above the point on its wings.
             (LAND, Airframe::Plane) => {
                 self.from = view.position;
                 self.work = Work::Landing;
@@ -272,7 +273,7 @@ impl Mission {
     }
 
     fn progress(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
-        // One item a step, as PX4's navigator takes one a cycle.
+        // One item for each step, like one for each cycle of PX4's navigator.
         let Some(item) = self.items.get(self.index).copied() else {
             return;
         };
@@ -301,7 +302,7 @@ impl Mission {
                 }
             }
             Work::Landing => {
-                // A VTOL turns back where it still comes to a stop over the place.
+                // A VTOL starts its back transition early enough to stop over the place.
                 if view.vtol.is_some() && view.airframe == Airframe::Plane {
                     let speed = view.velocity.horizontal();
                     let stops = speed * speed / (2.0 * BRAKE_M_S2) + view.acceptance();
@@ -373,7 +374,7 @@ impl Mission {
             TRANSITION => {
                 (view.airframe == Airframe::Plane) == to_wings(item) || view.vtol.is_none()
             }
-            // It leaves its circle at its altitude, on the tangent to the next place.
+            // A plane leaves its circle once it is at the altitude and on the tangent to the next place.
             LOITER_TO_ALT if view.airframe == Airframe::Plane && item.params[0] > 0.0 => {
                 self.is_near(item, view) && self.heads_on(view)
             }
@@ -404,7 +405,7 @@ impl Mission {
         (view.airframe == Airframe::Plane) == to_wings(item)
     }
 
-    /// Whether it flies towards the place after the current one.
+    /// Whether it flies toward the place after the current one.
     fn heads_on(&self, view: &View<'_>) -> bool {
         let Some(next) = self.place_from(self.index + 1, view) else {
             return true;
@@ -413,7 +414,8 @@ impl Mission {
         off.abs() < TANGENT_RAD
     }
 
-    /// DO_GO_AROUND: the place above the touch-down that a plane loiters about then; none where it does not glide.
+    /// DO_GO_AROUND: the place above the touch-down around which a plane then loiters; `None` where it does not
+    /// glide.
     pub(crate) fn abort_landing(&mut self, view: &View<'_>) -> Option<Ned> {
         let item = self.items.get(self.index).copied()?;
         let glides = self.running && item.command == LAND && view.airframe == Airframe::Plane;
@@ -450,7 +452,7 @@ impl Mission {
         }
     }
 
-    /// What a command without a place does.
+    /// Carries out a command without a place.
     fn apply(&mut self, item: &Item, view: &View<'_>, notes: &mut Vec<Note>) {
         match item.command {
             SET_ROI_LOCATION => self.roi = Some(place(item, view)),
@@ -487,7 +489,8 @@ impl Mission {
         let heading = if yaw.is_finite() && has_place(item) && item.command != TAKEOFF {
             Heading::To(yaw.to_radians())
         } else {
-            // MIS_MNT_YAW_CTL is 0 (mission_base.cpp, heading_sp_update): of multicopters, and of no take-off or landing.
+            // MIS_MNT_YAW_CTL is 0, so PX4 turns the nose (mission_base.cpp, heading_sp_update): for multicopters
+            // only, and not during take-off and landing.
             match self.roi.filter(|_| view.airframe != Airframe::Plane) {
                 Some(roi) if !matches!(item.command, TAKEOFF | VTOL_TAKEOFF | TRANSITION) => {
                     Heading::To((roi - view.position).bearing())
@@ -528,7 +531,7 @@ impl Mission {
         }
     }
 
-    /// A plane along its glide, a VTOL level until it hovers, the others straight down.
+    /// A plane descends along its glide, a VTOL flies level until it hovers, all others descend vertically.
     fn come_down(&self, item: &Item, view: &View<'_>, speed: f64) -> Guidance {
         let target = place(item, view);
         let leg = Leg::to(target, view.acceptance(), speed);
@@ -548,7 +551,7 @@ impl Mission {
                     speed,
                 )
             }),
-            // Over the place first: it has come to a stop near it.
+            // First to above the place: the back transition ends near it.
             (_, VTOL_LAND) if (target - view.position).horizontal() > OVER_M => {
                 Guidance::Leg(Leg::to(
                     Ned {
@@ -564,7 +567,7 @@ impl Mission {
     }
 
     fn along(&self, item: &Item, view: &View<'_>, speed: f64) -> Guidance {
-        // PX4 keeps the place that it has, and does not look ahead to the next.
+        // PX4 keeps its present place, and does not look ahead to the next.
         if item.command == DELAY {
             return loiter(self.from, view);
         }
@@ -601,7 +604,7 @@ impl Mission {
         let here = self.place_index(self.index)?;
         let next = self.place_index(here + 1)?;
         let target = place(&self.items[next], view);
-        // PX4 flies to a landing point at the height it comes from.
+        // PX4 flies to a landing point at the height at which it arrives.
         Some(if matches!(self.items[next].command, LAND | VTOL_LAND) {
             Ned {
                 d: place(&self.items[here], view).d,
@@ -612,7 +615,7 @@ impl Mission {
         })
     }
 
-    /// Follows jumps as they would be taken, without taking them.
+    /// The index after jumps, without counting them as taken.
     fn place_index(&self, mut index: usize) -> Option<usize> {
         for _ in 0..=self.items.len() {
             let item = self.items.get(index)?;
@@ -636,7 +639,7 @@ impl Mission {
         (left && to >= 0.0 && (to as usize) < self.items.len()).then_some(to as usize)
     }
 
-    /// The item to continue with at `index`, jumps taken.
+    /// The index of the item with which to continue at `index`; jumps count as taken.
     fn next_index(&mut self, mut index: usize) -> Option<usize> {
         for _ in 0..=self.items.len() {
             let item = self.items.get(index)?;
@@ -657,12 +660,12 @@ impl Mission {
     }
 }
 
-/// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW, else a hover.
+/// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW; any other value is a hover.
 fn to_wings(item: &Item) -> bool {
     item.params[0].round() as i64 == 4
 }
 
-/// So near the tangent a plane leaves its circle, rad.
+/// A plane leaves its circle this close to the tangent, rad.
 const TANGENT_RAD: f64 = 0.2;
-/// So near the place a VTOL comes down, m.
+/// A VTOL descends this close to the place, m.
 const OVER_M: f64 = 2.0;

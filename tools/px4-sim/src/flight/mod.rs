@@ -1,14 +1,14 @@
 //! PX4's flight stack: which mode is flown, and where the vehicle goes in it.
 //!
 //! - [`mode`]: PX4's modes with their names and numbers.
-//! - [`view`]: what the navigator knows of the vehicle, and the notes that it leaves for it.
-//! - [`commander`]: arming, the mode that is flown as against the mode that was requested, failsafes.
+//! - [`view`]: what the navigator knows of the vehicle, and the notes that it returns.
+//! - [`commander`]: arming, the flown mode beside the requested mode, failsafes.
 //! - [`items`]: what the items of an uploaded plan mean in the local frame; the geofence.
 //! - [`mission`]: which item is current, where it leads, when it is done.
-//! - [`navigator`]: the modes in which the vehicle finds its own way.
+//! - [`navigator`]: the automatic modes.
 //! - [`steering`]: sticks and OFFBOARD setpoints.
 //!
-//! Nothing here sends a message: texts and mode changes leave as notes, which the vehicle delivers.
+//! Nothing here sends a message: texts and mode changes are returned as notes, which the vehicle sends.
 
 pub(crate) mod commander;
 pub(crate) mod feasibility;

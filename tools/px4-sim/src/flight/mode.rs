@@ -32,7 +32,7 @@ macro_rules! modes {
 
 // Main mode, sub mode, standard mode, title; in the order of AVAILABLE_MODES.mode_index, the last is not in it.
 modes! {
-    /// Sticks to attitude; named only, see `docs/guide/simulator.md`.
+    /// Sticks to attitude; a name only, see `docs/guide/simulator.md`.
     Manual = 1, 0, MAV_STANDARD_MODE_NON_STANDARD, "Manual";
     /// Sticks to attitude and climb.
     AltCtl = 2, 0, MAV_STANDARD_MODE_ALTITUDE_HOLD, "Altitude";
@@ -45,11 +45,11 @@ modes! {
     Loiter = 4, 3, MAV_STANDARD_MODE_NON_STANDARD, "Hold";
     /// Going home.
     Rtl = 4, 5, MAV_STANDARD_MODE_SAFE_RECOVERY, "Return";
-    /// Named only.
+    /// A name only.
     Acro = 5, 0, MAV_STANDARD_MODE_NON_STANDARD, "Acro";
     /// Setpoints from outside.
     Offboard = 6, 0, MAV_STANDARD_MODE_NON_STANDARD, "Offboard";
-    /// Named only.
+    /// A name only.
     Stabilized = 7, 0, MAV_STANDARD_MODE_NON_STANDARD, "Stabilized";
     /// Climbing from the ground.
     Takeoff = 4, 2, MAV_STANDARD_MODE_TAKEOFF, "Takeoff";
@@ -57,7 +57,7 @@ modes! {
     VtolTakeoff = 4, 10, MAV_STANDARD_MODE_NON_STANDARD, "VTOL Takeoff";
     /// Keeping a course over ground, an altitude and an air speed.
     Course = 4, 19, MAV_STANDARD_MODE_NON_STANDARD, "Course";
-    /// Coming down here.
+    /// Landing at the present place.
     Land = 4, 6, MAV_STANDARD_MODE_LAND, "Land";
     /// Circling a point (multicopter only).
     Orbit = 3, 1, MAV_STANDARD_MODE_ORBIT, "Orbit";
@@ -92,7 +92,7 @@ impl Mode {
         match (main, sub) {
             (4, 0) => Ok(Self::Mission),
             (4, _) => find((4, sub)).ok_or(UnknownMode::Auto),
-            // Of the others PX4 does not look at the sub mode.
+            // PX4 ignores the sub mode of the other main modes.
             (1..=7, _) => find((main, 0)).ok_or(UnknownMode::Main),
             _ => Err(UnknownMode::Main),
         }
@@ -107,7 +107,7 @@ impl Mode {
                 bits |= MavModeFlag::MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
                     | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
             }
-            // Stabilised only while it flies: the attitude controller has no setpoint before.
+            // Stabilised only in flight: the attitude controller has no setpoint before.
             Self::Offboard | Self::Orbit => {
                 if armed {
                     bits |= MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
@@ -132,7 +132,7 @@ impl Mode {
         bits
     }
 
-    /// The mode of DO_SET_STANDARD_MODE param1, where there is one.
+    /// The mode for DO_SET_STANDARD_MODE param1, where there is one.
     pub fn from_standard(standard: u32) -> Option<Self> {
         let mut named = Self::ALL.iter().copied().filter(|_| standard != 0);
         named.find(|mode| mode.standard_mode() as u32 == standard)

@@ -1,6 +1,6 @@
-//! The modes in which the vehicle finds its own way: take-off, hold, mission, return, land, orbit.
+//! The automatic modes: take-off, hold, mission, return, land, orbit.
 //!
-//! One step takes a view of the vehicle and returns where to go, where to look, and the mode that follows.
+//! One step takes a view of the vehicle and returns the guidance, the heading, and the mode that follows.
 
 use mavlink_link::service::mission::Item;
 
@@ -15,9 +15,9 @@ use crate::physics::trajectory::{Circle, Guidance, Heading, Leg};
 /// The target of DO_REPOSITION.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reposition {
-    /// Local target; a component that is NaN stays as it is.
+    /// Local target; a component that is NaN keeps the present value.
     pub target: Ned,
-    /// Heading, radians, NaN for toward the target.
+    /// Heading, radians; NaN means toward the target.
     pub yaw: f64,
     /// Ground speed, m/s, where given.
     pub speed: Option<f64>,
@@ -28,7 +28,7 @@ pub(crate) struct Reposition {
 }
 
 impl Reposition {
-    /// To this place, and nothing more.
+    /// A flight to this place, and nothing else.
     pub(crate) fn to(target: Ned) -> Self {
         Self {
             target,
@@ -43,9 +43,9 @@ impl Reposition {
 /// The result of a step.
 #[derive(Debug)]
 pub(crate) struct Step {
-    /// Where to go.
+    /// How to move.
     pub guidance: Guidance,
-    /// Where to look.
+    /// Where to point the nose.
     pub heading: Heading,
     /// The mode is finished; this one follows.
     pub then: Option<Mode>,
@@ -60,10 +60,10 @@ enum Return {
     Land,
 }
 
-/// How far a VTOL's take-off has come.
+/// The phase of a VTOL's take-off.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum VtolTakeoff {
-    /// Hovering up to this height (local down), before a transition towards this place.
+    /// Climbing on its rotors to this height (local down), before a transition toward this place.
     Hover(f64, Ned),
     Transition(Ned),
     /// Climbing to its loiter.
@@ -72,7 +72,7 @@ enum VtolTakeoff {
     Done,
 }
 
-/// The navigator; the default has nothing active and no mission.
+/// The navigator; the default has no active mode and no mission.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Navigator {
     /// The mission and its progress.
@@ -88,16 +88,17 @@ pub(crate) struct Navigator {
     course_d: f64,
     lobe: bool,
     homeward: Return,
-    /// Rally points, as they were uploaded.
+    /// Rally points, as uploaded.
     rally: Vec<Item>,
-    /// Where it returns to: home, or a rally point.
+    /// The destination of a return: home, or a rally point.
     destination: Ned,
     orbit: Option<Circle>,
     speed: Option<f64>,
 }
 
 impl Navigator {
-    /// NAV_TAKEOFF's altitude, AMSL; none is MIS_TAKEOFF_ALT above here. A plane loiters about `place` then.
+    /// NAV_TAKEOFF's altitude, AMSL; `None` means MIS_TAKEOFF_ALT above the present place. A plane then loiters
+    /// around `place`.
     pub(crate) fn set_takeoff(&mut self, amsl: Option<f64>, place: Option<Ned>) {
         self.takeoff_altitude = amsl;
         self.takeoff_place = place;
@@ -119,7 +120,7 @@ impl Navigator {
         self.course_d = d;
     }
 
-    /// The loiter that is flown now.
+    /// The loiter of now, as a target.
     pub(crate) fn kept_loiter(&self) -> Reposition {
         let kept = self.reposition.unwrap_or(Reposition::to(self.hold));
         Reposition {
@@ -136,7 +137,7 @@ impl Navigator {
         }
     }
 
-    /// Another plan of rally points is stored.
+    /// A new plan of rally points is stored.
     pub(crate) fn set_rally(&mut self, items: &[Item]) {
         self.rally = items.to_vec();
     }
@@ -146,7 +147,7 @@ impl Navigator {
         self.orbit = Some(orbit);
     }
 
-    /// The orbit that is flown.
+    /// The present orbit.
     pub(crate) fn orbit(&self) -> Option<Circle> {
         self.orbit
     }
@@ -192,7 +193,8 @@ impl Navigator {
                 if notes.contains(&Note::ReturnHome) {
                     then = Some(Mode::Rtl);
                 } else if !self.mission.is_valid() || (self.mission.is_finished() && !view.landed) {
-                    // As observed: a mission that ends in the air leaves PX4 in AUTO.LOITER, and so does one that is cleared.
+                    // As observed, a mission that ends in the air leaves PX4 in AUTO.LOITER, and so does one that is
+                    // cleared.
                     then = Some(Mode::Loiter);
                 }
                 flown
@@ -285,13 +287,13 @@ impl Navigator {
         (guidance, heading)
     }
 
-    /// The circle of the end of a figure eight that is flown now: one clockwise, the other counter-clockwise.
+    /// The circle at the present end of a figure eight: one is clockwise, the other counter-clockwise.
     fn lobe_of(&mut self, [half, radius, axis]: [f64; 3], view: &View<'_>) -> Circle {
         let off = view.position - self.hold;
         let along = off.n * axis.cos() + off.e * axis.sin();
         let v = view.velocity;
         let towards = (v.n * axis.cos() + v.e * axis.sin()) / v.horizontal().max(1.0);
-        // It has flown round an end when it heads back past its centre: on to the other one.
+        // An end is done once the vehicle heads back past its centre: the other end follows.
         let past = half - radius + PAST_M;
         if self.lobe && towards < -STRAIGHT && along < past {
             self.lobe = false;
@@ -311,7 +313,7 @@ impl Navigator {
         }
     }
 
-    /// Straight on along the course, wherever that leads.
+    /// Straight on along the course, without an end.
     fn keep_course(&self, view: &View<'_>) -> (Guidance, Heading) {
         let far = Ned::new(
             view.position.n + AHEAD_M * self.course.cos(),
@@ -391,7 +393,7 @@ impl Navigator {
             ));
             d = view.position.d;
         }
-        // A plane cannot climb on the spot: it takes off toward a point ahead.
+        // A plane cannot climb vertically: it takes off toward a point ahead.
         let ahead = if view.airframe == Airframe::Plane {
             400.0
         } else {
@@ -408,7 +410,8 @@ impl Navigator {
     fn take_off(&mut self, view: &View<'_>, then: &mut Option<Mode>) -> (Guidance, Heading) {
         let to_go = view.position.d - self.takeoff_target.d;
         let height = view.home.d - self.takeoff_target.d;
-        // Half the height, for take-offs lower than the acceptance: they would be finished on the ground.
+        // Half the height for take-offs lower than the acceptance height: they would otherwise be finished on the
+        // ground.
         let margin = match view.airframe {
             Airframe::Quad | Airframe::Vtol => {
                 view.altitude_acceptance().min((height / 2.0).max(0.1))
@@ -418,7 +421,7 @@ impl Navigator {
         if !view.landed && to_go < margin {
             self.mission.set_finished(true);
             *then = Some(Mode::Loiter);
-            // A plane loiters about the place of the command, where it gave one.
+            // A plane loiters around the place in the command, where it has one.
             let place = self.takeoff_place.take();
             self.reposition = place
                 .filter(|_| view.airframe == Airframe::Plane)
@@ -486,7 +489,7 @@ impl Navigator {
                     Airframe::Quad | Airframe::Vtol => off.horizontal() < 1.0,
                     Airframe::Plane => true,
                 };
-                // RTL_LAND_DELAY -1, as wings come: it loiters there.
+                // RTL_LAND_DELAY is -1 by default on wings: the vehicle loiters there.
                 let lands = view.params.get(Param::RTL_LAND_DELAY) >= 0.0;
                 if lands && near && view.position.d > d - view.altitude_acceptance() {
                     notes.push(Note::Info("RTL: land at destination\t".into()));
@@ -520,7 +523,7 @@ impl Navigator {
     }
 }
 
-/// Where the vehicle comes to rest if it brakes now.
+/// The place where the vehicle stops if it brakes now.
 fn stopping_point(view: &View<'_>) -> Ned {
     if view.airframe == Airframe::Plane {
         return view.position;
@@ -543,15 +546,16 @@ fn fly_to(target: Ned, view: &View<'_>) -> Guidance {
     }
 }
 
-/// Where PX4 v1.18 returns to (`RTL::findRtlDestination`), without a mission landing, which is not simulated: the nearest of
-/// home and the rally points, as RTL_TYPE has it. The first of two counts unless the second is nearer by 2 m.
+/// The destination of a return in PX4 v1.18 (`RTL::findRtlDestination`), without a mission landing, which is not
+/// simulated: the nearest of home and the rally points, as RTL_TYPE selects them. The first of two counts unless the
+/// second is nearer by 2 m.
 fn destination(rally: &[Item], view: &View<'_>) -> Ned {
     let rtl_type = view.params.int(Param::RTL_TYPE);
     if matches!(rtl_type, 2 | 4) {
         return view.home;
     }
     let away = |at: Ned| (at - view.position).horizontal();
-    // RTL_TYPE 1 prefers any rally point to home, except of a VTOL that hovers.
+    // RTL_TYPE 1 prefers any rally point to home, except for a VTOL that hovers.
     let hovers = view.vtol.is_some() && view.airframe != Airframe::Plane;
     let home_counts = rtl_type != 5 && (rtl_type != 1 || hovers);
     let mut nearest = if home_counts {
@@ -559,14 +563,14 @@ fn destination(rally: &[Item], view: &View<'_>) -> Ned {
     } else {
         f64::INFINITY
     };
-    // Alone, RTL_TYPE 5 returns to where it is.
+    // With RTL_TYPE 5 and no rally point it returns to where it is.
     let mut to = match rtl_type {
         5 => view.position,
         _ => view.home,
     };
     for item in rally.iter().filter(|item| item.command == RALLY_POINT) {
         let at = items::place(item, view);
-        // Of home itself.
+        // A rally point this close to home counts as home.
         let near_home = (at - view.home).horizontal() <= 10.0 && rtl_type != 5;
         if !near_home && away(at) + 2.0 < nearest {
             (nearest, to) = (away(at), at);
@@ -577,7 +581,7 @@ fn destination(rally: &[Item], view: &View<'_>) -> Ned {
 
 const RALLY_POINT: u16 = 5100;
 
-/// The height (local down) at which PX4 returns: RTL_RETURN_ALT above where it returns to, lower close to it.
+/// The height (local down) of PX4's return: RTL_RETURN_ALT above the destination, lower close to it.
 fn return_height(to: Ned, view: &View<'_>) -> f64 {
     let home = to.d;
     let highest = home - view.params.get(Param::RTL_RETURN_ALT);
@@ -598,14 +602,15 @@ fn return_height(to: Ned, view: &View<'_>) -> f64 {
         }
         d.min(home - 2.0 * near)
     };
-    // Never lower than now, never higher than RTL_RETURN_ALT unless it is already.
+    // Never lower than the present height, and never higher than RTL_RETURN_ALT unless it already is.
     height.max(highest).min(view.position.d)
 }
 
-/// A course is flown to a place so far ahead, m.
+/// A course is flown toward a place this far ahead, m.
 const AHEAD_M: f64 = 20_000.0;
-/// A VTOL has turned towards its transition, rad: MIS_YAW_ERR as PX4 comes.
+/// A VTOL counts as turned toward its transition within this, rad: the default of MIS_YAW_ERR.
 const ALIGNED_RAD: f64 = 0.21;
-/// So much of its speed leads along a figure eight where it leaves an end, and so far before the end's centre it may, m.
+/// To leave an end of a figure eight, this share of the speed must point along its axis, and the vehicle may be this
+/// far before the end's centre, m.
 const STRAIGHT: f64 = 0.9;
 const PAST_M: f64 = 5.0;

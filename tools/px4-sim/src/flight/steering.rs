@@ -18,7 +18,7 @@ pub(crate) struct Sticks {
 }
 
 impl Sticks {
-    /// From the message; an axis that is INT16_MAX is not there and counts as centred.
+    /// From the message; an axis with INT16_MAX is absent and counts as centred.
     pub(crate) fn new(m: &MANUAL_CONTROL_DATA) -> Self {
         let axis = |v: i16| {
             if v == i16::MAX {
@@ -40,12 +40,12 @@ impl Sticks {
         }
     }
 
-    /// A climb is requested, without which the vehicle does not leave the ground.
+    /// A climb is requested; without one the vehicle stays on the ground.
     pub(crate) fn wants_up(&self) -> bool {
         self.up > DEADZONE
     }
 
-    /// The velocity that the sticks request, in the heading's frame.
+    /// The velocity that the sticks request, relative to the heading.
     pub(crate) fn guidance(&self, yaw: f64, params: &Params) -> (Guidance, Heading) {
         let speed = params.get(Param::MPC_VEL_MANUAL);
         let (forward, right) = (dead(self.forward) * speed, dead(self.right) * speed);
@@ -73,7 +73,7 @@ impl Sticks {
     }
 }
 
-/// What OFFBOARD flies: local frame, NaN where not commanded.
+/// A setpoint of OFFBOARD: local frame, NaN where not commanded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Setpoint {
     position: [Option<f64>; 3],
@@ -82,8 +82,8 @@ pub(crate) struct Setpoint {
 }
 
 impl Setpoint {
-    /// From SET_POSITION_TARGET_LOCAL_NED in LOCAL_NED (1) or BODY_NED (8) and BODY_FRD (12,
-    /// velocity only). `None` where nothing in it can be flown.
+    /// From SET_POSITION_TARGET_LOCAL_NED in LOCAL_NED (1), or BODY_NED (8) and BODY_FRD (12), the latter two with a
+    /// velocity only. `None` where nothing in it can be flown.
     pub(crate) fn from_local(m: &SET_POSITION_TARGET_LOCAL_NED_DATA, yaw: f64) -> Option<Self> {
         let mask = m.type_mask.bits();
         let mut position = pick([m.x, m.y, m.z], mask, 0);
@@ -140,7 +140,7 @@ impl Setpoint {
         })
     }
 
-    /// What to fly.
+    /// The guidance and heading for it.
     pub(crate) fn guidance(&self) -> (Guidance, Heading) {
         (
             Guidance::Steer {
@@ -151,7 +151,7 @@ impl Setpoint {
         )
     }
 
-    /// A climb is requested, without which the vehicle does not leave the ground.
+    /// A climb is requested; without one the vehicle stays on the ground.
     pub(crate) fn wants_up(&self, down: f64) -> bool {
         self.position[2].is_some_and(|d| d < down - 0.3)
             || self.velocity[2].is_some_and(|v| v < -0.1)
@@ -177,7 +177,7 @@ fn heading(yaw: f32, rate: f32, mask: u16) -> Heading {
     }
 }
 
-/// The middle tenth of a stick's range does nothing; the rest is stretched to the full range.
+/// The middle tenth of a stick's range counts as centred; the rest is scaled to the full range.
 fn dead(v: f64) -> f64 {
     if v.abs() < DEADZONE {
         0.0

@@ -1,7 +1,7 @@
-//! What the navigator knows of the vehicle, and the notes that it leaves for it.
+//! What the navigator knows of the vehicle, and the notes that it returns.
 //!
-//! The notes keep the flight stack free of messages: the vehicle turns them into STATUSTEXT, MISSION_ITEM_REACHED and mode
-//! changes.
+//! The notes keep the flight stack free of messages: the vehicle turns them into STATUSTEXT, MISSION_ITEM_REACHED and
+//! mode changes.
 
 use mavlink_link::service::mission::Item;
 
@@ -15,9 +15,9 @@ use crate::physics::vtol::VtolState;
 pub(crate) struct View<'a> {
     /// Time since boot, s.
     pub now: f64,
-    /// Believed position.
+    /// Estimated position.
     pub position: Ned,
-    /// Believed velocity.
+    /// Estimated velocity.
     pub velocity: Ned,
     /// Heading, radians.
     pub yaw: f64,
@@ -29,9 +29,9 @@ pub(crate) struct View<'a> {
     pub frame: &'a LocalFrame,
     /// Parameters.
     pub params: &'a Params,
-    /// What it is flown as now: a VTOL on its wings as a plane, else as a quadrotor.
+    /// The airframe of its present flight: a VTOL on its wings is a plane, otherwise a quadrotor.
     pub airframe: Airframe,
-    /// What it is.
+    /// The airframe itself.
     pub kind: Airframe,
     /// The state of a VTOL.
     pub vtol: Option<VtolState>,
@@ -59,7 +59,7 @@ impl View<'_> {
         }
     }
 
-    /// The way to a place, as nothing else is commanded.
+    /// A leg to a place with the defaults.
     pub(crate) fn leg(&self, target: Ned) -> Leg {
         Leg::to(target, self.acceptance(), self.cruise())
     }
@@ -82,7 +82,7 @@ pub(crate) enum Note {
     Transition { to_wings: bool },
 }
 
-/// Staying at a place: on it for a multicopter, round it on wings.
+/// The guidance to stay at a place: on it for a multicopter, around it on wings.
 pub(crate) fn loiter(at: Ned, view: &View<'_>) -> Guidance {
     match view.airframe {
         Airframe::Quad | Airframe::Vtol => Guidance::Leg(view.leg(at)),

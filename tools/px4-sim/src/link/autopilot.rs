@@ -12,7 +12,7 @@ use crate::config::Config;
 use crate::link::signing::{Admission, Refusal, Setup, Signing};
 use crate::vehicle::state::{Outgoing, Vehicle};
 
-/// Counts of one link.
+/// Counters of one link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LinkCounters {
     /// Frames sent.
@@ -23,9 +23,9 @@ pub struct LinkCounters {
     pub verified: u64,
     /// Frames accepted without a signature.
     pub unsigned: u64,
-    /// Frames of the four that need no signature, accepted with a bad one.
+    /// Frames with a bad signature, accepted because they are of the four messages that need none.
     pub badly_signed: u64,
-    /// Bytes that are no frame: bad checksum, unknown flag, MAVLink 1, unknown message.
+    /// Bytes that are not a frame: bad checksum, unknown flag, MAVLink 1, unknown message.
     pub not_frames: u64,
     /// Dropped: [`Refusal::Unsigned`].
     pub dropped_unsigned: u64,
@@ -37,12 +37,12 @@ pub struct LinkCounters {
     pub dropped_old_stream: u64,
     /// Dropped: [`Refusal::TooManyStreams`].
     pub dropped_too_many_streams: u64,
-    /// Datagrams from senders other than the partner; they are acted on.
+    /// Datagrams from other senders than the partner; PX4 acts on them.
     pub from_strangers: u64,
 }
 
 impl LinkCounters {
-    /// Everything that was dropped for its signature.
+    /// All frames that were dropped for their signature.
     pub fn refused(&self) -> u64 {
         self.dropped_unsigned
             + self.dropped_bad_signature
@@ -62,16 +62,16 @@ impl LinkCounters {
     }
 }
 
-/// One MAVLink instance of PX4. `A` is the address of a peer.
+/// One MAVLink instance of PX4. `A` is the type of a peer's address.
 #[derive(Debug)]
 struct Port<A> {
     parser: Parser,
-    /// The number of the next frame, by component.
+    /// The number of the next frame, for each component.
     sequences: BTreeMap<u8, u8>,
     /// This link's signing clock.
     clock: u64,
     remote: Option<A>,
-    /// The first sender, kept for life.
+    /// The first sender, kept as long as the process lives.
     partner: Option<A>,
     counters: LinkCounters,
 }
@@ -81,13 +81,13 @@ struct Port<A> {
 pub struct Transmit<A> {
     /// Which link, from 0.
     pub link: usize,
-    /// The address to send it to.
+    /// The destination.
     pub to: A,
-    /// How many bytes of the buffer.
+    /// Bytes used in the buffer.
     pub len: usize,
 }
 
-/// A PX4 as its links see it. Link 0 is the ground station's; its number is its signing link id.
+/// A PX4 behind its links. Link 0 is the ground station's; a link's number is its signing link id.
 #[derive(Debug)]
 pub struct Autopilot<A> {
     vehicle: Vehicle,
@@ -97,8 +97,8 @@ pub struct Autopilot<A> {
 }
 
 impl<A: Clone + PartialEq> Autopilot<A> {
-    /// Switches it on. `remotes` are the links: the address to which each sends before anything was received. A link
-    /// without one sends nothing until then.
+    /// Switches the vehicle on. `remotes` are the links: the address to which each one sends before it has received
+    /// anything. A link without one sends nothing until then.
     pub fn new(config: Config, signing: Signing, remotes: Vec<Option<A>>) -> Self {
         let clock = signing.stored_stamp();
         let ports = remotes
@@ -120,10 +120,10 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         }
     }
 
-    /// Switches it off and on again: it is back at home, the streams are forgotten, every signing clock is back at the
-    /// value in the key file, and it takes a new partner.
+    /// Switches it off and on again: the vehicle is at home again, the streams are forgotten, every signing clock is
+    /// reset to the value in the key file, and the next sender becomes the partner.
     pub fn restart(&mut self) {
-        // The card stays as it is.
+        // The card keeps its contents.
         let files = self.vehicle.files().clone();
         let config = self.vehicle.config.clone();
         self.vehicle = Vehicle::new(Config { files, ..config });
@@ -142,22 +142,22 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         &self.vehicle
     }
 
-    /// The vehicle, for changes that no link makes: another station beside this one, a failing sensor.
+    /// The vehicle, for changes that come over no link: another station, a failing sensor.
     pub fn vehicle_mut(&mut self) -> &mut Vehicle {
         &mut self.vehicle
     }
 
-    /// Counts of a link.
+    /// The counters of a link.
     pub fn counters(&self, link: usize) -> LinkCounters {
         self.ports.get(link).map(|p| p.counters).unwrap_or_default()
     }
 
-    /// The stamp that the link's next packet carries, 10 us units.
+    /// The timestamp of the link's next packet, in units of 10 us.
     pub fn signing_clock(&self, link: usize) -> Option<u64> {
         self.ports.get(link).map(|p| p.clock)
     }
 
-    /// Key and first stamp, as in use and on disk.
+    /// Key and first timestamp, as in use and on disk.
     pub fn signing(&self) -> &Signing {
         &self.signing
     }
@@ -177,15 +177,15 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         let Some(port) = self.ports.get_mut(link) else {
             return;
         };
-        // PX4 answers the first sender for the life of the process, also after that one has gone, and still obeys all
-        // others: a bridge must keep its port over restarts.
+        // PX4 answers the first sender as long as the process lives, even when that one has gone, and still obeys all
+        // others. So a bridge must keep its port over restarts.
         match &port.partner {
             None => port.partner = Some(from),
             Some(partner) if *partner != from => port.counters.from_strangers += 1,
             Some(_) => {}
         }
         let (taken, rekeyed) = port.take(bytes, &mut self.signing, &mut self.vehicle);
-        // The key file is shared, so every other link also restarts from its timestamp.
+        // All links share the key file, so every other link restarts from its timestamp too.
         if rekeyed {
             let clock = self.signing.stored_stamp();
             for (i, other) in self.ports.iter_mut().enumerate() {
@@ -202,8 +202,8 @@ impl<A: Clone + PartialEq> Autopilot<A> {
         }
     }
 
-    /// Writes the next frame to send into `out`. Every message goes out on every link that has
-    /// an address to send to, one frame a datagram.
+    /// Writes the next frame into `out`. Every message is sent on every link that has an address, one frame in each
+    /// datagram.
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<Transmit<A>> {
         loop {
             let (message, link) = match self.outgoing.take() {
@@ -224,7 +224,7 @@ impl<A: Clone + PartialEq> Autopilot<A> {
     }
 }
 
-/// An accepted message: the dialect's struct, or the payload where the structs refuse it.
+/// An accepted message: the dialect's struct, or the raw payload where the struct cannot hold it.
 struct Taken {
     from: Node,
     id: u32,
@@ -258,7 +258,7 @@ impl<A> Port<A> {
             }
             let from = Node::new(header.system_id, header.component_id);
             let content = view.message().map_err(|_| view.payload().to_vec());
-            // The key must take effect before the next frame of the same datagram is judged.
+            // The key must take effect before the next frame of the same datagram is checked.
             if let Ok(MavMessage::SETUP_SIGNING(setup)) = &content {
                 let result = signing.setup(setup, view.is_signed(), vehicle.commander.is_armed());
                 if matches!(result, Setup::Accepted | Setup::Disabled) {
@@ -291,7 +291,7 @@ impl<A> Port<A> {
             Outgoing::Component(component, _) => *component,
             _ => node.component,
         };
-        // Each component numbers its own.
+        // Each component has its own sequence numbers.
         let sequence = self.sequences.entry(component).or_default();
         let header = Header {
             seq: *sequence,
@@ -324,7 +324,7 @@ impl<A> Port<A> {
         let Some(key) = signing.key() else {
             return Some(len);
         };
-        // One more for each packet, not the time: only a verified frame on this link lifts the clock further.
+        // One more for each packet, independent of time: only a verified frame on this link raises the clock further.
         let stamp = Stamp::new(self.clock);
         self.clock += 1;
         self.counters.sent_signed += 1;

@@ -1,4 +1,4 @@
-//! The vehicle as its links see it: [`signing`] judges frames as PX4 v1.18 does, [`autopilot`] frames, signs and
+//! The vehicle behind its links: [`signing`] checks frames as PX4 v1.18 does, [`autopilot`] frames, signs and
 //! delivers them.
 
 pub(crate) mod autopilot;

@@ -1,10 +1,10 @@
-//! Signing as PX4 v1.18 does it, faults included: this is a model of the other side, not an example.
+//! Signing as PX4 v1.18 does it, faults included: a model of the other side, and no example to follow.
 //!
-//! - PX4's own packets carry the initial timestamp, plus one for each packet; only a verified packet on the same link lifts
-//!   it.
+//! - PX4's own packets carry the initial timestamp plus one for each packet; only a verified packet on the same link
+//!   raises it.
 //! - A new stream (system, component, link id) is accepted when it is at most 60 s behind the link's clock; there are 16
 //!   for the life of the process, whatever the key.
-//! - HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION are accepted unsigned, and badly signed too: a heartbeat proves nothing.
+//! - HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION are accepted unsigned, and badly signed too.
 //! - A refused frame is dropped silently: neither COMMAND_ACK nor STATUSTEXT.
 
 use mavlink::dialects::development::SETUP_SIGNING_DATA;
@@ -16,9 +16,9 @@ use mavlink_link::signing::{SigningKey, Stamp, verify};
 pub enum Refusal {
     /// No signature, and not one of the four that need none.
     Unsigned,
-    /// A signature that is not this key's.
+    /// The signature does not verify with this key.
     BadSignature,
-    /// A stamp not above the last one of its stream: a replay, or out of order.
+    /// The stamp is not above the last one of its stream: a replay, or out of order.
     OldStamp,
     /// A new stream more than 60 s behind this link's clock.
     OldStream,
@@ -29,11 +29,11 @@ pub enum Refusal {
 /// Why a frame was accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Admission {
-    /// Its signature and stamp are good.
+    /// Signature and stamp are valid.
     Verified,
     /// No key is set, or the message needs no signature.
     Unsigned,
-    /// Badly signed, but one of the four: accepted all the same.
+    /// Badly signed, but one of the four: still accepted.
     BadlySigned,
 }
 
@@ -64,7 +64,7 @@ impl Signing {
         Self::default()
     }
 
-    /// As with a key file: signed from the first packet, whose stamp is `initial` (10 us units).
+    /// As with a key file: signed from the first packet, whose stamp is `initial` (units of 10 us).
     pub fn with_key(key: SigningKey, initial: u64) -> Self {
         Self {
             key: Some(key),
@@ -78,17 +78,17 @@ impl Signing {
         self.key.as_ref()
     }
 
-    /// The stamp that a link starts with, now and after a restart.
+    /// The stamp with which a link starts, now and after a restart.
     pub fn stored_stamp(&self) -> u64 {
         self.stored_stamp
     }
 
-    /// Forgets the streams, as a restart does; key and initial stamp are on disk and stay.
+    /// Forgets the streams, as a restart does; key and initial stamp are on disk and are kept.
     pub fn restart(&mut self) {
         self.streams.clear();
     }
 
-    /// Judges a frame; `clock` is the link's own and is lifted by a verified one.
+    /// Checks a frame; `clock` is the link's own, and a verified frame raises it.
     pub fn admit(&mut self, frame: &FrameView<'_>, clock: &mut u64) -> Result<Admission, Refusal> {
         let Some(key) = &self.key else {
             return Ok(Admission::Unsigned);
@@ -106,7 +106,7 @@ impl Signing {
             return exempt(Admission::BadlySigned, Refusal::BadSignature);
         }
         let id = (header.system_id, header.component_id, signature.link_id);
-        // PX4 judges the stamp after the signature, so a forged frame cannot move a stream.
+        // PX4 checks the stamp after the signature, so a forged frame cannot move a stream.
         match self.admit_stamp(id, signature.stamp, *clock) {
             Ok(()) => {
                 *clock = (*clock).max(signature.stamp.get());
@@ -134,7 +134,7 @@ impl Signing {
         Ok(())
     }
 
-    /// SETUP_SIGNING, which PX4 accepts whatever its target is. `signed`: the frame carried a signature.
+    /// SETUP_SIGNING, which PX4 accepts whatever its target is. `signed` is whether the frame carried a signature.
     pub fn setup(&mut self, m: &SETUP_SIGNING_DATA, signed: bool, armed: bool) -> Setup {
         if armed {
             return Setup::Armed;

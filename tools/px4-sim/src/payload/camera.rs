@@ -9,18 +9,18 @@ use mavlink::dialects::development::{
 use super::gimbal::{Carrier, FromComponent};
 use crate::vehicle::command::{Answer, Command};
 
-/// Which sensors it has.
+/// The sensors of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Eo,
     EoIr,
 }
 
-/// A picture each so many seconds.
+/// A picture every so many seconds.
 #[derive(Debug, Clone, Copy)]
 struct Series {
     every_s: f64,
-    /// How many are left, where they are counted.
+    /// How many are left, where they are limited.
     left: Option<u32>,
     next: f64,
 }
@@ -31,7 +31,7 @@ pub(crate) struct Camera {
     gimbal: u8,
     kind: Kind,
     mode: CameraMode,
-    /// 0 to 100, where it moves to, and how fast on its own, a second.
+    /// Zoom, 0 to 100; where it moves to; and its speed by itself, per second.
     zoom: f64,
     zoom_to: Option<f64>,
     zoom_rate: f64,
@@ -123,7 +123,7 @@ impl Camera {
         }
     }
 
-    /// A command to this component.
+    /// Carries out a command to this component.
     pub(crate) fn execute(
         &mut self,
         command: &Command,
@@ -216,7 +216,7 @@ impl Camera {
         Answer::Accepted
     }
 
-    /// One, so many, or (0) one each `every_s` until they are stopped.
+    /// Takes one photograph, a number of them, or (0) one every `every_s` until they are stopped.
     fn photographs(&mut self, every_s: f64, count: f64, now: f64) -> Answer {
         let left = match count as i64 {
             1 => return self.photograph(),
@@ -255,7 +255,7 @@ impl Camera {
         if self.left_mib < IMAGE_MIB {
             return Answer::Failed;
         }
-        // It cannot take photographs in video mode, as its flags show.
+        // It takes no photographs in video mode, as its flags state.
         if self.mode != CameraMode::CAMERA_MODE_IMAGE {
             return Answer::TemporarilyRejected;
         }
@@ -311,7 +311,7 @@ impl Camera {
                     recording_time_ms: (recording * 1e3) as u32,
                     available_capacity: self.left_mib as f32,
                     video_status: u8::from(self.is_recording()),
-                    // Idle, or idle between two pictures of a series.
+                    // Idle, or idle between two photographs of a series.
                     image_status: if self.series.is_some() { 2 } else { 0 },
                     image_interval: self.series.map_or(0.0, |one| one.every_s as f32),
                     image_count: self.images as i32,
@@ -381,7 +381,7 @@ impl Camera {
         })
     }
 
-    /// Where its pictures would be.
+    /// The URI of its pictures; nothing is served there.
     fn stream_uri(&self) -> String {
         format!("rtsp://192.168.144.25:8554/camera{}", self.component)
     }
@@ -405,13 +405,13 @@ impl Camera {
     }
 }
 
-/// Sensor of 1/2.3 inch: at 5.54 mm it sees 60 degrees.
+/// A sensor of 1/2.3 inch: at 5.54 mm it has a field of view of 60 degrees.
 const SENSOR_MM: f64 = 6.4;
 const WIDE_MM: f64 = 5.543;
 const TIMES: f64 = 10.0;
 const COLUMNS: f64 = 1920.0;
 const ROWS: f64 = 1080.0;
-/// Zoom a second, of 100.
+/// Change of zoom per second, on the scale of 0 to 100.
 const ZOOM_RATE: f64 = 25.0;
 const CAPACITY_MIB: f64 = 30_000.0;
 const IMAGE_MIB: f64 = 8.0;

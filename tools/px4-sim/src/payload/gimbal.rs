@@ -1,8 +1,8 @@
 //! A gimbal of two axes, and its manager.
 //!
-//! It is kept as pitch and yaw in the level frame of the vehicle's heading: an ideal stabilisation, behind the drive's speed and
-//! the ends of its travel. What it is set to is in one of several frames (locked to the horizon and to north, or following the
-//! vehicle), and is worked out afresh as the vehicle turns.
+//! Its state is pitch and yaw in the level frame of the vehicle's heading: an ideal stabilisation, limited by the
+//! drive's speed and the ends of its travel. Its setpoint is in one of several frames (locked to the horizon and to
+//! north, or following the vehicle), and is converted again at each step as the vehicle turns.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6, PI};
 
@@ -19,14 +19,14 @@ use crate::vehicle::command::{Answer, Command};
 /// A message of a component.
 pub(crate) type FromComponent = (u8, MavMessage);
 
-/// What carries the gimbal, as it flies now.
+/// What carries the gimbal, in its present state.
 #[derive(Debug)]
 pub(crate) struct Carrier {
     /// Roll, pitch, yaw, rad.
     pub attitude: [f64; 3],
     /// Where it is, in its local frame.
     pub position: Ned,
-    /// That frame.
+    /// The local frame.
     pub frame: LocalFrame,
     /// Time since boot, s.
     pub now: f64,
@@ -38,7 +38,7 @@ impl Carrier {
     }
 }
 
-/// Who steers it.
+/// Who manages it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Manager {
     /// PX4's gimbal module, as component 1.
@@ -47,14 +47,14 @@ pub(crate) enum Manager {
     Own,
 }
 
-/// What it is set to.
+/// The setpoint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Setpoint {
     Neutral,
     Retract,
-    /// Pitch and yaw; locked to the horizon and to north, or following the vehicle.
+    /// Pitch and yaw, rad; locked to the horizon and to north, or following the vehicle.
     Angles([f64; 2], Lock),
-    /// Rates of both, since this time.
+    /// Rates of both, rad/s, and the time since which they apply.
     Rates([f64; 2], Lock, f64),
     /// A place, in the vehicle's local frame.
     Place(Ned),
@@ -76,7 +76,7 @@ pub(crate) struct Gimbal {
     level: [f64; 2],
     rates: [f64; 2],
     at_limit: [bool; 2],
-    /// The vehicle's heading in the step before: what is locked to north turns against it.
+    /// The vehicle's heading in the step before: a setpoint that is locked to north turns against it.
     heading: f64,
     now: f64,
     next_status: f64,
@@ -112,7 +112,7 @@ impl Gimbal {
         self.setpoint == Setpoint::Retract && (self.level[0] - RETRACTED_PITCH).abs() < 0.02
     }
 
-    /// Along what it looks: north, east, down.
+    /// The direction of its line of sight: north, east, down.
     pub(crate) fn sight(&self, carrier: &Carrier) -> [f64; 3] {
         turn(vector(self.level), [0.0, 0.0, carrier.attitude[2]])
     }
@@ -138,7 +138,7 @@ impl Gimbal {
         }
     }
 
-    /// Pitch and yaw that it is to take, in the level frame of the vehicle's heading.
+    /// The commanded pitch and yaw, in the level frame of the vehicle's heading.
     fn wanted(&mut self, dt: f64, carrier: &Carrier) -> [f64; 2] {
         let [roll, pitch, heading] = carrier.attitude;
         let following = |angles| angles_of(turn(vector(angles), [roll, pitch, 0.0]));
@@ -159,7 +159,8 @@ impl Gimbal {
                 level
             }
             Setpoint::Rates(rates, lock, since) => {
-                // PX4: a gimbal must not keep turning because its setpoint ended with a link.
+                // PX4 ends rates by itself: a gimbal must not keep turning because the link with its setpoints was
+                // lost.
                 if carrier.now - *since > RATES_END_S {
                     *rates = [0.0; 2];
                 }
@@ -178,7 +179,7 @@ impl Gimbal {
         }
     }
 
-    /// Whether its angles follow the body, and so are reported in its frame.
+    /// Whether its angles follow the vehicle, and so are reported in the vehicle's frame.
     fn follows(&self) -> bool {
         matches!(self.setpoint, Setpoint::Angles(_, lock) | Setpoint::Rates(_, lock, _) if !lock.pitch)
     }
@@ -271,7 +272,7 @@ impl Gimbal {
         })
     }
 
-    /// A command to the component of a gimbal that is its own manager.
+    /// Carries out a command to the component of a gimbal that is its own manager.
     pub(crate) fn execute_own(
         &mut self,
         command: &Command,
@@ -296,7 +297,8 @@ impl Gimbal {
         (self.execute(&command), Vec::new())
     }
 
-    /// A command to its manager. Of [`SET_ROI_LOCATION`] params 5 to 7 are metres in the local frame ([`place`]).
+    /// Carries out a command to its manager. Params 5 to 7 of [`SET_ROI_LOCATION`] are metres in the local frame
+    /// ([`place`]).
     pub(crate) fn execute(&mut self, command: &Command) -> Answer {
         let from = [command.from.system, command.from.component];
         match command.id {
@@ -317,7 +319,7 @@ impl Gimbal {
                 let flags = GimbalManagerFlags::from_bits_truncate(command.param(5) as u32);
                 let angle = |number| command.given(number).unwrap_or(0.0).to_radians();
                 let rates = match self.manager {
-                    // PX4 makes 0 of an angle that is not given, and returns to it with every step: rates alone have an effect
+                    // PX4 takes an absent angle as 0, and returns to it at every step: rates alone have an effect
                     // only by GIMBAL_MANAGER_SET_ATTITUDE.
                     Manager::Px4 => [None; 2],
                     Manager::Own => [3, 4].map(|number| command.given(number).map(f64::to_radians)),
@@ -368,7 +370,7 @@ impl Gimbal {
             yaw: flags.contains(F::GIMBAL_MANAGER_FLAGS_YAW_LOCK),
         };
         if flags.contains(F::GIMBAL_MANAGER_FLAGS_RETRACT) {
-            // PX4's manager acknowledges it and does nothing.
+            // PX4's manager acknowledges a retract and does nothing.
             if self.manager == Manager::Own {
                 self.setpoint = Setpoint::Retract;
             }
@@ -383,7 +385,8 @@ impl Gimbal {
     }
 }
 
-/// DO_SET_ROI_LOCATION with its place in the local frame, as the rest of it is kept. The altitude is AMSL, whatever the frame.
+/// DO_SET_ROI_LOCATION with its place converted to the local frame, in which the gimbal works. The altitude is AMSL,
+/// whatever the frame.
 pub(crate) fn place(command: &Command, carrier: &Carrier) -> Command {
     let mut command = *command;
     let [.., latitude, longitude, amsl] = command.params;
@@ -398,7 +401,7 @@ pub(crate) fn place(command: &Command, carrier: &Carrier) -> Command {
     command
 }
 
-/// The unit vector along pitch and yaw: forward, right, down.
+/// The unit vector for pitch and yaw: forward, right, down.
 fn vector([pitch, yaw]: [f64; 2]) -> [f64; 3] {
     let ((sp, cp), (sy, cy)) = (pitch.sin_cos(), yaw.sin_cos());
     [cp * cy, cp * sy, -sp]
@@ -431,7 +434,7 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(2.0 * PI) - PI
 }
 
-/// DO_GIMBAL_MANAGER_PITCHYAW, _CONFIGURE.
+/// DO_GIMBAL_MANAGER_PITCHYAW and DO_GIMBAL_MANAGER_CONFIGURE.
 pub(crate) const PITCHYAW: u16 = 1000;
 pub(crate) const CONFIGURE: u16 = 1001;
 pub(crate) const SET_ROI_LOCATION: u16 = 195;
@@ -442,5 +445,5 @@ const LIMITS: [[f64; 2]; 2] = [[-FRAC_PI_2, FRAC_PI_6], [-5.0 * FRAC_PI_6, 5.0 *
 const RETRACTED_PITCH: f64 = FRAC_PI_6;
 /// 60 degrees a second.
 const MAX_RATE: f64 = FRAC_PI_3;
-/// PX4's check_and_handle_setpoint_timeout.
+/// The timeout of PX4's check_and_handle_setpoint_timeout, s.
 const RATES_END_S: f64 = 2.0;

@@ -4,9 +4,10 @@
 //! (component 100). Station 2 is a smart payload, as PX4's manager drives one gimbal only: its gimbal (component 171) is its own
 //! manager, and carries an EO camera (component 101).
 //!
-//! - [`gimbal`]: how a gimbal moves, and what a gimbal manager takes. PX4's manager follows its source
-//!   (src/modules/gimbal/input_mavlink.cpp, v1.18): a command of who is not in primary control is DENIED, RETRACT is
-//!   acknowledged and not done, angles of NaN in DO_GIMBAL_MANAGER_PITCHYAW become 0, and rates end 2 s after they were set.
+//! - [`gimbal`]: how a gimbal moves, and what a gimbal manager accepts. PX4's manager follows its source
+//!   (src/modules/gimbal/input_mavlink.cpp, v1.18): a command of a sender that is not in primary control is DENIED,
+//!   RETRACT is acknowledged and not done, angles of NaN in DO_GIMBAL_MANAGER_PITCHYAW become 0, and rates end 2 s
+//!   after they were set.
 //! - [`camera`]: the camera protocol: modes, zoom, focus, photographs, video, storage.
 
 pub(crate) mod camera;
@@ -35,7 +36,7 @@ struct Station {
     camera: Camera,
 }
 
-/// Where a payload really looks, for tests and pictures.
+/// The true state of a payload, for tests and pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PayloadTruth {
     /// North, east, down: a unit vector.
@@ -72,7 +73,7 @@ impl Payloads {
         }
     }
 
-    /// What each really does, station 1 first.
+    /// The true state of each payload, station 1 first.
     pub(crate) fn truth(&self, carrier: &Carrier) -> Vec<PayloadTruth> {
         let truth = |station: &Station| PayloadTruth {
             sight: station.gimbal.sight(carrier),
@@ -86,7 +87,7 @@ impl Payloads {
         self.stations.iter().map(truth).collect()
     }
 
-    /// Leaves a camera so much storage, MiB.
+    /// Sets the storage that a camera has left, MiB.
     pub(crate) fn set_storage(&mut self, station: usize, left_mib: f64) {
         if let Some(station) = self.stations.get_mut(station) {
             station.camera.set_storage(left_mib);
@@ -114,7 +115,7 @@ impl Payloads {
         }
     }
 
-    /// A command to a component other than the autopilot: what answers it, and what it sends beside. `None` where there is no
+    /// A command to another component than the autopilot: the answer, and further messages. `None` where there is no
     /// such component.
     pub(crate) fn execute(
         &mut self,
@@ -133,14 +134,15 @@ impl Payloads {
         None
     }
 
-    /// A command to the autopilot that its gimbal manager takes. `None` where it has none: then nothing answers.
+    /// A command to the autopilot that its gimbal manager handles. `None` where it has no gimbal: then nothing
+    /// answers.
     pub(crate) fn execute_by_px4(&mut self, command: &Command) -> Option<Answer> {
         let mut gimbals = self.stations.iter_mut().map(|station| &mut station.gimbal);
         let gimbal = gimbals.find(|gimbal| gimbal.manager() == Manager::Px4)?;
         Some(gimbal.execute(command))
     }
 
-    /// GIMBAL_MANAGER_SET_ATTITUDE, which nothing answers.
+    /// GIMBAL_MANAGER_SET_ATTITUDE, which is never answered.
     pub(crate) fn set_attitude(
         &mut self,
         from: Node,

@@ -1,4 +1,4 @@
-//! Either airframe behind one set of calls, and the parameters that it flies by.
+//! The airframes behind one set of calls, and the parameters by which they fly.
 
 use curve_paths::flight::Npfg;
 
@@ -16,7 +16,7 @@ pub(crate) enum Body {
     Quad(Box<Quad>),
     /// Fixed wing.
     Plane(Box<Plane>),
-    /// Either.
+    /// Standard VTOL.
     Vtol(Box<Vtol>),
 }
 
@@ -101,7 +101,7 @@ impl Body {
         }
     }
 
-    /// Whether it is flown as a fixed wing: PX4's vehicle_type.
+    /// The airframe of its present flight: PX4's vehicle_type.
     pub(crate) fn flown_as(&self) -> Airframe {
         match self {
             Self::Quad(_) => Airframe::Quad,
@@ -111,14 +111,14 @@ impl Body {
         }
     }
 
-    /// Begins a transition, where it is a VTOL.
+    /// Begins a transition, if it is a VTOL.
     pub(crate) fn turn(&mut self, to_wings: bool) {
         if let Self::Vtol(vtol) = self {
             vtol.turn(to_wings);
         }
     }
 
-    /// Drops out of its wings; true where it was on them, or on the way there.
+    /// Leaves its wings at once (quad-chute); true where it was on them, or in transition to them.
     pub(crate) fn quad_chute(&mut self) -> bool {
         match self {
             Self::Vtol(vtol) if matches!(vtol.state, VtolState::Wings | VtolState::ToWings) => {
@@ -146,13 +146,13 @@ impl Body {
             (Self::Vtol(vtol), Tuning::Vtol(quad, plane)) => {
                 vtol.step(dt, guidance, heading, error, (quad, plane));
             }
-            // The tuning is made for the airframe at hand.
+            // Cannot occur: the tuning is read for the same airframe.
             _ => {}
         }
     }
 }
 
-/// The parameters that an airframe flies by.
+/// The parameters by which an airframe flies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Tuning {
     /// Of a quadrotor.
@@ -164,8 +164,8 @@ pub(crate) enum Tuning {
 }
 
 impl Tuning {
-    /// Reads them. PX4 stores whatever value is set, out of range too; a value that the formulas cannot take is replaced by
-    /// the nearest that they can.
+    /// Reads them. PX4 stores whatever value is set, even out of range; a value that the formulas cannot use is
+    /// replaced by the nearest one that they can.
     pub(crate) fn read(airframe: Airframe, p: &Params) -> Self {
         match airframe {
             Airframe::Quad => Self::Quad(quad(p)),

@@ -1,10 +1,10 @@
-//! How the vehicle moves: short formulas whose figures are those of the reference vehicle.
+//! How the vehicle moves: short formulas with the figures of the reference vehicle.
 //!
-//! From the bottom: [`motion`] (positions, frames, attitude), [`noise`] (what makes belief differ from truth),
+//! From the bottom: [`motion`] (positions, frames, attitude), [`noise`] (the difference between estimate and truth),
 //! [`trajectory`] (what is requested of an airframe, and PX4's smoothing of it), [`quad`] and [`plane`] (the two
-//! airframes), [`airframe`] (either of them behind one set of calls).
+//! airframes), [`airframe`] (any airframe behind one set of calls).
 //!
-//! Nothing here knows a mode, a message or a mission.
+//! Nothing here depends on a mode, a message or a mission.
 
 pub(crate) mod airframe;
 pub(crate) mod motion;

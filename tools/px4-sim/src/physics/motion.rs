@@ -1,7 +1,7 @@
-//! Where the vehicle is, how it moves and how it lies: positions on the globe and in the local frame, attitude.
+//! Position, motion and attitude of the vehicle: on the globe and in the local frame.
 //!
-//! The local frame is PX4's: north, east, down in metres, azimuthal equidistant on a sphere of 6,371,000 m about the
-//! place of boot. Everything above this file computes in it; degrees appear only where messages are read and written.
+//! The local frame is PX4's: north, east, down in metres, azimuthal equidistant on a sphere of 6,371,000 m around the
+//! place of boot. Everything above this file computes in it; degrees occur only where messages are read and written.
 
 /// Mean earth radius of PX4's projection, metres.
 pub(crate) const EARTH_RADIUS_M: f64 = 6_371_000.0;
@@ -201,11 +201,11 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    /// Takes a new attitude, and the rates from the change over `dt`.
+    /// Sets a new attitude, and the rates from the change over `dt`.
     pub(crate) fn turn_to(&mut self, attitude: [f64; 3], dt: f64) {
         for (i, new) in attitude.into_iter().enumerate() {
             let rate = wrap_pi(new - self.attitude[i]) / dt;
-            // A gyro is filtered as well: a step of the model is no step of the vehicle.
+            // Filtered, as a gyro is: a discrete step of the model is not a jump of the vehicle.
             self.rates[i] += (rate - self.rates[i]) * (dt / 0.05).min(1.0);
             self.attitude[i] = if i == 2 { wrap_pi(new) } else { new };
         }
@@ -218,7 +218,7 @@ pub(crate) fn tilt_for(f: Ned, yaw: f64) -> (f64, f64) {
     let (sin, cos) = yaw.sin_cos();
     let forward = f.n * cos + f.e * sin;
     let right = -f.n * sin + f.e * cos;
-    // In free fall there is no force to point upward: without a floor the tilt would jump.
+    // In free fall there is no force to point upward: without a lower limit the tilt would jump.
     let up = (-f.d).max(0.1);
     (right.atan2(forward.hypot(up)), (-forward).atan2(up))
 }

@@ -1,4 +1,4 @@
-//! Noise: what makes the vehicle's belief differ from the truth, and its flight from the planned path.
+//! Noise: the difference between the vehicle's estimate and the truth, and between its flight and the planned path.
 //!
 //! Everything random in a vehicle comes from generators seeded by [`Config::seed`](crate::Config::seed), one for each
 //! part, so that the same settings give the same flight to the last bit.
@@ -18,7 +18,8 @@ impl Noise {
         Self(SplitMix64::from_seed(seed.to_le_bytes()))
     }
 
-    /// Close to normal, standard deviation one: the sum of twelve uniforms, so at most six: gusts are bounded.
+    /// Nearly normal, with standard deviation one: the sum of twelve uniforms, so at most six in size, which bounds
+    /// the gusts.
     fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
@@ -29,7 +30,7 @@ impl Noise {
     }
 }
 
-/// Noise with a memory: first-order Gauss-Markov.
+/// Noise with memory: a first-order Gauss-Markov process.
 #[derive(Debug, Clone)]
 pub(crate) struct Drift {
     value: f64,
@@ -38,7 +39,7 @@ pub(crate) struct Drift {
 }
 
 impl Drift {
-    /// Zero now; wanders with deviation `sigma` and correlation time `tau_s`.
+    /// Starts at zero, and wanders with deviation `sigma` and correlation time `tau_s`.
     pub(crate) fn new(sigma: f64, tau_s: f64) -> Self {
         Self {
             value: 0.0,
@@ -47,7 +48,7 @@ impl Drift {
         }
     }
 
-    /// Steps by `dt_s` and gives the new value.
+    /// Advances by `dt_s` and returns the new value.
     pub(crate) fn step(&mut self, dt_s: f64, noise: &mut Noise) -> f64 {
         let keep = (-dt_s / self.tau_s).exp();
         self.value = self.value * keep + noise.normal() * self.sigma * (1.0 - keep * keep).sqrt();
@@ -55,7 +56,7 @@ impl Drift {
     }
 }
 
-/// What the vehicle believes of its position: the truth, and errors that wander slowly.
+/// The vehicle's estimate of its position: the truth, plus errors that wander slowly.
 #[derive(Debug, Clone)]
 pub(crate) struct Estimator {
     position: [Drift; 3],
@@ -64,7 +65,7 @@ pub(crate) struct Estimator {
 }
 
 impl Estimator {
-    /// Errors as a GNSS and inertial solution has them: decimetres, over tens of seconds.
+    /// Errors like those of a GNSS and inertial solution: decimetres, over tens of seconds.
     pub(crate) fn new(seed: u64) -> Self {
         let drifts = |all: [(f64, f64); 3]| all.map(|(sigma, tau_s)| Drift::new(sigma, tau_s));
         Self {
@@ -81,7 +82,7 @@ impl Estimator {
         }
     }
 
-    /// Believed position less true position.
+    /// Estimated position minus true position.
     pub(crate) fn position_error(&self) -> Ned {
         error(&self.position)
     }

@@ -1,5 +1,5 @@
-//! A fixed wing: it flies at an airspeed, turns by banking, drifts with the wind, and never stops
-//! before it has landed.
+//! A fixed wing: it flies at an airspeed, turns by banking, drifts with the wind, and never stops before it has
+//! landed.
 
 use curve_paths::flight::Npfg;
 
@@ -7,7 +7,7 @@ use crate::physics::motion::{GRAVITY, Motion, Ned};
 use crate::physics::noise::{Drift, Noise};
 use crate::physics::trajectory::{Circle, Guidance, Leg, Trajectory};
 
-/// What the guidance needs from the parameters.
+/// What the guidance uses of the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PlaneTuning {
     /// FW_AIRSPD_MIN, m/s.
@@ -29,20 +29,20 @@ pub(crate) struct PlaneTuning {
 pub(crate) struct Plane {
     /// The true motion.
     pub motion: Motion,
-    /// Where it is going.
+    /// The setpoint of its trajectory.
     pub target: Trajectory,
-    /// m/s.
+    /// Airspeed, m/s.
     pub airspeed: f64,
     climb: f64,
     bank: f64,
     wind: [f64; 2],
     turbulence: Drift,
     noise: Noise,
-    /// 0 to 1.
+    /// Throttle, 0 to 1.
     pub throttle: f64,
 }
 
-/// What the guidance law requests.
+/// The request of the guidance law.
 struct Demand {
     course: f64,
     climb: f64,
@@ -50,7 +50,7 @@ struct Demand {
 }
 
 impl Plane {
-    /// Stands on the ground at the origin.
+    /// On the ground at the origin.
     pub(crate) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         Self {
             motion: Motion {
@@ -68,7 +68,7 @@ impl Plane {
         }
     }
 
-    /// Continues a motion that another airframe has flown.
+    /// Continues the motion of another airframe.
     pub(crate) fn take_over(&mut self, motion: Motion, airspeed: f64) {
         self.motion = motion;
         self.airspeed = airspeed;
@@ -77,7 +77,7 @@ impl Plane {
         self.target.position = motion.position;
     }
 
-    /// Straight and level, faster or slower by `push` m/s2; true once it is as fast, or as slow, as `until`.
+    /// Flies straight and level, changing speed by `push` m/s2; true once the airspeed has reached `until`.
     pub(crate) fn glide_level(&mut self, dt: f64, push: f64, until: f64) -> bool {
         let demand = Demand {
             course: self.motion.attitude[2],
@@ -119,7 +119,7 @@ impl Plane {
                 climb: self.climb_to(circle.centre.d, believed, tuning),
                 airspeed: circle.speed,
             }),
-            // No stick or setpoint steering: straight and level.
+            // Steering by sticks or setpoints is not simulated on wings: it flies straight and level.
             Guidance::Steer { .. } => Some(Demand {
                 course: self.course(),
                 climb: 0.0,
@@ -134,7 +134,7 @@ impl Plane {
         }
     }
 
-    /// By PX4's own guidance law, so that a curve is flown with its lag.
+    /// Along a leg by PX4's own guidance law, so that a curve is flown with its lag.
     fn along(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Demand {
         self.target.position = leg.target;
         let flat = |at: Ned| [at.n, at.e];
@@ -148,7 +148,7 @@ impl Plane {
         }
     }
 
-    /// Along the leg down to its end, and on straight ahead until the ground is there; a leg without a beginning is landed
+    /// Along the leg down to its end, and straight on until the ground; a leg without a beginning is landed on
     /// straight ahead at once.
     fn glide_down(&mut self, leg: &Leg, believed: Ned, tuning: &PlaneTuning) -> Demand {
         let airspeed = leg.speed.min(tuning.airspeed_min * 1.2);
@@ -165,7 +165,7 @@ impl Plane {
             };
         }
         let course = self.along(leg, believed, tuning).course;
-        // The glide slope, and back to it.
+        // The glide slope, and the way back to it.
         let slope_d = leg.target.d - (leg.target.d - leg.from.d) * (along / length).min(1.0);
         let sinks = self.motion.velocity.horizontal() * line.d / length;
         let climb = -sinks + 0.4 * (believed.d - slope_d);
@@ -201,7 +201,7 @@ impl Plane {
             .airspeed
             .clamp(tuning.airspeed_min, tuning.airspeed_max);
         let airborne = self.motion.position.d < 0.0;
-        // Thrust gives about 3 m/s2; the nose comes up only with the speed to fly.
+        // Thrust gives about 3 m/s2; the nose rises only at flying speed.
         let push = (airspeed - self.airspeed).clamp(-1.5, 3.0);
         self.airspeed = (self.airspeed + push * dt).max(0.0);
         let flying = self.airspeed >= tuning.airspeed_min;
@@ -252,7 +252,7 @@ impl Plane {
         self.motion.turn_to([self.bank, pitch, heading], dt);
     }
 
-    /// On its wheels, braking; or gliding down where the motor was stopped in the air.
+    /// Brakes on its wheels; glides down where the motor was stopped in the air.
     fn roll_out(&mut self, dt: f64) {
         self.throttle = 0.0;
         self.bank -= self.bank * dt;
@@ -285,7 +285,7 @@ impl Plane {
     }
 }
 
-/// Course round a circle: along its tangent, bent inward or outward by the distance from it.
+/// The course around a circle: along its tangent, corrected inward or outward by the distance from it.
 fn round(circle: &Circle, at: Ned) -> f64 {
     let out = at - circle.centre;
     let r = circle.radius.abs().max(10.0);

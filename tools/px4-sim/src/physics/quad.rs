@@ -1,11 +1,11 @@
-//! A quadrotor: it follows a trajectory as PX4's controllers make it, a little late and a little
-//! off, tilts into its acceleration, and stands on flat ground at the height of its home.
+//! A quadrotor: it follows a trajectory as PX4's controllers do, with some lag and error, tilts with its
+//! acceleration, and lands on flat ground at the height of its home.
 
 use crate::physics::motion::{GRAVITY, Motion, Ned, tilt_for, wrap_pi};
 use crate::physics::noise::{Drift, Noise};
 use crate::physics::trajectory::{Circle, Guidance, Heading, Limits, Trajectory, braking_speed};
 
-/// What the controllers need from the parameters.
+/// What the controllers use of the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct QuadTuning {
     /// Limits of the trajectory.
@@ -41,14 +41,14 @@ pub(crate) struct Quad {
     /// Heading setpoint, radians.
     pub heading: f64,
     heading_rate: f64,
-    /// Acceleration that the rotors give besides holding the weight.
+    /// Acceleration of the rotors beyond what holds the weight.
     push: Ned,
     /// What the integrators of the velocity controllers add against drag and wind.
     trim: Ned,
     wind: [f64; 2],
     gusts: [Drift; 3],
     noise: Noise,
-    /// 0 to 1.
+    /// Throttle, 0 to 1.
     pub throttle: f64,
 }
 
@@ -60,7 +60,7 @@ enum Steering {
 }
 
 impl Quad {
-    /// Stands on the ground at the origin.
+    /// On the ground at the origin.
     pub(crate) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         let motion = Motion {
             attitude: [0.0, 0.0, heading],
@@ -85,7 +85,7 @@ impl Quad {
         }
     }
 
-    /// Continues a motion that another airframe has flown.
+    /// Continues the motion of another airframe.
     pub(crate) fn take_over(&mut self, motion: Motion) {
         self.motion = motion;
         self.trajectory.reset(motion.position, motion.velocity);
@@ -94,8 +94,7 @@ impl Quad {
         (self.push, self.trim) = (Ned::default(), Ned::default());
     }
 
-    /// One step. `error` is the estimator's present position error: the controllers steer by what
-    /// they believe.
+    /// One step. `error` is the estimator's present position error: the controllers use the estimate, not the truth.
     pub(crate) fn step(
         &mut self,
         dt: f64,
@@ -140,8 +139,8 @@ impl Quad {
             Guidance::Leg { .. } | Guidance::Land { .. } | Guidance::Climb { .. } => Steering::Leg,
             _ => Steering::Other,
         };
-        // Between legs the trajectory continues from where it is: a restart at each waypoint would stop the setpoint
-        // there. It restarts on leaving the ground, and where another kind of steering left it more than 3 m away.
+        // Between legs the trajectory continues, since a restart at each waypoint would stop the setpoint there. It
+        // restarts on leaving the ground, and where another kind of steering has left it more than 3 m away.
         if kind != self.steering {
             let at = self.motion.position;
             if self.steering == Steering::Ground {
@@ -157,7 +156,7 @@ impl Quad {
             Guidance::Ground => {}
             Guidance::Leg(leg) => self.trajectory.follow(dt, leg, believed, &limits),
             Guidance::Climb(leg) => {
-                // MPC_TKO_SPEED holds below MPC_LAND_ALT1 only, and the ramp builds it up.
+                // MPC_TKO_SPEED limits the climb below MPC_LAND_ALT1 only, and the ramp builds it up.
                 if above_ground < tuning.land_altitudes[0] {
                     limits.climb = tuning.takeoff_speed;
                     limits.acc_up = tuning.takeoff_speed / tuning.takeoff_ramp;
@@ -182,7 +181,7 @@ impl Quad {
                 let r = out.horizontal().max(0.1);
                 let (un, ue) = (out.n / r, out.e / r);
                 let side = radius.signum();
-                // Toward the circle first, then round it.
+                // Toward the circle first, then around it.
                 let outward = (0.6 * (radius.abs() - r)).clamp(-speed.abs(), speed.abs());
                 let round = (speed * speed - outward * outward).max(0.0).sqrt() * side;
                 let climb = (1.0 * (centre.d - self.trajectory.position.d))
@@ -193,7 +192,7 @@ impl Quad {
         }
     }
 
-    /// Fast above the first height, slow below the second, crawling below the third.
+    /// Fast above the first altitude, slow below the second, at crawl speed below the third.
     fn landing_speed(&self, tuning: &QuadTuning) -> f64 {
         let height = -self.motion.position.d;
         let [high, low, crawl] = tuning.land_altitudes;
@@ -204,8 +203,8 @@ impl Quad {
         tuning.land_speed + share * (tuning.limits.sink - tuning.land_speed)
     }
 
-    /// Velocity that a steering setpoint requests: a position pulls, a velocity leads, and an
-    /// axis with neither stops.
+    /// The velocity that a steering setpoint requests: from the distance to a position, from a velocity, or from
+    /// both; an axis with neither stops.
     fn steered(
         &self,
         position: &[Option<f64>; 3],
@@ -217,7 +216,7 @@ impl Quad {
             let lead = velocity[i].unwrap_or(0.0);
             lead + position[i].map_or(0.0, |p| gain * (p - here))
         };
-        // Far away it comes no faster than it can brake.
+        // Far away it approaches no faster than it can brake.
         let gain = match (position[0], position[1]) {
             (Some(n), Some(e)) => {
                 let far = (n - at.n).hypot(e - at.e).max(0.1);
@@ -299,13 +298,13 @@ impl Quad {
             desired.e *= GRAVITY / tilt;
         }
         desired.d = desired.d.clamp(-8.0, 6.0);
-        // Attitude answers with a delay, thrust faster.
+        // Attitude responds with a delay, thrust faster.
         let (slow, fast) = ((dt / 0.15).min(1.0), (dt / 0.06).min(1.0));
         self.push.n += (desired.n - self.push.n) * slow;
         self.push.e += (desired.e - self.push.e) * slow;
         self.push.d += (desired.d - self.push.d) * fast;
         let [gn, ge, gd] = &mut self.gusts;
-        // A fast draggy vehicle is shaken more than a hovering one.
+        // Gusts shake a vehicle with drag more at speed than in hover.
         let (rough_xy, rough_z) = (0.08 + 0.09 * v.horizontal(), 0.08 + 0.04 * v.horizontal());
         let gust = Ned::new(
             rough_xy * gn.step(dt, &mut self.noise),
@@ -335,7 +334,7 @@ fn limited(v: Ned, most: f64) -> Ned {
     )
 }
 
-/// SIH_KDV over SIH_MASS, 1/s: the reference vehicle is draggy, and flies slower than it plans.
+/// SIH_KDV over SIH_MASS, 1/s: the reference vehicle has much drag, and flies slower than it plans.
 const DRAG: f64 = 1.0;
 /// MPC_Z_VEL_P_ACC, 1/s.
 const VELOCITY_GAIN_Z: f64 = 4.0;

@@ -1,14 +1,14 @@
-//! What the navigator requests of an airframe, and the path that a multicopter makes of it: limited in speed,
+//! What the navigator requests of an airframe, and the path that a multicopter derives from it: limited in speed,
 //! acceleration and jerk, along the line between two waypoints and round the corner to the next one.
 //!
-//! The rules are PX4's position smoothing: the speed toward a waypoint is what still lets it brake
-//! or turn there; a vehicle that has not taken its waypoint steers to a point ahead on the leg's
-//! line, and that line has no end. Nothing tests whether a waypoint has been passed, so that a
-//! small acceptance radius can be missed and the line followed for good.
+//! The rules are PX4's position smoothing: the speed toward a waypoint is the highest from which the vehicle can
+//! still brake or turn there. A vehicle that has not reached its waypoint steers to a point ahead on the leg's line,
+//! and that line has no end. Nothing tests whether a waypoint has been passed, so a waypoint with a small acceptance
+//! radius can be missed, and the line followed for good.
 
 use super::motion::Ned;
 
-/// Where to go.
+/// How to move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Guidance {
     /// Motors off or idling on the ground.
@@ -17,7 +17,7 @@ pub(crate) enum Guidance {
     Leg(Leg),
     /// Along a leg that starts at the ground: slowly at first.
     Climb(Leg),
-    /// Over the leg's target, coming down until the ground is there.
+    /// To above the leg's target, descending until the ground.
     Land(Leg),
     /// By a velocity, a position or both on each axis; an axis with neither stops.
     Steer {
@@ -26,7 +26,7 @@ pub(crate) enum Guidance {
         /// Velocity, m/s.
         velocity: [Option<f64>; 3],
     },
-    /// Round a centre.
+    /// Around a centre.
     Circle(Circle),
 }
 
@@ -41,7 +41,7 @@ pub(crate) struct Circle {
     pub speed: f64,
 }
 
-/// Where to look.
+/// Where to point the nose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Heading {
     /// As now.
@@ -54,7 +54,7 @@ pub(crate) enum Heading {
     Rate(f64),
 }
 
-/// Limits, from the parameters named.
+/// Limits, from the parameters that each names.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limits {
     /// MPC_ACC_HOR, m/s2.
@@ -84,9 +84,9 @@ pub(crate) struct Limits {
 /// One leg of a flight in the local frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Leg {
-    /// Where the leg's line comes from.
+    /// Start of the leg's line.
     pub from: Ned,
-    /// Where it goes.
+    /// End of the leg.
     pub target: Ned,
     /// The waypoint after that; the target itself where the flight ends there.
     pub next: Ned,
@@ -97,7 +97,7 @@ pub(crate) struct Leg {
 }
 
 impl Leg {
-    /// A flight straight to `target`, to stay there.
+    /// A straight flight to `target`, which ends there.
     pub(crate) fn to(target: Ned, acceptance: f64, speed: f64) -> Self {
         Self {
             from: target,
@@ -113,7 +113,7 @@ impl Leg {
     }
 }
 
-/// The smoothed path: where the vehicle should be now.
+/// The smoothed path: the setpoint of now.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Trajectory {
     /// Position, m.
@@ -142,7 +142,7 @@ impl Trajectory {
         self.advance(dt, desired, vehicle, limits);
     }
 
-    /// Follows a leg horizontally and comes down at `sink`, m/s.
+    /// Follows a leg horizontally and descends at `sink`, m/s.
     pub(crate) fn follow_and_sink(
         &mut self,
         dt: f64,
@@ -158,10 +158,10 @@ impl Trajectory {
         self.advance(dt, desired, vehicle, limits);
     }
 
-    /// Goes at a velocity for `dt` seconds.
+    /// Moves at a velocity for `dt` seconds.
     pub(crate) fn advance(&mut self, dt: f64, desired: Ned, vehicle: Ned, limits: &Limits) {
-        // PX4's time stretching: the further the setpoint is ahead of the vehicle, the slower its time runs, so that it
-        // cannot leave a vehicle behind that drag holds back. A setpoint that moves toward the vehicle is not slowed.
+        // PX4's time stretching: the further the setpoint is ahead of the vehicle, the slower its time runs, so that
+        // a vehicle with drag is not left behind. A setpoint that moves toward the vehicle is not slowed.
         let lead = self.position - vehicle;
         let ahead = lead.n * self.velocity.n + lead.e * self.velocity.e >= 0.0;
         let ahead_z = lead.d * self.velocity.d >= 0.0;
@@ -211,16 +211,16 @@ impl Trajectory {
 
     fn velocity_along(&mut self, leg: &Leg, limits: &Limits) -> Ned {
         let turning = !leg.is_single() && self.is_turning(leg);
-        // Off the line, PX4 steers to a point ahead on it and not to the waypoint itself. That point moves on with the
-        // vehicle, beyond the waypoint too: this is how a missed waypoint is flown away from.
+        // Off the line, PX4 steers to a point ahead on it and not to the waypoint itself. That point moves with the
+        // vehicle, even beyond the waypoint: so a vehicle that has missed its waypoint flies away from it.
         let aim = if turning {
             self.point_ahead(leg)
         } else {
             leg.target
         };
         let mut speed = self.speed_toward(leg, limits);
-        // In a turn the speed of its beginning is kept: the distance to the target would otherwise allow more before the
-        // nose points there.
+        // In a turn the initial speed is kept: the distance to the target would allow more before the nose points
+        // there.
         if turning {
             speed = speed.min(self.corner_speed);
         } else {
@@ -241,7 +241,7 @@ impl Trajectory {
         Ned::new(n, e, d)
     }
 
-    /// More than about ten degrees off the direction to the target, and not yet there.
+    /// More than about ten degrees off the direction to the target, and not there yet.
     fn is_turning(&self, leg: &Leg) -> bool {
         let to_target = leg.target - self.position;
         let (speed, far) = (self.velocity.horizontal(), to_target.horizontal());
@@ -269,7 +269,7 @@ impl Trajectory {
         closest + unit * ahead
     }
 
-    /// Horizontal speed that still allows what comes after.
+    /// Horizontal speed that the rest of the path still allows.
     fn speed_toward(&self, leg: &Leg, limits: &Limits) -> f64 {
         let onward = speed_before(leg.target, leg.next, leg.next, 0.0, leg, limits);
         speed_before(self.position, leg.target, leg.next, onward, leg, limits)
@@ -290,7 +290,7 @@ impl Trajectory {
     }
 }
 
-/// Acceleration toward a velocity `gap` away: full, then tapering as the jerk limit demands.
+/// Acceleration toward a velocity that differs by `gap`: full, then tapered as the jerk limit requires.
 fn pull(gap: f64, acc: f64, jerk: f64) -> f64 {
     acc.min((2.0 * jerk * gap).sqrt()).min(6.0 * gap)
 }
@@ -322,14 +322,14 @@ fn speed_before(start: Ned, target: Ned, next: Ned, exit: f64, leg: &Leg, limits
     ))
 }
 
-/// Speed round a corner on a circle tangent to both legs at `radius` before it.
+/// Speed around a corner, on a circle that touches both legs at `radius` from the corner.
 fn corner_speed(angle: f64, acc: f64, radius: f64) -> f64 {
     let half = (angle / 2.0).min(std::f64::consts::FRAC_PI_2 - 1e-6);
     (acc * radius * half.tan()).sqrt()
 }
 
-/// Highest speed from which `distance` is enough to come down to `arrival`, the time to build up
-/// the deceleration counted.
+/// Highest speed from which `distance` is enough to slow down to `arrival`, including the time to build up the
+/// deceleration.
 pub(crate) fn braking_speed(jerk: f64, acc: f64, distance: f64, arrival: f64) -> f64 {
     // Solves v*v/(2*acc) + v*2*acc/jerk = distance + arrival*arrival/(2*acc) for v.
     let b = 4.0 * acc * acc / jerk;
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn a_missed_waypoint_is_never_turned_back_to() {
         let mut t = Trajectory::default();
-        // Past the target, off its line by more than the radius, still flying on.
+        // Past the target, off its line by more than the radius: it continues along the line.
         t.reset(Ned::new(12.0, 1.5, -10.0), Ned::new(5.0, 0.0, 0.0));
         let leg = Leg {
             from: Ned::new(-100.0, 0.0, -10.0),

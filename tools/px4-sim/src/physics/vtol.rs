@@ -1,7 +1,7 @@
 //! A standard VTOL: a quadrotor and a fixed wing in one, and the transitions between them.
 //!
-//! As PX4's state machine has it: a transition to wings speeds up along the nose until the wings carry, one to a hover slows
-//! down; a quad-chute drops out of the wings at once, without the transition back.
+//! As in PX4's state machine: a transition to wings accelerates along the nose until the wings carry, one to a hover
+//! slows down. A quad-chute leaves the wings at once, without a transition.
 
 use mavlink::dialects::development::MavVtolState;
 
@@ -15,7 +15,7 @@ use crate::physics::trajectory::{Guidance, Heading};
 pub enum VtolState {
     /// On its rotors.
     Hover,
-    /// Speeds up until the wings carry.
+    /// Accelerates until the wings carry.
     ToWings,
     /// On its wings.
     Wings,
@@ -44,7 +44,7 @@ pub(crate) struct Vtol {
 }
 
 impl Vtol {
-    /// Stands on the ground at the origin.
+    /// On the ground at the origin.
     pub(crate) fn new(heading: f64, wind: [f64; 2], seed: u64) -> Self {
         Self {
             quad: Quad::new(heading, wind, seed),
@@ -61,7 +61,7 @@ impl Vtol {
         }
     }
 
-    /// Begins a transition; nothing where it flies so already, or is on its way.
+    /// Begins a transition; does nothing where the vehicle already flies so, or is in that transition.
     pub(crate) fn turn(&mut self, to_wings: bool) {
         self.state = match (self.state, to_wings) {
             (VtolState::Hover | VtolState::ToHover, true) => {
@@ -74,7 +74,7 @@ impl Vtol {
         };
     }
 
-    /// Drops out of the wings.
+    /// Leaves the wings at once.
     pub(crate) fn quad_chute(&mut self) {
         let motion = *self.motion();
         self.quad.take_over(motion);
@@ -108,11 +108,11 @@ impl Vtol {
     }
 }
 
-/// VT_ARSP_TRANS, as a share of the least air speed.
+/// VT_ARSP_TRANS as a multiple of the least airspeed.
 const CARRIES: f64 = 1.2;
-/// What the pusher gives, m/s2.
+/// Acceleration by the pusher, m/s2.
 const PUSH_M_S2: f64 = 3.0;
-/// VT_B_DEC_MSS as PX4 comes, m/s2.
+/// The default of VT_B_DEC_MSS, m/s2.
 pub(crate) const BRAKE_M_S2: f64 = 2.0;
-/// Slower than this, the rotors take over, m/s.
+/// Below this speed the rotors take over, m/s.
 const SLOW_M_S: f64 = 3.0;

@@ -1,8 +1,9 @@
-//! The events interface as PX4 v1.18 has it: EVENT (410) beside the STATUSTEXT that ends with a tab, kept and sent again on
-//! request, and the metadata that says what each means.
+//! The events interface of PX4 v1.18: EVENT (410) beside each STATUSTEXT that ends with a tab, kept and sent again on
+//! request, and the metadata with the meaning of each.
 //!
-//! As `mavlink_events.cpp` does it: numbers begin at 65525, so that they wrap soon; 20 events are kept; the newest number is
-//! named each 3 s, with the reset flag while there is none; what is requested and gone is answered by an error.
+//! As in `mavlink_events.cpp`: numbers begin at 65525, so that they wrap soon; 20 events are kept; the newest number
+//! is sent every 3 s, with the reset flag while there is none; a request for an event that is no longer kept is
+//! answered by an error.
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;
@@ -13,16 +14,16 @@ use mavlink::dialects::development::{
 };
 use mavlink_link::service::Node;
 
-/// The events of one vehicle; without effect where it has none.
+/// The events of one vehicle; without effect where events are off.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Events {
     in_use: bool,
     kept: VecDeque<EVENT_DATA>,
-    /// Recorded, and not sent yet: how many of the last.
+    /// How many of the last recorded ones have not been sent yet.
     unsent: usize,
     newest: Option<u16>,
     named_at: Option<f64>,
-    /// The next so many are never sent by themselves: a link that loses them.
+    /// The number of coming events that are not sent by themselves, as on a link that loses them.
     pub(crate) lose: usize,
 }
 
@@ -31,10 +32,10 @@ struct Known {
     name: &'static str,
     /// External log level.
     level: u8,
-    /// With at most one argument, at its end or in its middle.
+    /// The text, with at most one argument, at its end or in its middle.
     message: &'static str,
     argument: Option<Kind>,
-    /// What PX4's STATUSTEXT has in place of the message, before its argument; the same where it is empty.
+    /// The text of PX4's STATUSTEXT before its argument; the same as the message where empty.
     text: &'static str,
 }
 
@@ -86,10 +87,10 @@ impl Events {
         self.unsent = (self.unsent + 1).min(KEPT);
     }
 
-    /// A report on health and arming checks, whole, as PX4 sends one whenever a check changes.
+    /// A complete report on health and arming checks; PX4 sends one whenever a check changes.
     pub(crate) fn report_checks(&mut self, fails: bool) {
         self.record("commander_arming_check_summary", PROTOCOL, &[]);
-        // As on every PX4 without a radio control: the modes flown by sticks.
+        // As on every PX4 without a remote control: the modes flown by sticks fail.
         self.record("check_modes_manual_control", ERROR, &[0x07, 0, 0, 0, 0]);
         if fails {
             self.record(CHECK, ERROR, &[0xff, 0xff, 0xff, 0xff, 0]);
@@ -97,7 +98,7 @@ impl Events {
         self.record("commander_health_summary", PROTOCOL, &[]);
     }
 
-    /// What is due now.
+    /// Sends what is due now.
     pub(crate) fn poll(&mut self, now: f64, boot_ms: u32, mut send: impl FnMut(MavMessage)) {
         if !self.in_use {
             return;
@@ -133,7 +134,7 @@ impl Events {
         mut send: impl FnMut(MavMessage),
     ) {
         let count = request.last_sequence.wrapping_sub(request.first_sequence);
-        // PX4 answers each number, however many there are; a simulator need not.
+        // PX4 answers each number, however many are requested; a simulator need not.
         for at in 0..=count.min(MAX_REQUEST) {
             let sequence = request.first_sequence.wrapping_add(at);
             match self.kept.iter().find(|event| event.sequence == sequence) {
@@ -157,7 +158,7 @@ impl Events {
 }
 
 impl Known {
-    /// The packed arguments of a text that is this one.
+    /// The packed arguments of a text that has this event's wording.
     fn arguments_of(&self, text: &str) -> Option<Vec<u8>> {
         let form = if self.text.is_empty() {
             self.message
@@ -183,7 +184,7 @@ impl Known {
     }
 }
 
-/// As PX4's build makes them of the comments in its source.
+/// The metadata as PX4's build makes them from the comments in its source.
 pub(super) fn definitions() -> String {
     let mut events = String::new();
     for known in KNOWN {
@@ -242,7 +243,7 @@ const fn with(kind: Kind, text: &'static str, event: Known) -> Known {
     }
 }
 
-/// Levels and messages of PX4 v1.18's source; where it words its STATUSTEXT otherwise, that too.
+/// Levels and messages from PX4 v1.18's source; also the wording of its STATUSTEXT where that differs.
 const KNOWN: &[Known] = &[
     known("commander_landing_detected", INFO, "Landing detected"),
     known("commander_takeoff_detected", INFO, "Takeoff detected"),
@@ -350,7 +351,7 @@ const ARM_REASONS: &[(u8, &str)] = &[
     (14, "failsafe"),
 ];
 
-/// The check that a vehicle without a position reports.
+/// The check that fails on a vehicle without a position.
 const CHECK: &str = "check_modes_global_pos";
 const FIRST: u16 = 65_526;
 const KEPT: usize = 20;
@@ -360,5 +361,5 @@ const CRITICAL: u8 = 2;
 const ERROR: u8 = 3;
 const WARNING: u8 = 4;
 const INFO: u8 = 6;
-/// For programs alone.
+/// A log level for programs only.
 const PROTOCOL: u8 = 8;

@@ -14,7 +14,7 @@ enum Content {
     File(Vec<u8>),
 }
 
-/// The errors of a POSIX system that PX4 sends.
+/// The POSIX errors that PX4 sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Errno {
@@ -38,7 +38,7 @@ impl Default for Files {
 }
 
 impl Files {
-    /// Puts a file there, with the folders above it, over whatever had its name.
+    /// Writes a file, with the folders above it; it replaces what had its name.
     pub fn insert(&mut self, path: &str, content: impl Into<Vec<u8>>) {
         let path = normal(path);
         self.make_folders(parent(&path));
@@ -54,11 +54,11 @@ impl Files {
         }
     }
 
-    /// Copies what a folder of this computer holds to the root of the card: `fs/microsd/log/a.ulg` becomes
+    /// Copies the contents of a folder of this computer to the root of the card: `fs/microsd/log/a.ulg` becomes
     /// `/fs/microsd/log/a.ulg`. Nothing is ever written back.
     ///
     /// # Errors
-    /// The system's.
+    /// The error of the file system.
     pub fn load(&mut self, folder: &Path) -> io::Result<()> {
         self.load_below(folder, "/")
     }
@@ -82,7 +82,7 @@ impl Files {
         self.0.get(&normal(path)) == Some(&Content::Folder)
     }
 
-    /// The names in a folder; a file's with its size.
+    /// The names in a folder, with the sizes of files.
     pub(super) fn list(&self, folder: &str) -> Option<Vec<(&str, Option<usize>)>> {
         let folder = normal(folder);
         if self.0.get(&folder)? != &Content::Folder {
@@ -115,7 +115,7 @@ impl Files {
         Ok(())
     }
 
-    /// Writes, with zeros in a gap; false where the file is gone.
+    /// Writes; a gap is filled with zeros. False where the file no longer exists.
     pub(super) fn write(&mut self, path: &str, offset: u32, data: &[u8]) -> bool {
         let Some(Content::File(bytes)) = self.0.get_mut(&normal(path)) else {
             return false;
@@ -202,7 +202,7 @@ impl Files {
     }
 }
 
-/// With one slash at its beginning and one between two parts.
+/// The path with one slash at its beginning, and one between two parts.
 fn normal(path: &str) -> String {
     let parts = path
         .split('/')
@@ -218,9 +218,9 @@ fn parent(path: &str) -> &str {
     }
 }
 
-/// Where a board's card is.
+/// The path of a board's card.
 pub(super) const ROOT: &str = "/fs/microsd";
-/// What `@MAV_LOG` stands for.
+/// The path for `@MAV_LOG`.
 pub(super) const LOGS: &str = "/fs/microsd/log";
-/// The card is full beyond this, bytes of one file.
+/// Bytes of one file beyond which the card is full.
 const CARD: usize = 64 * 1024 * 1024;

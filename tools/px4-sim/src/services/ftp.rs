@@ -1,10 +1,11 @@
-//! MAVLink FTP, the vehicle's end, as PX4 v1.18 has it: one session, the last short answer kept for a repeated request, bursts
-//! of 35 000 bytes and what the buffer of its socket holds, a session closed 10 s after the last request.
-//!
+//! MAVLink FTP, the vehicle's end, as in PX4 v1.18: one session, the last short answer kept for a repeated request,
+//! bursts of 35 000 bytes and of what the buffer of its socket holds, a session that is closed 10 s after the last
+//! request.
 //! Its pitfalls are here too: an error 17 (exists) colours later refusals; what it remembers of the path of an open file
-//! ends 2 s after the last request, and a write after that is refused as protected; a repeat of number 65535 is a new
-//! request; a session is closed in the middle of a burst where no request comes. Paths are those of a flight board, where
-//! only the card can be written to.
+//! It has PX4's pitfalls too: an error 17 (exists) changes later refusals; the path of an open file is forgotten 2 s
+//! after the last request, and a later write is refused as protected; a repeat of number 65535 is a new request; a
+//! session is closed during a burst where no request arrives. Paths are those of a flight board, where only the card
+//! can be written to.
 
 use std::time::Duration;
 
@@ -22,9 +23,9 @@ pub struct Server {
     files: Files,
     session: Option<Session>,
     last_reply: Option<(Node, Payload)>,
-    /// `_our_errno`, which nothing resets.
+    /// `_our_errno` of PX4, which nothing resets.
     errno: u8,
-    /// Whether the working buffers, and with them the path of the file that is open, are still there.
+    /// Whether PX4's working buffers still exist, and with them the path of the open file.
     path_kept: bool,
     accessed_at: Duration,
     pass_at: Duration,
@@ -69,7 +70,7 @@ impl From<Errno> for Refusal {
 }
 
 impl Server {
-    /// Serves these files.
+    /// A server of these files.
     #[must_use]
     pub fn new(us: Node, files: Files) -> Self {
         Self {
@@ -85,18 +86,18 @@ impl Server {
         }
     }
 
-    /// What is on the card now.
+    /// The present files of the card.
     #[must_use]
     pub fn files(&self) -> &Files {
         &self.files
     }
 
-    /// To change it from outside, as a logger does.
+    /// The files, to change them from outside, as a logger does.
     pub fn files_mut(&mut self) -> &mut Files {
         &mut self.files
     }
 
-    /// Takes a message of `from`; returns whether it was for this service.
+    /// Handles a message of `from`; returns whether it was for this service.
     pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
         let MavMessage::FILE_TRANSFER_PROTOCOL(data) = message else {
             return false;
@@ -113,7 +114,7 @@ impl Server {
                 (request, Err(refuse(FtpError::MAV_FTP_ERR_INVALIDDATASIZE)))
             }
             Ok(request) => {
-                // Without wrapping, as in C: a repeat of number 65535 is not recognised.
+                // Without wrapping, as in PX4's C++ code: a repeat of number 65535 is not recognised.
                 if let Some((to, reply)) = &self.last_reply
                     && u32::from(request.seq) + 1 == u32::from(reply.seq)
                     && *to == from
@@ -160,7 +161,7 @@ impl Server {
         true
     }
 
-    /// Sends a part of a burst, and closes a session that nobody uses.
+    /// Sends part of a burst, and closes an unused session.
     pub fn handle_timeout(&mut self, now: Duration) {
         if now < self.pass_at {
             return;
@@ -279,7 +280,7 @@ impl Server {
             }
             O::MAV_FTP_OPCODE_CALCFILECRC => {
                 let path = resolve(text(request))?;
-                // It leaves errno as it was.
+                // errno keeps its value here.
                 let content = self.files.get(&path).ok_or(SYSTEM)?;
                 Ok(Some(crc32(0, content).to_le_bytes().to_vec()))
             }
@@ -292,19 +293,19 @@ impl Server {
         session.ok_or(NO_SESSION)
     }
 
-    /// `truncate`: opened for writing, and whether what is there is dropped.
+    /// `truncate` is `Some` where the file is opened for writing, and true where its contents are dropped.
     fn open(&mut self, request: &Payload, truncate: Option<bool>) -> Result<Vec<u8>, Refusal> {
         if self.session.is_some() {
             return Err(refuse(FtpError::MAV_FTP_ERR_NOSESSIONSAVAILABLE));
         }
         let path = resolve(text(request))?;
-        // PX4 takes the size before it truncates.
+        // PX4 reads the size before it truncates.
         let size = self.files.get(&path).map_or(0, <[u8]>::len) as u32;
         match truncate {
             None if self.files.is_folder(&path) => return Err(Errno::IsFolder.into()),
             None if self.files.get(&path).is_none() => return Err(Errno::NoEntry.into()),
             None => {}
-            // What is beside the card is in the firmware's own image.
+            // Files outside the card are in the firmware's image.
             Some(_) if !is_writable(&path) => return Err(Errno::ReadOnly.into()),
             Some(truncate) => self.files.create(&path, truncate)?,
         }
@@ -343,7 +344,7 @@ impl Server {
             Some(size) => format!("F{name}\t{size}\0"),
             None => format!("D{name}\0"),
         });
-        // `.` and `..` are skipped, and counted.
+        // `.` and `..` are skipped, but counted.
         let skipped = ["S\0".to_owned(), "S\0".to_owned()];
         let mut data = Vec::new();
         for text in skipped
@@ -363,7 +364,7 @@ impl Server {
         Ok(data)
     }
 
-    /// Sends one packet of a burst; whether there is room for another.
+    /// Sends one packet of a burst; returns whether there is room for another.
     fn stream_packet(&mut self, room: &mut u32) -> bool {
         let Some(session) = &mut self.session else {
             return false;
@@ -408,13 +409,13 @@ impl Server {
     }
 }
 
-/// The data as PX4 reads a path: to the first zero byte.
+/// The data as a path, up to the first zero byte, as PX4 reads it.
 fn text(request: &Payload) -> &[u8] {
     let data = request.data();
     data.split(|byte| *byte == 0).next().unwrap_or_default()
 }
 
-/// The path on the card; refused where a part of it is `..`.
+/// The path on the card; refused where one of its parts is `..`.
 fn resolve(path: &[u8]) -> Result<String, Refusal> {
     let path = String::from_utf8_lossy(path);
     if path.split('/').any(|part| part == "..") {
@@ -441,16 +442,16 @@ fn is_writable(path: &str) -> bool {
         .is_some_and(|rest| rest.starts_with('/'))
 }
 
-/// What is answered to a request whose size is none: the header of it.
+/// The answer to a request with an invalid size: the header only.
 fn header_only(data: &FILE_TRANSFER_PROTOCOL_DATA) -> Payload {
     let mut bytes = data.payload;
     bytes[4] = 0;
     Payload::decode(&bytes).unwrap_or_else(|_| Payload::request(0, Opcode::MAV_FTP_OPCODE_NONE))
 }
 
-/// How often the receiver's loop looks after its services.
+/// How often the receiver's loop runs its services.
 const PASS: Duration = Duration::from_millis(10);
-/// Room of a socket on POSIX, bytes, whatever is on its way.
+/// Room in a POSIX socket, bytes, whatever is on its way.
 const SOCKET_ROOM: u32 = 15_000;
 /// A message of its largest size with a frame and a signature.
 const PACKET: u32 = 279;

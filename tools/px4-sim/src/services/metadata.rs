@@ -1,5 +1,5 @@
-//! The files of the vehicle's metadata, as PX4 carries them: a general one that names those of its events and parameters, each
-//! packed as XZ.
+//! The files of the vehicle's metadata, as PX4 has them: a general one that names those of its events and parameters,
+//! each packed as XZ.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -23,7 +23,7 @@ pub(crate) fn files(parameters: impl Iterator<Item = Parameter>) -> [(&'static s
     ]
 }
 
-/// As PX4's build makes it of the definitions in its source; what is not in [`KNOWN`] has no range here.
+/// As PX4's build makes it from the definitions in its source; a parameter outside [`KNOWN`] has no range here.
 fn describe(parameters: impl Iterator<Item = Parameter>) -> String {
     let mut all = String::new();
     for Parameter { name, value, .. } in parameters {
@@ -47,11 +47,11 @@ fn pack(content: &[u8]) -> Vec<u8> {
         writer.write_all(content)?;
         writer.finish()
     });
-    // Nothing is written to but memory.
+    // Packing writes to memory only, so it cannot fail.
     packed.unwrap_or_default()
 }
 
-/// What PX4's COMPONENT_METADATA names.
+/// The URI in PX4's COMPONENT_METADATA.
 pub(crate) const GENERAL_URI: &str = "mftp://etc/extras/component_general.json.xz";
 const GENERAL_FILE: &str = "/etc/extras/component_general.json.xz";
 const EVENTS_FILE: &str = "/etc/extras/all_events.json.xz";

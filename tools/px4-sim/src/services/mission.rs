@@ -64,7 +64,8 @@ pub struct Server<R> {
     rules: R,
     plans: [Plan; 3],
     current: Option<u16>,
-    /// Whether the partner last used MISSION_ITEM_INT rather than MISSION_ITEM. PX4 keeps the choice for the next upload.
+    /// Whether the partner last used MISSION_ITEM_INT instead of MISSION_ITEM. PX4 keeps the choice for the next
+    /// upload.
     int: bool,
     partner: Option<Node>,
     kind: MavMissionType,
@@ -72,7 +73,7 @@ pub struct Server<R> {
     /// The CRC and the number of items of the transfer received last.
     received: (u32, u16),
     last_sent: Duration,
-    last_heard: Duration,
+    last_received: Duration,
     out: Bounded<MavMessage>,
     events: Bounded<ServerEvent>,
 }
@@ -112,7 +113,7 @@ impl<R: ItemRules> Server<R> {
             state: State::Idle,
             received: (0, 0),
             last_sent: Duration::ZERO,
-            last_heard: Duration::ZERO,
+            last_received: Duration::ZERO,
             out: Bounded::new(MAX_OUT),
             events: Bounded::new(MAX_EVENTS),
         }
@@ -143,7 +144,7 @@ impl<R: ItemRules> Server<R> {
         !matches!(self.state, State::Idle)
     }
 
-    /// Takes a message of `from`; returns whether it was for this service.
+    /// Handles a message of `from`; returns whether it was for this service.
     pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
         use MavMessage as M;
         let (Some(system), Some(component)) =
@@ -151,7 +152,7 @@ impl<R: ItemRules> Server<R> {
         else {
             return false;
         };
-        // PX4 takes MAV_COMP_ID_MISSIONPLANNER for itself in mission messages.
+        // PX4 treats MAV_COMP_ID_MISSIONPLANNER as its own component id in mission messages.
         let planner = (system, component) == (self.us.system, MISSION_PLANNER);
         if !planner && !self.us.is_target(system, component) {
             return false;
@@ -190,7 +191,7 @@ impl<R: ItemRules> Server<R> {
         if !self.is_busy() {
             return;
         }
-        if now.saturating_sub(self.last_heard) > TIMEOUT {
+        if now.saturating_sub(self.last_received) > TIMEOUT {
             self.text("Mission sync timeout\t");
             self.state = State::Idle;
         } else if now.saturating_sub(self.last_sent) > RETRY {
@@ -204,8 +205,8 @@ impl<R: ItemRules> Server<R> {
 
     /// When [`Server::handle_timeout`] is next needed.
     pub fn poll_timeout(&self) -> Option<Duration> {
-        // The comparison above is strict, so that one tick is added.
-        let give_up = self.last_heard + TIMEOUT + TICK;
+        // The comparison in `handle_timeout` is strict, so one tick is added.
+        let give_up = self.last_received + TIMEOUT + TICK;
         match self.state {
             State::Idle => None,
             State::Sending { next, .. } if next > 0 => Some(give_up),
@@ -248,7 +249,7 @@ impl<R: ItemRules> Server<R> {
             self.text("WPM: IGN WP CURR CMD: Busy\t");
             return;
         }
-        self.last_heard = now;
+        self.last_received = now;
         let mission = self.items(MavMissionType::MAV_MISSION_TYPE_MISSION);
         if usize::from(seq) < mission.len() {
             self.current = Some(seq);
@@ -263,7 +264,7 @@ impl<R: ItemRules> Server<R> {
             self.text("WPM: IGN CLEAR CMD: Busy\t");
             return;
         }
-        self.last_heard = now;
+        self.last_received = now;
         self.kind = kind;
         for each in KINDS {
             if [each, MavMissionType::MAV_MISSION_TYPE_ALL].contains(&kind) {
@@ -325,7 +326,7 @@ impl<R: ItemRules> Server<R> {
     fn handle_count(&mut self, now: Duration, from: Node, count: u16, kind: MavMissionType) {
         match &self.state {
             State::Idle => {
-                self.last_heard = now;
+                self.last_received = now;
                 self.partner = Some(from);
                 self.kind = kind;
                 let accepted = MavMissionResult::MAV_MISSION_ACCEPTED;
@@ -345,12 +346,12 @@ impl<R: ItemRules> Server<R> {
                 self.received = (0, 0);
             }
             State::Receiving { items, .. } => {
-                self.last_heard = now;
+                self.last_received = now;
                 if self.partner != Some(from) {
                     self.send_ack(from, MavMissionResult::MAV_MISSION_ERROR, 0);
                     return;
                 }
-                // Before the first item, PX4 takes a repeated count for one whose answer was lost.
+                // Before the first item, PX4 takes a repeated count as a sign that its answer was lost.
                 if !items.is_empty() {
                     return self.reject(from, "WPM: REJ. CMD: Busy\t");
                 }
@@ -382,14 +383,14 @@ impl<R: ItemRules> Server<R> {
         let (count, items) = match &mut self.state {
             State::Receiving { count, items } => (*count, items),
             State::Idle if seq.checked_add(1) == Some(received) => {
-                // Our last MISSION_ACK was lost, and the item is a repeat.
+                // The last MISSION_ACK was lost, and this item is a repetition.
                 self.send_ack(from, R::MAV_MISSION_ACCEPTED, crc);
                 return;
             }
             State::Idle => return self.reject(from, "IGN MISSION_ITEM: No transfer\t"),
             State::Sending { .. } => return self.reject(from, "IGN MISSION_ITEM: Busy\t"),
         };
-        self.last_heard = now;
+        self.last_received = now;
         if seq != received {
             return;
         }
@@ -455,7 +456,7 @@ impl<R: ItemRules> Server<R> {
         let ignored = match self.state {
             State::Idle => false,
             State::Sending { next, .. } => {
-                // All items were requested: PX4 then takes the transfer for complete, although MISSION_ACK is missing.
+                // Once all items were requested PX4 counts the transfer as complete, even without a MISSION_ACK.
                 usize::from(next) != self.items(self.kind).len() && !again
             }
             State::Receiving { .. } => true,
@@ -464,7 +465,7 @@ impl<R: ItemRules> Server<R> {
             self.text("Mission download request ignored, already active\t");
             return;
         }
-        self.last_heard = now;
+        self.last_received = now;
         self.kind = kind;
         self.partner = Some(from);
         let count = u16::try_from(self.items(kind).len()).unwrap_or(u16::MAX);
@@ -481,7 +482,7 @@ impl<R: ItemRules> Server<R> {
             State::Idle => {}
             State::Receiving { .. } => self.text("WPM: REJ. CMD: Busy\t"),
             State::Sending { count, next } if kind == self.kind => {
-                self.last_heard = now;
+                self.last_received = now;
                 if seq == *next && *next < *count {
                     *next += 1;
                 } else if seq.checked_add(1) != Some(*next) {
@@ -533,7 +534,7 @@ impl<R: ItemRules> Server<R> {
             };
             item.to_float_message(to, self.kind, seq)
         };
-        // It arrived in a message, so a message can carry it: this cannot fail.
+        // The item arrived in a message, so a message can carry it: this cannot fail.
         if let Ok(message) = message {
             self.out.push(message);
         }

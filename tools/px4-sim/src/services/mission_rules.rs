@@ -1,6 +1,6 @@
 //! What a vehicle accepts as an item of a plan, and which parameters of a command it uses.
 //!
-//! Facts of PX4 v1.18 `mavlink_command_params.hpp`, in this page's own form. A parameter that
+//! The facts are those of PX4 v1.18's `mavlink_command_params.hpp`, in a form of this project's own. A parameter that
 //! PX4 does not use must be NaN or 0 (INT32_MAX for x and y of a global item).
 
 use mavlink::dialects::development::{MavMissionResult, MavMissionType};
@@ -19,7 +19,7 @@ pub enum ItemFault {
     Command,
     /// MAV_MISSION_INVALID_PARAM1 (6) to PARAM7 (12): the parameter, 1 to 7.
     Param(u8),
-    /// MAV_MISSION_ERROR (1): of the wrong kind of plan, or a fence that encloses nothing.
+    /// MAV_MISSION_ERROR (1): an item of another kind of plan, or a fence that encloses nothing.
     Other,
 }
 
@@ -57,7 +57,7 @@ impl ItemRules for Px4Rules {
             FRAME_MISSION => {}
             _ => return Err(ItemFault::Frame),
         }
-        // Before the command is looked at, as PX4 does: a bad parameter hides a bad command.
+        // Before the command is checked, as in PX4: a bad parameter hides a bad command.
         self.check_unused(item, int)?;
         if item.frame == FRAME_MISSION {
             check_without_position(item)?;
@@ -73,7 +73,7 @@ impl Px4Rules {
         let Some(used) = used_params(item.command, true, self.airframe) else {
             return Ok(());
         };
-        // In a global MISSION_ITEM_INT only INT32_MAX is "not set" for x and y; 0 is a place.
+        // In a global MISSION_ITEM_INT only INT32_MAX means "not set" for x and y; 0 is a place.
         let zero_is_unset = item.frame == FRAME_MISSION || !int;
         let coordinate_set = |value: i32| value != i32::MAX && !(zero_is_unset && value == 0);
         let [p1, p2, p3, p4] = item.params.map(is_set);
@@ -83,7 +83,7 @@ impl Px4Rules {
     }
 }
 
-/// Commands that PX4 takes in a global frame.
+/// Commands that PX4 accepts in a global frame.
 fn check_with_position(item: &Item) -> Result<(), ItemFault> {
     match item.command {
         16 | 17 | 19 | 21 | 22 | 31 | 84 | 85 | 195 | 212 | 400 | 4501 => Ok(()),
@@ -95,7 +95,7 @@ fn check_with_position(item: &Item) -> Result<(), ItemFault> {
     }
 }
 
-/// Commands that PX4 takes in MAV_FRAME_MISSION.
+/// Commands that PX4 accepts in MAV_FRAME_MISSION.
 fn check_without_position(item: &Item) -> Result<(), ItemFault> {
     match item.command {
         20
@@ -161,8 +161,8 @@ pub enum Airframe {
     Rover,
 }
 
-/// The 1-based number of the first parameter that is set though PX4 does not use it for
-/// `command`, or `None` when all is well or PX4 has no entry for the command.
+/// The 1-based number of the first parameter that is set although PX4 does not use it for `command`; `None` where
+/// there is no such parameter, or PX4 has no entry for the command.
 ///
 /// `params` are param1 to param7; a parameter that is absent is given as NaN. `in_mission`
 /// chooses between mission items and COMMAND_LONG / COMMAND_INT, whose tables differ.
@@ -192,7 +192,7 @@ fn used_params(command: u16, in_mission: bool, airframe: Airframe) -> Option<u8>
     let index = USED.binary_search_by_key(&command, |entry| entry.0).ok()?;
     let (_, mission, alone) = USED[index];
     let mut used = if in_mission { mission } else { alone };
-    // NAV_TAKEOFF.param1, the pitch, means something on wings only.
+    // NAV_TAKEOFF.param1, the pitch, has a meaning on wings only.
     if command == 22 && matches!(airframe, Airframe::FixedWing | Airframe::Vtol) {
         used |= P1;
     }

@@ -1,4 +1,4 @@
-//! The vehicle's end, as PX4 v1.18 answers.
+//! The vehicle's end of the parameter protocol, as PX4 v1.18 answers.
 
 use std::time::Duration;
 
@@ -18,10 +18,10 @@ pub struct Parameter {
     pub name: Name,
     /// Its value, whose type never changes.
     pub value: Value,
-    /// Whether some part of the vehicle uses it. One that is not used has no place in the
-    /// list; the first read answers with index 65535 and makes it used.
+    /// Whether some part of the vehicle uses it. An unused parameter has no place in the list; its first read is
+    /// answered with index 65535 and makes it used.
     pub used: bool,
-    /// PARAM_SET is refused.
+    /// Whether PARAM_SET is refused.
     pub read_only: bool,
 }
 
@@ -43,14 +43,14 @@ pub struct Server {
     us: Node,
     /// By name, as PX4 orders them.
     table: Vec<Parameter>,
-    /// The index of the list to be sent next, and when.
+    /// The next index of the list to send, and when.
     listing: Option<(usize, Duration)>,
     out: Bounded<MavMessage>,
     events: Bounded<ServerEvent>,
 }
 
 impl Server {
-    /// A vehicle with these parameters; of two with one name the first stays.
+    /// A vehicle with these parameters; of two with the same name the first counts.
     pub fn new(us: Node, parameters: impl IntoIterator<Item = Parameter>) -> Self {
         let mut table: Vec<_> = parameters.into_iter().collect();
         table.sort_by_key(|parameter| parameter.name);
@@ -69,7 +69,7 @@ impl Server {
         self.place(name).map(|place| self.table[place].value)
     }
 
-    /// Takes a message of `from`; returns whether it was for this service.
+    /// Handles a message of `from`; returns whether it was for this service.
     pub fn handle_message(&mut self, now: Duration, from: Node, message: &MavMessage) -> bool {
         let (Some(system), Some(component)) =
             (message.target_system_id(), message.target_component_id())
@@ -93,7 +93,7 @@ impl Server {
         true
     }
 
-    /// Sends a part of the list, if one was requested.
+    /// Sends part of the list, if it was requested.
     pub fn handle_timeout(&mut self, now: Duration) {
         let Some((mut place, _)) = self.listing.take_if(|(_, due)| *due <= now) else {
             return;
@@ -166,7 +166,7 @@ impl Server {
         use MavParamError as E;
         let name = Name::from_wire(&request.param_id);
         if name.is_some_and(|name| name.as_str() == HASH_CHECK) {
-            // PX4's sign for "I have your list already".
+            // PX4's sign for "the list is already known": setting the hash check ends the listing.
             self.listing = None;
             self.send_error(from, E::MAV_PARAM_ERROR_READ_ONLY, *request.param_id, -1);
             return;
@@ -250,7 +250,7 @@ impl Server {
     }
 }
 
-/// PX4 sends up to 20 parameters in one burst; 947 take 0.85 s.
+/// PX4 sends up to 20 parameters in one burst; 947 of them take 0.85 s.
 const BURST: usize = 20;
 const BURST_PAUSE: Duration = Duration::from_millis(18);
 const MAX_OUT: usize = 64;

@@ -41,16 +41,16 @@ const DEFAULTS: &[(u32, i32)] = &[
     (mav::ESTIMATOR_STATUS_DATA::ID, 2_000_000),
     (mav::WIND_COV_DATA::ID, 2_000_000),
     (mav::VIBRATION_DATA::ID, 10_000_000),
-    // PX4 sends both each second; here on request alone, so that a link carries what a test looks at.
+    // PX4 sends both every second; here they are sent on request only, so that a link carries what a test is about.
     (mav::ESC_STATUS_DATA::ID, -1),
     (mav::SCALED_PRESSURE_DATA::ID, -1),
-    // Of a vehicle with a combustion engine.
+    // On a vehicle with a combustion engine.
     (mav::EFI_STATUS_DATA::ID, -1),
     (mav::HOME_POSITION_DATA::ID, 2_000_000),
     (mav::EXTENDED_SYS_STATE_DATA::ID, 1_000_000),
     (mav::ORBIT_EXECUTION_STATUS_DATA::ID, 500_000),
     (mav::CURRENT_MODE_DATA::ID, 2_000_000),
-    // Of a vehicle whose gimbal PX4 manages.
+    // On a vehicle whose gimbal PX4 manages.
     (mav::GIMBAL_MANAGER_STATUS_DATA::ID, 2_000_000),
     (mav::GIMBAL_MANAGER_INFORMATION_DATA::ID, -1),
 ];
@@ -76,7 +76,7 @@ impl Streams {
         for stream in &mut self.0 {
             if stream.interval_us > 0 && now >= stream.due {
                 let period = f64::from(stream.interval_us) * 1e-6;
-                // Keep the phase, unless more than a period was missed: a burst of overdue messages helps nobody.
+                // Keeps the phase, unless more than a period was missed: overdue messages in a burst are of no use.
                 stream.due = if now - stream.due > period {
                     now + period
                 } else {

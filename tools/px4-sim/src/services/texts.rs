@@ -1,7 +1,8 @@
-//! STATUSTEXT: one text each 50 ms, long ones in chunks of 50 bytes.
+//! STATUSTEXT: one text every 50 ms, long ones in chunks of 50 bytes.
 //!
-//! PX4 sends many texts twice, as EVENT (410) and as a legacy STATUSTEXT that ends with a tab character; this simulator
-//! does so where its configuration says so, else it sends the STATUSTEXT alone. Identical texts queue up, as seen on the wire, where they arrive up to 0.3 s late.
+//! PX4 sends many texts twice, as EVENT (410) and as a legacy STATUSTEXT that ends with a tab character; this
+//! simulator does so where its configuration requires it, otherwise it sends the STATUSTEXT alone. Identical texts
+//! queue up, as observed on the wire, and arrive up to 0.3 s late.
 
 use std::collections::VecDeque;
 
@@ -10,7 +11,7 @@ use mavlink::types::CharArray;
 
 use super::events::Events;
 
-/// The queue of texts. What does not fit is lost, as it is in PX4.
+/// The queue of texts. A text that does not fit is lost, as in PX4.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Texts {
     waiting: VecDeque<(MavSeverity, String)>,
@@ -20,7 +21,7 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
-    /// With events beside them, or without.
+    /// A queue, with events beside the texts or without.
     pub(crate) fn new(events: bool) -> Self {
         Self {
             events: Events::new(events),

@@ -1,25 +1,27 @@
-//! What mission items make the payload do: a recorder of the camera, its trigger and the outputs, without their physics.
+//! What mission items do with the payload: a record of the camera, its trigger and the outputs, without their
+//! physics.
 //!
-//! As in PX4 v1.18: what is for the camera goes to the camera, one picture by way of the camera trigger (execute.rs); the camera trigger fires by distance flown or by time, whichever was
-//! set last, once it is enabled (DO_SET_CAM_TRIGG_DIST enables it, DO_SET_CAM_TRIGG_INTERVAL does not, DO_TRIGGER_CONTROL
-//! does); DO_SET_ACTUATOR sets the outputs whose parameter is a number, and 5 and 6 always.
+//! As in PX4 v1.18: commands for the camera are sent to the camera, one for a single picture by way of the camera
+//! trigger (execute.rs). The camera trigger fires by distance flown or by time, whichever was set last, once it is
+//! enabled (DO_SET_CAM_TRIGG_DIST and DO_TRIGGER_CONTROL enable it, DO_SET_CAM_TRIGG_INTERVAL does not).
+//! DO_SET_ACTUATOR sets the outputs whose parameter is a number, and always 5 and 6.
 
 use mavlink_link::service::mission::Item;
 
 use crate::physics::motion::Ned;
 
-/// What has been done.
+/// What items have done.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Actions {
     /// The commands of the items that were carried out, in order.
     pub commands: Vec<u16>,
-    /// Pictures that the camera was asked for.
+    /// Pictures requested of the camera.
     pub photos: u32,
-    /// The camera records.
+    /// Whether the camera records.
     pub films: bool,
     /// Pulses of the camera trigger.
     pub triggers: u32,
-    /// The outputs Peripheral via Actuator Set 1 to 6, -1 to 1; none that was never set.
+    /// The outputs Peripheral via Actuator Set 1 to 6, -1 to 1; `None` where never set.
     pub outputs: [Option<f64>; 6],
     photo_every_s: Option<f64>,
     photo_at: f64,
@@ -36,7 +38,7 @@ enum Every {
 }
 
 impl Actions {
-    /// An item that is carried out.
+    /// Carries out an item.
     pub(crate) fn take(&mut self, item: &Item, now: f64, here: Ned) {
         let [p1, p2, p3, _] = item.params.map(f64::from);
         match item.command {
@@ -80,7 +82,7 @@ impl Actions {
         self.commands.push(item.command);
     }
 
-    /// Time passes.
+    /// Lets time pass.
     pub(crate) fn step(&mut self, now: f64, here: Ned) {
         if let Some(every_s) = self.photo_every_s
             && now - self.photo_at >= every_s

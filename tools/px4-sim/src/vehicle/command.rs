@@ -1,10 +1,10 @@
-//! One command, whichever of COMMAND_LONG and COMMAND_INT brought it.
+//! One command, from COMMAND_LONG or COMMAND_INT alike.
 
 use mavlink::dialects::development::{COMMAND_INT_DATA, COMMAND_LONG_DATA};
 use mavlink::{MavlinkVersion, MessageData};
 use mavlink_link::service::Node;
 
-/// A command as PX4 handles it inside: param5 and param6 in double precision.
+/// A command as PX4 handles it internally: param5 and param6 in double precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Command {
     /// MAV_CMD, known to the dialect or not.
@@ -15,7 +15,7 @@ pub(crate) struct Command {
     pub target: Node,
     /// The sender.
     pub from: Node,
-    /// COMMAND_INT with the bytes of a float NaN as coordinates: refused at once.
+    /// Whether a COMMAND_INT had the bytes of a float NaN as coordinates: it is refused at once.
     pub garbled: bool,
 }
 
@@ -32,8 +32,8 @@ impl Command {
         }
     }
 
-    /// From the payload of COMMAND_INT (75). PX4 ignores the frame for the altitude, which is
-    /// always AMSL, and uses it only to scale x and y of a local frame.
+    /// From the payload of COMMAND_INT (75). PX4 ignores the frame for the altitude, which is always AMSL, and uses
+    /// it only to scale x and y of a local frame.
     pub(crate) fn from_int_payload(payload: &[u8], from: Node) -> Self {
         let p = |i: usize| f64::from(f32::from_le_bytes(bytes(payload, i * 4)));
         let (x, y) = (
@@ -83,13 +83,13 @@ impl Command {
             .unwrap_or(f64::NAN)
     }
 
-    /// Parameter `number` where it is a number.
+    /// Parameter `number`, unless it is NaN.
     pub(crate) fn given(&self, number: usize) -> Option<f64> {
         Some(self.param(number)).filter(|v| v.is_finite())
     }
 }
 
-/// COMMAND_ACK.result, as far as PX4 gives it.
+/// COMMAND_ACK.result, the values that PX4 sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Answer {
     Accepted = 0,
@@ -101,13 +101,13 @@ pub(crate) enum Answer {
 }
 
 impl Answer {
-    /// Accepted where it was done, otherwise this.
+    /// Accepted where `done`, otherwise the other answer.
     pub(crate) fn accepted_or(otherwise: Self, done: bool) -> Self {
         if done { Self::Accepted } else { otherwise }
     }
 }
 
-/// Whether a message is for this node; 0 is every system, and every component.
+/// Whether a message is for this node; 0 means every system, or every component.
 pub(crate) fn is_for(own: Node, system: u8, component: u8) -> bool {
     (system == own.system || system == 0) && (component == own.component || component == 0)
 }
@@ -118,7 +118,7 @@ fn payload(message: &impl MessageData) -> [u8; 255] {
     bytes
 }
 
-/// Bytes of a payload; what the sender trimmed is zero.
+/// Bytes of a payload; bytes that the sender truncated are zero.
 fn bytes<const N: usize>(payload: &[u8], at: usize) -> [u8; N] {
     let mut out = [0; N];
     for (o, i) in out.iter_mut().zip(at..) {

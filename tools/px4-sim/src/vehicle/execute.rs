@@ -1,4 +1,4 @@
-//! Commands: what each one does, and its answer.
+//! Commands: the effect of each, and its answer.
 //!
 //! The numbers are those of MAV_CMD; the answers were observed on PX4 v1.18.
 
@@ -20,8 +20,8 @@ use crate::physics::trajectory::Circle;
 use crate::services::mission_rules::{Airframe as ParamUse, first_unused_param_set};
 
 impl Vehicle {
-    /// Queues a command. If the queue is full, the oldest is lost silently. Observed on PX4: of 200 commands back to back
-    /// most get no acknowledgement, so a bridge must keep one command outstanding and retry.
+    /// Queues a command. If the queue is full, the oldest one is lost without an answer. As observed, of 200 commands
+    /// back to back most get no acknowledgement, so a bridge must keep one command outstanding and retry.
     pub(crate) fn queue_command(&mut self, command: Command) {
         let own = self.node();
         let Node { system, component } = command.target;
@@ -114,7 +114,7 @@ impl Vehicle {
             gimbal::CONFIGURE | gimbal::PITCHYAW | gimbal::SET_ROI_NONE => {
                 self.payloads.execute_by_px4(&command);
             }
-            // A single picture needs a number, which the camera trigger gives it.
+            // A single picture needs a number, which the camera trigger gives.
             actions::IMAGE_START_CAPTURE if p3 == 1.0 => self.trigger_camera(),
             SET_CAMERA_MODE
             | SET_CAMERA_SOURCE
@@ -197,7 +197,7 @@ impl Vehicle {
             186 => self.change_altitude(c),
             191 => self.go_around(),
             192 => self.reposition(c),
-            // Regions of interest, camera triggers and the like are accepted, without effect here.
+            // Regions of interest, camera triggers and the like are accepted, but have no effect here.
             195 if self.config.payloads > 0 => {
                 let placed = gimbal::place(c, &self.carrier());
                 let pointed = self.payloads.execute_by_px4(&placed);
@@ -243,7 +243,7 @@ impl Vehicle {
         })
     }
 
-    /// Requests a mode of the commander; `text` is sent on success.
+    /// Requests a mode from the commander; `text` is sent on success.
     pub(crate) fn switch(&mut self, mode: Mode, text: Option<&str>) -> Answer {
         if self.request(mode, false) {
             if let Some(text) = text {
@@ -355,7 +355,7 @@ impl Vehicle {
         };
         if first >= 0.0 {
             let active = self.commander.is_armed() && self.commander.mode() == Mode::Mission;
-            // A mission starts at item 0 anyway; only another item moves it.
+            // A mission starts at item 0 anyway; only another first item has to be set.
             if first as usize != self.navigator.mission.index() {
                 self.navigate(|nav, view, notes| {
                     nav.mission.select(first as usize, active, view, notes);
@@ -423,7 +423,7 @@ impl Vehicle {
         let change_mode = c.param(2) as i64 & 1 == 1;
         let holding = self.commander.mode() == Mode::Loiter;
         let target = self.local_target_of(c);
-        // Without a position the course is kept, at another altitude and speed.
+        // Without a position the course is kept, with the new altitude and speed.
         if change_mode && self.commander.mode() == Mode::Course && !target.n.is_finite() {
             if c.given(1).is_some_and(|speed| speed > 0.0) {
                 self.navigator.set_speed(c.given(1));
@@ -450,7 +450,7 @@ impl Vehicle {
         answer
     }
 
-    /// While disarmed the position is not kept: a later switch to hold must not fly there.
+    /// While disarmed the target is not kept: a later switch to hold must not fly there.
     fn hold_at(&mut self, reposition: Reposition) {
         if self.commander.is_armed() {
             self.navigate(|nav, view, _| nav.set_reposition(reposition, view));
@@ -497,7 +497,7 @@ impl Vehicle {
             self.critical("Orbit radius limit exceeded");
             return Answer::Accepted;
         }
-        // No more than 2 m/s2 toward the centre.
+        // Limited to 2 m/s2 toward the centre.
         let requested = c.given(2).unwrap_or(1.0);
         let speed = requested.abs().min((2.0 * radius.abs()).sqrt());
         self.navigator.set_orbit(Circle {
@@ -534,7 +534,7 @@ impl Vehicle {
         self.switch(Mode::VtolTakeoff, None)
     }
 
-    /// As PX4 does, the answer does not depend on whether there is a transition.
+    /// As in PX4, the answer does not depend on whether a transition begins.
     fn transition(&mut self, c: &Command) -> Answer {
         // On the ground it stays a multicopter.
         if !self.landed {
@@ -568,8 +568,8 @@ impl Vehicle {
         Answer::Accepted
     }
 
-    /// param5 to param7 in the local frame, NaN where not given. The altitude is AMSL, whatever
-    /// frame a COMMAND_INT names.
+    /// param5 to param7 in the local frame, NaN where absent. The altitude is AMSL, whatever frame a COMMAND_INT
+    /// names.
     pub(crate) fn local_target_of(&self, c: &Command) -> Ned {
         let d = self.frame.origin().altitude_m - c.param(7);
         match (c.given(5), c.given(6)) {
@@ -607,11 +607,12 @@ impl Vehicle {
     }
 
     pub(crate) fn terminate(&mut self, c: &Command) -> Answer {
-        // CBRK_FLIGHTTERM is ignored: it disables PX4's own failure detector only. Param1 0 does not end a termination.
+        // CBRK_FLIGHTTERM is ignored: it disables PX4's own failure detector only. A param1 of 0 does not end a
+        // termination.
         if c.param(1) <= 0.5 || !self.commander.is_armed() {
             return Answer::Denied;
         }
-        // A repetition is rejected once terminated, so a ground station must look at HEARTBEAT.
+        // A repetition is rejected once terminated, so a ground station must read HEARTBEAT.
         let done = self.request(Mode::Termination, false);
         Answer::accepted_or(Answer::TemporarilyRejected, done)
     }
@@ -621,9 +622,9 @@ const SET_CAMERA_MODE: u16 = 530;
 const SET_CAMERA_SOURCE: u16 = 534;
 /// MAV_COMP_ID_CAMERA.
 const FIRST_CAMERA: u8 = 100;
-/// How many commands wait for the commander: the depth of PX4's queue.
+/// Commands that wait for the commander at most: the depth of PX4's queue.
 const QUEUE: usize = 8;
-/// COMPONENT_ARM_DISARM.param2: also in the air.
+/// COMPONENT_ARM_DISARM.param2: forced, even in the air.
 const FORCE: i64 = 21196;
 /// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW.
 const WINGS: i64 = 4;

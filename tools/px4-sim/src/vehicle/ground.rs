@@ -1,7 +1,8 @@
-//! The vehicle's side of MAVLink's terrain protocol, as ArduPilot has it. PX4 has none: it asks only where a test wants it to.
+//! The vehicle's end of MAVLink's terrain protocol, as in ArduPilot. PX4 has none: it sends requests only where a
+//! test enables it.
 //!
-//! Each second it names the blocks of one grid that it still misses (TERRAIN_REQUEST), and keeps what TERRAIN_DATA brings; how
-//! many it has is reported by TERRAIN_REPORT.
+//! Every second it requests the missing blocks of one grid (TERRAIN_REQUEST), keeps the data of TERRAIN_DATA, and
+//! reports how many blocks it has (TERRAIN_REPORT).
 
 use mavlink::dialects::development::{
     MavMessage, TERRAIN_DATA_DATA, TERRAIN_REPORT_DATA, TERRAIN_REQUEST_DATA,
@@ -9,19 +10,19 @@ use mavlink::dialects::development::{
 
 use crate::physics::motion::Geodetic;
 
-/// The grid that it asks for: 7 blocks north by 8 east, each 4 by 4 heights.
+/// The requested grid: 7 blocks north by 8 east, each 4 by 4 heights.
 #[derive(Debug, Clone)]
 pub struct GroundGrid {
     /// South-western corner, degrees times 1e7.
     corner: (i32, i32),
     spacing_m: u16,
-    /// The blocks that have come, by their bits.
+    /// The received blocks, by their bits.
     blocks: Vec<Option<[i16; 16]>>,
     asks_at: f64,
 }
 
 impl GroundGrid {
-    /// North-east of a place, with heights this far apart; it is asked for from `now` on, s.
+    /// A grid north-east of a place, with heights this far apart, m; it is requested from `now` on, s.
     pub(crate) fn new(corner: Geodetic, spacing_m: u16, now: f64) -> Self {
         let e7 = |degrees: f64| (degrees * 1e7).round() as i32;
         Self {
@@ -32,7 +33,7 @@ impl GroundGrid {
         }
     }
 
-    /// What is to be sent at this time, s: the request for what is missing, and the report.
+    /// The messages for this time, s: the request for missing blocks, and the report.
     pub(crate) fn due(&mut self, now: f64) -> Vec<MavMessage> {
         if now < self.asks_at {
             return Vec::new();
@@ -60,7 +61,7 @@ impl GroundGrid {
         request.into_iter().chain([report]).collect()
     }
 
-    /// TERRAIN_DATA.
+    /// Stores the block of a TERRAIN_DATA.
     pub(crate) fn take(&mut self, data: &TERRAIN_DATA_DATA) {
         let own = (self.corner.0, self.corner.1, self.spacing_m);
         if (data.lat, data.lon, data.grid_spacing) == own
@@ -70,7 +71,7 @@ impl GroundGrid {
         }
     }
 
-    /// How many of its 56 blocks have not come.
+    /// How many of its 56 blocks are missing.
     pub fn missing(&self) -> usize {
         self.blocks.iter().filter(|block| block.is_none()).count()
     }

@@ -114,8 +114,9 @@ impl Vehicle {
         }
     }
 
-    /// Handles a message that the dialect's structs refuse because one of its enums does not know a value. PX4 answers some of
-    /// them (an unknown command is UNSUPPORTED), so they cannot be dropped before; the rest is dropped, as by PX4.
+    /// Handles a message that the dialect's structs refuse because one of its enums lacks a value. PX4 answers some
+    /// of them (an unknown command is UNSUPPORTED), so they cannot be dropped earlier; the rest is dropped, as by
+    /// PX4.
     pub fn handle_raw(&mut self, from: Node, id: u32, payload: &[u8]) {
         match id {
             mav::COMMAND_LONG_DATA::ID => {
@@ -138,8 +139,8 @@ impl Vehicle {
         }
     }
 
-    /// An item with a command or frame beyond the dialect is refused like one that PX4 does not
-    /// take: as NAV_LAST, or in a local frame.
+    /// An item with a command or frame beyond the dialect is refused like one that PX4 does not accept: as NAV_LAST,
+    /// or in a local frame.
     fn handle_odd_item(&mut self, from: Node, payload: &[u8]) {
         let mut bytes = [0; 38];
         let len = payload.len().min(bytes.len());
@@ -176,7 +177,7 @@ impl Vehicle {
     }
 }
 
-/// MAV_CMD_NAV_LAST: no command at all.
+/// MAV_CMD_NAV_LAST: not a command.
 const NAV_LAST: u8 = 95;
 /// MAV_FRAME_LOCAL_NED.
 const LOCAL_NED: u8 = 1;

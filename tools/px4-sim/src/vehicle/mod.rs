@@ -1,14 +1,14 @@
 //! The whole vehicle: physics, flight stack and services joined, without socket or clock.
 //!
 //! The parts, each calling only those before it:
-//! - [`state`]: what a vehicle is made of, and what every part needs of it.
-//! - [`actions`]: what mission items make the payload do.
-//! - [`command`]: one command, whichever message brought it.
+//! - [`state`]: the parts of a vehicle, and what all of them need.
+//! - [`actions`]: what mission items do with the payload.
+//! - [`command`]: one command, from either message.
 //! - [`operator`]: operator control, off by default.
 //! - [`reports`]: the vehicle's state as messages.
 //! - [`plans`]: what uploads change.
-//! - [`execute`]: what each command does.
-//! - [`ground`]: heights of the ground that it asks for, off by default.
+//! - [`execute`]: the effect of each command.
+//! - [`ground`]: heights of the ground that it requests, off by default.
 //! - [`inbox`]: messages in.
 //! - [`tick`]: time in; the order of the steps of 4 ms.
 

@@ -1,6 +1,6 @@
-//! Operator control, as the development dialect of MAVLink drafts it (REQUEST_OPERATOR_CONTROL 32100, CONTROL_STATUS
-//! 512): one ground station owns the vehicle, and what changes its state is accepted from that one alone. PX4 v1.18
-//! does not implement it, so it is off unless [`Config::operator_control`](crate::Config::operator_control) is set.
+//! Operator control, as drafted in MAVLink's development dialect (REQUEST_OPERATOR_CONTROL 32100, CONTROL_STATUS
+//! 512): one ground station owns the vehicle, and only that one may change its state. PX4 v1.18 does not implement
+//! it, so it is off unless [`Config::operator_control`](crate::Config::operator_control) is set.
 
 use mavlink::dialects::development::{
     CONTROL_STATUS_DATA, GcsControlStatusFlags, MavCmd, MavMessage,
@@ -22,7 +22,7 @@ pub(crate) struct OperatorControl {
 struct Owner {
     /// System id; 0 for nobody.
     system: u8,
-    /// A takeover is granted without asking the owner.
+    /// Whether a takeover is granted without a request to the owner.
     takeover_allowed: bool,
     /// When the owner's last HEARTBEAT arrived, s.
     last_heartbeat: f64,
@@ -47,8 +47,8 @@ impl OperatorControl {
             || from.system == self.own_system
     }
 
-    /// MAV_RESULT_NOT_IN_CONTROL for a command of another than the owner. Commands that only request information are
-    /// answered to everybody: a second station may watch.
+    /// MAV_RESULT_NOT_IN_CONTROL for a command of a station that is not the owner. Commands that only request
+    /// information are answered for everybody: a second station may monitor.
     pub(crate) fn refuse(&self, command: &Command) -> Option<Answer> {
         let harmless = READ_ONLY.contains(&command.id) || command.id == REQUEST_OPERATOR_CONTROL;
         (!harmless && !self.obeys(command.from)).then_some(Answer::NotInControl)
@@ -95,7 +95,7 @@ impl OperatorControl {
         }
     }
 
-    /// CONTROL_STATUS where it is due: at 1 Hz and at once when the owner changes. An owner without heartbeats loses
+    /// CONTROL_STATUS where it is due: at 1 Hz, and at once when the owner changes. An owner without heartbeats loses
     /// the vehicle.
     pub(crate) fn poll(&mut self, now: f64) -> Option<MavMessage> {
         if !self.enabled {
@@ -120,7 +120,7 @@ impl OperatorControl {
     }
 }
 
-/// Whether a message changes the state of a vehicle, commands apart.
+/// Whether a message (other than a command) changes the state of a vehicle.
 #[allow(
     deprecated,
     reason = "PX4 still uses messages that MAVLink has replaced"
@@ -142,5 +142,5 @@ pub(crate) fn changes_state(message: &MavMessage) -> bool {
 
 /// GET_HOME_POSITION, GET_MESSAGE_INTERVAL, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES.
 const READ_ONLY: [u16; 5] = [410, 510, 511, 512, 520];
-/// COM_DL_LOSS_T by default.
+/// The default of COM_DL_LOSS_T, s.
 const OWNER_LOST_S: f64 = 10.0;

@@ -1,4 +1,4 @@
-//! Plans and parameters as they are uploaded: what the servers of MAVLink's services store takes effect here.
+//! Uploaded plans and parameters: what the servers of MAVLink's services store takes effect here.
 
 use mavlink::dialects::development::{MavMissionType, MavSeverity};
 
@@ -93,7 +93,7 @@ impl Vehicle {
         }
     }
 
-    /// The few checks that PX4 makes of a plan, once it has a home. An accepted upload is no safety check: latitude 200, a first
+    /// PX4's few checks of a plan, once it has a home. An accepted upload is no safety check: latitude 200, a first
     /// waypoint 20 km away and a jump to a missing item all pass.
     fn check_plan(&mut self) {
         let fence = self.fence.clone();

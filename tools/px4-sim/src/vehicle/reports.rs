@@ -1,4 +1,4 @@
-//! The vehicle's state as messages: what it streams, and what it answers to REQUEST_MESSAGE.
+//! The vehicle's state as messages: its streams, and its answers to REQUEST_MESSAGE.
 //!
 //! Positions are those of the estimator, about a decimetre from the truth; values that the model does not compute are
 //! constants, mostly those of the reference vehicle.
@@ -81,7 +81,7 @@ impl Vehicle {
         })
     }
 
-    /// AVAILABLE_MODES for the mode of this 1-based index.
+    /// AVAILABLE_MODES for the mode with this 1-based index.
     pub(crate) fn available_mode(&self, index: u8) -> Option<MavMessage> {
         let (_termination, modes) = Mode::ALL.split_last()?;
         let mode = modes.get(usize::from(index).checked_sub(1)?)?;
@@ -104,7 +104,7 @@ impl Vehicle {
             (false, _) => mav::MavState::MAV_STATE_UNINIT,
         };
         let mode = self.commander.mode();
-        // Armed or not: PX4 overrides all others with it.
+        // Armed or not: PX4 reports a termination above everything else.
         let system_status = match mode {
             Mode::Termination => mav::MavState::MAV_STATE_FLIGHT_TERMINATION,
             _ => system_status,
@@ -168,7 +168,7 @@ impl Vehicle {
         }
     }
 
-    /// As PX4's simulator in hardware: revolutions by the throttle, without volts and amperes.
+    /// As in PX4's simulator in hardware: revolutions by the throttle, without volts and amperes.
     fn esc_status(&self) -> mav::ESC_STATUS_DATA {
         let throttle = if self.commander.is_armed() {
             self.body.throttle()
@@ -187,7 +187,7 @@ impl Vehicle {
         }
     }
 
-    /// It idles while the vehicle is disarmed.
+    /// The engine idles while the vehicle is disarmed.
     fn efi_status(&self) -> mav::EFI_STATUS_DATA {
         let throttle = if self.commander.is_armed() {
             self.body.throttle().clamp(0.0, 1.0)
@@ -198,13 +198,13 @@ impl Vehicle {
             health: 1,
             rpm: (IDLE_RPM + (MAX_RPM - IDLE_RPM) * throttle.sqrt()) as f32,
             throttle_position: (throttle * 100.0) as f32,
-            // As PX4 sends it: kelvins.
+            // In kelvins, as PX4 sends it.
             cylinder_head_temperature: 390.0,
             ..Default::default()
         }
     }
 
-    /// As PX4's simulated barometer: the standard atmosphere, 288 K at sea level.
+    /// As PX4's simulated barometer: the standard atmosphere, with 288 K at sea level.
     fn scaled_pressure(&self) -> mav::SCALED_PRESSURE_DATA {
         let kelvin = 288.0 - 0.0065 * self.believed_place().altitude_m;
         mav::SCALED_PRESSURE_DATA {
@@ -270,7 +270,7 @@ impl Vehicle {
         }
     }
 
-    /// A fixed wing only: PX4 estimates no wind for a multicopter in its simulator.
+    /// For a fixed wing only: PX4 in its simulator estimates no wind for a multicopter.
     fn wind(&self) -> Option<mav::WIND_COV_DATA> {
         let [n, e] = self.config.wind_ne_ms;
         (self.config.airframe != Airframe::Quad).then(|| mav::WIND_COV_DATA {
@@ -390,7 +390,7 @@ impl Vehicle {
     }
 }
 
-/// PX4 calls a mission active in these modes, whether it flies one or not.
+/// In these modes PX4 reports a mission as active, whether it flies one or not.
 pub(crate) fn mission_mode_active(mode: Mode) -> bool {
     matches!(mode, Mode::Mission | Mode::Takeoff | Mode::Land)
 }
@@ -408,10 +408,10 @@ pub(crate) fn centidegrees(rad: f64) -> u16 {
     (rad.to_degrees().rem_euclid(360.0) * 100.0) as u16 % 36000
 }
 
-/// Of PX4's simulated motors at full throttle.
+/// Revolutions a minute of PX4's simulated motors at full throttle.
 const MAX_RPM: f64 = 10_000.0;
 const IDLE_RPM: f64 = 1_500.0;
-/// SYS_STATUS of the reference vehicle, the pre-arm bit apart.
+/// SYS_STATUS of the reference vehicle, without the pre-arm bit.
 const PRESENT: u32 = 50_380_847;
 const ENABLED: u32 = 50_446_383;
 const HEALTH: u32 = 52_480_063;

@@ -36,7 +36,7 @@ use crate::services::param;
 use crate::services::streams::Streams;
 use crate::services::texts::Texts;
 
-/// Something to put on the wire, from component 1 of the vehicle where no other is named.
+/// Something to send, from component 1 of the vehicle where no other is named.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(
     clippy::large_enum_variant,
@@ -47,7 +47,7 @@ pub enum Outgoing {
     Message(MavMessage),
     /// A message of another component of the vehicle: a gimbal or a camera.
     Component(u8, MavMessage),
-    /// A message that the dialect's structs cannot hold: an enum value they do not know.
+    /// A message with an enum value that the dialect's structs do not have.
     Raw {
         /// Message id.
         id: u32,
@@ -57,7 +57,7 @@ pub enum Outgoing {
 }
 
 impl Outgoing {
-    /// The message, where the dialect has it.
+    /// The message, where the dialect has one.
     pub fn message(&self) -> Option<&MavMessage> {
         match self {
             Self::Message(message) | Self::Component(_, message) => Some(message),
@@ -66,14 +66,14 @@ impl Outgoing {
     }
 }
 
-/// The true state, for tests and pictures; the messages carry the vehicle's own, slightly wrong, estimate.
+/// The true state, for tests and pictures; the messages carry the vehicle's own estimate, which is slightly off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Since boot.
     pub time: Duration,
     /// Where it is; altitude AMSL.
     pub place: Geodetic,
-    /// Where its estimator has it, which is what it reports.
+    /// The estimated place, which it reports.
     pub believed: Geodetic,
     /// The same as `place` in the local frame of the place of boot, m.
     pub position: Ned,
@@ -81,7 +81,7 @@ pub struct Truth {
     pub velocity: Ned,
     /// Roll, pitch, yaw, radians; yaw from true north.
     pub attitude: [f64; 3],
-    /// The mode that is flown.
+    /// The flown mode.
     pub mode: Mode,
     /// Motors enabled.
     pub armed: bool,
@@ -89,11 +89,12 @@ pub struct Truth {
     pub landed: bool,
     /// MISSION_CURRENT.seq.
     pub mission_seq: u16,
-    /// What a VTOL flies on; none of another airframe.
+    /// How a VTOL flies; `None` for another airframe.
     pub vtol: Option<VtolState>,
 }
 
-/// Faults of a vehicle, for tests of alerts. All but `instead` and `low_m` are only reported, and do not affect its flight.
+/// Faults of a vehicle, for tests of alerts. All but `instead`, `quad_chute` and `low_m` are only reported, and do
+/// not affect its flight.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct HealthFaults {
     /// Bits of MAV_SYS_STATUS_SENSOR that SYS_STATUS reports as enabled and unhealthy.
@@ -102,35 +103,35 @@ pub struct HealthFaults {
     pub estimator: u16,
     /// Battery charge reported, per cent.
     pub battery: Option<u8>,
-    /// The mode entered, once, in place of the next one that DO_SET_MODE names and that is accepted: a take-off that ends
-    /// in that moment puts PX4 into AUTO.LOITER.
+    /// The mode entered, once, instead of the next one that DO_SET_MODE names and that is accepted: a take-off that
+    /// ends at that moment puts PX4 into AUTO.LOITER.
     pub instead: Option<Mode>,
-    /// The wings fail: once on them, or on the way there, it drops out of them (quad-chute).
+    /// The wings fail: once on them, or in transition to them, the vehicle leaves them (quad-chute).
     pub quad_chute: bool,
     /// What is wrong with its answers to TIMESYNC.
     pub clock: ClockFault,
-    /// In AUTO.MISSION it flies so much lower than its items, m, as a wing whose altitude reference is wrong.
+    /// In AUTO.MISSION it flies this much below its items, m, like a wing whose altitude reference is wrong.
     pub low_m: u16,
 }
 
-/// A vehicle that does not answer TIMESYNC as PX4 does.
+/// How a vehicle answers TIMESYNC.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ClockFault {
-    /// It does.
+    /// As PX4 does.
     #[default]
     None,
-    /// It does not answer.
+    /// Not at all.
     Silent,
-    /// It answers with a clock that is so far ahead of that of its messages, ms.
+    /// With a clock that is this far ahead of that of its messages, ms.
     AheadMs(i32),
 }
 
-/// What the vehicle has done with the commands and plans it received.
+/// What the vehicle has done with the received commands and plans.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct VehicleCounters {
     /// Commands answered by ACCEPTED.
     pub commands_accepted: u64,
-    /// Commands answered otherwise.
+    /// Commands answered by another result.
     pub commands_refused: u64,
     /// Commands lost because too many came at once.
     pub commands_lost: u64,
@@ -186,7 +187,7 @@ pub struct Vehicle {
 }
 
 impl Vehicle {
-    /// Switched on, standing at home.
+    /// Switched on, on the ground at home.
     pub fn new(config: Config) -> Self {
         let body = Body::new(&config);
         let rules = Px4Rules {
@@ -281,17 +282,17 @@ impl Vehicle {
         }
     }
 
-    /// What its payloads really do, station 1 first.
+    /// The true state of its payloads, station 1 first.
     pub fn payloads(&self) -> Vec<PayloadTruth> {
         self.payloads.truth(&self.carrier())
     }
 
-    /// Leaves the camera of a station, from 0, so much storage, MiB.
+    /// Sets the storage that the camera of a station, from 0, has left, MiB.
     pub fn set_storage(&mut self, station: usize, left_mib: f64) {
         self.payloads.set_storage(station, left_mib);
     }
 
-    /// The vehicle as its payloads need it.
+    /// The vehicle's state as its payloads use it.
     pub(crate) fn carrier(&self) -> Carrier {
         let motion = self.body.motion();
         Carrier {
@@ -324,12 +325,12 @@ impl Vehicle {
         Duration::from_micros(self.ticks * TICK.as_micros() as u64)
     }
 
-    /// Position as the estimator has it.
+    /// The estimated position.
     pub(crate) fn believed(&self) -> Ned {
         self.body.motion().position + self.estimator.position_error()
     }
 
-    /// The estimator has a global position.
+    /// Whether the estimator has a global position.
     pub(crate) fn is_located(&self) -> bool {
         self.now() >= boot::FIRST_HEARTBEAT
     }
@@ -348,14 +349,14 @@ impl Vehicle {
         KINDS.map(|kind| self.missions.opaque_id(kind))
     }
 
-    /// Home is where the vehicle believes to be.
+    /// Sets home to the estimated position.
     pub(crate) fn set_home(&mut self) {
         self.home = Some(self.believed());
         self.home_at_us = self.boot_us();
         self.plan_checked = false;
     }
 
-    /// Calls the navigator with a view of the vehicle, and delivers its notes.
+    /// Calls the navigator with a view of the vehicle, and carries out its notes.
     pub(crate) fn navigate<T>(
         &mut self,
         call: impl FnOnce(&mut Navigator, &View<'_>, &mut Vec<Note>) -> T,
@@ -380,7 +381,7 @@ impl Vehicle {
         done
     }
 
-    /// Calls the commander with the facts that it decides on, and delivers its notes.
+    /// Calls the commander with the facts on which it decides, and carries out its notes.
     pub(crate) fn decide<T>(
         &mut self,
         call: impl FnOnce(&mut Commander, &Facts<'_>, &mut Vec<Note>) -> T,
@@ -433,7 +434,7 @@ impl Vehicle {
         }
     }
 
-    /// The items of a plan that it holds.
+    /// The stored items of a plan.
     pub fn plan(&self, kind: MavMissionType) -> &[Item] {
         self.missions.items(kind)
     }
@@ -444,12 +445,12 @@ impl Vehicle {
         self.texts.events.record(name, level, arguments);
     }
 
-    /// The next so many events are recorded, and not sent before somebody requests them.
+    /// The next `count` events are recorded, but not sent before somebody requests them.
     pub fn lose_events(&mut self, count: usize) {
         self.texts.events.lose = count;
     }
 
-    /// Sets the faults that it reports; the default is none.
+    /// Sets the faults; the default is none.
     pub fn set_health_faults(&mut self, health_faults: HealthFaults) {
         if health_faults.estimator != self.health_faults.estimator {
             self.texts
@@ -459,28 +460,28 @@ impl Vehicle {
         self.health_faults = health_faults;
     }
 
-    /// Asks for the ground north-east of its home from now on, with heights this far apart.
+    /// Requests the ground north-east of its home from now on, with heights this far apart, m.
     pub fn ask_for_ground(&mut self, spacing_m: u16) {
         let grid = GroundGrid::new(self.config.home, spacing_m, self.now());
         self.ground = Some(grid);
     }
 
-    /// What it has been sent of the ground.
+    /// The received part of the ground.
     pub fn ground(&self) -> Option<&GroundGrid> {
         self.ground.as_ref()
     }
 
-    /// What is on its card.
+    /// The files of its card.
     pub fn files(&self) -> &Files {
         self.ftp.files()
     }
 
-    /// To change it from outside, as a logger does.
+    /// The files of its card, to change them from outside, as a logger does.
     pub fn files_mut(&mut self) -> &mut Files {
         self.ftp.files_mut()
     }
 
-    /// What mission items have made its payload do.
+    /// What mission items have done with its payload.
     pub fn actions(&self) -> &Actions {
         &self.actions
     }

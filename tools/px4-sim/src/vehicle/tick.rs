@@ -17,7 +17,7 @@ use crate::flight::mode::Mode;
 use crate::physics::trajectory::{Guidance, Heading};
 
 impl Vehicle {
-    /// Lets time pass. Physics runs in steps of [`TICK`]; what is left over waits.
+    /// Lets time pass. Physics runs in steps of [`TICK`]; a remainder is kept for the next call.
     pub fn step(&mut self, dt: Duration) {
         self.carry += dt;
         while self.carry >= TICK {
@@ -105,8 +105,8 @@ impl Vehicle {
         };
         let error = self.estimator.position_error();
         self.body.step(DT, &guidance, &heading, error, &self.tuning);
-        // The land detector needs both contact and a vehicle that is commanded down: one that is about to take off also
-        // touches the ground.
+        // Landed requires contact with the ground and a vehicle that is commanded down: one that is about to take off
+        // also touches the ground.
         let sinking = matches!(guidance, Guidance::Land(_) | Guidance::Ground)
             || matches!(guidance, Guidance::Steer { .. } if self.body.setpoint().velocity.d > 0.05);
         let touching = self.body.motion().position.d >= -0.001;
@@ -117,7 +117,7 @@ impl Vehicle {
         };
     }
 
-    /// The modes that are steered from outside.
+    /// The guidance of the modes that are steered from outside.
     fn steer(&self, mode: Mode) -> Option<(Guidance, Heading)> {
         let ground = Some((Guidance::Ground, Heading::Hold));
         let yaw = self.body.motion().attitude[2];
@@ -195,8 +195,7 @@ impl Vehicle {
         }
     }
 
-    /// MISSION_CURRENT.mission_state by PX4's own rules, including the case that they leave out, in which the state stays
-    /// what it was.
+    /// MISSION_CURRENT.mission_state by PX4's own rules. They leave out one case, in which the state keeps its value.
     fn update_mission_state(&mut self) {
         let mission = &self.navigator.mission;
         let active = mission_mode_active(self.commander.mode());
