@@ -1,15 +1,16 @@
 //! A scriptable CUCS: the ground station's side of the Data Link Interface (DLI).
 //!
-//! Two layers. [`Session`] is a machine without socket or clock: datagrams and the time go in, datagrams and events
-//! come out; it stamps, packs, retransmits and matches acknowledgements, and keeps what each vehicle last reported.
-//! [`Station`] puts it on a UDP socket and offers what an operator does as methods: discover, take control, send a
-//! route, launch, fly, land, release. [`Operator`] is the same in words, for the program `cucs` and for scripts.
+//! Two layers. [`Session`] is a state machine without socket or clock: datagrams and the time go in, datagrams and
+//! events come out. It stamps, packs, retransmits and matches acknowledgements, and keeps what each vehicle last
+//! reported. [`Station`] runs it on a UDP socket and has a method for each thing that an operator does: discover,
+//! take control, send a route, launch, fly, land, release. [`Operator`] offers the same as text commands, for the
+//! program `cucs` and for scripts.
 //!
-//! The folders, each built on those before it: `session` (without I/O), `station` (UDP), `operator` (subcommands and scripts). Routes
-//! and their files are the crate `route-files`. Nothing here speaks MAVLink: whatever a CUCS may need must be
-//! in the DLI.
+//! The folders, each built on those before it: `session` (without I/O), `station` (UDP), `operator` (subcommands and
+//! scripts). Routes and their files are the crate `route-files`. Nothing here uses MAVLink: whatever a CUCS may need
+//! has to be in the DLI.
 //!
-//! Nothing received can make any of them panic, block or grow without bound.
+//! Nothing that is received can make any of them panic, block or grow without bound.
 
 mod operator;
 pub mod program;

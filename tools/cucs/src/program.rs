@@ -1,7 +1,7 @@
 //! The command line of `cucs`.
 //!
-//! Each subcommand may be a process of its own: rights belong to the CUCS ID, and a CUCS that comes back on another
-//! port keeps them. Exit status: 0 done, 1 refused or no answer, 2 wrong arguments or a faulty file.
+//! Each subcommand may be a process of its own: rights belong to the CUCS ID, and a CUCS that sends from another port
+//! keeps them. Exit status: 0 done, 1 refused or no answer, 2 wrong arguments or a faulty file.
 
 use std::io::{BufRead as _, Stdout, Write as _};
 use std::net::SocketAddr;
@@ -78,7 +78,7 @@ enum Command {
     Shell,
 }
 
-/// The line on standard error, and the exit status.
+/// The line for standard error, and the exit status.
 struct Failure {
     text: String,
     status: u8,
@@ -103,7 +103,7 @@ pub fn main() -> ExitCode {
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        // Quietly, as other programs end there.
+        // Without a message, as other programs end then.
         Err(Failure { status, .. }) if status == READER_GONE => ExitCode::from(status),
         Err(Failure { text, status }) => {
             report(&format!("cucs: {text}"));
@@ -153,7 +153,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-/// A station in a group; an own address has only its port used: where it sends from the interface decides.
+/// A station in a group. Only the port of an own address is used: the address is that of the interface.
 fn in_group(arguments: &Arguments, address: SocketAddr) -> Result<Station, StationError> {
     if !address.ip().is_multicast() {
         return Err(StationError::Address {
@@ -176,7 +176,7 @@ fn config(arguments: &Arguments) -> SessionConfig {
     SessionConfig::of(arguments.edition, arguments.id)
 }
 
-/// Lines from standard input; the station is served between them.
+/// Runs lines from standard input, and serves the station between them.
 async fn shell(operator: &mut Operator<Stdout>) -> Result<(), Failure> {
     let lines = typed_lines();
     prompt();
@@ -204,7 +204,7 @@ async fn shell(operator: &mut Operator<Stdout>) -> Result<(), Failure> {
     }
 }
 
-/// Lines of standard input, read by a thread: a blocking read cannot be cancelled when the station needs serving.
+/// Lines of standard input, read by a thread: a blocking read cannot be interrupted to serve the station.
 fn typed_lines() -> Receiver<String> {
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
@@ -220,7 +220,7 @@ fn typed_lines() -> Receiver<String> {
 
 fn prompt() {
     let mut error = std::io::stderr();
-    // A closed standard error is no reason to end.
+    // A closed standard error does not end the shell.
     let _ = write!(error, "cucs> ").and_then(|()| error.flush());
 }
 
@@ -232,11 +232,11 @@ fn failure(status: u8, text: impl std::fmt::Display) -> Failure {
 }
 
 fn report(line: &str) {
-    // A closed standard error is no reason to end otherwise.
+    // A closed standard error does not change the result.
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// On standard error, so that standard output has results alone.
+/// On standard error, so that standard output has results only.
 fn report_wait(what: &str, left: Duration) {
     report(&format!(
         "cucs: waiting for the {what}, {:.0} s at most",
@@ -285,8 +285,8 @@ mod tests {
         }
     }
 
-    /// Clap keeps one value for an option of the program and an argument of a subcommand of the same name; one of another
-    /// type ends the program in a panic.
+    /// Clap keeps one value for an option of the program and an argument of a subcommand with the same name;
+    /// different types make the program panic.
     #[test]
     fn arguments_of_one_name_are_of_one_type() {
         fn check(command: &clap::Command, globals: &[&clap::Arg]) {

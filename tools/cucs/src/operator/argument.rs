@@ -4,7 +4,7 @@ use stanag_msgs::enums::AltitudeType;
 
 use route_files::route::form::altitude_type_named;
 
-/// An argument that is none of those expected.
+/// An argument with none of the expected values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected {0}")]
 pub struct Expected(pub(super) &'static str);

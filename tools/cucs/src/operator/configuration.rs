@@ -1,4 +1,4 @@
-//! What a VSM reports in the configuration phase, as the table that an operator's screen is made of.
+//! What a VSM reports in the configuration phase, as the table from which an operator's screen is built.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -25,18 +25,18 @@ struct Row {
     caution: Option<f64>,
     warning: Option<f64>,
     help: String,
-    /// The VSM's own values.
+    /// The VSM's own values of an enumeration.
     own: Vec<(u8, String)>,
-    /// Values that are refused always or now.
+    /// Values that are refused, always or at present.
     refused: Vec<u8>,
-    /// What another CUCS has set since.
+    /// The value that another CUCS has set since.
     now: Option<f64>,
 }
 
 impl ConfigurationTable {
-    /// Enters an answer; false where the message is not one of the configuration phase.
+    /// Adds an answer; returns false where the message is not one of the configuration phase.
     pub fn take(&mut self, message: &Message) -> bool {
-        // The responses name their fields alike, each with its own type of number.
+        // The answers have fields with the same names, each with its own type of number.
         macro_rules! answer {
             ($m:ident, $steps:expr, $help:expr) => {
                 self.take_answer(
@@ -114,7 +114,7 @@ impl ConfigurationTable {
         true
     }
 
-    /// A line a field, for people.
+    /// One line for each field, for people.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let mut lines = vec![line([
@@ -146,7 +146,7 @@ impl ConfigurationTable {
         lines
     }
 
-    /// An object a field, for programs.
+    /// One object for each field, for programs.
     #[must_use]
     pub fn objects(&self) -> Vec<Value> {
         let rows = self.rows.iter().filter_map(|(key, row)| {
@@ -175,7 +175,7 @@ impl ConfigurationTable {
     fn row(&mut self, message: Option<u32>, field: Option<u8>) -> Option<(&mut Row, f64)> {
         let message = u16::try_from(message?).ok()?;
         let key = (message, field.unwrap_or(0));
-        // Only what the table has: nothing received makes it grow without bound.
+        // Only fields that the message table has: received messages cannot make it grow without bound.
         let (_, info) = place(key)?;
         let step = info.map_or(1.0, FieldInfo::step);
         Some((self.rows.entry(key).or_default(), step))
@@ -233,7 +233,7 @@ impl Row {
     }
 }
 
-/// The message, and the field where it is not the whole; `None` where there is none such.
+/// The message, and the field unless the whole message is meant; `None` where there is none.
 fn place((id, number): (u16, u8)) -> Option<(&'static MessageInfo, Option<&'static FieldInfo>)> {
     let message = table::message(id)?;
     match number {

@@ -1,4 +1,4 @@
-//! The operator's console: a station, the vehicle it commands, and where results are printed.
+//! The operator's console: a station, the vehicle that it commands, and the output for results.
 //!
 //! What every subcommand needs: choosing the vehicle, a request with its answers, lines for people or JSON for programs.
 
@@ -18,35 +18,35 @@ use crate::station::endpoint::Station;
 use crate::station::outcome::{Outcome, Refused, levels, loi_numbers};
 use crate::station::report;
 
-/// For whom results are printed.
+/// The form of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Style {
-    /// Sentences.
+    /// Sentences, for people.
     #[default]
     People,
-    /// A JSON object a line.
+    /// One JSON object for each line, for programs.
     Json,
 }
 
-/// An operator at a station: carries out subcommands ([`Verb`](crate::Verb)) and prints what became of them.
+/// An operator at a station: carries out subcommands ([`Verb`](crate::Verb)) and prints their results.
 #[derive(Debug)]
 pub struct Operator<W> {
     pub(super) station: Station,
     pub(super) style: Style,
     pub(super) out: W,
     requested: Option<Id>,
-    /// The vehicle commanded, once discovery has found it.
+    /// The commanded vehicle, once discovery has found it.
     vehicle: Option<Id>,
-    /// Alerts are what is asked for, or are watched: none is shortened.
+    /// Whether alerts are the subject of the subcommand, or are watched: then none is shortened.
     pub(super) alerts_in_full: bool,
-    /// What was printed is a file: alerts go to standard error.
+    /// Whether the output is a file's contents: then alerts go to standard error.
     pub(super) alerts_aside: bool,
 }
 
 pub(super) type Done = Result<(), OperatorError>;
 
 impl<W: Write> Operator<W> {
-    /// At this station; commands `vehicle`, or the only one that is discovered.
+    /// An operator at this station; commands `vehicle`, or the only one that is discovered.
     pub fn new(station: Station, vehicle: Option<Id>, style: Style, out: W) -> Operator<W> {
         Operator {
             station,
@@ -74,8 +74,8 @@ impl<W: Write> Operator<W> {
         self.print_alerts(&[])
     }
 
-    /// Discovers the vehicle that is commanded: the one requested, or the only one. By the discovery the VSM learns of
-    /// this station.
+    /// Discovers the vehicle to command: the requested one, or the only one. The discovery also gives the VSM the
+    /// address of this station.
     ///
     /// # Errors
     /// No VSM answers, the vehicle is not there, or there are several and none was requested.
@@ -102,14 +102,15 @@ impl<W: Write> Operator<W> {
         };
         self.vehicle = Some(vehicle);
         if self.style == Style::People && !self.alerts_in_full {
-            self.remark_standing();
+            self.remark_active_alerts();
         }
         Ok(vehicle)
     }
 
-    /// What has arrived before anything was commanded stands already: a VSM sends it to each station that begins to listen, so
-    /// to each process of `cucs`. It is named on standard error, before the answer and in short; an emergency whole.
-    fn remark_standing(&mut self) {
+    /// Prints alerts that were active before anything was commanded, on standard error, before the answer and
+    /// shortened; an emergency in full. A VSM sends them to each station that begins to receive, and so to each
+    /// process of `cucs`.
+    fn remark_active_alerts(&mut self) {
         let mut rest = Vec::new();
         while let Some(event) = self.station.session.poll_event() {
             match event {
@@ -137,7 +138,8 @@ impl<W: Write> Operator<W> {
         self.station.session.put_back(rest);
     }
 
-    /// As [`Self::find_vehicle`], for what needs the vehicle's status: a VSM sends none to a CUCS without LOI.
+    /// As [`Self::find_vehicle`], for subcommands that need the vehicle's status: a VSM sends none to a CUCS without
+    /// LOI.
     pub(super) async fn find_vehicle_with_status(&mut self) -> Result<Id, OperatorError> {
         let vehicle = self.find_vehicle().await?;
         let state = self.state(vehicle);
@@ -158,8 +160,8 @@ impl<W: Write> Operator<W> {
         self.station.vehicle(vehicle)
     }
 
-    /// Sends a message, waits until it is carried out, and returns what the vehicle sent meanwhile. Alerts that came
-    /// with it are printed.
+    /// Sends a message, waits until it is carried out, and returns what the vehicle sent meanwhile. Prints alerts
+    /// that arrived with it.
     ///
     /// # Errors
     /// It is refused, or there is no answer.
@@ -171,7 +173,7 @@ impl<W: Write> Operator<W> {
     ) -> Result<Vec<Message>, OperatorError> {
         let within = self.station.timeouts.command;
         let delivery = self.station.send(vehicle, request, within).await?;
-        // The last answers, and the reason of a refusal, may overtake the acknowledgement.
+        // The last answers, and the reason of a refusal, may arrive after the acknowledgement.
         self.station.idle(SETTLE).await?;
         let mut answers = Vec::new();
         let mut alerts = Vec::new();
@@ -225,8 +227,8 @@ impl<W: Write> Operator<W> {
         self.print(&line, value)
     }
 
-    /// Prints alerts, and handovers that others request or offer. For people an alert is left out that an error has quoted as a
-    /// reason.
+    /// Prints alerts, and handovers that other stations request or offer. For people, an alert that an error has
+    /// already quoted as a reason is left out.
     pub(super) fn print_alerts(&mut self, quoted: &[String]) -> Done {
         while let Some(event) = self.station.session.poll_event() {
             match event {
@@ -299,7 +301,7 @@ impl<W: Write> Operator<W> {
     }
 }
 
-/// A line a Message Type, with its name: `17000 Message Acknowledgement: 3`.
+/// One line for each Message Type, with its name: `17000 Message Acknowledgement: 3`.
 fn by_type(counts: &ByType) -> String {
     let line = |(id, count): (u16, u64)| {
         let name = table::message(id).map_or("unknown", |message| message.name);
@@ -308,7 +310,7 @@ fn by_type(counts: &ByType) -> String {
     counts.iter().map(line).collect()
 }
 
-/// The cause of an alert, without what to do about it.
+/// The cause of an alert, without its advice.
 fn in_short(text: &str) -> String {
     let cause = text.split_once("; ").map_or(text, |(cause, _)| cause);
     if cause.chars().count() <= SHORT {
@@ -318,16 +320,16 @@ fn in_short(text: &str) -> String {
     cut + " .."
 }
 
-/// The characters of a standing alert that are shown beside an answer.
+/// Characters of an earlier alert that are shown beside an answer.
 const SHORT: usize = 110;
-/// Where the rest of it is.
+/// Where to find the rest of it.
 const WHOLE: &str = " (whole: `cucs watch`)";
 
-/// A line on standard error, which is no result.
+/// A line on standard error: a remark, not a result.
 pub(super) fn remark(line: &str) {
-    // Nobody is left to report to when it is closed.
+    // Where standard error is closed, nobody is left to report to.
     let _ = writeln!(std::io::stderr(), "cucs: {line}");
 }
 
-/// How long the answers to a query may lag behind its acknowledgement.
+/// How long the answers to a query may come after its acknowledgement.
 pub(super) const SETTLE: Duration = Duration::from_millis(100);

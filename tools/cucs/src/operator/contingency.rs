@@ -11,7 +11,7 @@ use super::console::{Done, Operator};
 use super::verb::{ContingencyAction, ContingencyCause};
 
 impl<W: Write> Operator<W> {
-    /// 50023.
+    /// Sets a contingency (50023).
     pub(super) async fn set_contingency(
         &mut self,
         cause: ContingencyCause,
@@ -41,7 +41,7 @@ impl<W: Write> Operator<W> {
         self.finish(vehicle, "contingency set", outcome)
     }
 
-    /// 17002 for 50023.
+    /// Requests the contingencies (17002 for 50023).
     pub(super) async fn contingencies(&mut self) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = GenericInformationRequestMessage {

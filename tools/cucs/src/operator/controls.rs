@@ -1,5 +1,5 @@
-//! The vehicle's controls: the parameters that the VSM offers as fields of 50011 (40000, 41000, 41001), and their values
-//! (44000, 44001; of Edition 2.5 50012).
+//! The vehicle's controls: the parameters that the VSM offers as fields of 50011 (40000, 41000, 41001), and their
+//! values (44000, 44001; 50012 in Edition 2.5).
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -95,7 +95,7 @@ impl Controls {
 }
 
 impl<W: Write> Operator<W> {
-    /// 40000 of 50011: prints the controls, or sets one of them by 50011.
+    /// Requests the controls (40000 for 50011) and prints them, or sets one of them by 50011.
     pub(super) async fn controls(&mut self, name: Option<&str>, value: Option<f64>) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = FieldConfigurationRequest {

@@ -8,42 +8,42 @@ use crate::fence::FenceFileError;
 use crate::formats::FormatError;
 use crate::station::outcome::{Refused, StationError};
 
-/// Why something was not done.
+/// Why a subcommand was not carried out.
 #[derive(Debug, thiserror::Error)]
 pub enum OperatorError {
-    /// The station reports the reason.
+    /// An error of the station, with its reason.
     #[error(transparent)]
     Station(#[from] StationError),
-    /// The file of a route or a fence, or what would be lost of it.
+    /// The file of a route or fence is wrong, or something in it would be lost.
     #[error(transparent)]
     File(#[from] FormatError),
-    /// A file that another command takes.
+    /// A file for another command.
     #[error("{} is {kind}: {command}", path.display())]
     OtherKind {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// What the file is.
         kind: &'static str,
-        /// What takes it.
+        /// The command that reads it.
         command: &'static str,
     },
     /// A fence file.
     #[error(transparent)]
     FenceFile(#[from] FenceFileError),
-    /// More than one vehicle, and none was named.
+    /// There are several vehicles, and none was named.
     #[error(
         "several vehicles are there: {0}; choose one with --vehicle ID, in a script or a shell with `vehicle ID`"
     )]
     Ambiguous(String),
-    /// The vehicle that was named does not answer.
+    /// The named vehicle does not answer.
     #[error("vehicle {requested} does not answer; discovered: {found}")]
     NoSuchVehicle {
-        /// The vehicle named.
+        /// The named vehicle.
         requested: Id,
-        /// Those that are there.
+        /// The discovered vehicles.
         found: String,
     },
-    /// What needs status needs LOI 2.
+    /// The subcommand needs status, and so LOI 2.
     #[error("vehicle {0}: this CUCS holds no LOI and receives no status; run `cucs take` first")]
     NoRights(Id),
     /// No handover request came that could be answered.
@@ -54,9 +54,9 @@ pub enum OperatorError {
     NobodyAsks {
         /// The vehicle.
         vehicle: Id,
-        /// Who was to request.
+        /// The expected requester.
         from: String,
-        /// How long was waited, s.
+        /// How long the station waited, s.
         within_s: f64,
     },
     /// No offer came that could be accepted.
@@ -65,7 +65,7 @@ pub enum OperatorError {
          `cucs ask`"
     )]
     NothingOffered(Id, f64),
-    /// What is waited for comes of a route alone.
+    /// The condition can occur on a route only.
     #[error("vehicle {vehicle} flies no route: {why}")]
     NoRoute {
         /// The vehicle.
@@ -73,7 +73,7 @@ pub enum OperatorError {
         /// Why, and what to do.
         why: String,
     },
-    /// Edition 2.5 has no field for what is waited for.
+    /// Edition 2.5 has no field for the condition.
     #[error(
         "{0} is not shown in Edition 2.5, whose #104 has no UA State; `wait below M` and `wait above M` wait for an altitude"
     )]
@@ -103,7 +103,8 @@ pub enum OperatorError {
 }
 
 impl OperatorError {
-    /// 2 where the request was wrong, 1 where it was refused or not answered, 141 where the reader of its output has gone.
+    /// 2 where the request was wrong, 1 where it was refused or not answered, 141 where the reader of the output has
+    /// closed it.
     #[must_use]
     pub fn exit_status(&self) -> u8 {
         match self {
@@ -119,7 +120,7 @@ impl OperatorError {
         }
     }
 
-    /// The texts of the 16000s that it gives as reasons.
+    /// The texts of the 16000s that it quotes as reasons.
     pub(super) fn reasons(&self) -> &[String] {
         match self {
             Self::Station(
@@ -131,7 +132,8 @@ impl OperatorError {
     }
 }
 
-/// Nobody reads the output any more, such as `head` that has seen enough: what a shell reports for programs that SIGPIPE ends.
+/// The reader of the output has closed it, such as `head` after its last line: the status that a shell reports for a
+/// program that SIGPIPE ends.
 pub(crate) const READER_GONE: u8 = 141;
 
 impl From<Refused> for OperatorError {

@@ -1,7 +1,7 @@
-//! A file that is given to the wrong subcommand: what it is, and the command that takes it.
+//! A file for the wrong subcommand: what it is, and the command that reads it.
 //!
-//! Asked before a file is read in earnest, since "unknown field `dli`" helps nobody who gave a configuration for a route.
-//! Nothing of the file is quoted: it may be a key.
+//! Checked before a file is parsed, since "unknown field `dli`" helps nobody who gave a configuration for a route.
+//! Nothing in the file is quoted, because it may be a key.
 
 use std::path::Path;
 
@@ -15,12 +15,12 @@ pub(crate) enum Reader {
     Script,
 }
 
-/// Refuses a file that is certainly meant for another command. What is not recognised is left to its reader.
+/// Refuses a file that is certainly meant for another command. A file that is not recognised is left to the parser.
 ///
 /// # Errors
 /// It is of another kind.
 pub(crate) fn check(path: &Path, reader: Reader) -> Result<(), OperatorError> {
-    // Whoever reads it in earnest reports that it cannot be read.
+    // A file that cannot be read is reported by the parser.
     let text = std::fs::read_to_string(path).unwrap_or_default();
     match kind(&text) {
         Some((kind, command, taken_by)) if taken_by != Some(reader) => {
@@ -34,7 +34,7 @@ pub(crate) fn check(path: &Path, reader: Reader) -> Result<(), OperatorError> {
     }
 }
 
-/// What it is, the command that takes it, and the subcommand of `cucs` where it is one.
+/// What the file is, the command that reads it, and the subcommand of `cucs` where it is one.
 fn kind(text: &str) -> Option<(&'static str, &'static str, Option<Reader>)> {
     let text = text.trim();
     let has = |header: &str| {

@@ -1,4 +1,4 @@
-//! Commands that are held until a condition: `hold`, `held` and `cancel --held` (50020 to 50022).
+//! Commands that are held until a condition is met: `hold`, `held` and `cancel --held` (50020 to 50022).
 
 use std::io::Write;
 
@@ -15,7 +15,7 @@ use super::verb::HoldArguments;
 use crate::station::held::Holding;
 
 impl<W: Write> Operator<W> {
-    /// 50020.
+    /// Sends 50020.
     pub(super) async fn hold(&mut self, arguments: &HoldArguments) -> Done {
         let vehicle = self.find_vehicle().await?;
         let mut hold = HoldCommand {
@@ -47,7 +47,7 @@ impl<W: Write> Operator<W> {
         self.finish(vehicle, &what, outcome)
     }
 
-    /// 50021; number 0: all of this CUCS.
+    /// Sends 50021; number 0 cancels all of this CUCS.
     pub(super) async fn cancel_held(&mut self, number: u16) -> Done {
         let vehicle = self.find_vehicle().await?;
         let cancel = HeldCommandCancel {
@@ -58,7 +58,7 @@ impl<W: Write> Operator<W> {
         self.finish(vehicle, "held commands cancelled", outcome)
     }
 
-    /// 17002 for 50022.
+    /// Requests the held commands (17002 for 50022).
     pub(super) async fn held(&mut self) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = GenericInformationRequestMessage {

@@ -1,10 +1,10 @@
-//! An operator at a station, in words: the subcommands of `cucs`, and the lines of its scripts.
+//! An operator at a station, by text commands: the subcommands of `cucs`, and the lines of its scripts.
 //!
 //! - [`verb`]: what can be requested; [`script`]: several of them in a file;
-//! - [`error`]: why one was not carried out, and the exit status for it; [`file_kind`]: a file that is for another command;
+//! - [`error`]: why one was not carried out, and its exit status; [`file_kind`]: a file for another command;
 //! - [`console`]: the operator: station, vehicle, output;
 //! - [`configuration`]: the answers of the configuration phase as a table;
-//! - [`until`]: what a held command waits for;
+//! - [`until`]: the condition of a held command;
 //! - [`rights`], [`plans`], [`services`], `controls`, [`held`], [`contingency`], [`payload`]: groups of subcommands;
 //! - [`run`]: carries out any of them.
 

@@ -1,4 +1,4 @@
-//! Payload stations (19001, 19100, 21101): what an EO/IR operator with LOI 3 of one of them does.
+//! Payload stations (19001, 19100, 21101): what an EO/IR operator with LOI 3 of a station does.
 
 use std::io::Write;
 use std::str::FromStr;
@@ -182,11 +182,12 @@ fn within<const LIMIT: u16>(text: &str) -> Result<f64, String> {
 }
 
 impl PayloadAction {
-    /// Has a payload station of a vehicle do it, and waits until the VSM has seen that. The pointing mode goes ahead of what
-    /// needs it.
+    /// Commands a payload station of a vehicle, and waits until the VSM has seen the result. A pointing mode is
+    /// commanded before what depends on it.
     ///
     /// # Errors
-    /// There is no end to it within [`Timeouts::command`](crate::Timeouts), or a value that its field cannot express.
+    /// There is no final answer within [`Timeouts::command`](crate::Timeouts), or a value that its field cannot
+    /// express.
     pub async fn carry_out(
         &self,
         station: &mut Station,
@@ -202,7 +203,7 @@ impl PayloadAction {
         Ok(Outcome::CarriedOut)
     }
 
-    /// The messages that command it, in order.
+    /// The messages for it, in order.
     ///
     /// # Errors
     /// A value that its field cannot express.
@@ -318,7 +319,7 @@ impl PayloadAction {
         })
     }
 
-    /// What is printed once it is done.
+    /// The text that is printed once it is done.
     fn done(&self) -> String {
         match self {
             PayloadAction::Point { azimuth, elevation } => {
@@ -353,7 +354,7 @@ impl PayloadAction {
 }
 
 impl<W: Write> Operator<W> {
-    /// 19001 and 19100, or 17002 for 21101.
+    /// Commands by 19001 and 19100, or requests the state (17002 for 21101).
     pub(super) async fn payload(&mut self, arguments: &PayloadArguments) -> Done {
         let vehicle = self.find_vehicle().await?;
         match &arguments.verb {
@@ -369,7 +370,8 @@ impl<W: Write> Operator<W> {
         }
     }
 
-    /// A command of Edition 2.5 repeats what the station does already, which a process that has just begun does not know.
+    /// Requests the state of a station before a command in Edition 2.5: such a command also repeats what the station
+    /// does already, which a new process does not know.
     async fn learn_payload(&mut self, vehicle: Id, number: u8) -> Done {
         let known = |session: &Session| {
             let state = session.vehicle(vehicle);
@@ -384,7 +386,7 @@ impl<W: Write> Operator<W> {
         Ok(self.station.wait_until(&what, within, known).await?)
     }
 
-    /// 17002 for 21101.
+    /// Requests the state (17002 for 21101).
     async fn request_payload(&mut self, vehicle: Id, number: Option<u8>) -> Done {
         let request = GenericInformationRequestMessage {
             message_type: Some(EoIrLaserOperatingState::ID),
@@ -398,7 +400,7 @@ impl<W: Write> Operator<W> {
 
     async fn payload_state(&mut self, vehicle: Id, number: Option<u8>) -> Done {
         self.request_payload(vehicle, number).await?;
-        // The latest of each, also where it came before the answer.
+        // The latest report of each station, even where it came before the answer.
         let state = self.state(vehicle);
         let named = (1..=16).filter(|one| number.is_none_or(|number| number == *one));
         let known: Vec<(String, Value)> = named.filter_map(|one| described(one, state?)).collect();
@@ -417,7 +419,7 @@ impl<W: Write> Operator<W> {
 }
 
 impl<W: Write> Operator<W> {
-    /// 17002 for 50025.
+    /// Requests the video streams (17002 for 50025).
     async fn payload_streams(&mut self, vehicle: Id, number: Option<u8>) -> Done {
         let request = GenericInformationRequestMessage {
             message_type: Some(VideoStreamReport::ID),
@@ -443,7 +445,7 @@ impl<W: Write> Operator<W> {
     }
 }
 
-/// A video stream, as a line and for programs; what is unknown is null there.
+/// A video stream, as a line and for programs; unknown values are null there.
 fn described_stream(stream: &VideoStreamReport) -> (String, Value) {
     let bits = stream
         .station_number_1_16
@@ -471,7 +473,7 @@ fn bit(number: u8) -> StationBitmap1To16 {
     StationBitmap1To16::from_raw(1 << (number.clamp(1, 16) - 1))
 }
 
-/// Its name; that of what is payload specific by the guide of `vsm`.
+/// The name of a mode; payload-specific ones as the guide of `vsm` names them.
 fn system_name(mode: System) -> String {
     if mode == RECORDING {
         "recording".to_owned()
@@ -480,7 +482,7 @@ fn system_name(mode: System) -> String {
     }
 }
 
-/// What a station does, as a line and for programs; what is unknown is null there.
+/// The state of a station, as a line and for programs; unknown values are null there.
 fn described(number: u8, vehicle: &Vehicle) -> Option<(String, Value)> {
     let state = vehicle.payload(number)?;
     let center = vehicle.image_center(number);
@@ -536,6 +538,6 @@ fn described(number: u8, vehicle: &Vehicle) -> Option<(String, Value)> {
     Some((line, value))
 }
 
-/// System Operating Mode 10 and 11: payload specific, as `vsm` describes them in its guide.
+/// System Operating Modes 10 and 11 are payload specific; the guide of `vsm` describes them.
 const RECORDING: System = System::Unknown(10);
 const PHOTOGRAPH: System = System::Unknown(11);

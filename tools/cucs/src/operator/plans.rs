@@ -1,4 +1,4 @@
-//! Plans as files: routes and areas sent aboard, and fetched back.
+//! Plans as files: routes and areas that are uploaded and downloaded.
 
 use std::io::Write;
 use std::path::Path;
@@ -15,7 +15,7 @@ use crate::formats::{self, Import, Losses};
 use route_files::route::model::Route;
 
 impl<W: Write> Operator<W> {
-    /// Reads a route in any format, reports what of the file is lost, and sends the rest.
+    /// Reads a route in any format, reports what the file loses, and sends the rest.
     pub(super) async fn send_file(
         &mut self,
         file: &Path,
@@ -46,7 +46,7 @@ impl<W: Write> Operator<W> {
         let download = self.station.download(vehicle).await?;
         let routes = Route::from_download(&download).map_err(crate::StationError::from)?;
         let text = Route::joined(routes).map_or_else(String::new, |route| route.to_toml());
-        self.hand_out(vehicle, "plan", "route", &text, path)?;
+        self.write_or_print(vehicle, "plan", "route", &text, path)?;
         let missing: Vec<String> = download.missing().iter().map(u16::to_string).collect();
         if missing.is_empty() {
             Ok(())
@@ -55,7 +55,7 @@ impl<W: Write> Operator<W> {
         }
     }
 
-    /// 50016 and 50017: a file of areas goes aboard.
+    /// Uploads a file of areas (50016 and 50017).
     pub(super) async fn send_fence(&mut self, file: &Path) -> Done {
         let vertices = fence::messages(file, &formats::read_fence(file)?)?;
         let vehicle = self.find_vehicle().await?;
@@ -71,7 +71,7 @@ impl<W: Write> Operator<W> {
         )
     }
 
-    /// 50017 mode 1.
+    /// Deletes the areas (50017 mode 1).
     pub(super) async fn clear_fence(&mut self) -> Done {
         let vehicle = self.find_vehicle().await?;
         self.transfer_areas(vehicle, AreaPlanMode::Clear).await?;
@@ -81,7 +81,7 @@ impl<W: Write> Operator<W> {
         )
     }
 
-    /// 50017 mode 3.
+    /// Downloads the areas (50017 mode 3).
     pub(super) async fn download_fence(&mut self, path: Option<&Path>) -> Done {
         let vehicle = self.find_vehicle().await?;
         let answers = self.transfer_areas(vehicle, AreaPlanMode::Download).await?;
@@ -92,7 +92,7 @@ impl<W: Write> Operator<W> {
                 _ => None,
             })
             .collect();
-        self.hand_out(
+        self.write_or_print(
             vehicle,
             "areas",
             "fence",
@@ -102,7 +102,7 @@ impl<W: Write> Operator<W> {
     }
 
     /// Writes the text of a plan to its file, or prints it.
-    fn hand_out(
+    fn write_or_print(
         &mut self,
         vehicle: Id,
         what: &str,
@@ -111,7 +111,7 @@ impl<W: Write> Operator<W> {
         path: Option<&Path>,
     ) -> Done {
         match path {
-            // No file that looks like a plan.
+            // An empty plan is not printed: it would look like a plan file.
             _ if text.is_empty() && self.style == Style::People => {
                 remark(&format!("{vehicle}: no {what}: nothing is written"));
                 Ok(())

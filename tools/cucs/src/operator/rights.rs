@@ -42,7 +42,7 @@ impl<W: Write> Operator<W> {
         Ok(())
     }
 
-    /// Message 1: requests these levels, or all that this CUCS may have.
+    /// Requests these levels (message 1), or all that this CUCS may have.
     pub(super) async fn take(
         &mut self,
         loi: Option<LoiList>,
@@ -76,7 +76,7 @@ impl<W: Write> Operator<W> {
         self.print(&format!("{vehicle}: released"), json!({"granted": []}))
     }
 
-    /// Message 4: which CUCS and which levels it names decides what it means.
+    /// Sends message 4: its meaning depends on the CUCS and the levels in it.
     pub(super) async fn hand_over(&mut self, verb: &HandoverVerb) -> Done {
         let vehicle = self.find_vehicle().await?;
         let own = self.station.session().id();
@@ -113,8 +113,9 @@ impl<W: Write> Operator<W> {
         let outcome = self.station.hand_over(vehicle, acquirer, loi).await?;
         self.finish(vehicle, &done, outcome)
     }
-    /// Who requests a handover, and what: a process that has just begun learns of it as the request is repeated, and who
-    /// types the answer may be faster than who types the request. A message 4 for nobody who asks would be an offer.
+    /// The CUCS that requests a handover, and its levels. A new process has not received the request yet, but the
+    /// request is repeated; and the answer may be typed before the request. A message 4 without a request would be an
+    /// offer.
     async fn requested_by(
         &mut self,
         vehicle: Id,
@@ -145,7 +146,7 @@ impl<W: Write> Operator<W> {
         self.state(vehicle).and_then(requests).ok_or(nobody)
     }
 
-    /// What the holder offers.
+    /// The levels that the holder offers.
     async fn offered(&mut self, vehicle: Id, within: Duration) -> Result<LoiBitmap, OperatorError> {
         let offered = |session: &Session| session.vehicle(vehicle)?.handover_offer();
         let waited = self

@@ -1,4 +1,4 @@
-//! Carrying out a subcommand: which operation of the station it is, and waiting for what the vehicle reports.
+//! Carries out a subcommand: calls the station's operation, and waits for what the vehicle reports.
 
 use std::io::Write;
 use std::path::Path;
@@ -22,7 +22,7 @@ use crate::station::outcome::{StationError, levels};
 use route_files::route::model::Route;
 
 impl<W: Write> Operator<W> {
-    /// Carries a subcommand out and prints the result, then the alerts that came with it. Files are relative to
+    /// Carries out a subcommand and prints the result, then the alerts that came with it. Files are relative to
     /// `folder`.
     ///
     /// # Errors
@@ -33,7 +33,7 @@ impl<W: Write> Operator<W> {
         self.conclude(done)
     }
 
-    /// Sends a route of this name, loads it aboard, and prints the result, with what was lost of its file.
+    /// Sends a route of this name and loads it; prints the result, with what its file lost.
     ///
     /// # Errors
     /// It was refused, or there is no answer.
@@ -199,7 +199,7 @@ impl<W: Write> Operator<W> {
         {
             return Err(OperatorError::NotShown(describe(condition)));
         }
-        // Messages about rights reach a CUCS without rights too; status does not.
+        // A CUCS without rights receives messages about rights too, but no status.
         let vehicle = match condition {
             Condition::Asked
             | Condition::Offered
@@ -213,10 +213,10 @@ impl<W: Write> Operator<W> {
             if matches!(condition, Condition::RouteEnd) {
                 return Err(OperatorError::NoRoute { vehicle, why });
             }
-            // Another station may begin one yet.
+            // Another station may still start a route.
             remark(&format!("vehicle {vehicle} flies no route: {why}"));
         }
-        // Only alerts from now on: the one waited for may have come before, for another reason.
+        // Only alerts from now on: an earlier alert with this text may have had another reason.
         let mark = self.state(vehicle).map_or(0, Vehicle::next_alert);
         let is_met = |state: &Vehicle| match condition {
             Condition::Mode { mode } => state.mode() == Some(*mode),
@@ -246,9 +246,10 @@ impl<W: Write> Operator<W> {
         self.print_state(vehicle)
     }
 
-    /// Why the vehicle flies no route, and what to do; `None` where it flies one, has flown it to its end, or does not show.
+    /// Why the vehicle flies no route, and what to do. `None` where it flies one, has flown it to its end, or does
+    /// not report it.
     async fn no_route(&mut self, vehicle: Id) -> Result<Option<String>, OperatorError> {
-        // What a station that begins to listen is sent first.
+        // The reports that a VSM sends first to a station that begins to receive.
         let shown = |state: &Vehicle| state.waypoints.is_some() && state.mode().is_some();
         let within = self.station.timeouts.answer;
         let first = self
@@ -295,7 +296,7 @@ impl<W: Write> Operator<W> {
     }
 }
 
-/// The 2016 of these arguments.
+/// The 2016 for these arguments.
 pub(super) fn mode_command(
     arguments: &ModeArguments,
 ) -> Result<VehicleOperatingModeCommand, OperatorError> {
@@ -313,7 +314,7 @@ pub(super) fn mode_command(
     Ok(command)
 }
 
-/// Whether a vehicle in this mode may fly a route: what modes from 32 up are is the vehicle's own.
+/// Whether a vehicle in this mode may be flying a route; a VSM defines the modes from 32 up itself.
 fn flies_routes(mode: FlightPathControlMode) -> bool {
     use FlightPathControlMode as Mode;
     matches!(
@@ -347,6 +348,6 @@ pub(super) fn seconds(value: f64) -> Result<Duration, OperatorError> {
     }
 }
 
-/// 4001 names a place that is no waypoint of a route so, such as that of a loiter.
+/// The number in 4001 for a place that is not a waypoint of a route, such as that of a loiter.
 const NO_NUMBER: u16 = 65_535;
 const MIN_WATCH_PERIOD: Duration = Duration::from_millis(50);

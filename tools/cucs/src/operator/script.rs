@@ -1,7 +1,7 @@
-//! Scripts: the subcommands of `cucs`, one a line; `#` starts a comment.
+//! Scripts: one subcommand of `cucs` on each line; `#` starts a comment.
 //!
-//! A script is parsed as a whole before anything is sent, so that a typing error in a later line does not end it half
-//! way through a flight.
+//! A script is parsed as a whole before anything is sent, so that a typing error in a later line does not end it in
+//! the middle of a flight.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ pub enum ScriptError {
 }
 
 impl Line {
-    /// Reads a script, all of it before anything of it is done.
+    /// Reads a script, all of it before any of it is carried out.
     ///
     /// # Errors
     /// It cannot be read, or a line is not a subcommand.
@@ -99,7 +99,7 @@ struct Words {
     verb: Verb,
 }
 
-/// The first paragraph of clap's message in one line; all of it where help was requested.
+/// The first paragraph of clap's message, on one line; the whole message where help was requested.
 fn message(fault: &clap::Error) -> String {
     let text = fault.render().to_string();
     if fault.kind() == clap::error::ErrorKind::DisplayHelp {

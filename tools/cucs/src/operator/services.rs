@@ -1,4 +1,4 @@
-//! Questions to the VSM and the vehicle: configuration (40000), parameters (50010, 50011), software (50013), ping
+//! Requests to the VSM and the vehicle: configuration (40000), parameters (50010, 50011), software (50013), ping
 //! (50014).
 
 use std::io::Write;
@@ -17,7 +17,8 @@ use super::error::OperatorError;
 use crate::session::machine::Event;
 use crate::station::outcome::StationError;
 
-/// A parameter as a person writes it: PX4's floats are of 32 bits, and 0.1 of 32 bits is 0.10000000149011612 of 64.
+/// A parameter as a person writes it: PX4's floats have 32 bits, and the float 0.1 would be printed as
+/// 0.10000000149011612.
 pub(super) fn shortest(value: f64) -> String {
     let narrow = value as f32;
     if f64::from(narrow).to_bits() == value.to_bits() {
@@ -27,9 +28,9 @@ pub(super) fn shortest(value: f64) -> String {
     }
 }
 
-/// The same as a number of JSON.
+/// The same as a JSON number.
 pub(super) fn as_written(value: f64) -> Value {
-    // What JSON has no number for is null.
+    // Null where JSON has no number for it.
     shortest(value)
         .parse::<f64>()
         .map_or(Value::Null, Value::from)
@@ -51,7 +52,7 @@ impl<W: Write> Operator<W> {
                 Message::ParameterReport(report) => Some(report),
                 _ => None,
             })
-            // Not those that are reported because they have changed.
+            // Not the reports of changes, which nobody requested.
             .filter(|report| {
                 let of = report.parameter_name.as_ref().map(|of| of.as_str());
                 name.is_none() || of == name
@@ -70,7 +71,7 @@ impl<W: Write> Operator<W> {
         Ok(self.out.flush()?)
     }
 
-    /// 50011.
+    /// Sets a parameter (50011).
     pub(super) async fn set_parameter(&mut self, name: &str, value: f64) -> Done {
         let vehicle = self.find_vehicle().await?;
         let command = ParameterSetCommand {
@@ -112,7 +113,7 @@ impl<W: Write> Operator<W> {
         )
     }
 
-    /// 17002 for 50013.
+    /// Requests the software versions (17002 for 50013).
     pub(super) async fn software(&mut self) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = GenericInformationRequestMessage {
@@ -125,7 +126,7 @@ impl<W: Write> Operator<W> {
             Message::SoftwareVersionReport(report) => Some(report),
             _ => None,
         };
-        // It comes before the acknowledgement or behind it, as the network has it.
+        // The report may arrive before or after the acknowledgement.
         let mut report = answers.into_iter().find_map(report_of);
         let within = self.station.timeouts.command;
         let end = tokio::time::Instant::now() + within;
@@ -133,7 +134,7 @@ impl<W: Write> Operator<W> {
             if let Some(report) = report {
                 break report;
             }
-            // Other messages come all the time: what is waited for must come by itself.
+            // Other messages arrive all the time, so each one is checked against the deadline.
             let left = end.saturating_duration_since(tokio::time::Instant::now());
             if left.is_zero() {
                 return Err(OperatorError::Station(StationError::TimedOut {
@@ -162,7 +163,7 @@ impl<W: Write> Operator<W> {
         )
     }
 
-    /// 50014.
+    /// Measures the round trip (50014).
     pub(super) async fn ping(&mut self, through_to_vehicle: bool) -> Done {
         let vehicle = self.find_vehicle().await?;
         let request = PingRequest {
@@ -176,7 +177,7 @@ impl<W: Write> Operator<W> {
         };
         let began = tokio::time::Instant::now();
         let answers = self.query(vehicle, request, "ping (50014)").await?;
-        // The pause in which late answers are collected is not part of the round trip.
+        // The pause for late answers is not part of the round trip.
         let ms = (began.elapsed().saturating_sub(SETTLE)).as_secs_f64() * 1e3;
         let round_trip = answers.iter().find_map(|message| match message {
             Message::PingResponse(answer) => Some(answer.vehicle_round_trip),
@@ -232,7 +233,7 @@ mod tests {
             assert_eq!(shortest(f64::from(written)), written.to_string());
         }
         assert_eq!(as_written(f64::from(0.1_f32)).to_string(), "0.1");
-        // Of 64 bits, as it is.
+        // A value of 64 bits is printed in full.
         assert_eq!(shortest(0.1), "0.1");
         assert_eq!(shortest(0.123_456_789_012), "0.123456789012");
         assert_eq!(as_written(f64::NAN), Value::Null);

@@ -11,7 +11,7 @@ use super::console::{Done, Operator};
 use super::verb::TwoSteps;
 use crate::station::outcome::{Outcome, StationError};
 
-/// What is ordered in two steps.
+/// What needs two steps.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Ordered {
     Termination,
@@ -19,7 +19,7 @@ pub(super) enum Ordered {
 }
 
 impl<W: Write> Operator<W> {
-    /// 2005 or 50024.
+    /// Sends 2005 or 50024.
     pub(super) async fn two_steps(&mut self, step: TwoSteps, what: Ordered) -> Done {
         let vehicle = self.find_vehicle().await?;
         let (state, done) = match step {
@@ -29,14 +29,14 @@ impl<W: Write> Operator<W> {
         };
         let mut outcome = self.order(vehicle, state, what).await?;
         if outcome_is_unmeasured(&outcome) {
-            // A VSM takes what must be fresh only from a station whose clock it has seen run for some seconds. Any message
-            // shows it; a request for 3005 is one in every edition.
+            // A VSM accepts orders that must be fresh only from a station whose clock it has measured for some
+            // seconds. It measures by any message; a request for 3005 exists in every edition.
             for _ in 0..MEASURED_S {
                 let request = GenericInformationRequestMessage {
                     message_type: Some(FlightTerminationModeReport::ID),
                     ..GenericInformationRequestMessage::default()
                 };
-                // Also refused it is a message of this station.
+                // A refused request is a message of this station too, so the result does not matter.
                 let _ = self.query(vehicle, request, "3005").await;
                 self.station.idle(Duration::from_secs(1)).await?;
             }
@@ -72,5 +72,5 @@ fn outcome_is_unmeasured(outcome: &Outcome) -> bool {
     }
 }
 
-/// Seconds for which a VSM must have seen a station's clock run, with one to spare.
+/// Seconds for which a VSM measures a station's clock, with one to spare.
 const MEASURED_S: u32 = 4;

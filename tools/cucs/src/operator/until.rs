@@ -1,4 +1,4 @@
-//! What a held command waits for (50020), as an option: `--until battery=25`.
+//! The condition of a held command (50020) as an option: `--until battery=25`.
 
 use std::str::FromStr;
 
@@ -6,21 +6,21 @@ use stanag_msgs::Bam32;
 use stanag_msgs::enums::HoldCondition;
 use stanag_msgs::messages::HoldCommand;
 
-/// What a held command waits for.
+/// The condition of a held command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Until {
-    /// So many seconds pass.
+    /// This many seconds pass.
     Time(f64),
     /// The vehicle has passed this waypoint.
     Waypoint(u16),
-    /// It enters, or leaves, a place.
+    /// It enters or leaves a place.
     Crosses {
-        /// It enters.
+        /// True where it enters.
         entered: bool,
-        /// What.
+        /// The place.
         place: Place,
     },
-    /// Less energy is left, per cent.
+    /// Less energy than this is left, per cent.
     Battery(u8),
     /// This CUCS is lost.
     LinkLost,
@@ -33,11 +33,11 @@ pub enum Until {
 pub enum Place {
     /// Degrees north and east, metres.
     Circle(f64, f64, f64),
-    /// One that was sent by 50016.
+    /// An area that was sent by 50016.
     Area(u16),
 }
 
-/// A condition that is none.
+/// A text that is not a condition.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "expected time=SECONDS, waypoint=NUMBER, entered=LAT,LON,METRES or entered=AREA, left=..., battery=1 to 100, link-lost or \
@@ -88,7 +88,7 @@ impl FromStr for Until {
 }
 
 impl Until {
-    /// Puts it into a 50020; a time is for who knows the clock.
+    /// Writes the condition into a 50020. A time is left to the caller, who has the clock.
     pub(super) fn apply(self, command: &mut HoldCommand) {
         command.hold_condition = Some(match self {
             Until::Time(_) => HoldCondition::Time,

@@ -9,15 +9,15 @@ use stanag_msgs::messages::SubsystemStatusAlert;
 /// One alert of a vehicle, complete.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Alert {
-    /// Its place among all alerts of this vehicle: rises by 1 with each.
+    /// Its number among all alerts of this vehicle: rises by 1 with each.
     pub index: u64,
     /// Alert ID (1100.08) without its sign: later alerts with the same id are updates.
     pub id: u32,
-    /// The first instance of the id: the field was negative.
+    /// Whether it is the first message with this id: the field was negative.
     pub first: bool,
-    /// How urgent.
+    /// Its urgency.
     pub priority: AlertPriority,
-    /// What it is about.
+    /// The subsystem that it is about.
     pub subsystem: Option<SubsystemId>,
     /// The text, parts joined.
     pub text: String,
@@ -34,7 +34,7 @@ pub(crate) struct Alerts {
     next: u64,
 }
 
-/// What became of a 16000.
+/// The result of receiving a 16000.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Taken {
     /// The last part of an alert, or the only one.
@@ -48,7 +48,7 @@ pub(crate) enum Taken {
 impl Alerts {
     pub(crate) fn take(&mut self, message: &SubsystemStatusAlert) -> Taken {
         if let Some(stamp) = message.time_stamp {
-            // A retransmission carries the same stamp.
+            // A retransmission has the same stamp.
             if self.stamps.contains(&stamp) {
                 return Taken::Duplicate;
             }
@@ -74,7 +74,7 @@ impl Alerts {
         Taken::Whole(alert)
     }
 
-    /// The whole text, once its last part is there.
+    /// The whole text, once its last part has arrived.
     fn join(&mut self, id: u32, message: &SubsystemStatusAlert, text: &str) -> Option<String> {
         let total = message.append_total_number.unwrap_or(1);
         let Some(order) = message.append_order.filter(|_| total > 1) else {
@@ -85,7 +85,7 @@ impl Alerts {
             self.partial.pop_first();
         }
         let parts = self.partial.entry(id).or_default();
-        // The same part under a new stamp: the alert is sent again, and parts of the two must not mix.
+        // The same part with a new stamp: the alert is sent again, and parts of the two must not be mixed.
         if parts.contains_key(&order) {
             parts.clear();
         }
@@ -97,7 +97,7 @@ impl Alerts {
         Some(parts.into_values().collect())
     }
 
-    /// All that are kept, oldest first.
+    /// All kept alerts, oldest first.
     pub(crate) fn iter(&self) -> impl DoubleEndedIterator<Item = &Alert> {
         self.whole.iter()
     }

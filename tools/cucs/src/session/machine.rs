@@ -1,8 +1,9 @@
-//! The CUCS as a machine: datagrams and the time in, datagrams and events out.
+//! The CUCS as a state machine: datagrams and the time in, datagrams and events out.
 //!
-//! Promises: stamps rise strictly; a message that requests an acknowledgement is sent again, the same bytes, until
-//! a 17000 of type 1, 2 or 3 has arrived or all tries are used up; what is late, duplicated or meant for others changes
-//! nothing; a 17000 is sent only for a message to this CUCS that requests one, and never for a 17000.
+//! Promised: stamps rise strictly. A message that requests an acknowledgement is sent again, the same bytes, until a
+//! 17000 of type 1, 2 or 3 has arrived or all tries are used up. Late or duplicate messages, and those for other
+//! stations, change nothing. A 17000 is sent only for a message to this CUCS that requests one, and never for a
+//! 17000.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -19,17 +20,17 @@ use super::sender::{Delivery, Edition, Now, SendError, Sender, SessionConfig, Ti
 use super::traffic::Traffic;
 use super::vehicle::{Change, Vehicle};
 
-/// What happened.
+/// Something that happened.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A message was accepted; 16000 and 17000 too. Status that is pushed comes this way.
+    /// A message was accepted; periodic status, 16000 and 17000 are such events too.
     Message {
         /// The vehicle or VSM that sent it.
         from: Id,
         /// The message.
         message: Box<Message>,
     },
-    /// An alert is complete.
+    /// An alert is complete, with all its parts.
     Alert {
         /// The vehicle that it is about.
         from: Id,
@@ -38,30 +39,30 @@ pub enum Event {
     },
     /// Another CUCS requests rights that this one holds: message 4.
     HandoverRequested {
-        /// Over which vehicle.
+        /// The vehicle.
         vehicle: Id,
-        /// Who.
+        /// The requesting CUCS.
         by: Id,
-        /// Which.
+        /// The requested levels.
         loi: LoiBitmap,
     },
     /// The holder offers rights to this CUCS: message 5.
     HandoverOffered {
-        /// Over which vehicle.
+        /// The vehicle.
         vehicle: Id,
-        /// Which.
+        /// The offered levels.
         loi: LoiBitmap,
     },
     /// A message that this CUCS sent has been answered.
     Answered {
-        /// Which.
+        /// The message.
         ticket: Ticket,
-        /// How far it is now.
+        /// Its present state.
         delivery: Delivery,
     },
 }
 
-/// The machine.
+/// The state machine.
 #[derive(Debug)]
 pub struct Session {
     config: SessionConfig,
@@ -73,7 +74,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session that knows no vehicle yet.
+    /// A session that has received nothing yet.
     #[must_use]
     pub fn new(config: SessionConfig) -> Session {
         Session {
@@ -92,20 +93,20 @@ impl Session {
         self.config.id
     }
 
-    /// The edition that it speaks.
+    /// The edition that it uses.
     #[must_use]
     pub fn edition(&self) -> Edition {
         self.config.edition
     }
 
-    /// What this CUCS declares in messages 1 and 4: it takes partial presence vectors. `None` in editions without the field.
+    /// What this CUCS declares in messages 1 and 4: it accepts partial presence vectors. `None` in editions without
+    /// the field.
     #[must_use]
     pub fn presence_vector_support(&self) -> Option<PresenceVectorSupport> {
         (self.config.edition == Edition::Ed4).then_some(PresenceVectorSupport::Partial)
     }
 
-    /// Switches heartbeats (16002, 1 Hz) on or off. A CUCS that never sent one does not lose control by
-    /// sending none.
+    /// Switches heartbeats (16002, 1 Hz) on or off. A CUCS that never sent one does not lose control by sending none.
     pub fn set_heartbeats(&mut self, now: Now, on: bool) {
         self.heartbeat_due = match self.heartbeat_due {
             Some(due) if on => Some(due),
@@ -117,7 +118,7 @@ impl Session {
     /// Sends a message that requests an acknowledgement. Its Time Stamp is set when it is sent.
     ///
     /// # Errors
-    /// The message cannot be written, or said in the edition that is spoken.
+    /// The message cannot be written, or the edition cannot express it.
     pub fn send(
         &mut self,
         now: Now,
@@ -129,7 +130,7 @@ impl Session {
         Ok(ticket)
     }
 
-    /// Sends several such messages, packed into as few datagrams as the window lets.
+    /// Sends several such messages, packed into as few datagrams as the window allows.
     ///
     /// # Errors
     /// One of them cannot be written; none is sent.
@@ -176,7 +177,7 @@ impl Session {
         self.sender.delivery(ticket)
     }
 
-    /// Message Type and Time Stamp of a message that was sent, not long ago.
+    /// Message Type and Time Stamp of a recently sent message.
     #[must_use]
     pub fn sent(&self, ticket: Ticket) -> Option<(u16, TimeStamp)> {
         self.sender.sent(ticket)
@@ -200,11 +201,11 @@ impl Session {
 
     /// Handles a datagram from the VSM.
     pub fn handle_datagram(&mut self, now: Now, bytes: &[u8]) {
-        let speaks_25 = self.config.edition == Edition::Ed25;
-        if speaks_25 != ed25::is_ed25(bytes) {
+        let uses_25 = self.config.edition == Edition::Ed25;
+        if uses_25 != ed25::is_ed25(bytes) {
             // A group carries the datagrams of all editions.
             self.traffic.drop("another edition");
-        } else if speaks_25 {
+        } else if uses_25 {
             for frame in ed25::frames(bytes) {
                 match frame {
                     Ok(frame) => self.handle_ed25(now, &frame),
@@ -219,13 +220,13 @@ impl Session {
                 }
             }
         }
-        // The acknowledgements made room in the window.
+        // The acknowledgements have made room in the window.
         self.sender.advance(now, &mut self.traffic);
     }
 
     fn handle_frame(&mut self, now: Now, frame: &Frame<'_>) {
         let header = frame.header;
-        // Its own broadcasts, should the network return them.
+        // Its own broadcasts, where the network returns them.
         if header.source == self.config.id {
             return self.traffic.drop("own");
         }
@@ -242,7 +243,7 @@ impl Session {
             message,
         };
         if self.take(now, received) {
-            // Never for a 17000: two stations that acknowledge acknowledgements would not stop.
+            // Never for a 17000: two stations that acknowledge acknowledgements would never stop.
             let to_us = header.destination == self.config.id;
             if header.ack_requested && to_us && header.message_type != MessageAcknowledgement::ID {
                 self.acknowledge(header.source, header.message_type, frame);
@@ -264,7 +265,7 @@ impl Session {
         }
     }
 
-    /// Takes a message of whatever edition; true where it was of use.
+    /// Handles a message of any edition; true where it was used.
     fn take(&mut self, now: Now, received: Received) -> bool {
         let Received {
             source,
@@ -277,13 +278,13 @@ impl Session {
             self.traffic.drop(reason);
             false
         };
-        // In a group the requests of other stations arrive as well: who sends them is no vehicle.
+        // A group also carries the requests of other stations: their sender is not a vehicle.
         if !to_us && message.info().direction == Direction::ToVsm {
             return dropped("for a VSM");
         }
         match &message {
             Message::MessageAcknowledgement(answer) => self.take_answer(source, answer),
-            // Broadcasts and messages to other stations are about their rights, not about those of this CUCS.
+            // Broadcasts, and messages to other stations, are not about the rights of this CUCS.
             Message::VsmAuthorisationResponse(_)
             | Message::PositiveHandoverAuthorisationRequest(_)
             | Message::PositiveHandoverAuthorisationGranted(_)
@@ -322,7 +323,7 @@ impl Session {
 
     fn take_report(&mut self, now: Now, source: Id, message: &Message) -> Change {
         let reports_vehicle = !matches!(message, Message::Heartbeat(_));
-        // Memory is bounded, whoever sends; and a heartbeat alone does not make a vehicle.
+        // The number of vehicles is limited, whoever sends; and a heartbeat alone does not prove a vehicle.
         if !self.vehicles.contains_key(&source)
             && (!reports_vehicle || self.vehicles.len() >= MAX_VEHICLES)
         {
@@ -366,7 +367,7 @@ impl Session {
         if let Some(due) = self.heartbeat_due
             && due <= now.mono
         {
-            // In step, unless a pause was longer than the period.
+            // Keeps the rhythm, unless a pause was longer than the period.
             let next = due + HEARTBEAT;
             self.heartbeat_due = Some(if next > now.mono {
                 next
@@ -393,12 +394,12 @@ impl Session {
         self.sender.poll_transmit()
     }
 
-    /// The next event. Where events are not polled, the oldest are dropped.
+    /// The next event. Where nobody polls events, the oldest are dropped.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
-    /// Events that were polled and are for somebody else.
+    /// Returns polled events that somebody else is to read.
     pub(crate) fn put_back(&mut self, events: Vec<Event>) {
         self.events.extend(events);
     }
@@ -414,7 +415,7 @@ impl Session {
         self.vehicles.values()
     }
 
-    /// Discards what a vehicle has sent of its plan: what arrives from now on is a new download.
+    /// Discards the received plan of a vehicle: what arrives from now on is a new download.
     pub fn start_download(&mut self, vehicle: Id) {
         if let Some(vehicle) = self.vehicles.get_mut(&vehicle) {
             vehicle.download.clear();
@@ -432,7 +433,7 @@ impl Session {
     }
 }
 
-/// The Time Stamp as it stands on the wire: field 1 of every message.
+/// The Time Stamp on the wire: field 1 of every message.
 fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
     let info = stanag_msgs::table::message(frame.header.message_type)?;
     let presence = usize::from(info.presence_bytes);

@@ -1,8 +1,8 @@
-//! The CUCS as a machine without socket or clock.
+//! The CUCS as a state machine without socket or clock.
 //!
 //! - [`traffic`]: counters of messages sent, received and dropped;
-//! - [`sender`]: what is on its way to the VSM: time stamps, window, retransmission;
-//! - [`alert`]: 16000s whose text spans several messages;
+//! - [`sender`]: messages on their way to the VSM: time stamps, window, retransmission;
+//! - [`alert`]: 16000s with a text in several messages;
 //! - [`vehicle`]: what one vehicle last reported;
 //! - [`edition_25`]: the border to VSMs of Edition 2.5;
 //! - [`machine`]: the session that joins them: datagrams and time in, datagrams and events out.

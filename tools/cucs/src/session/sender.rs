@@ -1,7 +1,7 @@
-//! What is on its way to the VSM: stamps that rise strictly, a window, the same bytes again until an answer comes.
+//! Messages on their way to the VSM: stamps that rise strictly, a window, the same bytes again until an answer comes.
 //!
-//! "Received" is not the end: the 17000 with the outcome can be lost as well, and the VSM sends it once. The same bytes
-//! are therefore sent on, more slowly, until the outcome is known or the message is withdrawn; the VSM knows them as a
+//! "Received" is not the end: the 17000 with the outcome can be lost as well, and the VSM sends it once. So the same
+//! bytes are sent again, more slowly, until the outcome is known or the message is withdrawn; the VSM recognises the
 //! duplicate and only repeats its last answer.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -14,20 +14,20 @@ use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, Packer, Time
 use super::edition_25::{Border, STAMPS_EACH, Unsayable};
 use super::traffic::Traffic;
 
-/// One moment on two clocks.
+/// One time on two clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Now {
-    /// Since any fixed moment, never going back: for time-outs.
+    /// Time since any fixed start, never decreasing: for timeouts.
     pub mono: Duration,
     /// Unix time in ms: for stamps.
     pub unix_ms: u64,
 }
 
-/// Identifies a message that was given to a session.
+/// Identifies a message that a session sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(u64);
 
-/// How far a message has come.
+/// The state of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
     /// Waiting for room in the window.
@@ -42,12 +42,12 @@ pub enum Delivery {
     CarriedOut,
     /// 17000 type 3.
     Refused,
-    /// Not answered after every try.
+    /// No answer after every try.
     Unanswered,
 }
 
 impl Delivery {
-    /// Whether the delivery is over.
+    /// Whether the state is final.
     #[must_use]
     pub fn is_final(self) -> bool {
         matches!(
@@ -67,7 +67,7 @@ impl Delivery {
     }
 }
 
-/// The edition that a station speaks.
+/// The edition that a station uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Edition {
     /// 2.5: other messages, translated at the border of the session.
@@ -98,7 +98,7 @@ pub enum SendError {
     /// It cannot be written.
     #[error(transparent)]
     Encode(#[from] EncodeError),
-    /// The edition that is spoken has no words for it.
+    /// The edition cannot express it.
     #[error(transparent)]
     Unsayable(#[from] Unsayable),
 }
@@ -108,11 +108,11 @@ pub enum SendError {
 pub struct SessionConfig {
     /// The id of this CUCS.
     pub id: Id,
-    /// The edition that it speaks; what it receives may be of Edition 3 or 4 wherever it speaks one of them.
+    /// The edition that it uses; with Edition 3 or 4 it receives messages of both.
     pub edition: Edition,
-    /// Checksum of its messages; in Edition 2.5 it is always the sum.
+    /// Checksum of its messages; in Edition 2.5 always the sum of the bytes.
     pub checksum: ChecksumStyle,
-    /// Time without a 17000 after which a message is sent again.
+    /// A message without a 17000 is sent again after this time.
     pub retry: Duration,
     /// How often a message is sent at most.
     pub tries: u32,
@@ -125,7 +125,7 @@ impl SessionConfig {
         SessionConfig::of(Edition::Ed4, id)
     }
 
-    /// The same in an edition; in Edition 3 with the checksum that its text has, the sum of the bytes.
+    /// The same for an edition; Edition 3 gets the checksum of its text, the sum of the bytes.
     #[must_use]
     pub fn of(edition: Edition, id: Id) -> SessionConfig {
         SessionConfig {
@@ -147,10 +147,10 @@ pub(crate) struct Sender {
     queue: VecDeque<(Ticket, Id, Message, bool)>,
     sent: BTreeMap<Ticket, Sent>,
     out: VecDeque<Vec<u8>>,
-    /// In Edition 2.5.
+    /// Present in Edition 2.5 only.
     border: Option<Border>,
     next_ticket: u64,
-    /// Of the latest message, ms since 1970.
+    /// Stamp of the latest message, ms since 1970.
     last_stamp_ms: u64,
 }
 
@@ -176,7 +176,7 @@ impl Sent {
         }
     }
 
-    /// The same bytes, counted.
+    /// The same bytes, counted as a retransmission.
     fn again(&self, traffic: &mut Traffic) -> Vec<u8> {
         traffic.sent.count(self.message_type);
         traffic.retransmitted += 1;
@@ -210,7 +210,7 @@ impl Sender {
         if let Some(border) = &self.border {
             border.check(destination, &message)?;
         }
-        // Encoded once now, so that the caller gets the error and not the retransmission.
+        // Encoded once now, so that the caller gets the error, and not a later retransmission.
         message.encode(
             &self.envelope(destination, acknowledged),
             &mut [0; MAX_DATAGRAM],
@@ -222,7 +222,7 @@ impl Sender {
         Ok(ticket)
     }
 
-    /// Sends what has room, several messages a datagram, and what is due again.
+    /// Sends what the window allows, several messages in a datagram, and what is due again.
     pub(crate) fn advance(&mut self, now: Now, traffic: &mut Traffic) {
         self.retransmit(now.mono, traffic);
         let mut room = WINDOW.saturating_sub(self.in_flight());
@@ -255,13 +255,13 @@ impl Sender {
             let (bytes, delivery) = match written {
                 Ok(bytes) if acknowledged && !bytes.is_empty() => (bytes, Delivery::Sent(1)),
                 Ok(_) => (Vec::new(), Delivery::Unconfirmed),
-                // It could be encoded without its Time Stamp; with it it is too long.
+                // It could be encoded without its Time Stamp; with the stamp it is too long.
                 Err(_) => (Vec::new(), Delivery::Unanswered),
             };
             if delivery != Delivery::Unanswered {
                 traffic.sent.count(message.id());
             }
-            // Only messages that await an acknowledgement occupy the window.
+            // Only messages that await an acknowledgement take room in the window.
             room -= usize::from(acknowledged);
             let sent = Sent {
                 destination,
@@ -281,7 +281,7 @@ impl Sender {
 
     fn retransmit(&mut self, now: Duration, traffic: &mut Traffic) {
         for sent in self.sent.values_mut() {
-            // Edition 2.5 acknowledges once: asking again would bring nothing.
+            // Edition 2.5 acknowledges once: another request would bring nothing.
             let done = self.border.is_some() && sent.delivery == Delivery::Received;
             if done || !sent.is_repeated() || sent.due > now {
                 continue;
@@ -301,8 +301,8 @@ impl Sender {
         }
     }
 
-    /// Handles a 17000: (its source, Original Message Type, Original Message Time Stamp, Acknowledgement Type). The
-    /// ticket that it is for, and how far that is now.
+    /// Handles a 17000 (its source, Original Message Type, Original Message Time Stamp, Acknowledgement Type).
+    /// Returns the ticket that it is for, and the new state.
     pub(crate) fn acknowledged(
         &mut self,
         source: Id,
@@ -321,7 +321,7 @@ impl Sender {
             let from_there = sent.destination == source || sent.destination == Id::BROADCAST;
             sent.message_type == message_type && sent.stamp == stamp && from_there
         })?;
-        // Acknowledgements may overtake each other: one that says less than is known changes nothing.
+        // Acknowledgements may overtake each other: one that is behind the known state changes nothing.
         if delivery.rank() > sent.delivery.rank() {
             sent.delivery = delivery;
         }
@@ -332,7 +332,7 @@ impl Sender {
         match self.sent.get(&ticket) {
             Some(sent) => sent.delivery,
             None if self.queue.iter().any(|(queued, ..)| *queued == ticket) => Delivery::Queued,
-            // Finished long ago, and forgotten.
+            // Final long ago, and forgotten.
             None => Delivery::Unconfirmed,
         }
     }
@@ -404,7 +404,7 @@ impl Sender {
         } else {
             1
         };
-        // Counted before it rolls over: the latest stamp of five bytes is followed by 0.
+        // Compared before the rollover: the highest stamp of five bytes is followed by 0.
         self.last_stamp_ms = unix_ms
             .max(TimeStamp::EPOCH_UNIX_MS)
             .max(self.last_stamp_ms + apart);
@@ -437,8 +437,8 @@ impl Sender {
     }
 }
 
-/// Messages on their way without an answer: as many acknowledgements as fit a socket's buffer.
+/// Messages without an answer at most: as many acknowledgements as fit a socket's buffer.
 const WINDOW: usize = 32;
 const MAX_REMEMBERED: usize = 4_096;
-/// At two retry intervals each: a minute by default, longer than a command may take to be carried out.
+/// Two retry intervals each: a minute by default, longer than a command may take.
 const MAX_OUTCOME_REQUESTS: u32 = 60;

@@ -42,7 +42,7 @@ pub struct Traffic {
     pub retransmitted: u64,
     /// Messages that were accepted.
     pub received: ByType,
-    /// What was received and not used, by reason.
+    /// Received messages that were not used, by reason.
     pub dropped: BTreeMap<&'static str, u64>,
 }
 

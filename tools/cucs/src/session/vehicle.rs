@@ -1,4 +1,4 @@
-//! What one vehicle last reported. Messages are kept whole; accessors give the fields in common units.
+//! The last reports of one vehicle. Messages are kept whole; accessors return their fields in common units.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -21,7 +21,7 @@ use super::alert::{Alert, Alerts, Taken};
 pub struct Vehicle {
     /// Its id: the source of its messages.
     pub id: Id,
-    /// Message 2: the rights of this CUCS. Only what is addressed to it counts.
+    /// Message 2: the rights of this CUCS. Only messages addressed to it count.
     pub authorisation: Option<VsmAuthorisationResponse>,
     /// Message 3: tail number, mission.
     pub identity: Option<VehicleId>,
@@ -31,15 +31,15 @@ pub struct Vehicle {
     pub states: Option<VehicleOperatingStates>,
     /// Message 4000: position, velocity, attitude.
     pub inertial: Option<InertialStates>,
-    /// Message 4001: the waypoints it comes from and goes to.
+    /// Message 4001: the waypoints before and after the vehicle.
     pub waypoints: Option<FromToNextWaypointStates>,
     /// Message 14000: the state of a mission transfer.
     pub transfer: Option<MissionUploadDownloadStatus>,
     /// Message 21101 of each payload station, by its number.
     payloads: BTreeMap<u8, EoIrLaserOperatingState>,
-    /// Message 4: what another CUCS requests; `None` once it is decided.
+    /// Message 4: what another CUCS requests; `None` once that is decided.
     handover_request: Option<PositiveHandoverAuthorisationRequest>,
-    /// Message 5: what the holder offers; `None` once it is decided.
+    /// Message 5: what the holder offers; `None` once that is decided.
     handover_offer: Option<PositiveHandoverAuthorisationGranted>,
     /// How many messages 2 have arrived: an answer raises it.
     pub authorisations: u64,
@@ -47,7 +47,7 @@ pub struct Vehicle {
     pub transfers: u64,
     /// When anything was last received from it, on the session's clock.
     pub last_received: Duration,
-    /// What it has sent of its plan.
+    /// The parts of its plan that it has sent.
     pub download: Download,
     alerts: Alerts,
 }
@@ -65,20 +65,20 @@ pub struct Position {
     pub altitude_type: AltitudeType,
 }
 
-/// What a message changed.
+/// The effect of a message.
 #[derive(Debug)]
 pub(crate) enum Change {
     /// It is the latest of its type.
     Taken,
-    /// An alert is whole.
+    /// An alert is complete.
     Alert(Alert),
-    /// Older than what is known, or known already.
+    /// Older than the known one, or the same.
     Late,
     /// Another CUCS has begun to request this.
     HandoverRequested(Id, LoiBitmap),
     /// The holder has begun to offer this.
     HandoverOffered(LoiBitmap),
-    /// Nothing that is kept.
+    /// Not a message that is kept.
     Unused,
 }
 
@@ -157,7 +157,7 @@ impl Vehicle {
                     Some(HandoverStatus::Successful | HandoverStatus::Failed)
                 );
                 let by = self.handover_request().map(|(by, _)| by);
-                // The report may be about a handover between two others.
+                // The report may be about a handover between two other stations.
                 if over && by.is_some() && by == new.cucs_id_acquiring_control {
                     self.handover_request = None;
                 }
@@ -201,7 +201,7 @@ impl Vehicle {
         handover_offer.loi_authorized.filter(|loi| !loi.is_empty())
     }
 
-    /// Drops an offer of levels that are held by now, and a request for levels that are no longer held.
+    /// Drops an offer of levels that are now held, and a request for levels that are no longer held.
     fn forget_decided(&mut self) {
         let held = self.granted();
         if self.handover_offer().is_some_and(|loi| held.contains(loi)) {
@@ -238,7 +238,7 @@ impl Vehicle {
         self.states.as_ref()?.ua_state
     }
 
-    /// Whether it stands on the ground: UA State 1 to 4. `None` before it is known.
+    /// Whether it is on the ground: UA State 1 to 4. `None` before it is known.
     #[must_use]
     pub fn landed(&self) -> Option<bool> {
         match self.ua_state()?.raw() {
@@ -259,7 +259,7 @@ impl Vehicle {
         })
     }
 
-    /// What a payload station does and where it looks (21101).
+    /// The state of a payload station, and where it points (21101).
     #[must_use]
     pub fn payload(&self, station: u8) -> Option<&EoIrLaserOperatingState> {
         self.payloads.get(&station)
@@ -269,7 +269,7 @@ impl Vehicle {
     #[must_use]
     pub fn image_center(&self, station: u8) -> Option<Position> {
         let state = self.payload(station)?;
-        // Image Position: the three are valid.
+        // Image Position 1: all three values are valid.
         (state.image_position == Some(1)).then_some(())?;
         Some(Position {
             latitude_deg: state.latitude_of_image_centre?.degrees(),
@@ -286,21 +286,21 @@ impl Vehicle {
         Some(states.u_speed?.si().hypot(states.v_speed?.si()))
     }
 
-    /// The waypoint that it flies to (4001); `None` where there is none.
+    /// The waypoint to which it flies (4001); `None` where there is none.
     #[must_use]
     pub fn to_waypoint(&self) -> Option<u16> {
         let states = self.waypoints.as_ref()?;
         states.to_waypoint_number.filter(|number| *number != 0)
     }
 
-    /// The waypoint that it comes from (4001).
+    /// The waypoint from which it comes (4001).
     #[must_use]
     pub fn from_waypoint(&self) -> Option<u16> {
         let states = self.waypoints.as_ref()?;
         states.from_waypoint_number.filter(|number| *number != 0)
     }
 
-    /// The state of the latest mission transfer, and how far it is in per cent.
+    /// The state of the latest mission transfer, and its progress in per cent.
     #[must_use]
     pub fn transfer_status(&self) -> Option<(MissionTransferStatus, u8)> {
         let transfer = self.transfer.as_ref()?;
@@ -324,8 +324,8 @@ impl Vehicle {
     }
 }
 
-/// Older than what is known, or the same. A stamp far in the past comes from a sender whose clock was set, or whose
-/// counter rolled over: taking it for late would ignore that vehicle from then on.
+/// Whether it is older than the known one, or the same. A stamp far in the past comes from a sender whose clock was
+/// set, or whose counter rolled over: treating it as late would ignore that vehicle from then on.
 fn is_late(before: Option<TimeStamp>, new: Option<TimeStamp>) -> bool {
     match (before, new) {
         (Some(before), Some(new)) => new <= before && before.0 - new.0 <= REORDERING_MS,

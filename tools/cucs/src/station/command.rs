@@ -11,12 +11,12 @@ use stanag_msgs::{Bam32, Id, Scaled};
 use super::endpoint::Station;
 use super::outcome::{Outcome, StationError};
 
-/// Where to loiter; what is absent stays as it is.
+/// Where to loiter; an absent value stays unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoiterAt {
     /// Degrees north and east.
     pub position_deg: Option<(f64, f64)>,
-    /// Metres, and above what.
+    /// Metres, and their datum.
     pub altitude: Option<(f64, AltitudeType)>,
     /// Metres a second over ground.
     pub speed_m_s: Option<f64>,
@@ -26,7 +26,7 @@ impl Station {
     /// Sends a 2016 and waits until it is carried out or refused.
     ///
     /// # Errors
-    /// There is no answer, or no end to it, within [`Timeouts::command`](crate::Timeouts).
+    /// There is no final answer within [`Timeouts::command`](crate::Timeouts).
     pub async fn operate(
         &mut self,
         vehicle: Id,
@@ -71,7 +71,7 @@ impl Station {
         self.operate(vehicle, command).await
     }
 
-    /// Mode 12: loiters, here or there.
+    /// Mode 12: loiters, at the present or the given place.
     ///
     /// # Errors
     /// As [`Station::operate`]; values that cannot be expressed.
@@ -88,8 +88,8 @@ impl Station {
         self.operate(vehicle, command).await
     }
 
-    /// Mode 19: lands here. Carried out once it descends; [`Vehicle::landed`](crate::Vehicle::landed) reports
-    /// the touchdown.
+    /// Mode 19: lands here. It counts as carried out once the vehicle descends;
+    /// [`Vehicle::landed`](crate::Vehicle::landed) reports the touchdown.
     ///
     /// # Errors
     /// As [`Station::operate`].
@@ -97,7 +97,7 @@ impl Station {
         self.operate(vehicle, mode(Mode::AutolandEngage)).await
     }
 
-    /// 2005: resets, arms or executes a flight termination. Executed is what the vehicle has shown.
+    /// 2005: resets, arms or executes a flight termination. It counts as executed once the vehicle has shown it.
     ///
     /// # Errors
     /// As [`Station::operate`].
@@ -116,7 +116,8 @@ impl Station {
         self.command(vehicle, command, what, within).await
     }
 
-    /// 50024: resets, arms or executes a zeroize of the vehicle's whole VSM. Executed is that the order is stored there.
+    /// 50024: resets, arms or executes a zeroize of the vehicle's whole VSM. It counts as executed once the VSM has
+    /// stored the order.
     ///
     /// # Errors
     /// As [`Station::operate`].
@@ -130,7 +131,7 @@ impl Station {
         self.command(vehicle, command, what, within).await
     }
 
-    /// Another speed over ground in the mode that the vehicle is in.
+    /// Changes the speed over ground in the present mode.
     ///
     /// # Errors
     /// As [`Station::operate`]; a speed that cannot be expressed.
@@ -139,7 +140,7 @@ impl Station {
         vehicle: Id,
         speed_m_s: f64,
     ) -> Result<Outcome, StationError> {
-        // Without a mode in the 2016 only the speed is commanded: naming mode 11 again would restart a finished route.
+        // A 2016 without a mode commands the speed only: with mode 11 it would restart a finished route.
         let mut command = VehicleOperatingModeCommand::default();
         set_speed(&mut command, Some(speed_m_s))?;
         self.operate(vehicle, command).await

@@ -1,11 +1,12 @@
-//! A session on a UDP socket, and what an operator does with it.
+//! A session on a UDP socket, and the operations of an operator.
 //!
-//! Every method waits at most its time ([`Timeouts`]); after that its error names what was expected and what was received
-//! instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is enough, and
-//! [`Station::idle`] is how to wait. A method that is dropped half way leaves the station usable.
+//! Every method waits at most its time ([`Timeouts`]); after that its error names what was expected and what was
+//! received instead. Nothing is spawned: the station is served while one of its methods runs, so one thread is
+//! enough, and [`Station::idle`] is the way to wait. A method that is dropped before its end leaves the station
+//! usable.
 //!
-//! In a group there are two sockets: one sends, from a port of its own, and one receives what goes to the group; several
-//! VSMs and stations share it.
+//! In a group there are two sockets: one sends, from a port of its own, and one receives what is sent to the group.
+//! Several VSMs and stations share the group.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs as _};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -21,30 +22,30 @@ use crate::session::machine::{Event, Session};
 use crate::session::sender::{Delivery, Now, SessionConfig, Ticket};
 use crate::session::vehicle::Vehicle;
 
-/// A CUCS that runs.
+/// A running CUCS.
 #[derive(Debug)]
 pub struct Station {
     pub(crate) session: Session,
-    /// Sends; and receives what is sent to its own address.
+    /// Sends, and receives what is sent to its own address.
     socket: UdpSocket,
     /// Receives what is sent to the group.
     group: Option<UdpSocket>,
-    /// Where it sends to: the VSM, or the group.
+    /// The destination: the VSM, or the group.
     vsm: SocketAddr,
     started: Instant,
-    /// How long its methods wait. May be changed at any time.
+    /// How long its methods wait; may be changed at any time.
     pub timeouts: Timeouts,
-    /// Is given what a method waits for, and how much longer at most, once that has lasted half a second: a person at a
-    /// terminal must not take a wait for a hang. None by default: a library prints nothing.
+    /// Called with what a method waits for, and how much longer at most, once the wait has lasted half a second: at a
+    /// terminal a wait must not look like a hang. `None` by default, since a library prints nothing.
     pub on_wait: Option<fn(&str, Duration)>,
-    /// What is waited for now, until the notice of it was given.
+    /// The present wait, until its notice was given.
     awaited: Option<Awaited>,
-    /// Anything has been received from the VSM.
+    /// Whether anything has been received from the VSM.
     pub(super) answered: bool,
     unreachable: bool,
 }
 
-/// What a method waits for.
+/// A wait of a method.
 #[derive(Debug)]
 struct Awaited {
     what: String,
@@ -61,11 +62,11 @@ impl Station {
         Station::with_config(SessionConfig::new(id), local, vsm).await
     }
 
-    /// A station that talks to the VSM at `vsm`, HOST:PORT. Without `local` it listens on any port, on the loopback
-    /// where the VSM is there.
+    /// A station for the VSM at `vsm`, HOST:PORT. Without `local` it listens on any port, on the loopback where the
+    /// VSM is there.
     ///
     /// # Errors
-    /// The VSM's address is none, or the own one is taken or cannot be used.
+    /// The VSM's address is invalid, or the own one is taken or cannot be used.
     pub async fn reach(
         config: SessionConfig,
         local: Option<SocketAddr>,
@@ -98,7 +99,7 @@ impl Station {
         let socket = UdpSocket::bind(local)
             .await
             .map_err(fault(format!("listen on {local}")))?;
-        // A connected socket receives from the VSM alone, and reports a closed port as ConnectionRefused.
+        // A connected socket receives from the VSM only, and reports a closed port as ConnectionRefused.
         socket
             .connect(vsm)
             .await
@@ -106,7 +107,7 @@ impl Station {
         Ok(Station::on(config, socket, None, vsm))
     }
 
-    /// A station that sends to a group, from `port` or any for 0, and receives what is sent there.
+    /// A station that sends to a group, from `port` (0: any port), and receives what is sent there.
     ///
     /// # Errors
     /// There is no such interface, the port is taken, or the system refuses.
@@ -147,13 +148,13 @@ impl Station {
         }
     }
 
-    /// The machine: what vehicles reported, the counters.
+    /// The session: reports of vehicles, counters.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// What a vehicle last reported.
+    /// The last reports of a vehicle.
     #[must_use]
     pub fn vehicle(&self, id: Id) -> Option<&Vehicle> {
         self.session.vehicle(id)
@@ -178,7 +179,7 @@ impl Station {
         self.session.set_heartbeats(now, on);
     }
 
-    /// Waits until `reached` is true; it is evaluated at the start and after everything that arrives.
+    /// Waits until `reached` is true; it is evaluated at the start and after every message.
     ///
     /// # Errors
     /// It does not hold within that time.
@@ -218,7 +219,7 @@ impl Station {
         })
     }
 
-    /// Serves for a while: status comes in, heartbeats go out.
+    /// Serves for this long: receives status, sends heartbeats.
     ///
     /// # Errors
     /// The socket fails.
@@ -280,7 +281,7 @@ impl Station {
             .await?;
         self.awaits_nothing();
         let waited = time_waited(began, within);
-        // Read before it is withdrawn, which would make it final.
+        // Read before the withdrawal, which makes the state final.
         let last = self.session.delivery(ticket);
         self.session.withdraw(ticket);
         match delivery {
@@ -308,7 +309,7 @@ impl Station {
         }
     }
 
-    /// Names what is waited for from now on, for [`Station::on_wait`].
+    /// Sets what is waited for from now on, for [`Station::on_wait`].
     pub(super) fn awaits(&mut self, what: impl Into<String>, within: Duration) {
         let now = Instant::now();
         self.awaited = Some(Awaited {
@@ -318,12 +319,12 @@ impl Station {
         });
     }
 
-    /// Nothing that takes long is waited for any more.
+    /// No long wait is in progress any longer.
     pub(super) fn awaits_nothing(&mut self) {
         self.awaited = None;
     }
 
-    /// Gives the notice that is due.
+    /// Calls [`Station::on_wait`] where that is due.
     fn notice(&mut self) {
         let now = Instant::now();
         let due = self.awaited.take_if(|awaited| now >= awaited.notice_at);
@@ -341,7 +342,7 @@ impl Station {
         let mut buffer = [0; RECEIVE_BYTES];
         loop {
             let now = self.now();
-            // Send before checking: a check may wait for the answer to what is queued here.
+            // Sends before checking: `check` may wait for the answer to what is queued here.
             self.session.handle_timeout(now);
             self.flush().await?;
             if let Some(found) = check(&mut self.session) {
@@ -371,13 +372,13 @@ impl Station {
         }
     }
 
-    /// The next datagram, of either socket.
+    /// The next datagram, from either socket.
     async fn receive(&self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let Some(group) = &self.group else {
             return self.socket.recv(buffer).await;
         };
         loop {
-            // Neither is read before it has something: a receipt that is dropped half way would be a datagram lost.
+            // Both are only polled until one can be read: a read that is cancelled would lose a datagram.
             tokio::select! {
                 ready = group.readable() => ready?,
                 ready = self.socket.readable() => ready?,
@@ -392,13 +393,14 @@ impl Station {
         }
     }
 
-    /// The place in the vehicle's alerts from which on a reason for a refusal may stand.
+    /// The position in the vehicle's alerts after which the reason of a refusal may occur.
     pub(super) fn alert_mark(&self, vehicle: Id) -> u64 {
         self.vehicle(vehicle).map_or(0, |state| state.next_alert())
     }
 
-    /// A refusal with the reasons: the texts of alerts since the mark that contain "refused", or of all of them where none
-    /// does, but for information: what comes beside a refusal by chance, such as a link that is there, is no reason for it.
+    /// A refusal with its reasons: the texts of alerts since the mark that contain "refused", or, where none does, of
+    /// all but information. Information that arrives beside a refusal by chance, such as a link that is up, is not
+    /// its reason.
     pub(super) async fn refusal(
         &mut self,
         vehicle: Id,
@@ -501,7 +503,7 @@ impl Station {
     }
 }
 
-/// The texts of the alerts from a mark on that warn of something.
+/// The texts of alerts since a mark with a priority above information.
 fn warnings_from(state: &Vehicle, mark: u64) -> impl Iterator<Item = String> {
     let alerts = state.alerts_from(mark);
     let warnings = alerts.filter(|alert| {
@@ -510,7 +512,7 @@ fn warnings_from(state: &Vehicle, mark: u64) -> impl Iterator<Item = String> {
     warnings.map(|alert| alert.text.clone())
 }
 
-/// How long was waited. A message that was sent as often as allowed ends a wait before its time.
+/// How long the wait lasted. It ends early once a message was sent as often as allowed.
 pub(super) fn time_waited(began: Instant, within: Duration) -> Duration {
     began.elapsed().min(within)
 }
@@ -525,7 +527,8 @@ fn any_port(vsm: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, 0)
 }
 
-/// A wait that is shorter needs no notice.
+/// A shorter wait needs no notice.
 const NOTICE_AFTER: Duration = Duration::from_millis(500);
-/// More than the longest datagram allowed: one that is too long must be seen as such, not cut to a valid length.
+/// More than the longest allowed datagram: a datagram that is too long must be recognised as such, and not cut to a
+/// valid length.
 const RECEIVE_BYTES: usize = 2_048;

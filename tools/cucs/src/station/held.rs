@@ -1,4 +1,4 @@
-//! Commands that are held until a condition (50020, 50021), and contingencies (50023).
+//! Commands that are held until a condition is met (50020, 50021), and contingencies (50023).
 
 use stanag_msgs::messages::{Contingency, HeldCommandCancel, HoldCommand};
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, Text, TimeStamp};
@@ -9,19 +9,19 @@ use super::outcome::{Outcome, StationError};
 use crate::session::machine::Session;
 use crate::session::sender::{Delivery, SendError};
 
-/// A command and what it is to wait for.
+/// A command and its condition.
 #[derive(Clone, Debug)]
 pub struct Holding {
     /// Its number, and the condition.
     pub hold: HoldCommand,
-    /// Of a condition that is a time: in how many seconds.
+    /// For a condition that is a time, the seconds until then.
     pub after_s: Option<f64>,
     /// The command.
     pub command: Message,
 }
 
 impl Station {
-    /// Has a command held; carried out here is that it is held. What becomes of it later is reported by 50022.
+    /// Holds a command; carried out means here that it is held. Its later result is reported by 50022.
     ///
     /// # Errors
     /// There is no answer within [`Timeouts::command`](crate::Timeouts), or the command cannot be written.
@@ -39,7 +39,7 @@ impl Station {
         hold.held_message_data = Some(Text::new(&hex));
         let now = self.now();
         hold.condition_time = after_s.map(|seconds| {
-            // To the millisecond, rounded up: never before Time Stamp.
+            // In milliseconds, rounded up: never before the Time Stamp.
             TimeStamp::from_unix_ms(now.unix_ms + (seconds * 1e3).ceil() as u64 + 1)
         });
         let mark = self.alert_mark(vehicle);
@@ -54,7 +54,7 @@ impl Station {
         let delivery = self.until(began + within, answered).await?;
         self.awaits_nothing();
         let waited = time_waited(began, within);
-        // Its end may be hours away, and comes by 50022 too.
+        // Its result may be hours away, and 50022 reports it too.
         self.session.withdraw(ticket);
         match delivery {
             Some(Delivery::Received | Delivery::CarriedOut) => Ok(Outcome::CarriedOut),

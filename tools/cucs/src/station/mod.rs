@@ -1,4 +1,4 @@
-//! A session on a UDP socket, and what an operator does with it.
+//! A session on a UDP socket, and the operations of an operator.
 //!
 //! - [`outcome`]: how an operation ends;
 //! - [`report`]: the state of a vehicle as a line and as JSON;

@@ -1,4 +1,4 @@
-//! How an operation ends: carried out, refused with the reasons that were given, or not answered in time.
+//! How an operation ends: carried out, refused with the given reasons, or not answered in time.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -10,7 +10,7 @@ use stanag_msgs::{Id, OutOfRange};
 use crate::session::sender::SendError;
 use route_files::route::model::RouteError;
 
-/// What became of a command or a transfer.
+/// The result of a command or a transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// 17000 type 2, or 14000 status 1.
@@ -20,7 +20,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The refusal as an error, for those who need the command carried out.
+    /// The refusal as an error, for callers that need the command carried out.
     ///
     /// # Errors
     /// It was refused.
@@ -66,7 +66,7 @@ impl fmt::Display for Refused {
                 " (no reason given; this CUCS holds LOI {held}; a VSM may leave out a reason that it has just given: try again after 2 s)"
             )?;
         } else {
-            // A VSM's text names the message and that it is refused, as this one does already.
+            // A VSM's text names the message and the refusal, as this error does already.
             let why = |text: &String| match text.split_once("refused: ") {
                 Some((_, why)) => why.to_owned(),
                 None => text.clone(),
@@ -74,10 +74,10 @@ impl fmt::Display for Refused {
             let reasons: Vec<String> = self.reasons.iter().map(why).collect();
             write!(f, ": {}", reasons.join("; "))?;
         }
-        // What commands needs LOI 3, 4 or 5: whoever has none is refused for that, as a rule.
+        // Commands need LOI 3, 4 or 5: for a CUCS without any of them that is most likely the reason.
         let commanding = LoiBitmap::LOI3 | LoiBitmap::LOI4 | LoiBitmap::LOI5;
         if self.held.intersects(commanding) {
-            // The VSM's words are for any ground station.
+            // The VSM's text is for any ground station; here the subcommand can be named.
             let no_route = |text: &String| text.contains("no route has been loaded");
             if self.reasons.iter().any(no_route) {
                 f.write_str("; `cucs send FILE` loads one")?;
@@ -88,26 +88,26 @@ impl fmt::Display for Refused {
     }
 }
 
-/// Why an operation has no outcome.
+/// Why an operation has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum StationError {
     /// Not an address.
     #[error("{address}: {reason}, expected HOST:PORT")]
     Address {
-        /// What was given.
+        /// The given text.
         address: String,
         /// What is wrong with it.
         reason: String,
     },
-    /// The socket.
+    /// The socket failed.
     #[error("{what}: {source}")]
     Socket {
-        /// What was done with it.
+        /// The operation on it.
         what: String,
         /// The system's error.
         source: std::io::Error,
     },
-    /// The group.
+    /// The group cannot be used.
     #[error("group {group}: {source}")]
     Group {
         /// Group and port.
@@ -115,22 +115,22 @@ pub enum StationError {
         /// Why it cannot be joined or sent to.
         source: dli_group::GroupError,
     },
-    /// What was expected did not arrive in time.
+    /// The expected message did not arrive in time.
     #[error("no {expected} within {} s; {seen}", seconds(*within))]
     TimedOut {
         /// What was expected.
         expected: String,
-        /// How long was waited: until the time was up, or nothing more could come.
+        /// How long the station waited: until the time was up, or nothing more could arrive.
         within: Duration,
         /// What was received instead.
         seen: String,
     },
-    /// No VSM answers at all.
+    /// No VSM answers.
     #[error("no answer from a VSM at {vsm} within {} s: {}", seconds(*within), if *unreachable { "nothing listens on that port; start the bridge or check --vsm" } else { "a VSM answers no CUCS ID (--id) that its configuration does not list, or lists with another edition, address or guard; `vsm doctor` at the VSM shows what arrives there" })]
     NoVsm {
-        /// Where it should be.
+        /// Its address.
         vsm: SocketAddr,
-        /// How long was waited.
+        /// How long the station waited.
         within: Duration,
         /// The system reported that the port is closed.
         unreachable: bool,
@@ -148,7 +148,7 @@ pub enum StationError {
         requested: LoiBitmap,
         /// What this CUCS holds.
         granted: LoiBitmap,
-        /// What it may have by the VSM's configuration.
+        /// What the VSM's configuration permits it.
         authorised: LoiBitmap,
         /// The texts of the 16000s that came with the answer.
         reasons: Vec<String>,
@@ -156,13 +156,13 @@ pub enum StationError {
     /// A command was refused.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// A route cannot be put into messages.
+    /// A route cannot be written as messages.
     #[error(transparent)]
     Route(#[from] RouteError),
     /// A value that its field cannot express.
     #[error(transparent)]
     Value(#[from] OutOfRange),
-    /// A message cannot be written, or said in the edition that is spoken.
+    /// A message cannot be written, or the edition cannot express it.
     #[error(transparent)]
     Send(#[from] SendError),
 }
@@ -186,7 +186,7 @@ impl StationError {
     }
 }
 
-/// In tenths: a wait that ended before its time has no round number.
+/// In tenths of a second: a wait that ended early is not a round number.
 fn seconds(span: Duration) -> f64 {
     (span.as_secs_f64() * 10.0).round() / 10.0
 }
@@ -199,7 +199,7 @@ fn reasons_text(reasons: &[String]) -> String {
     }
 }
 
-/// Levels of interoperability as people read them: `2, 4, 5 (monitor, control, launch)`; `none`.
+/// Levels of interoperability for people: `2, 4, 5 (monitor, control, launch)`; `none` without a level.
 pub(crate) fn levels(bits: LoiBitmap) -> String {
     bits.in_words()
 }
@@ -214,7 +214,7 @@ pub(crate) fn loi_numbers(bits: LoiBitmap) -> Vec<u8> {
 pub struct Timeouts {
     /// For the first answer to a discovery, and for message 2.
     pub answer: Duration,
-    /// After the last vehicle discovered: another may answer so much later.
+    /// After the last discovered vehicle: another may answer this much later.
     pub quiet: Duration,
     /// For all parts of a route to be stored.
     pub store: Duration,

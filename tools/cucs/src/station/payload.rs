@@ -9,7 +9,7 @@ impl Station {
     /// Sends a payload command and waits until it is carried out or refused.
     ///
     /// # Errors
-    /// There is no answer, or no end to it, within [`Timeouts::command`](crate::Timeouts).
+    /// There is no final answer within [`Timeouts::command`](crate::Timeouts).
     pub async fn operate_payload(
         &mut self,
         vehicle: Id,

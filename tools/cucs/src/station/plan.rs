@@ -16,11 +16,11 @@ use route_files::Download;
 use route_files::route::model::Route;
 
 impl Station {
-    /// Sends a route (13001 and what belongs to it), then loads it (13000 mode 2), and waits until 14000 reports it
+    /// Sends a route (13001 and its other messages), then loads it (13000 mode 2), and waits until 14000 reports it
     /// as loaded or refused.
     ///
     /// # Errors
-    /// The route cannot be put into messages, or there is no answer.
+    /// The route cannot be written as messages, or there is no answer.
     pub async fn send_route(
         &mut self,
         vehicle: Id,
@@ -34,7 +34,7 @@ impl Station {
         self.transfer(vehicle, load).await
     }
 
-    /// Sends messages that only store, and waits until each is stored or one is refused.
+    /// Sends messages that are only stored, and waits until each is stored or one is refused.
     ///
     /// # Errors
     /// One of them has no answer.
@@ -67,7 +67,7 @@ impl Station {
             let delivery = self.session.delivery(*ticket);
             (delivery != Delivery::CarriedOut).then_some((delivery, what(message)))
         });
-        // After a refusal the rest of the plan is not sent any more.
+        // After a refusal the rest of the plan is no longer sent.
         for ticket in &tickets {
             self.session.withdraw(*ticket);
         }
@@ -86,7 +86,7 @@ impl Station {
         }
     }
 
-    /// Forgets the plan, in the VSM and aboard (13000 mode 1).
+    /// Clears the plan, in the VSM and in the vehicle (13000 mode 1).
     ///
     /// # Errors
     /// There is no answer.
@@ -95,7 +95,7 @@ impl Station {
             .await
     }
 
-    /// Ends a transfer that is under way (13000 mode 5).
+    /// Cancels the transfer in progress (13000 mode 5).
     ///
     /// # Errors
     /// There is no answer.
@@ -104,8 +104,8 @@ impl Station {
             .await
     }
 
-    /// Downloads the whole plan (13000 mode 3). A long plan comes in a burst of which a network may lose a part: where
-    /// a waypoint is named that did not arrive, every waypoint is requested by itself (mode 4), with its loiter.
+    /// Downloads the whole plan (13000 mode 3). A long plan arrives in a burst, of which a network may lose a part:
+    /// where a named waypoint did not arrive, every waypoint is requested separately (mode 4), with its loiter.
     /// Waypoints that the VSM does not have either stay [missing](Download::missing). A lost curve is not noticed.
     ///
     /// # Errors
@@ -115,7 +115,7 @@ impl Station {
         self.transfer(vehicle, plan_mode(MissionPlanMode::Download))
             .await?
             .accepted()?;
-        // 14000 may overtake the last waypoints.
+        // 14000 may arrive before the last waypoints.
         let deadline = Instant::now() + self.timeouts.quiet;
         self.until(deadline, |session| {
             let state = session.vehicle(vehicle)?;
@@ -138,7 +138,7 @@ impl Station {
                 waypoint_number: Some(number),
                 ..plan_mode(MissionPlanMode::DownloadWaypoint)
             };
-            // A refusal means that the VSM does not have the waypoint; it stays missing.
+            // A refusal means that the VSM does not have the waypoint: it stays missing.
             self.transfer(vehicle, request).await?;
         }
         Ok(self.downloaded(vehicle))
@@ -150,10 +150,10 @@ impl Station {
             .unwrap_or_default()
     }
 
-    /// Sends a 13000 and waits for the end that 14000 reports.
+    /// Sends a 13000 and waits for the end of the transfer that 14000 reports.
     ///
     /// # Errors
-    /// There is no answer, or no end to it, in time.
+    /// There is no answer, or the transfer does not end in time.
     pub async fn transfer(
         &mut self,
         vehicle: Id,
@@ -219,8 +219,8 @@ impl Station {
         };
         self.awaits_nothing();
         let waited = time_waited(began, within);
-        // 17000 may arrive before 14000, which carries more (the waypoint refused); and a 14000 that arrived later would be
-        // taken for the answer to the next transfer.
+        // 17000 may arrive before 14000, which has more (the refused waypoint); and a 14000 that arrives later would
+        // be taken for the answer to the next transfer.
         if matches!(end, Some(End::Complete | End::Refused(None))) {
             let grace = Instant::now() + self.timeouts.reason;
             end = self
@@ -260,7 +260,7 @@ fn plan_mode(mode: MissionPlanMode) -> MissionTransferCommand {
     }
 }
 
-/// A plan message for a person: its number and waypoint.
+/// A plan message for people: its number and waypoint.
 fn what(message: &Message) -> String {
     let number = match message {
         Message::UaPositionWaypoint(point) => point.waypoint_number,
@@ -275,5 +275,5 @@ fn what(message: &Message) -> String {
     }
 }
 
-/// A download of which nothing arrived for this long is over.
+/// A download without messages for this long has ended.
 const STALL: Duration = Duration::from_secs(1);

@@ -41,7 +41,7 @@ pub(crate) fn line(vehicle: &Vehicle) -> String {
     parts.join(", ")
 }
 
-/// The same for programs; what is unknown is null.
+/// The same for programs; unknown values are null.
 pub(crate) fn state(vehicle: &Vehicle) -> Value {
     let position = vehicle.position();
     json!({
@@ -60,8 +60,8 @@ pub(crate) fn state(vehicle: &Vehicle) -> Value {
     })
 }
 
-/// Vehicle Type (messages 2 to 5) by its name beside its number. The custodian's list is not public for the later editions; where
-/// MAVLink's MAV_TYPE stands in for it, as with `vsm`, these are its names.
+/// Vehicle Type (messages 2 to 5): its name beside its number. The custodian's list of the later editions is not
+/// public; where MAVLink's MAV_TYPE is used instead, as by `vsm`, these are its names.
 pub(crate) fn vehicle_type(number: u16) -> String {
     let name = match number {
         0 => return "not known".to_owned(),

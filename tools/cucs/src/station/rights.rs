@@ -1,8 +1,8 @@
 //! Discovery, rights over a vehicle (messages 1 and 2) and positive handover (message 4).
 //!
-//! Which CUCS a message 4 names decides what it is. This CUCS: a request, the acceptance of an offer, or with no level the end
-//! of either. Another: consent to its request, or the naming of a successor; with no level a refusal, or the end of the
-//! offer.
+//! The meaning of a message 4 depends on the CUCS in it. This CUCS: a request, the acceptance of an offer, or,
+//! without a level, the end of either. Another CUCS: consent to its request, or its naming as successor; without a
+//! level a refusal, or the end of the offer.
 
 use std::time::Duration;
 
@@ -22,18 +22,18 @@ use crate::session::vehicle::Vehicle;
 pub struct Discovered {
     /// The vehicle.
     pub vehicle: Id,
-    /// The VSM that it is behind.
+    /// The VSM behind which it is.
     pub vsm: Option<Id>,
-    /// What this CUCS may have.
+    /// The levels that this CUCS may have.
     pub authorised: LoiBitmap,
-    /// What it holds already.
+    /// The levels that it holds already.
     pub granted: LoiBitmap,
     /// Vehicle Type, 0 where it is not known.
     pub vehicle_type: u16,
 }
 
 impl Station {
-    /// Discovers vehicles: message 1 to everybody, until the VSMs have answered with a message 2 for each vehicle.
+    /// Discovers vehicles: broadcasts message 1 until the VSMs have answered with a message 2 for each vehicle.
     ///
     /// # Errors
     /// No VSM answers.
@@ -42,7 +42,7 @@ impl Station {
         let quiet = self.timeouts.quiet;
         let deadline = Instant::now() + within;
         self.awaits("answer of a VSM (message 2)", within);
-        // What was known before is no answer: a vehicle may have gone since.
+        // What was known before is not an answer: a vehicle may be gone by now.
         let before: Vec<(Id, u64)> = self
             .session
             .vehicles()
@@ -80,7 +80,7 @@ impl Station {
                 continue;
             }
             self.awaits_nothing();
-            // Each VSM answers for itself, and a VSM once for each vehicle: wait until it has been quiet for a moment.
+            // Each VSM answers once for each of its vehicles: wait until none has answered for a moment.
             let mut found = answered(&self.session).len();
             while self
                 .until(Instant::now() + quiet, |session| {
@@ -96,8 +96,8 @@ impl Station {
         Err(self.no_vsm(within))
     }
 
-    /// Requests rights over a vehicle and returns everything that this CUCS then holds, at least what was requested.
-    /// `access` is [`RequestedAccess::Request`], or `Override` to take them from another.
+    /// Requests rights over a vehicle and returns everything that this CUCS then holds, at least the requested
+    /// levels. `access` is [`RequestedAccess::Request`], or `Override` to take them from another CUCS.
     ///
     /// # Errors
     /// Not all of it is granted, or no VSM answers.
@@ -111,7 +111,7 @@ impl Station {
             .await
     }
 
-    /// The same, with the payload stations that LOI 3 is for; none means all that there are.
+    /// The same for the payload stations of LOI 3; none means all that there are.
     ///
     /// # Errors
     /// As [`Station::request`].
@@ -187,8 +187,8 @@ impl Station {
             let now = self.now();
             let ticket = self.session.send(now, vehicle, request)?;
             let again = (Instant::now() + REPEAT_INTERVAL * 2).min(deadline);
-            // A message 2 from before may still be on its way: the answer is the one that comes with, or just before, the
-            // 17000.
+            // An earlier message 2 may still be on its way: the answer is the one that arrives with the 17000, or
+            // just before it.
             let answer = self
                 .until(again, |session| {
                     let answered = !matches!(
@@ -215,11 +215,11 @@ impl Station {
         ))
     }
 
-    /// Sends message 4 that names `acquirer` and these levels, and waits for the end of what it began: the same
-    /// bytes again and again, because a VSM repeats a lost decision only when it is asked for it.
+    /// Sends message 4 with `acquirer` and these levels, and waits for the end of the handover. The same bytes are
+    /// repeated, because a VSM repeats a lost decision only when it receives the request again.
     ///
     /// # Errors
-    /// There is no end to it within [`Timeouts::consent`](crate::Timeouts).
+    /// It does not end within [`Timeouts::consent`](crate::Timeouts).
     pub async fn hand_over(
         &mut self,
         vehicle: Id,
@@ -239,7 +239,7 @@ impl Station {
         self.command(vehicle, message, what, within).await
     }
 
-    /// The VSM that a vehicle is behind; all of them where it is not known.
+    /// The VSM of a vehicle; the broadcast id where it is not known.
     fn vsm_of(&self, vehicle: Id) -> Id {
         let authorisation = self
             .vehicle(vehicle)

@@ -1,5 +1,5 @@
-//! A station on a real socket: each operation ends carried out, refused with the reasons, or with an error that says
-//! what was awaited.
+//! A station on a real socket: each operation ends carried out, refused with the reasons, or with an error that names
+//! what was expected.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -15,7 +15,7 @@ fn anywhere() -> SocketAddr {
     "127.0.0.1:0".parse().unwrap()
 }
 
-/// A station, and the socket of the VSM that it speaks to.
+/// A station, and the socket of its VSM.
 async fn pair() -> (Station, UdpSocket) {
     let socket = UdpSocket::bind(anywhere()).await.unwrap();
     let mut station = Station::bind(CUCS, anywhere(), socket.local_addr().unwrap())
@@ -37,7 +37,7 @@ async fn serve(vsm: &mut FakeVsm, socket: &UdpSocket) {
     }
 }
 
-/// Runs the operation with the VSM serving beside it.
+/// Runs the operation while the VSM serves.
 macro_rules! beside {
     ($vsm:expr, $socket:expr, $operation:expr) => {
         tokio::select! {
@@ -243,7 +243,7 @@ async fn a_timeout_names_what_was_expected_and_what_was_received() {
     let (mut station, socket) = pair().await;
     let mut vsm = FakeVsm::new();
     beside!(vsm, socket, station.discover()).unwrap();
-    // Answers questions, acknowledges nothing.
+    // Answers requests, but acknowledges nothing.
     vsm.mute = true;
     let began = std::time::Instant::now();
     let error = beside!(vsm, socket, station.land(VEHICLE))
@@ -251,7 +251,7 @@ async fn a_timeout_names_what_was_expected_and_what_was_received() {
         .to_string();
     let took_s = began.elapsed().as_secs_f64();
     assert!(error.contains("acknowledgement (17000) of 2016"), "{error}");
-    // It ends with its last try, before the command's time is up.
+    // It ends after its last try, before the command's time is up.
     let named_s = error
         .split_once(" within ")
         .and_then(|(_, rest)| rest.split_once(" s; "));
@@ -275,7 +275,7 @@ async fn a_timeout_names_what_was_expected_and_what_was_received() {
         error.starts_with("no mode 11 within 0.1 s; last reports: "),
         "{error}"
     );
-    // #2 alone answers a request, too.
+    // #2 alone answers a request too.
     let granted = beside!(
         vsm,
         socket,

@@ -1,5 +1,5 @@
-//! The CUCS against a VSM made of the codec alone: as a machine under virtual time, as a station on a socket, and as a
-//! program.
+//! The CUCS against a VSM that is built on the codec alone: as a state machine under virtual time, as a station on a
+//! socket, and as a program.
 
 mod commands;
 mod program;

@@ -62,7 +62,7 @@ fn no_vsm_is_status_1_with_the_address() {
     );
 }
 
-/// The VSM is there, and drops what it receives.
+/// The VSM is there, but drops what it receives.
 #[test]
 fn a_vsm_that_does_not_answer_may_have_listed_the_id_in_another_way() {
     let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -76,10 +76,10 @@ fn a_vsm_that_does_not_answer_may_have_listed_the_id_in_another_way() {
     }
 }
 
-/// Edition 2.5 has no UA State: it would wait for ever.
+/// Edition 2.5 has no UA State: the wait would never end.
 #[test]
 fn wait_landed_in_edition_2_5_is_an_error_at_once() {
-    // Nobody answers there: it is not even asked.
+    // Nobody answers there, but nothing is sent to it either.
     let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
     let vsm = silent.local_addr().unwrap().to_string();
     for condition in ["landed", "airborne"] {
@@ -191,7 +191,7 @@ fn a_refusal_says_once_that_it_is_one() {
         let both = out + &error;
         assert_eq!(both.matches("refused").count(), 1, "{both}");
         assert_eq!(both.matches("home is not known yet").count(), 1, "{both}");
-        // For a program the alert is an object of its own.
+        // For programs the alert is an object of its own.
         let (_, out, _) = result(&cucs(vsm, &["--json", "launch", "30"]));
         assert!(out.contains("\"alert\":\"2016 refused: mode 21"), "{out}");
     });
@@ -265,7 +265,7 @@ fn a_route_is_sent_from_each_format_that_is_read() {
     }
     with_vsm(FakeVsm::new(), |vsm| {
         assert_eq!(result(&cucs(vsm, &["take"])).0, Some(0));
-        // No altitude is made up.
+        // No altitude is invented.
         let (status, out, error) = result(&cucs(vsm, &["send", &flat]));
         assert_eq!(status, Some(2), "{out}{error}");
         assert!(

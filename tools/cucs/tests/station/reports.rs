@@ -1,5 +1,5 @@
-//! What a vehicle last reported is kept by its stamp; what is late, doubled, broken or meant for others changes
-//! nothing; and only what asks for an answer gets one.
+//! The last reports of a vehicle are kept by their stamps; late, duplicate or broken messages, and those for other
+//! stations, change nothing; and only a message that requests an answer gets one.
 
 use cucs::{Event, Session, SessionConfig};
 use kit::Random;
@@ -41,7 +41,7 @@ fn the_latest_report_counts_by_its_stamp_and_not_by_its_arrival() {
         assert_eq!(session.vehicle(VEHICLE).unwrap().mode(), Some(expected));
     }
     assert_eq!(session.traffic().dropped["late"], 2);
-    // A VSM whose clock was set back an hour is believed.
+    // A VSM whose clock was set back an hour is accepted.
     session.handle_datagram(now(0), &mode(5_000_000, Mode::Waypoint));
     session.handle_datagram(now(0), &mode(1_400_000, Mode::AutolandEngage));
     assert_eq!(

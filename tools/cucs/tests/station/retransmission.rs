@@ -70,7 +70,7 @@ fn every_message_is_carried_out_once_and_acknowledged() {
         assert_eq!(numbers.len(), 200, "seed {seed}: each once");
         assert_eq!(numbers.iter().collect::<BTreeSet<_>>().len(), 200);
 
-        // A stamp is of one message only: whatever came with it, first or again, is the same bytes.
+        // A stamp belongs to a single message: whatever arrived with it, first or repeated, has the same bytes.
         let bytes: BTreeSet<&Vec<u8>> = vsm.received.iter().collect();
         let stamps: BTreeSet<TimeStamp> = bytes.iter().map(|bytes| stamp_of(bytes)).collect();
         assert_eq!(bytes.len(), 201);
@@ -81,7 +81,7 @@ fn every_message_is_carried_out_once_and_acknowledged() {
         );
         assert!(session.traffic().retransmitted > 0);
 
-        // In the order in which they were handed in.
+        // In the order in which they were submitted.
         let of = |ticket| session.sent(ticket).unwrap().1;
         assert!(tickets.windows(2).all(|pair| of(pair[0]) < of(pair[1])));
     }
@@ -125,7 +125,7 @@ fn any_type_of_acknowledgement_ends_the_retransmission_and_the_outcome_follows()
         assert_eq!(session.acknowledgement(2016, stamp), Some(delivery));
         session.handle_timeout(now(400));
         assert!(drain(&mut session).is_empty());
-        // A late type 1 takes nothing back.
+        // A late type 1 undoes nothing.
         session.handle_datagram(
             now(2),
             &acknowledgement(VEHICLE, kind_of, stamp, AckType::Received),
@@ -162,7 +162,7 @@ fn a_lost_outcome_is_asked_for_with_the_same_bytes_until_it_comes_or_a_minute_ha
             for copy in drain(&mut session) {
                 assert_eq!(copy, first[0]);
                 copies += 1;
-                // The first outcome was lost; a duplicate has the last answer again.
+                // The first outcome was lost; a duplicate is given the last answer again.
                 let answer = if outcome_comes {
                     &carried_out
                 } else {
@@ -249,7 +249,7 @@ fn a_route_is_packed_into_few_datagrams_and_the_window_is_kept() {
     let in_them: usize = first.iter().map(|bytes| messages(bytes).len()).sum();
     assert_eq!(in_them, 32);
     assert!(first.len() <= 3, "{} datagrams", first.len());
-    // Room comes with the answers.
+    // Answers make room.
     let mut vsm = FakeVsm::new();
     for datagram in &first {
         for answer in vsm.handle(datagram) {

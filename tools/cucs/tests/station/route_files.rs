@@ -167,7 +167,7 @@ fn what_a_vehicle_sends_back_is_the_file_again() {
     let route = parse(ROUTE).unwrap();
     let mut session = Session::new(SessionConfig::new(CUCS));
     let mut messages = route.messages(VEHICLE, CUCS).unwrap();
-    // In whatever order.
+    // In any order.
     messages.reverse();
     for message in messages {
         session.handle_datagram(now(0), &datagram(VEHICLE, CUCS, message));
@@ -246,7 +246,7 @@ p3 = [47.22000000, 8.10000000]
         Message::UaRoute(route) => Some(route.initial_waypoint_number),
         _ => None,
     });
-    // The one that 13000 loads comes last.
+    // The route that 13000 loads comes last.
     assert_eq!(routes.collect::<Vec<_>>(), [Some(9), Some(2), Some(1)]);
     assert_eq!(messages.len(), 3 + 3 + 2);
     let mut session = Session::new(SessionConfig::new(CUCS));
@@ -461,7 +461,7 @@ fn the_commands_and_the_route_of_the_document_are_understood() {
         .collect();
     assert!(commands.len() >= 10);
     for line in commands {
-        // Options of the program, not of a script.
+        // Options of the program, which a script does not have.
         let options = [
             "--id 1b:00:00:b0 ",
             "--edition 2.5 --multicast 239.45.86.1:26001 --interface lo ",

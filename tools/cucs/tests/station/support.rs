@@ -1,4 +1,4 @@
-//! A VSM for a CUCS to speak to, made of the codec alone, and a conversation of the two over the simulated network.
+//! A VSM for a CUCS, built on the codec alone, and an exchange of the two over the simulated network.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -43,7 +43,7 @@ pub(crate) fn drain(session: &mut Session) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| session.poll_transmit()).collect()
 }
 
-/// The messages of a datagram: (wants an acknowledgement, destination, bytes, message).
+/// The messages of a datagram: (whether it requests an acknowledgement, destination, bytes, message).
 pub(crate) fn messages(datagram: &[u8]) -> Vec<(bool, Id, Vec<u8>, Message)> {
     frames(datagram)
         .map(|frame| {
@@ -59,7 +59,7 @@ pub(crate) fn messages(datagram: &[u8]) -> Vec<(bool, Id, Vec<u8>, Message)> {
         .collect()
 }
 
-/// The Time Stamp of a message of ours.
+/// The Time Stamp of a message of this CUCS.
 pub(crate) fn stamp_of(bytes: &[u8]) -> TimeStamp {
     let header_type = u16::from_be_bytes([bytes[12], bytes[13]]);
     let info = stanag_msgs::table::message(header_type).unwrap();
@@ -81,15 +81,15 @@ pub(crate) fn stamp_of(bytes: &[u8]) -> TimeStamp {
 pub(crate) struct FakeVsm {
     /// The answer to each message by its bytes.
     seen: BTreeMap<Vec<u8>, Vec<Vec<u8>>>,
-    /// Every message bytes received, in order, doubles too.
+    /// The bytes of every received message, in order, duplicates too.
     pub(crate) received: Vec<Vec<u8>>,
     /// Each message once, in order of arrival.
     pub(crate) carried_out: Vec<Message>,
-    /// What this CUCS may have.
+    /// The levels that this CUCS may have.
     pub(crate) authorised: LoiBitmap,
-    /// What it holds.
+    /// The levels that it holds.
     pub(crate) granted: LoiBitmap,
-    /// 13002s stored.
+    /// The stored 13002s.
     pub(crate) waypoints: BTreeMap<u16, Message>,
     pub(crate) routes: Vec<Message>,
     /// Refuses a load, with this waypoint and reason.
@@ -123,7 +123,7 @@ impl FakeVsm {
         datagram(VEHICLE, CUCS, message)
     }
 
-    /// Takes a datagram of the CUCS; the datagrams that answer it.
+    /// Handles a datagram of the CUCS; returns the answers.
     pub(crate) fn handle(&mut self, bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut answers = Vec::new();
         for (wants_ack, destination, bytes, message) in messages(bytes) {
@@ -313,7 +313,7 @@ pub(crate) fn bad_network(seed: u64) -> Network<End, Vec<u8>> {
     Network::new(seed, faults)
 }
 
-/// Lets session and VSM talk until `done`, in steps of 5 ms. The time at the end.
+/// Lets session and VSM exchange datagrams until `done`, in steps of 5 ms; returns the time at the end.
 pub(crate) fn converse(
     session: &mut Session,
     vsm: &mut FakeVsm,

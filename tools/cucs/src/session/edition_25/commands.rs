@@ -1,8 +1,9 @@
-//! What is sent: a message of Edition 4 as those of Edition 2.5 that say the same.
+//! Sending: a message of Edition 4 as the messages of Edition 2.5 with the same meaning.
 //!
-//! A message whose fields have all a place goes over by the table. Not so a mode with its demands: Edition 4 has one 2016,
-//! Edition 2.5 has #42 for the mode, #43 for the demands, and #48 for which of both rules (tables B1-22 and B1-23).
-//! A field that has a value other than 0 and no place is never left out: the message is not sent.
+//! A message whose fields all have a place is translated by the table. A mode with its demands is not: Edition 4 has
+//! a single 2016, Edition 2.5 has #42 for the mode, #43 for the demands, and #48 for which of the two overrides the
+//! other (tables B1-22 and B1-23). A field with a value other than 0 and without a place is never left out: the
+//! message is not sent.
 
 use stanag_msgs::ed25::{self, Record};
 use stanag_msgs::messages::{
@@ -14,10 +15,10 @@ use stanag_msgs::{Id, Message};
 use super::payload::Payloads;
 use super::places::{Unsayable, all_placed, empty};
 
-/// What one vehicle was commanded and has shown, as far as later commands depend on it.
+/// Commands to and reports of one vehicle, as far as later commands depend on them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Steering {
-    /// The last #48: altitude, speed, course and heading.
+    /// The last #48: what overrides altitude, speed, course and heading.
     preference: [u8; 3],
     /// Altitude and its type (4000).
     altitude: Option<(f64, u8)>,
@@ -25,7 +26,7 @@ pub(super) struct Steering {
 }
 
 impl Steering {
-    /// The vehicle has reported something.
+    /// Notes a report of the vehicle.
     pub(super) fn note(&mut self, message: &Message) {
         if let Message::InertialStates(states) = message
             && let (Some(altitude), Some(datum)) = (states.altitude, states.altitude_type)
@@ -38,7 +39,7 @@ impl Steering {
     }
 }
 
-/// The messages that say this one, in order; none where Edition 2.5 has no need of it.
+/// The messages with this meaning, in order; none where Edition 2.5 does not need it.
 pub(super) fn records(
     own: Id,
     steering: &mut Steering,
@@ -46,12 +47,13 @@ pub(super) fn records(
 ) -> Result<Vec<Record>, Unsayable> {
     let ed4 = Record::of(message);
     match message {
-        // No edition before the third has heartbeats, and the border acknowledges by itself.
+        // Editions before the third have no heartbeats, and the border sends acknowledgements itself.
         Message::Heartbeat(_) | Message::MessageAcknowledgement(_) => Ok(Vec::new()),
         Message::VehicleOperatingModeCommand(_) => steering.mode(&ed4),
         Message::LoiterConfiguration(_) => {
             let mut record = placed(41, &ed4)?;
-            // #41 always names an altitude; it rules in mode 12 where #48 says so, which this CUCS never does.
+            // #41 always has an altitude, so one is needed. It overrides in mode 12 only where #48 allows it, which
+            // this CUCS never does.
             let Some((metres, datum)) = steering.altitude else {
                 let why = "#41 names an altitude, and the vehicle has reported none yet (#101)";
                 return Err(Unsayable(why.to_owned()));
@@ -72,7 +74,7 @@ pub(super) fn records(
         Message::PositiveHandoverAuthorisationRequest(wish) => Ok(vec![handover(own, wish)?]),
         Message::MissionTransferCommand(_) => {
             let mut transfer = ed4;
-            // A mission is loaded whole: which of its routes is flown is the type of each.
+            // A mission is loaded as a whole: the type of a route decides whether it is flown.
             if transfer.whole(3) == LOAD {
                 transfer.clear(ROUTE_ID);
             }
@@ -119,7 +121,7 @@ impl Steering {
             commanded.contains(&true) || [15, 16].iter().any(|field| ed4.number(*field).is_some());
         self.preference = match mode {
             Some(WAYPOINT) => commanded.map(|one| if one { MANUAL } else { CONFIGURATION }),
-            // What is not commanded stays, where #41 would command an altitude.
+            // What is not commanded must stay unchanged, but #41 would command its altitude.
             Some(LOITER) => [MANUAL; 3],
             None => {
                 let mut kept = self.preference;
@@ -145,14 +147,14 @@ impl Steering {
         if demand.number(15).is_none() {
             demand.set(15, NO_WAYPOINT);
         }
-        // A waypoint counts where it is another than that of the #43 before.
+        // A waypoint takes effect only where it differs from that of the #43 before.
         let mut neutral = empty(43)?;
         neutral.set(15, NO_WAYPOINT);
         let names_waypoint = ed4.number(15).is_some();
         let mut all = Vec::new();
         match mode {
             None => all.extend([preference, demand]),
-            // The demand follows its mode: before it, it would steer in the mode that the vehicle is in.
+            // The demand is sent after its mode: before it, it would steer in the present mode.
             Some(WAYPOINT | LOITER | AUTOPILOT) => {
                 if mode != Some(AUTOPILOT) {
                     all.push(preference);
@@ -165,7 +167,7 @@ impl Steering {
                     all.push(demand);
                 }
             }
-            // Such as the altitude of a launch, which has to be there when it begins.
+            // Other modes begin with values sent before them, such as the altitude of a launch.
             Some(_) => {
                 if demands {
                     all.push(demand);
@@ -177,7 +179,7 @@ impl Steering {
     }
 }
 
-/// Message 4: a request is #1 that waits for the coordination by the holder, who consents by #600.
+/// Message 4: a request is a #1 that waits for coordination by the holder; the holder consents by #600.
 fn handover(own: Id, wish: &PositiveHandoverAuthorisationRequest) -> Result<Record, Unsayable> {
     let levels = wish.requested_handover_loi.unwrap_or_default();
     let acquirer = wish.requesting_cucs_id.unwrap_or(own);
@@ -200,7 +202,7 @@ fn handover(own: Id, wish: &PositiveHandoverAuthorisationRequest) -> Result<Reco
     Ok(record)
 }
 
-/// A message that names another in this field.
+/// A message that names another message in this field.
 fn named(number: u16, ed4: &Record, field: u8) -> Result<Vec<Record>, Unsayable> {
     let mut record = placed(number, ed4)?;
     let of = u16::try_from(record.whole(field)).unwrap_or(0);
@@ -210,7 +212,7 @@ fn named(number: u16, ed4: &Record, field: u8) -> Result<Vec<Record>, Unsayable>
     Ok(vec![record])
 }
 
-/// By the places of the table.
+/// Translates a message by the places of the table.
 fn placed(number: u16, ed4: &Record) -> Result<Record, Unsayable> {
     all_placed(&[number], ed4)?;
     let mut record = empty(number)?;
@@ -222,7 +224,7 @@ fn no_place(ed4: &Record) -> Unsayable {
     Unsayable(format!("message {} has no counterpart", ed4.id()))
 }
 
-/// The message of Edition 4 that a message of Edition 2.5 is a part of.
+/// The message of Edition 4 to which a message of Edition 2.5 belongs.
 pub(super) fn ed4_of(number: u16) -> Option<u16> {
     match number {
         41 => Some(LoiterConfiguration::ID),
@@ -238,7 +240,7 @@ const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;
 const LOAD: u32 = 2;
-/// Of 13000.
+/// Field Route ID of 13000.
 const ROUTE_ID: u8 = 5;
 const NO_WAYPOINT: u32 = 65_535;
 const REQUEST_CONTROL: u32 = 1;

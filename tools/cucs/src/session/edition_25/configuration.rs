@@ -1,4 +1,4 @@
-//! Answers of the configuration phase, by the messages and fields of Edition 4: #1300 to #1303.
+//! Answers of the configuration phase (#1300 to #1303), as messages and fields of Edition 4.
 
 use stanag_msgs::Message;
 use stanag_msgs::ed25::{self, Record, Version};
@@ -9,7 +9,7 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::table::Wire;
 
-/// What it says of a field that Edition 4 has as well.
+/// The answer, for a field that Edition 4 has as well.
 pub(super) fn answer(record: &Record) -> Option<Message> {
     let info = ed25::message(record.whole(7), Version::Ed25)?;
     let (message, number) = match record.whole(8) as usize {
@@ -20,10 +20,10 @@ pub(super) fn answer(record: &Record) -> Option<Message> {
         field => info.fields.get(field - 1)?.ed4?,
     };
     if record.id() == 1303 {
-        let mut said = record.to_ed4(&MessageParameterAvailability::INFO).ok()?;
-        said.set(5, u32::from(message));
-        said.set(6, number);
-        return said.message().ok();
+        let mut answer = record.to_ed4(&MessageParameterAvailability::INFO).ok()?;
+        answer.set(5, u32::from(message));
+        answer.set(6, number);
+        return answer.message().ok();
     }
     let target = match record.id() {
         1302 => &FieldConfigurationEnumeratedResponse::INFO,
@@ -38,17 +38,18 @@ pub(super) fn answer(record: &Record) -> Option<Message> {
             }
         }
     };
-    let mut said = if record.id() == 1302 {
+    let mut answer = if record.id() == 1302 {
         record.to_ed4(target).ok()?
     } else {
         bounds(record, target, message, number)
     };
-    said.set(7, u32::from(message));
-    said.set(8, number);
-    said.message().ok()
+    answer.set(7, u32::from(message));
+    answer.set(8, number);
+    answer.message().ok()
 }
 
-/// A control of the vehicle, a field of #2011 that the table does not have: its message names its kind.
+/// The answer for a control of the vehicle: a field of #2011 that the table does not have, so the message gives its
+/// kind.
 fn control(record: &Record, number: u8) -> Option<Message> {
     let (target, widest) = match record.id() {
         1300 => (
@@ -57,29 +58,29 @@ fn control(record: &Record, number: u8) -> Option<Message> {
         ),
         1301 => (&FieldConfigurationFloatResponse::INFO, f64::from(f32::MAX)),
         1303 => {
-            let mut said = record.to_ed4(&MessageParameterAvailability::INFO).ok()?;
-            said.set(5, u32::from(ParameterSetCommand::ID));
-            said.set(6, number);
-            return said.message().ok();
+            let mut answer = record.to_ed4(&MessageParameterAvailability::INFO).ok()?;
+            answer.set(5, u32::from(ParameterSetCommand::ID));
+            answer.set(6, number);
+            return answer.message().ok();
         }
         _ => return None,
     };
-    let mut said = bounds(record, target, ParameterSetCommand::ID, number);
-    // All that the type holds is no limit.
+    let mut answer = bounds(record, target, ParameterSetCommand::ID, number);
+    // The whole range of the type is not a limit.
     for bound in [11, 12] {
-        if said
+        if answer
             .number(bound)
             .is_some_and(|value| value.abs() >= widest)
         {
-            said.clear(bound);
+            answer.clear(bound);
         }
     }
-    said.set(7, u32::from(ParameterSetCommand::ID));
-    said.set(8, number);
-    said.message().ok()
+    answer.set(7, u32::from(ParameterSetCommand::ID));
+    answer.set(8, number);
+    answer.message().ok()
 }
 
-/// The bounds of Edition 4 are in steps of its wire.
+/// The bounds in Edition 4 are in steps of its wire type.
 fn bounds(
     record: &Record,
     target: &'static stanag_msgs::table::MessageInfo,
@@ -92,22 +93,22 @@ fn bounds(
         None | Some((Wire::F32 | Wire::F64, _)) => value,
         Some((_, step)) => (value / step).round(),
     };
-    let mut said = Record::new(target);
+    let mut answer = Record::new(target);
     for (of, at) in [(1, 1), (4, 2), (5, 3), (6, 4), (9, 9), (20, 21)] {
         if let Some(value) = record.number(of) {
-            said.set(at, value);
+            answer.set(at, value);
         }
     }
     for bound in 10..=18 {
         if let Some(value) = record.number(bound) {
-            // The same order, after Default Value.
-            said.set(bound + 1, steps(value));
+            // The bounds have the same order, after Default Value.
+            answer.set(bound + 1, steps(value));
         }
     }
-    said.set_text(20, record.text(19));
-    said
+    answer.set_text(20, record.text(19));
+    answer
 }
 
-/// #2011, for 50011; from this field on are controls.
+/// #2011 for 50011; fields from this number on are controls.
 const PARAMETER_SET: u32 = 2011;
 const FIRST_CONTROL: usize = 11;

@@ -1,17 +1,19 @@
-//! The border to VSMs of Edition 2.5: the session thinks in Edition 4, and what it sends and receives is translated here.
+//! The border to VSMs of Edition 2.5: the session works in Edition 4, and what it sends and receives is translated
+//! here.
 //!
-//! Fields go over by the places that the table names (`stanag_msgs::ed25`), the same that the VSM uses the other way. By
-//! hand is what one edition says by other messages than the other: [`commands`] for what is sent, here what is received.
+//! Fields are translated by the places that the table names (`stanag_msgs::ed25`), the same that the VSM uses the
+//! other way. Code translates what the editions express by different messages: [`commands`] for what is sent, this
+//! file for what is received.
 //!
 //! Edition 2.5 acknowledges that a message was received and nothing more (#1400), and only for types that #1401 names. So:
 //!
-//! - each message that awaits an answer goes behind a #1401 for its type, in one datagram, and is sent again with it: the
-//!   request may have lapsed, or the VSM have been restarted;
-//! - what only stores or asks is done once it was received. A mode is carried out once #106 shows it, a request for control
-//!   is answered by #21, a handover by #700, a transfer by #900, configuration by #1203, a parameter by the private #2012; a payload does what it was commanded once
-//!   #302 shows it;
-//! - a refusal is an alert. One that names the message and this CUCS is taken for the answer to the latest message of that
-//!   type; of a VSM with other words the command waits until its time is up.
+//! - Each message that awaits an answer is sent behind a #1401 for its type, in one datagram, and repeated with it:
+//!   the request may have lapsed, or the VSM may have restarted;
+//! - A message that only stores or requests is done once it was received. A mode is carried out once #106 shows it, a
+//!   request for control is answered by #21, a handover by #700, a transfer by #900, configuration by #1203, a
+//!   parameter by the private #2012; a payload command is carried out once #302 shows it;
+//! - A refusal is an alert. One that names the message and this CUCS counts as the answer to the latest message of
+//!   that type; with a VSM that words its alerts differently the command waits until its time is up.
 
 mod commands;
 mod configuration;
@@ -32,7 +34,7 @@ use self::commands::Steering;
 pub use self::places::Unsayable;
 use self::waiting::Waiting;
 
-/// A message as the session takes it, whatever the edition of its datagram.
+/// A message as the session handles it, whatever the edition of its datagram.
 #[derive(Debug)]
 pub(crate) struct Received {
     /// The vehicle, or the VSM.
@@ -42,18 +44,18 @@ pub(crate) struct Received {
     pub(crate) message: Message,
 }
 
-/// What is kept of the conversation with the VSMs.
+/// The state of the exchange with the VSMs.
 #[derive(Debug)]
 pub(crate) struct Border {
     id: Id,
-    /// By vehicle.
+    /// State of each vehicle that later commands depend on.
     steering: BTreeMap<Id, Steering>,
     waiting: Waiting,
-    /// Type and instance of what was sent and may come back from a group.
+    /// Type and instance of sent messages, which a group may return.
     own: VecDeque<(u32, u32)>,
     out: VecDeque<Vec<u8>>,
     last_stamp: TimeStamp,
-    /// About now, ms since 1970: in which period of their count stamps are.
+    /// The approximate time, ms since 1970: it selects the period of a stamp's counter.
     about_ms: u64,
 }
 
@@ -70,21 +72,21 @@ impl Border {
         }
     }
 
-    /// What is sent from here on is of about this time, ms since 1970.
+    /// Sets the approximate time of what is sent from now on, ms since 1970.
     pub(crate) fn keep_time(&mut self, about_ms: u64) {
         self.about_ms = about_ms;
     }
 
-    /// Whether a message can be said.
+    /// Whether a message can be expressed in Edition 2.5.
     ///
     /// # Errors
-    /// It cannot, or a field of it.
+    /// The message, or a field of it, cannot be expressed.
     pub(crate) fn check(&self, destination: Id, message: &Message) -> Result<(), Unsayable> {
         let steering = self.steering.get(&destination).cloned();
         commands::records(self.id, &mut steering.unwrap_or_default(), message).map(drop)
     }
 
-    /// The datagram of a message, stamped; empty where Edition 2.5 has no need of it.
+    /// The datagram for a message, stamped; empty where Edition 2.5 does not need it.
     ///
     /// # Errors
     /// See [`Border::check`].
@@ -103,7 +105,7 @@ impl Border {
         let number = last.id();
         if acknowledged {
             self.waiting.sent(destination, message, stamp);
-            // Before a connection only configuration may be acknowledged (4.1.8.2); #21 answers #1.
+            // Before a connection only configuration may be acknowledged (4.1.8.2); #1 is answered by #21.
             if number != AUTHORISATION
                 && let Some(mut request) = Record::ed25(ACKNOWLEDGE)
             {
@@ -116,7 +118,7 @@ impl Border {
         let count = records.len() as u64;
         let mut datagram = Vec::new();
         for (record, later) in records.iter_mut().zip((0..count).rev()) {
-            // Each its own moment, so that none is taken for a repetition; the last one has that of the message.
+            // Each has its own stamp, so that none looks like a repetition; the last one has that of the message.
             let earlier = stamp.0.wrapping_sub(later) % TimeStamp::PERIOD_MS;
             record.move_times_near(self.about_ms);
             record.set_stamp(TimeStamp(earlier));
@@ -140,7 +142,7 @@ impl Border {
         };
         let header = ed25::Header {
             version: VERSION,
-            // Stamps rise strictly, so their low bits tell the messages of a mission apart.
+            // Stamps rise strictly, so their low bits identify each message of a mission.
             instance: record.stamp().map_or(0, |stamp| stamp.0 as u32),
             message_type: number,
         };
@@ -151,12 +153,12 @@ impl Border {
         out.get(..length).unwrap_or_default().to_vec()
     }
 
-    /// An answer of this border itself.
+    /// The next answer that this border sends by itself.
     pub(crate) fn poll_transmit(&mut self) -> Option<Vec<u8>> {
         self.out.pop_front()
     }
 
-    /// What a message of a VSM is in Edition 4.
+    /// The messages of Edition 4 for a message of a VSM.
     ///
     /// # Errors
     /// The reason for which it is dropped.
@@ -175,7 +177,7 @@ impl Border {
         if info.direction == Direction::ToVsm {
             return Err("for a VSM");
         }
-        // #700 names the parties of a handover in the fields where others name their receiver.
+        // #700 names the parties of a handover in the fields that name the receiver in other messages.
         let destination = match info.id {
             HANDOVER_STATUS => self.id,
             _ => parties.cucs,
@@ -197,7 +199,7 @@ impl Border {
             1300..=1303 => messages.extend(configuration::answer(&record)),
             _ => {
                 for target in info.ed4_messages {
-                    // A value that Edition 4 cannot hold costs its message, not the others.
+                    // A value that Edition 4 cannot hold drops its message, but not the others.
                     messages.extend(record.become_ed4(*target));
                 }
             }
@@ -218,7 +220,7 @@ impl Border {
         Ok(received.collect())
     }
 
-    /// What a report says of a message that awaits its end.
+    /// The acknowledgement that a report means for a message that awaits its result.
     fn answers(&mut self, number: u16, record: &Record, vehicle: Id) -> Option<Message> {
         let waiting = &mut self.waiting;
         match number {
@@ -239,7 +241,7 @@ impl Border {
                     one.received && shows.is_some_and(|shows| shows.is_met(state))
                 })
             }
-            // Ends the answers to #1200.
+            // #1203 ends the answers to #1200.
             CONFIGURED => waiting.end(vehicle, AckType::CarriedOut, |one| {
                 one.ed4 == FieldConfigurationRequest::ID
             }),
@@ -263,7 +265,7 @@ impl Border {
             1100 => {
                 let (number, why) = refused(record.text(9), self.id)?;
                 let ed4 = commands::ed4_of(number)?;
-                // The latest command is not the one that a later one has replaced.
+                // A refusal as superseded is for the command before the latest, which has replaced it.
                 let earlier = usize::from(why.contains("superseded"));
                 waiting.end_earlier(vehicle, AckType::Refused, earlier, |one| one.ed4 == ed4)
             }
@@ -271,12 +273,12 @@ impl Border {
         }
     }
 
-    /// #1400 for a message of a VSM, by which it learns that this CUCS is where it sends to.
+    /// #1400 for a message of a VSM: by it the VSM knows that it sends to the right address.
     fn acknowledge(&mut self, of: &Record, instance: u32, vehicle: Id) {
         let Some(mut answer) = Record::ed25(ACKNOWLEDGEMENT) else {
             return;
         };
-        // Between two messages of this session.
+        // A stamp between two messages of this session.
         self.last_stamp = TimeStamp(self.last_stamp.0.max(of.stamp().map_or(0, |stamp| stamp.0)));
         answer.set_stamp(self.last_stamp);
         answer.set(4, of.whole(4));
@@ -291,18 +293,19 @@ impl Border {
     }
 }
 
-/// The message of this CUCS that an alert refuses, and why: `#42 (Vehicle Operating Mode Command) refused`, with the name or
+/// The message of this CUCS that an alert refuses, and the reason: `#42 (Vehicle Operating Mode Command) refused`,
+/// with or without the name.
 /// without.
 fn refused(text: &str, own: Id) -> Option<(u16, &str)> {
     let (number, rest) = text.strip_prefix('#')?.split_once(' ')?;
     let (before, why) = rest.split_once("refused")?;
-    // A name may have brackets within.
+    // A name may contain brackets.
     let before = before.strip_suffix(&format!("of {own} ")).unwrap_or(before);
     let is_name = before.is_empty() || (before.starts_with('(') && before.ends_with(") "));
     Some((number.parse().ok()?, why)).filter(|_| is_name)
 }
 
-/// Stamps of two messages are so far apart, so that those that one becomes have stamps of their own.
+/// The stamps of two messages are this far apart, so that all messages that one becomes have stamps of their own.
 pub(crate) const STAMPS_EACH: u64 = 8;
 const VERSION: Version = Version::Ed25;
 const AUTHORISATION: u16 = 1;
@@ -312,7 +315,7 @@ const CONFIGURED: u16 = 1203;
 const ACKNOWLEDGEMENT: u16 = 1400;
 const ACKNOWLEDGE: u16 = 1401;
 const REQUEST: u16 = 1403;
-/// Messages that are known again when a group returns them.
+/// Sent messages that are recognised when a group returns them.
 const MAX_OWN: usize = 256;
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
-//! Payload commands of Edition 2.5 (#200, #201). Each carries all of its fields: what a command does not name is what the
-//! station does already, or it would be commanded as well. A #201 whose System Operating Mode is left at 0 stows the payload.
+//! Payload commands of Edition 2.5 (#200, #201). Each carries all of its fields, so a field that is not commanded has
+//! to repeat what the station does already, or it would be commanded as well. A #201 whose System Operating Mode is
+//! left at 0 stows the payload.
 //!
-//! So a #201 repeats what #302 has shown, and a #200 the last #200 since the pointing mode was commanded, else what #302
-//! has shown.
+//! So a #201 repeats what #302 has shown. A #200 repeats the last #200 since the pointing mode was commanded,
+//! otherwise what #302 has shown.
 
 use std::collections::BTreeMap;
 
@@ -19,18 +20,18 @@ pub(super) struct Payloads(BTreeMap<u32, Payload>);
 
 #[derive(Clone, Debug, Default)]
 struct Payload {
-    /// The last #302, as Edition 4 has it.
+    /// The last #302, translated to Edition 4.
     state: Option<EoIrLaserOperatingState>,
-    /// The pointing mode that was commanded last.
+    /// The last commanded pointing mode.
     mode: Option<Pointing>,
     /// The last #200.
     steered: Option<Record>,
-    /// That was after the pointing mode was commanded: its angles, rates and place still count.
+    /// Whether that was sent after the pointing mode: then its angles, rates and place still apply.
     aimed: bool,
 }
 
 impl Payloads {
-    /// The vehicle has reported the state of a station.
+    /// Notes a report of a station.
     pub(super) fn note(&mut self, state: &EoIrLaserOperatingState) {
         let station = state.station_number_1_16.map_or(0, u32::from);
         if station.is_power_of_two() {
@@ -38,7 +39,7 @@ impl Payloads {
         }
     }
 
-    /// What a station was last reported to do.
+    /// The last report of a station.
     pub(super) fn state(&self, station: u32) -> Option<&EoIrLaserOperatingState> {
         self.0.get(&station)?.state.as_ref()
     }
@@ -55,7 +56,7 @@ impl Payloads {
         record.set(
             6,
             match system {
-                // Stowed it cannot point: whoever commands a pointing mode wants it active.
+                // A stowed payload cannot point: a command with a pointing mode makes it active.
                 Some(System::Stow) if names_pointing => System::Active.raw(),
                 Some(mode) => mode.raw(),
                 None => System::Active.raw(),
@@ -93,7 +94,7 @@ impl Payloads {
             }
         };
         if !payload.aimed {
-            // Angles, rates and place, of which the pointing mode selects.
+            // Angles, rates and place; the pointing mode selects among them.
             let fields = [(5, 10), (6, 8), (12, 14), (13, 15), (14, 16)];
             for (field, of) in fields {
                 record.set(field, shown.number(of).unwrap_or(0.0));
@@ -112,7 +113,7 @@ impl Payloads {
                 return Err(Unsayable(why.to_owned()));
             }
         }
-        // A step of focus is taken once.
+        // A step of focus must not be repeated.
         record.set(16, 0);
         record.take_from(ed4);
         payload.steered = Some(record.clone());
@@ -134,7 +135,7 @@ impl Payload {
     }
 }
 
-/// What a #302 reports once a payload command is carried out: Edition 2.5 acknowledges receipt alone.
+/// What #302 has to report before a payload command counts as carried out: Edition 2.5 acknowledges its arrival only.
 #[derive(Debug, Default)]
 pub(super) struct Shows {
     pub(super) station: u32,
@@ -147,7 +148,7 @@ pub(super) struct Shows {
 }
 
 impl Shows {
-    /// Of what is no payload command `None`.
+    /// `None` for a message that is not a payload command.
     pub(super) fn of(message: &Message) -> Option<Shows> {
         match message {
             Message::EoIrLaserPayloadCommand(m) => Some(Shows {
@@ -204,5 +205,5 @@ const FIRST_PULSE: u32 = 1;
 /// Preplan Mode: operated by hand.
 const MANUAL: u32 = 1;
 const WGS84: u32 = 3;
-/// What counts as there: 3 degrees, as with the VSM.
+/// Tolerance of the report, rad: 3 degrees, as in the VSM.
 const NEAR_RAD: f64 = 0.053;

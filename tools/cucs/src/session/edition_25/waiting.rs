@@ -1,4 +1,4 @@
-//! Messages that await their end, and how far each is.
+//! Messages that await their result, and how far each has got.
 
 use std::collections::VecDeque;
 
@@ -12,7 +12,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 use super::commands;
 use super::payload::Shows;
 
-/// The latest messages that await an end.
+/// The latest messages that await a result.
 #[derive(Debug, Default)]
 pub(super) struct Waiting(VecDeque<One>);
 
@@ -25,13 +25,13 @@ pub(super) struct One {
     stamp: TimeStamp,
     /// The mode that it commands.
     pub(super) mode: Option<u8>,
-    /// It is a part of a handover.
+    /// Whether it is part of a handover.
     pub(super) hands_over: bool,
-    /// Of a payload command: what #302 reports at its end.
+    /// For a payload command, what #302 reports once it is carried out.
     pub(super) shows: Option<Shows>,
-    /// The parameter that it requests or sets, whose #2012 is its end; empty: all of them.
+    /// The parameter that it requests or sets: #2012 for it is the result; empty for all parameters.
     pub(super) parameter: Option<String>,
-    /// #1400 has come.
+    /// Whether #1400 has arrived.
     pub(super) received: bool,
 }
 
@@ -57,7 +57,7 @@ impl Waiting {
         });
     }
 
-    /// #1400 for the message with this stamp: what only stores or asks is done by that.
+    /// #1400 for the message with this stamp: a message that only stores or requests is done by it.
     pub(super) fn received(&mut self, stamp: TimeStamp, number: u32) -> Option<Message> {
         let number = u16::try_from(number).ok()?;
         let mut all = self.0.iter_mut().enumerate();
@@ -67,13 +67,13 @@ impl Waiting {
         }
         one.received = true;
         let ed4 = one.ed4;
-        let goes_on = one.mode.is_some()
+        let has_later_result = one.mode.is_some()
             || one.hands_over
             || one.shows.is_some()
             || one.parameter.is_some()
             || ed4 == FieldConfigurationRequest::ID
             || ed4 == MissionTransferCommand::ID;
-        let kind = if goes_on {
+        let kind = if has_later_result {
             AckType::Received
         } else {
             self.0.remove(index);
@@ -82,7 +82,7 @@ impl Waiting {
         Some(acknowledgement(ed4, stamp, kind))
     }
 
-    /// The latest of a vehicle that is meant has ended.
+    /// The latest matching message of a vehicle has its result.
     pub(super) fn end(
         &mut self,
         vehicle: Id,
@@ -92,7 +92,7 @@ impl Waiting {
         self.end_earlier(vehicle, kind, 0, meant)
     }
 
-    /// The same for the one that was sent so many before the latest.
+    /// The same for the one sent this many before the latest.
     pub(super) fn end_earlier(
         &mut self,
         vehicle: Id,
@@ -104,7 +104,7 @@ impl Waiting {
         let mut all = all.filter(|(_, one)| one.vehicle == vehicle && meant(one));
         let (index, _) = all.nth(earlier)?;
         let one = self.0.remove(index)?;
-        // An older command of the same kind has nothing more to wait for: this one has replaced it.
+        // An older command of the same kind was replaced by this one, and waits for nothing more.
         if one.ed4 == VehicleOperatingModeCommand::ID {
             self.0.retain(|other| {
                 (other.vehicle, other.ed4) != (one.vehicle, one.ed4) || other.stamp > one.stamp
@@ -123,7 +123,7 @@ fn parameter(message: &Message) -> Option<String> {
     Some(name.as_ref().map_or("", |name| name.as_str()).to_owned())
 }
 
-/// 17000 as the session takes it.
+/// A 17000 as the session handles it.
 fn acknowledgement(ed4: u16, stamp: TimeStamp, kind: AckType) -> Message {
     MessageAcknowledgement {
         time_stamp: Some(stamp),
